@@ -12,8 +12,8 @@ from mpi4py import MPI
 
 from .cell_partition import CellPartition, balanced
 from .migration import migrate
-from .node_sum import CellSum, NodeSum, Sharing
-from .occupied import FARTHEST, Mirror, OccupiedCells, indices_of, reflected, words
+from .node_sum import NodeSum, Sharing
+from .occupied import FARTHEST, Mirror, OccupiedCells, indices_of, reflected
 from .swap import swap
 from .talking import TALKING
 
@@ -29,25 +29,20 @@ class RankGrid:
     The particles are an object with `owned`, their number, and the methods
 
         bases() -> (capacity, d)        cell index of each particle at its present place
-        names() -> (capacity,) int64    numbers that tell particles apart, the same on any number of ranks
         packed(rows) -> (n, c) float64  all there is to know of some particles
         remove(rows), insert(packed)    forget particles, take in others
 
-    bitwise: sums have the same bits on any number of ranks: particles are added in the order of their names, cells in
-    lexicographic order, and whole cells travel instead of nodes.
     slack: so many cells from its own a rank keeps particles until a `settle` that releases them; 0: it keeps none. Set
-    before particles are dealt out, and not with `bitwise`, whose cells are of one rank.
+    before particles are dealt out.
     """
 
-    def __init__(
-        self, comm: MPI.Comm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = (), bitwise: bool = False
-    ) -> None:
+    def __init__(self, comm: MPI.Comm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
         """dimension 2 or 3; width: nodes of a stencil along one direction; mirrors: planes that the grid is
         folded at.
         """
-        self.comm, self.dimension, self.bitwise = comm, dimension, bitwise
+        self.comm, self.dimension = comm, dimension
         self.cells = OccupiedCells(dimension, width, tuple(mirrors))
-        self.sharing = Sharing([], [], [], [])
+        self.sharing = Sharing([], [])
         self.migrated, self.slack = 0, 0
         self._adopt(CellPartition.whole(dimension))
 
@@ -57,7 +52,7 @@ class RankGrid:
         self.neighbours = partition.neighbours(self.comm.rank, self.cells.width + 2 * self.slack)
         self._offered_version = -1
         self._forget_pairs()
-        self._offers = {rank: (np.zeros(0, np.int64), np.zeros(0, np.int64)) for rank in self.neighbours}
+        self._offers = {rank: np.zeros(0, np.int64) for rank in self.neighbours}
         self._theirs = dict(self._offers)
 
     @property
@@ -145,7 +140,7 @@ class RankGrid:
         return result
 
     def _sort(self, particles: Any, bases: np.ndarray) -> np.ndarray:
-        return self.cells.sort(bases, particles.owned, particles.names() if self.bitwise else None)
+        return self.cells.sort(bases, particles.owned)
 
     def _migrate(self, particles: Any, bases: np.ndarray, strays: np.ndarray) -> tuple[np.ndarray, bool]:
         """Send particles in cells of others to their owners and list new cells of this rank's own.
@@ -178,21 +173,16 @@ class RankGrid:
         return bases, sound
 
     def _agree(self) -> None:
-        """Tell neighbours which nodes (and cells) here may concern them, if they have changed, and find the shared
-        ones.
-        """
+        """Tell neighbours which nodes here may concern them, if they have changed, and find the shared ones."""
         changed = self._offered_version != self.cells.version
         if changed:
             self._find_offers()
             self._offered_version = self.cells.version
         nothing = np.zeros(0, np.int64)
-        messages = []
-        for rank in self.neighbours:
-            nodes, cells = self._offers[rank]
-            messages.append(np.concatenate(([len(nodes)], nodes, cells)) if changed else nothing)
+        messages = [np.concatenate(([-1], self._offers[rank])) if changed else nothing for rank in self.neighbours]
         for rank, message in zip(self.neighbours, swap(self.comm, self.neighbours, messages, _OFFER_TAG)):
             if len(message):
-                self._theirs[rank] = message[1 : message[0] + 1].copy(), message[message[0] + 1 :].copy()
+                self._theirs[rank] = message[1:].copy()
                 changed = True
         if changed:
             self._share()
@@ -214,34 +204,16 @@ class RankGrid:
         found[:, 0] = word[found[:, 0]]
         self._pairs, self._known = np.concatenate((self._pairs, found)), self.cells.node_words
         for rank in self.neighbours:
-            concerning = np.unique(self._pairs[self._pairs[:, 1] == rank, 0])
-            cells = np.zeros(0, np.int64)
-            if self.bitwise:
-                concerned = np.zeros(len(self.cells.nodes), bool)
-                concerned[self.cells.slots(concerning)] = True
-                cells = words(self.cells.index[concerned[self.cells.stencil].any(axis=1)])
-            self._offers[rank] = concerning, cells
+            self._offers[rank] = np.unique(self._pairs[self._pairs[:, 1] == rank, 0])
 
     def _share(self) -> None:
-        offered = [self._offers[rank] for rank in self.neighbours]
-        theirs = [self._theirs[rank] for rank in self.neighbours]
-        shared = [self.cells.slots(np.intersect1d(mine[0], other[0])) for mine, other in zip(offered, theirs)]
-        version = self.sharing.version + 1
-        cells = [(mine[1], other[1]) for mine, other in zip(offered, theirs)]
-        self.sharing = Sharing(
-            self.neighbours, shared, [pair[0] for pair in cells], [pair[1] for pair in cells], version
-        )
+        common = [np.intersect1d(self._offers[rank], self._theirs[rank]) for rank in self.neighbours]
+        shared = [self.cells.slots(word) for word in common]
+        self.sharing = Sharing(self.neighbours, shared, self.sharing.version + 1)
 
-    def sum(
-        self, nodes: np.ndarray, first: int, last: int, tag: int, partial: np.ndarray | None = None
-    ) -> "NodeSum | CellSum":
+    def sum(self, nodes: np.ndarray, first: int, last: int, tag: int) -> NodeSum:
         """Adds up columns first..last-1 of nodes (slots, c) over the ranks; for the present `version` only.
 
-        tag: a small number that tells sums under way at one time apart. With `bitwise`, partial (cells * width**d, c)
-        holds what each cell alone gives to the nodes of its stencil, and the sum writes them to `nodes`, also on one
-        rank.
+        tag: a small number that tells sums under way at one time apart.
         """
-        if self.bitwise:
-            assert partial is not None, "expected what each cell gives"
-            return CellSum(self.comm, self.sharing, self.cells, partial, nodes, (first, last), _SUM_TAG + tag)
         return NodeSum(self.comm, self.sharing, nodes, (first, last), _SUM_TAG + tag)

@@ -9,21 +9,17 @@ from mpi4py import MPI
 from numba import njit
 
 from .exchange import _release
-from .occupied import OccupiedCells, indices_of, words
 
 
 @dataclass
 class Sharing:
     """What a rank shares with each of its neighbours, in their order.
 
-    shared: slots of common nodes, in the order of the nodes' words, the same on both sides; sent, received: words of
-    the cells whose parts travel in bitwise sums.
+    shared: slots of common nodes, in the order of the nodes' words, the same on both sides.
     """
 
     neighbours: list[int]
     shared: list[np.ndarray]
-    sent: list[np.ndarray]
-    received: list[np.ndarray]
     version: int = 0
 
     @property
@@ -139,86 +135,3 @@ class NodeSum:
                 self._lower,
                 self._messages.incoming,
             )
-
-
-@njit(cache=True)
-def _pack_cells(partial: np.ndarray, first: int, last: int, rows: np.ndarray, size: int, buffer: np.ndarray) -> None:
-    width = last - first
-    for n in range(len(rows)):
-        for k in range(size):
-            for c in range(width):
-                buffer[(n * size + k) * width + c] = partial[rows[n] * size + k, first + c]
-
-
-@njit(cache=True)
-def _add_cells(
-    nodes: np.ndarray,
-    first: int,
-    last: int,
-    partial: np.ndarray,
-    stencil: np.ndarray,
-    received_stencil: np.ndarray,
-    buffer: np.ndarray,
-    sequence: np.ndarray,
-) -> None:
-    """Add cells to nodes one after the other; sequence: a row of the own cells, or -1 - a row of the received."""
-    width, size = last - first, stencil.shape[1]
-    for n in range(len(nodes)):
-        for c in range(first, last):
-            nodes[n, c] = 0.0
-    for row in sequence:
-        for k in range(size):
-            slot = stencil[row, k] if row >= 0 else received_stencil[-1 - row, k]
-            if slot >= 0:
-                for c in range(width):
-                    if row >= 0:
-                        nodes[slot, first + c] += partial[row * size + k, first + c]
-                    else:
-                        nodes[slot, first + c] += buffer[((-1 - row) * size + k) * width + c]
-
-
-class CellSum:
-    """As `NodeSum`, from what each cell alone gives to its nodes: the same bits on any number of ranks."""
-
-    def __init__(
-        self,
-        comm: MPI.Comm,
-        sharing: Sharing,
-        cells: OccupiedCells,
-        partial: np.ndarray,
-        nodes: np.ndarray,
-        columns: tuple[int, int],
-        tag: int,
-    ) -> None:
-        self._partial, self._nodes, self._columns, self._stencil = partial, nodes, columns, cells.stencil
-        self._size = cells.stencil.shape[1]
-        own = words(cells.index)
-        self._rows = np.searchsorted(own, np.concatenate([np.zeros(0, np.int64), *sharing.sent]))
-        received = np.concatenate([np.zeros(0, np.int64), *sharing.received])
-        nodes_of = cells.stencil_nodes(indices_of(received, cells.dimension))
-        self._received_stencil = cells.slots(words(nodes_of)).reshape(-1, self._size)
-        everything = np.argsort(np.concatenate((own, received)), kind="stable")
-        self._sequence = np.where(everything < len(own), everything, len(own) - 1 - everything)
-        width = (columns[1] - columns[0]) * self._size
-        sizes = [[width * len(cells) for cells in side] for side in (sharing.sent, sharing.received)]
-        self._messages = _Messages(comm, sharing.neighbours, tag, *sizes)
-        self.bytes_sent = self._messages.outgoing.nbytes
-
-    def start(self) -> None:
-        """Send what cells beside other ranks give."""
-        self._messages.receive()
-        _pack_cells(self._partial, *self._columns, self._rows, self._size, self._messages.outgoing)
-        self._messages.send()
-
-    def finish(self) -> None:
-        """Wait for the others' and write the sums to the nodes."""
-        self._messages.wait()
-        _add_cells(
-            self._nodes,
-            *self._columns,
-            self._partial,
-            self._stencil,
-            self._received_stencil,
-            self._messages.incoming,
-            self._sequence,
-        )

@@ -92,19 +92,6 @@ def _fill(cell: np.ndarray, owned: int, start: np.ndarray, cursor: np.ndarray, o
             cursor[cell[p]] += 1
 
 
-@njit(cache=True)
-def _order_by_name(start: np.ndarray, order: np.ndarray, names: np.ndarray) -> None:
-    """Order the particles within each cell by their names."""
-    for c in range(len(start) - 1):
-        for n in range(start[c] + 1, start[c + 1]):
-            p = order[n]
-            m = n
-            while m > start[c] and names[order[m - 1]] > names[p]:
-                order[m] = order[m - 1]
-                m -= 1
-            order[m] = p
-
-
 def _unlisted(word: np.ndarray, listed: np.ndarray) -> np.ndarray:
     """Those words that are not in a sorted list, sorted, each once."""
     word = np.unique(word)
@@ -146,8 +133,8 @@ class OccupiedCells:
         """Which cells have particles (cells,) bool."""
         return np.diff(self.start) > 0
 
-    def sort(self, bases: np.ndarray, owned: int, names: np.ndarray | None = None) -> np.ndarray:
-        """List the particles cell by cell, in the order of storage or, where given, of their names (owned,).
+    def sort(self, bases: np.ndarray, owned: int) -> np.ndarray:
+        """List the particles cell by cell, in the order of storage.
 
         bases (capacity, d): cell of each particle. Returns the rows of those whose cell is not listed; they are in no
         cell.
@@ -156,8 +143,6 @@ class OccupiedCells:
             self.order, self._cell = np.zeros((2, owned + owned // 4), np.int64)
         missing = _locate(bases, owned, self._words, self._cell, self.start)
         _fill(self._cell, owned, self.start, np.empty(len(self.start), np.int64), self.order)
-        if names is not None:
-            _order_by_name(self.start, self.order, names)
         return np.flatnonzero(self._cell[:owned] < 0) if missing else np.zeros(0, np.int64)
 
     def breaks(self, owned: int) -> int:

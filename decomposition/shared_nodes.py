@@ -25,7 +25,7 @@ class SharedNodes:
     def __init__(self, comm: MPI.Comm, grids: tuple[RankGrid, RankGrid]) -> None:
         self.comm, self.grids = comm, grids
         self.words, self.version = np.zeros(0, np.int64), 0
-        self.sharing = Sharing([], [], [], [])
+        self.sharing = Sharing([], [])
         self._partitions: list[Any] = []
         self._seen: list[tuple[int, int]] = []
 
@@ -89,7 +89,7 @@ class SharedNodes:
             common = np.intersect1d(common, self.words)
             shared.append(np.searchsorted(self.words, common).astype(np.int32))
         self.version += 1
-        self.sharing = Sharing(self.neighbours, shared, [], [], self.version)
+        self.sharing = Sharing(self.neighbours, shared, self.version)
 
     def sum(self, array: np.ndarray, tag: int) -> NodeSum:
         """Adds up the rows of an array (count, c) over the ranks, for the present version."""

@@ -12,8 +12,8 @@ import numpy as np
 from contact_extremes import copper
 from contact_tables import Tables, run, scene
 
-from parsolid.methods.mpm.powers import power, power_at_end
-from parsolid.methods.mpm.stress_update import StressUpdate
+from parsolid.methods.mpm.external_forces import power, power_at_end
+from parsolid.methods.mpm.stress import StressUpdate
 
 _ADVANCE = StressUpdate.advance
 

@@ -153,7 +153,7 @@ class Pressed:
         """A row."""
         system = simulation.systems[0]
         step, self.last = simulation.clock.time - self.last, simulation.clock.time
-        met = getattr(simulation.interactions[0], "meetings", None) if simulation.interactions else None
+        met = getattr(simulation.interactions[0], "pairs", None) if simulation.interactions else None
         if met and not met[0].slots:
             return {"force": 0.0}
         if met:

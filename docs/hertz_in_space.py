@@ -104,8 +104,8 @@ def tables(method: str, wanted: float, file: str, more: Tables) -> tuple[Tables,
 def force_on_block(simulation: Any) -> Tables:
     """Along Z, of the whole ball."""
     owned = simulation.systems[0].particles.owned_rows
-    if simulation.interactions and hasattr(simulation.interactions[0], "meetings"):
-        met = simulation.interactions[0].meetings[0]
+    if simulation.interactions and hasattr(simulation.interactions[0], "pairs"):
+        met = simulation.interactions[0].pairs[0]
         if not met.slots:
             return {"force": 0.0}
         here = met.slots[0] >= 0

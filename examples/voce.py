@@ -4,12 +4,11 @@ own file.
 sigma_y = sigma_0 + (sigma_s - sigma_0) (1 - exp(-ep/ep_0)), rate-independent, 0 where the metal is molten.
 """
 
-import math
 from typing import Annotated, NamedTuple
 
+from parsolid.elementary import exp
 from parsolid.materials.declaration import Parameter, law
-from parsolid.materials.plastic.plasticity import flow_stress
-from parsolid.numerics.elementary import choose
+from parsolid.materials.plastic.functions import flow_stress
 
 
 @law("flow-stress", "voce")
@@ -28,6 +27,20 @@ class Voce(NamedTuple):
 
 @flow_stress.of(Voce)
 def _voce(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
+    share = 1.0 - exp(-plastic_strain / model.strain)
+    solid = model.yield_stress + (model.saturation - model.yield_stress) * share
+    return solid if temperature < melting_temperature else 0.0
+
+
+# for methods that have not moved to the function above
+import math  # noqa: E402
+
+from parsolid.materials.plastic import plasticity  # noqa: E402
+from parsolid.numerics.elementary import choose  # noqa: E402
+
+
+@plasticity.flow_stress.of(Voce)
+def _voce_on_lanes(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
     share = 1.0 - math.exp(-plastic_strain / model.strain)
     solid = model.yield_stress + (model.saturation - model.yield_stress) * share
     return choose(melting_temperature - temperature, solid, 0.0)

@@ -34,8 +34,7 @@ warnings.filterwarnings("ignore", category=NumbaIRAssumptionWarning)
 
 # "contract": fused multiply-adds and no other reordering, so that results are reproducible
 # error_model "numpy": no test for division by zero, whose branch would keep a loop from being vectorised
-SCALAR_OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
-kernel = njit(cache=True, **SCALAR_OPTIONS)
+kernel = njit(cache=True, fastmath={"contract"}, error_model="numpy")
 reduction = njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
 
 
@@ -43,6 +42,10 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Let kernels call a plain Python function, which numba copies into them."""
     overload(function, inline="always", strict=False)(lambda *arguments: function)
     return function
+
+
+# LLVM inlines what has this mark before it vectorises, however long it is; functions of tuples it has spoilt by then
+SCALAR_OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy", "forceinline": True}
 
 
 def scalar(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -182,7 +182,7 @@ def set_random_state(sim, strain: float = 0.15, consistent: bool = True, seed: i
     """
     table, d, owned = sim.systems[0].particles, sim.systems[0].dimension, sim.systems[0].owned
     names = table.owned_rows("identifier")
-    free = np.ones((owned, d)) if sim.systems[0].boundaries.clamp is None else sim.systems[0].boundaries.clamp[:, :d]
+    free = ~sim.systems[0].conditions.held
     table.owned_rows("velocity")[:] = free * random_of(names, d, seed=seed)
     table.owned_rows("position")[:] = table.owned_rows("reference_position") + 0.03 * free * random_of(
         names, d, seed=seed + 1
@@ -209,7 +209,7 @@ def symmetrised(sim, tensors: np.ndarray) -> np.ndarray:
     planes.
     """
     d, result = sim.systems[0].dimension, tensors.copy()
-    for plane in sim.systems[0].boundaries.planes:
+    for plane in sim.systems[0].conditions.planes:
         if plane.kind == "fixed":
             continue
         on = plane.contains(sim.particle_sets[0])
@@ -249,21 +249,21 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     power of this rank [W].
     """
     method, d = sim.systems[0], sim.systems[0].dimension
-    strain, kept = method.particles.storage("strain"), method.particles.storage("strain").copy()
-    method.pairs.gradient("motion")
+    names = [name for name in ("deformation_gradient", "cofactor", "jacobian") if name in method.particles]
+    of, kept = method.particles.owned_rows, {name: method.particles.owned_rows(name).copy() for name in names}
     # a step of 1 s changes F by grad v
-    method.advance_deformation(EULER, 1.0)
-    gradient = (strain - kept)[: d * d, : method.owned].T.reshape(-1, d, d)
-    strain[:] = kept
+    method.lists.advance_stage(EULER, 1.0)
+    gradient = (of("deformation_gradient") - kept["deformation_gradient"]).reshape(-1, d, d)
+    for name in names:
+        of(name)[:] = kept[name]
     # the dissipation of this moment: in a step it is weighted for how it falls within
-    _, internal, _ = method.advance_deformation(EULER, 1e-12)
-    strain[:] = kept
-    force = method.pairs.divergence(method.pairs.terms)[: method.owned]
-    T, D = force[:, :d].copy(), force[:, 4 : 4 + d].copy() if method.pairs.terms else np.zeros_like(force[:, :d])
-    record = method.particles.storage("record")[: method.owned, : 4 if d == 2 else 12].reshape(
-        -1, d, 2 if d == 2 else 4
-    )
-    numerical, power = method.advance_motion(EULER, 0.0, 0.0)
+    _, internal, _ = method.lists.advance_stage(EULER, 1e-12)
+    for name in names:
+        of(name)[:] = kept[name]
+    method.lists.find_forces()
+    T, D = of("stress_force").reshape(-1, d).copy(), of("dissipative_force").reshape(-1, d).copy()
+    record = method.lists.record[: method.owned, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
+    numerical, power = method.staged_step.advance_motion(EULER, 0.0, 0.0)
     return {
         "gradient": gradient,
         "PL": record[:, :, :d].swapaxes(1, 2).copy(),

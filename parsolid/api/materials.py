@@ -10,7 +10,7 @@ from parsolid.commands.point.choice import point_law
 from parsolid.commands.point.driver import drive
 from parsolid.commands.point.report import tabulate
 from parsolid.commands.point.schema import MaterialPoint
-from parsolid.materials.hyperelastic import acoustics, evaluation, hyperbolicity
+from parsolid.materials.hyperelastic import acoustics, evaluation
 from parsolid.materials.registry import law_of
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.loading import told_faults
@@ -49,26 +49,24 @@ class MaterialLaw:
 
     def energy(self, F: Any) -> np.ndarray:
         """Stored energy density when everything has relaxed, W_infinity [J/m^3] (...)."""
-        return evaluation.equilibrium_energy(self._hyperelastic("energy"), *_kinematics(F))
+        return evaluation.energies(self._hyperelastic("energy"), _checked(F))
 
     def stress(self, F: Any) -> np.ndarray:
         """First Piola-Kirchhoff stress [Pa] (..., 3, 3) when everything has relaxed."""
-        return evaluation.first_piola_kirchhoff_stress(self._hyperelastic("stress"), *_kinematics(F))
+        return evaluation.stresses(self._hyperelastic("stress"), _checked(F))
 
     def cauchy_stress(self, F: Any) -> np.ndarray:
         """Cauchy stress P F^T / J [Pa] (..., 3, 3) when everything has relaxed."""
-        F, _, J = _kinematics(F)
-        return self.stress(F) @ np.swapaxes(F, -1, -2) / J[..., None, None]
+        F = _checked(F)
+        return self.stress(F) @ np.swapaxes(F, -1, -2) / np.linalg.det(F)[..., None, None]
 
     def wave_speeds(self, F: Any, direction: Any) -> np.ndarray:
         """Speeds [m/s] (..., 3) of the waves along a direction (3,) of the undeformed body, the slowest first.
 
         Not a number where the material is not stable.
         """
-        law, F = self._hyperelastic("wave_speeds"), _kinematics(F)[0]
-        N = np.asarray(direction, float)
-        relaxed = law._replace(branch_moduli=None, relaxation_times=None)
-        moduli = acoustics.wave_moduli(relaxed, hyperbolicity.polyconvex_state(relaxed, F), N / np.linalg.norm(N))
+        law, N = self._hyperelastic("wave_speeds"), np.asarray(direction, float)
+        moduli = acoustics.wave_moduli(law, _checked(F), N / np.linalg.norm(N))
         with np.errstate(invalid="ignore"):
             return np.sqrt(moduli / law.density)
 
@@ -99,9 +97,9 @@ class MaterialLaw:
         return self.law
 
 
-def _kinematics(F: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F, its cofactor and determinant."""
+def _checked(F: Any) -> np.ndarray:
+    """F as an array of tensors."""
     F = np.asarray(F, float)
     if F.shape[-2:] != (3, 3):
         raise ValueError(f"F: expected an array (..., 3, 3), found {F.shape}")
-    return F, evaluation.cofactor(F), np.linalg.det(F)
+    return F

@@ -178,12 +178,12 @@ class Conditions(Loads):
         if self.motion.there:
             self.motion.place(time, step > 0.0, self._displacement())
 
-    def impose(self, time: float) -> None:
-        """Give prescribed components their velocity at a time [s]."""
+    def impose(self, time: float, before_jump: bool = False) -> None:
+        """Give prescribed components their velocity at a time [s], at a jump before or after it."""
         if self.motion.there:
             at = self.motion.axes, self.motion.rows
             velocity = self._velocity()
-            velocity[at] = self.motion.end_velocities(time, velocity[at])
+            velocity[at] = self.motion.end_velocities(time, velocity[at], before_jump)
 
     def external_force(
         self, time: float, force: np.ndarray, damping: np.ndarray | None = None, before_jump: bool = False

@@ -172,19 +172,30 @@ class PressureLoad:
     def __init__(self, condition: Pressure, surface: Surface):
         self.course, self.surface, self.particles = condition.course, surface, surface.particles
         self.times = tuple(self.course.jump_times)
+        self._area: np.ndarray | None = None
+
+    def look(self) -> None:
+        """Keep the present deformation for the forces that are asked for next."""
+        self._area = None
+        self._area = self._deformed_areas()
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
-        """See `Load`; by the present deformation gradients of the particles."""
+        """See `Load`; by the present deformation gradients of the particles, or those of the last `look`."""
+        rows = self.surface.selection.rows
+        places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[rows])
+        area = self._deformed_areas() if self._area is None else self._area
+        return rows, -self.course.evaluate(places, time, before_jump)[:, 0] * area
+
+    def _deformed_areas(self) -> np.ndarray:
+        """cof(F) dA (d, k) [m^2]."""
         rows, of = self.surface.selection.rows, self.particles.owned_rows
-        places = np.ascontiguousarray(of("reference_position")[rows])
-        d = places.shape[1]
+        d = of("reference_position").shape[1]
         F = of("deformation_gradient")[rows, : d * d].reshape(-1, d, d)
         if d == 2:
             cofactor = np.array([[F[:, 1, 1], -F[:, 1, 0]], [-F[:, 0, 1], F[:, 0, 0]]]).transpose(2, 0, 1)
         else:
             cofactor = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)])
-        area = np.einsum("kij,kj->ik", cofactor, self.surface.vectors(rows))
-        return rows, -self.course.evaluate(places, time, before_jump)[:, 0] * area
+        return np.asarray(np.einsum("kij,kj->ik", cofactor, self.surface.vectors(rows)))
 
 
 @load_of(Spring)

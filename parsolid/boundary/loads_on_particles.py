@@ -106,6 +106,12 @@ class Loads:
                 rows, forces = load.forces(time, before_jump)
                 result[: len(forces), rows] += forces
 
+    def look(self) -> None:
+        """Keep what loads need of the present deformation, which a stage changes before its forces are asked for."""
+        for load, _ in self.loads_of:
+            if hasattr(load, "look"):
+                load.look()
+
     def forget_masses(self) -> None:
         """Find loads anew, after particles were deleted."""
         self._layout = -1

@@ -152,12 +152,12 @@ class PrescribedMotion:
             there = np.ascontiguousarray(start[rows])
             position[rows] = np.where(components, there + rotation.evaluate(there, time), position[rows])
 
-    def end_velocities(self, time: float, mean: np.ndarray) -> np.ndarray:
+    def end_velocities(self, time: float, mean: np.ndarray, before_jump: bool = False) -> np.ndarray:
         """Velocities (k,) [m/s] at the end of a step at a time [s]: those prescribed, or the mean ones (k,) of the step
         where displacements are prescribed."""
         if not self.there:
             return mean
-        return np.where(self._is_velocity, self._values(True, time, False), mean)
+        return np.where(self._is_velocity, self._values(True, time, before_jump), mean)
 
     def held_by(self, condition: Condition) -> tuple[np.ndarray, np.ndarray]:
         """Rows (k,) of the particles of one condition, and which of their components (k, d) it prescribes."""

@@ -1,4 +1,4 @@
-"""The command line: run, check, bench, point, study, quadrature, keys, schema, init, plot, view.
+"""The command line: run, check, bench, point, study, keys, schema, init, plot, view.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
 130 interrupted from the keyboard at once, 141 nobody reads what is printed any more (`| head`; a run goes on),
@@ -100,10 +100,6 @@ _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 _MODULES = {
     "point": ("parsolid.commands.point", "drive a material along a path of deformation, without particles"),
     "study": ("parsolid.commands.study", "run scenes over resolutions and options; error against run time"),
-    "quadrature": (
-        "parsolid.commands.quadrature",
-        "how much of the material point method's error is quadrature, by basis",
-    ),
     "keys": ("parsolid.commands.keys", "what a scene may say: every key with meaning, unit, default and bounds"),
     "schema": ("parsolid.commands.keys.json_schema", "JSON Schema of scenes, for editors that complete and check TOML"),
     "init": ("parsolid.commands.keys.starting", "write a commented scene of a method to start from"),

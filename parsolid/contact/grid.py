@@ -19,6 +19,6 @@ def build_grid_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -
     pairs = grid_pairs(scene)
     if not pairs:
         return []
-    from parsolid.methods.mpm.grid_contact import GridContact
+    from parsolid.methods.mpm.nodal_contact import NodalContact
 
-    return [GridContact(comm, [((systems[i], systems[j]), one.friction) for (i, j), one in pairs.items()])]
+    return [NodalContact(comm, [((systems[i], systems[j]), one.friction) for (i, j), one in pairs.items()])]

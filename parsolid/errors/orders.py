@@ -77,7 +77,7 @@ def rough(scene: Any) -> str | None:
 def unconverging(scene: Any) -> str | None:
     """Why errors of a scene's motion do not fall with the spacing, in words; None where they do (docs/mpm.md)."""
     grids = [system.settings for system in scene.systems if system.settings.kind == "mpm"]
-    if any(one.basis == "linear" and one.formulation == "updated" and one.motion for one in grids):
+    if any(one.basis == "linear" and one.motion for one in grids):
         return "the linear basis does not converge where particles cross cells (quadratic-spline does)"
     return None
 

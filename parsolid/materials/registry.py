@@ -5,43 +5,49 @@ Nothing is imported before a scene asks for it: laws of this package are found b
 `@law("role", "kind")`, those of other packages by entry points of the group "parsolid.laws" named "role.kind".
 """
 
-import builtins
-import dis
 import hashlib
 import re
 import sys
+import traceback
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import ModuleType
 from typing import Any, get_type_hints
 
 from parsolid.materials import user
 from parsolid.materials.declaration import Declared, declared_as
+from parsolid.materials.failure.failure import Loading
 from parsolid.materials.installed import entry_points
 
 _LINE = re.compile(r'^@law\("([a-z-]+)", "([a-z0-9-]+)"\)', re.MULTILINE)
-# where the functions are that kernels ask of the laws of a role; one of each group is enough
-_PLASTIC = "parsolid.materials.plastic.plasticity"
-_FUNCTIONS: dict[str, tuple[str, tuple[tuple[str, ...], ...]]] = {
-    "hyperelastic": (
-        "parsolid.materials.hyperelastic.law",
-        (
-            ("equilibrium_energy",),
-            ("elastic_moduli",),
-            ("first_piola_kirchhoff_stress", "equilibrium_stress"),
-            ("pressure_wave_tensor", "equilibrium_wave_tensor"),
-        ),
-    ),
-    "flow-stress": (_PLASTIC, (("flow_stress",),)),
-    "shear-modulus": (_PLASTIC, (("shear_modulus",),)),
-    "melting": (_PLASTIC, (("melting_temperature",),)),
-    "failure": ("parsolid.materials.failure.failure", (("damage_after",),)),
+# the functions that a law of a role implements; what else kernels ask for has defaults
+_FUNCTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "hyperelastic": ("parsolid.materials.hyperelastic.functions", ("energy",)),
+    "flow-stress": ("parsolid.materials.plastic.functions", ("flow_stress",)),
+    "shear-modulus": ("parsolid.materials.plastic.functions", ("shear_modulus",)),
+    "melting": ("parsolid.materials.plastic.functions", ("melting_temperature",)),
+    "failure": ("parsolid.materials.failure.functions", ("damage_after",)),
     "equation-of-state": (
-        _PLASTIC,
-        (("cold_pressure",), ("grueneisen_coefficient",), ("isentropic_bulk_modulus",), ("room_to_compress",)),
+        "parsolid.materials.plastic.functions",
+        ("cold_pressure", "grueneisen_coefficient", "isentropic_bulk_modulus", "room_to_compress"),
     ),
 }
+
+
+_LOADING = Loading((0.0,) * 6, 0.0, 0.1, 0.01, 1.0, 300.0, 1e4)
+# arguments of a state like that at rest
+_PROBES: dict[str, tuple[Any, ...]] = {
+    "flow_stress": (0.1, 1.0, 300.0, 1e10, 1e4),
+    "shear_modulus": (1.0, 0.0, 300.0, 1e4),
+    "melting_temperature": (1.0,),
+    "damage_after": (0.0, 1.0, _LOADING),
+    "cold_pressure": (1.0,),
+    "grueneisen_coefficient": (),
+    "isentropic_bulk_modulus": (1.0, 0.0),
+    "room_to_compress": (1.0,),
+}
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class LawError(Exception):
@@ -125,9 +131,7 @@ def from_text(path: str, name: str, text: str) -> Declared:
         new.__file__ = path
         sys.modules[module] = new
         try:
-            code = compile(text, path, "exec")
-            exec(code, new.__dict__)
-            _check_names(code, {*vars(new), *vars(builtins), *_set_by_functions(code)})
+            exec(compile(text, path, "exec"), new.__dict__)
         except Exception as error:
             del sys.modules[module]
             raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
@@ -140,27 +144,6 @@ def from_text(path: str, name: str, text: str) -> Declared:
     _of_files[path, name] = result
     result.source = (path, name, text)
     return result
-
-
-def _set_by_functions(code: CodeType) -> set[str]:
-    """Names that functions of a file declare `global` and set when they are called."""
-    own = {str(step.argval) for step in dis.get_instructions(code) if step.opname == "STORE_GLOBAL"}
-    return own.union(*(_set_by_functions(one) for one in code.co_consts if isinstance(one, CodeType)))
-
-
-def _check_names(code: CodeType, known: set[str]) -> None:
-    """Raise NameError where a function of a file uses a name that is not known there.
-
-    Compiled in a kernel it would be told in a compiler's words.
-    """
-    for inner in (one for one in code.co_consts if isinstance(one, CodeType)):
-        line = inner.co_firstlineno
-        for step in dis.get_instructions(inner):
-            line = getattr(getattr(step, "positions", None), "lineno", None) or step.starts_line or line
-            name = step.argval
-            if step.opname == "LOAD_GLOBAL" and name not in known:
-                raise NameError(f"{name!r} is not known, in {inner.co_name}, line {line}")
-        _check_names(inner, known)
 
 
 def _name_apart(module: ModuleType) -> None:
@@ -180,14 +163,40 @@ def _name_apart(module: ModuleType) -> None:
 
 
 def _complete(declared: Declared) -> None:
-    """Raise LawError where the law lacks a function that kernels ask for, one of the names of each group."""
+    """Raise LawError where the law lacks a function that its role needs."""
     if not hasattr(declared, "_fields") or declared.role not in _FUNCTIONS:
         return
-    module, groups = _FUNCTIONS[declared.role]
-    room = import_module(module)
-    lacking = [names[-1] for names in groups if not any(getattr(room, name).table.has(declared) for name in names)]
+    module, names = _FUNCTIONS[declared.role]
+    lacking = [name for name in names if not getattr(import_module(module), name).has(declared)]
     if lacking:
         raise LawError(f"a law with {' and '.join(lacking)} (see docs/laws.md)")
+
+
+def can_be_tried(declared: Declared) -> bool:
+    """Whether `try_out` has arguments for the functions of a law."""
+    return declared.role in _FUNCTIONS
+
+
+def try_out(role: str, law: Any) -> str | None:
+    """Call the functions of a law in plain Python at a state like that at rest; what went wrong, with its place.
+
+    Compiled in a kernel it would be told in a compiler's words.
+    """
+    try:
+        if role == "hyperelastic":
+            from parsolid.materials.hyperelastic import functions as of
+
+            for function in (of.energy, of.stress, of.pressure_waves):
+                function(law, IDENTITY, IDENTITY, 1.0)
+            of.elastic_moduli(law)
+        else:
+            module, names = _FUNCTIONS[role]
+            for name in names:
+                getattr(import_module(module), name)(law, *_PROBES[name])
+    except Exception as error:
+        places = traceback.extract_tb(error.__traceback__)
+        return f"{type(error).__name__}: {error}, in {places[-1].name}, line {places[-1].lineno}"
+    return None
 
 
 def laws_of(scene: Any) -> list[Any]:

@@ -105,7 +105,10 @@ def kinetic_energy(n, v, mass, share):
 
 
 class ImpulseAtEnd:
-    """The impulses (EXTERNAL_IMPULSE) of a step on a rank's particles: made before its closing kick, acts after it."""
+    """The impulses (EXTERNAL_IMPULSE) of a step on a rank's particles: made before its closing kick, acts after it.
+
+    rows (k,): particles that have one; change (k, d): of their velocities [m/s].
+    """
 
     def __init__(self, particles: Particles, common_step: float):
         """common_step [s]: of all systems, in which this one may take several. Velocities are those in the middle."""
@@ -115,6 +118,7 @@ class ImpulseAtEnd:
         if COMMON_START in particles and common_step > 0.0:
             moved = particles.owned_rows("position")[self.rows] - particles.owned_rows(COMMON_START)[self.rows]
             self.middle = moved / common_step
+        self.change = np.zeros_like(self.middle)
         impulse[:] = 0.0
 
     def act(self, constrained: np.ndarray | None) -> float:
@@ -126,7 +130,7 @@ class ImpulseAtEnd:
         change = self.impulse / tributary_mass(self.particles, rows)[:, None]
         if constrained is not None:
             change[constrained[rows]] = 0.0
-        before = self.velocity[rows]
+        before, self.change = self.velocity[rows], change
         self.velocity[rows] = before + change
         free = np.where(change != 0.0, self.impulse, 0.0)
         return float(np.sum(free * (before + 0.5 * change - self.middle)))
@@ -138,15 +142,15 @@ class Leapfrog:
     The particles have fields "velocity" and "position" in columns (d, n), and "mass". Where contact, tools or ties act
     on them they have "external_force" and "external_impulse" (d, n), too: the force [N] of the present places, of which
     each kick takes its half, and impulses [N s] that the closing kick adds once.
-    opening, closing: energies of the last half kicks; gained: kinetic energy [J] that impulses gave in the last step
-    beyond their work in its middle, which the dissipation of the closing kick has with the opposite sign.
     """
 
     def __init__(self, particles: Particles, conditions: Conditions, force: str, damping: str | None = None):
         """force, damping: names of fields (d, n) [N] of whole particles."""
         self.particles, self.conditions, self._force, self._damping = particles, conditions, force, damping
         self.opening = self.closing = KickEnergies(0.0, 0.0, 0.0, 0.0)
-        self.gained = 0.0
+        # of the last step, None where nothing acts between bodies; the energy [J] that it gave beyond its work
+        self.impulse: ImpulseAtEnd | None = None
+        self.given = 0.0
 
     def open_step(self, time: float, step: float) -> None:
         """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
@@ -161,13 +165,11 @@ class Leapfrog:
 
     def close_step(self, time: float, step: float, substeps: int = 1) -> None:
         """Closing half kick of a step [s] that ends at a time [s]; substeps: of the system in a common one."""
-        impulse, self.gained = None, 0.0
         if EXTERNAL_IMPULSE in self.particles:
-            impulse = ImpulseAtEnd(self.particles, substeps * step)
+            self.impulse = ImpulseAtEnd(self.particles, substeps * step)
         self.closing = self._half_kick(False, time, step)
-        if impulse is not None:
-            self.gained = impulse.act(self.conditions.constrained)
-            self.closing = self.closing._replace(dissipated=self.closing.dissipated - self.gained)
+        if self.impulse is not None:
+            self.given = self.impulse.act(self.conditions.constrained)
         self.conditions.impose(time)
 
     def book(self, step: float, ledger: Any, internal: float, offset_term: str | None) -> None:
@@ -175,7 +177,8 @@ class Leapfrog:
         which the ledger has the change of the kinetic offset, None where it has not."""
         first, second = self.opening, self.closing
         guided = self.conditions.end_step(step, ledger)
-        ledger.add(1.0, internal, first.dissipated + second.dissipated, first.external + second.external + guided)
+        numerical = first.dissipated + second.dissipated - self.given
+        ledger.add(1.0, internal, numerical, first.external + second.external + guided)
         if offset_term is not None:
             ledger.add_term(offset_term, second.offset - first.offset)
 

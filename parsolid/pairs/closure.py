@@ -17,7 +17,7 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.collective import raise_together
-from parsolid.pairs import closure_kernels as closure
+from parsolid.kernels import kernel
 
 # passes over L_a, and iterations of conjugate gradients in each: they need not end, L_a takes back what is smooth
 PASSES, ITERATIONS = 10, 10
@@ -58,27 +58,25 @@ def _surface_fault(comm: Any, particle_set: Any, closed: np.ndarray) -> str | No
 
 
 class Closure:
-    """The discrete divergence theorem on the lists of a pair system; arrays of particles have this rank's owned
-    rows."""
+    """The discrete divergence theorem on pair lists; arrays of particles have this rank's owned rows."""
 
-    def __init__(self, pairs: Any, area: Any, share: Any, closed: Any = None) -> None:
-        """pairs: `PairSystem`, whose weights are rows (g_ab, number); area (owned, d): `surface_area`.
+    def __init__(self, near: Any, area: Any, share: Any, closed: Any = None) -> None:
+        """near: `pair_list.Neighbours`, whose weights are rows (g_ab, stiffness w_ab); area (owned, d): `surface_area`.
 
         share (owned,): the part of each particle on this side of mirror planes; closed (owned,) bool: particles whose
         weights are to be closed, all unless given; no other has a pair with one of them.
         """
-        self.halo, self.lists, self.positions = pairs.halo, list(pairs.lists()), pairs.positions
-        self.owned, self.area, self.share = pairs.owned, area, share[:, None]
-        self.closed = np.ones((pairs.owned, 1), bool) if closed is None else closed[:, None]
-        self.potential = np.zeros_like(self.positions)
-        self.exchange = self.halo.exchange([self.potential])
+        self.near, self.area, self.share = near, area, share[:, None]
+        self.closed = np.ones((near.owned, 1), bool) if closed is None else closed[:, None]
+        # of all rows
+        self.potential = np.zeros_like(near.positions)
 
     def fluxes(self, correction: np.ndarray) -> np.ndarray:
-        """sum_b (L_a + L_b) g_ab (owned, d) [m^2]; correction (n, d, d) with ghosts."""
-        total = np.zeros_like(self.positions)
-        for pairs, places in self.lists:
-            closure.add_fluxes(pairs, places, correction, total)
-        return total[: self.owned]
+        """sum_b (L_a + L_b) g_ab (owned, d) [m^2]; correction (rows, d, d)."""
+        total = np.zeros_like(self.near.positions)
+        for pairs in self.near.lists:
+            add_fluxes(pairs, correction, total)
+        return total[: self.near.owned]
 
     def left_over(self, correction: np.ndarray) -> np.ndarray:
         """A_a + sum_b (L_a + L_b) g_ab (owned, d) [m^2], zero for closed weights and those that are not to be."""
@@ -86,28 +84,27 @@ class Closure:
 
     def improve(self, correction: np.ndarray) -> None:
         """Change the weights of all lists towards closure, with the corrections held; collective."""
-        diagonal = np.zeros(len(self.positions))
-        for pairs, places in self.lists:
-            closure.stiffen(pairs, places, self.positions, diagonal)
-        self.potential[: self.owned] = self._solve(-self.left_over(correction), diagonal[: self.owned, None])
-        self._update()
-        for pairs, places in self.lists:
-            closure.add_potential(pairs, places, correction, self.potential)
+        diagonal = np.zeros(self.near.rows)
+        for pairs in self.near.lists:
+            stiffen(pairs, self.near.positions, diagonal)
+        solution = self._solve(-self.left_over(correction), diagonal[: self.near.owned, None])
+        self._set_potential(solution)
+        for pairs in self.near.lists:
+            add_potential(pairs, correction, self.potential)
 
     def take_back(self, correction: np.ndarray, share: float) -> None:
         """Undo a share of what `improve` did with the same corrections."""
         self.potential *= share
-        for pairs, places in self.lists:
-            closure.add_potential(pairs, places, correction, -self.potential)
+        for pairs in self.near.lists:
+            add_potential(pairs, correction, -self.potential)
         self.potential *= (1.0 - share) / share
 
     def distance(self, correction: np.ndarray) -> float:
         """How far from closed all weights are, the root of a sum of squares [m^2]; collective."""
         return self._sum(self.left_over(correction) ** 2) ** 0.5
 
-    def _update(self) -> None:
-        self.exchange.start()
-        self.exchange.finish()
+    def _set_potential(self, owned: np.ndarray) -> None:
+        self.potential = self.near.with_ghosts_and_images(owned, "normal")
 
     def _solve(self, residual: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
         """Potentials (owned, d) by conjugate gradients; the Laplacian is symmetric in the sums weighted with the
@@ -128,42 +125,104 @@ class Closure:
         return result
 
     def _laplacian(self, direction: np.ndarray) -> np.ndarray:
-        self.potential[: self.owned] = direction
-        self._update()
+        self._set_potential(direction)
         total = np.zeros_like(self.potential)
-        for pairs, places in self.lists:
-            closure.add_laplacian(pairs, places, self.potential, total)
-        return total[: self.owned]
+        for pairs in self.near.lists:
+            add_laplacian(pairs, self.potential, total)
+        return total[: self.near.owned]
 
     def _sum(self, values: np.ndarray) -> float:
-        return float(sums(self.halo.comm, np.array([np.sum(self.share * values)]))[0])
+        return float(sums(self.near.comm, np.array([np.sum(self.share * values)]))[0])
 
 
-def close(pairs: Any, correction: np.ndarray, surface: Any, correct: Any) -> np.ndarray:
-    """Close the weights of a `PairSystem`; the corrections (n, d, d) that go with them, which correct() makes anew.
-    Collective.
+def close(near: Any, correction: np.ndarray, surface: Any, correct: Any) -> np.ndarray:
+    """Close the weights of `pair_list.Neighbours`; the corrections (owned, d, d) that go with them, which correct()
+    finds anew. Collective.
 
     surface: area, share and closed of `Closure`. Raises SolverError on all ranks when a particle's volume and its
     neighbours fit so badly that the passes diverge.
     """
-    theorem = Closure(pairs, *surface)
-    distance = theorem.distance(correction)
+
+    def with_all(owned: np.ndarray) -> np.ndarray:
+        return np.asarray(near.with_ghosts_and_images(owned, "tensor"))
+
+    theorem, everywhere = Closure(near, *surface), with_all(correction)
+    distance = theorem.distance(everywhere)
     for _ in range(PASSES):
-        held, part = correction.copy(), 1.0
+        held, part = everywhere, 1.0
         theorem.improve(held)
         correction = correct()
+        everywhere = with_all(correction)
         # where particles are very uneven a whole pass may lead away
-        while theorem.distance(correction) >= distance and part > LEAST_PART:
+        while theorem.distance(everywhere) >= distance and part > LEAST_PART:
             part *= 0.5
             theorem.take_back(held, 0.5 if part > LEAST_PART else 1.0)
             correction = correct()
+            everywhere = with_all(correction)
         if part <= LEAST_PART:
             break
-        distance = theorem.distance(correction)
-    d = pairs.positions.shape[1]
-    left_over = np.abs(theorem.left_over(correction)).max(axis=1) / pairs.volume[: pairs.owned] ** (1 - 1 / d)
-    raise_together(pairs.comm, _fault(left_over, pairs.positions))
+        distance = theorem.distance(everywhere)
+    d, owned = near.positions.shape[1], near.owned
+    left_over = np.abs(theorem.left_over(everywhere)).max(axis=1) / near.volume[:owned] ** (1 - 1 / d)
+    raise_together(near.comm, _fault(left_over, near.positions))
     return correction
+
+
+@kernel
+def add_fluxes(pairs, correction, total):
+    """Add sum_b (L_a + L_b) g_ab [m^2] to total (rows, d): the pair force of a stress of 1 Pa everywhere."""
+    d = total.shape[1]
+    for a in range(pairs.start.size - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            for i in range(d):
+                flux = 0.0
+                for j in range(d):
+                    flux += (correction[a, i, j] + correction[b, i, j]) * pairs.weight[k, j]
+                total[a, i] += flux
+                total[b, i] -= flux
+
+
+@kernel
+def stiffen(pairs, positions, diagonal):
+    """Fill w_ab = |g_ab| |X_b - X_a| beside g and add it to diagonal (rows,)."""
+    d = positions.shape[1]
+    for a in range(pairs.start.size - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b, squares, length = pairs.neighbour[k], 0.0, 0.0
+            for i in range(d):
+                length += (positions[b, i] - positions[a, i]) ** 2
+                squares += pairs.weight[k, i] ** 2
+            pairs.weight[k, d] = (squares * length) ** 0.5
+            diagonal[a] += pairs.weight[k, d]
+            diagonal[b] += pairs.weight[k, d]
+
+
+@kernel
+def add_laplacian(pairs, potential, total):
+    """Add sum_b w_ab (p_a - p_b) to total (rows, d)."""
+    d = potential.shape[1]
+    for a in range(pairs.start.size - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            for i in range(d):
+                term = pairs.weight[k, d] * (potential[a, i] - potential[b, i])
+                total[a, i] += term
+                total[b, i] -= term
+
+
+@kernel
+def add_potential(pairs, correction, potential):
+    """Add to g_ab what changes (L_a + L_b) g_ab by about w_ab (p_a - p_b): exactly where L_a + L_b is a multiple of
+    1."""
+    d = potential.shape[1]
+    for a in range(pairs.start.size - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b, trace = pairs.neighbour[k], 0.0
+            for i in range(d):
+                trace += correction[a, i, i] + correction[b, i, i]
+            for i in range(d):
+                pairs.weight[k, i] += pairs.weight[k, d] * (potential[a, i] - potential[b, i]) * d / trace
 
 
 def _fault(left_over: np.ndarray, positions: np.ndarray) -> str | None:

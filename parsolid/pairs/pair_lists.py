@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.halo import Halo
-from parsolid.pairs.axis_lists import arrays_of, pairs_in
-from parsolid.pairs.block_lists import is_in_blocks, touched
 from parsolid.pairs.lists import InnerList, OneSidedList
-from parsolid.pairs.weight_tables import is_tabled
 
 
 class PairLists:
@@ -33,16 +30,14 @@ class PairLists:
     @property
     def directed_pairs(self) -> int:
         """Interactions counted once a particle, over this rank's particles."""
-        return sum((2 if pairs is self.inner else 1) * pairs_in(pairs) for pairs in self._all())
+        return sum((2 if pairs is self.inner else 1) * len(pairs.neighbour) for pairs in self._all())
 
     def _all(self) -> list[Any]:
         return [pairs for pairs in (self.inner, self.rim, self.mirror) if pairs is not None]
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays of the lists, for what counts memory."""
-        arrays = [array for pairs in self._all() for array in arrays_of(pairs)]
-        arrays += [pairs.table for pairs in self._all() if is_tabled(pairs)]
-        arrays += [touched(pairs) for pairs in self._all() if is_in_blocks(pairs)]
+        arrays = [array for pairs in self._all() for array in pairs[:3]]
         return arrays + ([*(self.mirror.images or ())] if self.mirror is not None else [])
 
     def sweep(self, apply: Callable[[Any], None], message: str | None = None) -> None:

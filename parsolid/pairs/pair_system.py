@@ -2,17 +2,13 @@
 need."""
 
 from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from decomposition.halo import Halo
 from decomposition.recalled import RecalledEach
 from parsolid.collective import maximum, raise_together
-from parsolid.pairs.axis_lists import is_along_axes, no_ghosts
-from parsolid.pairs.axis_passes import add_forces_along_axes, add_gradients_along_axes
-from parsolid.pairs.block_lists import is_in_blocks
-from parsolid.pairs.block_passes import add_forces_by_blocks, add_gradients_by_blocks
 from parsolid.pairs.candidates import (
     bonded_only,
     coincident,
@@ -24,10 +20,7 @@ from parsolid.pairs.candidates import (
 from parsolid.pairs.lists import Images, InnerList, OneSidedList, Places, empty_list, images_of
 from parsolid.pairs.pair_lists import PairLists
 from parsolid.pairs.passes import Vector, add_forces, add_gradients, sum_columns
-from parsolid.pairs.smoothed_weights import SmoothedWeights
-from parsolid.pairs.table_passes import add_forces_by_table
 from parsolid.pairs.terms import KINEMATICS, record_columns
-from parsolid.pairs.weight_tables import is_tabled, no_tabled_ghosts
 from parsolid.pairs.weights import select_pairs
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 
@@ -52,10 +45,6 @@ class PairSystem(PairLists):
     volume: np.ndarray
     metric: np.ndarray
     unbonded: np.ndarray | None = None
-    # whether pairs of owned particles and of ghosts stand as `weights.walked` has them, which say nothing of one pair
-    rewritten = False
-    # which of the kernels walk the list of ghosts and that of owned particles
-    ways = (0, 0)
 
     def __init__(
         self,
@@ -73,20 +62,14 @@ class PairSystem(PairLists):
         """
         self.comm, self.particles, self.space = comm, particles, space
         self.weights, self.terms, self.codes = weights, terms, codes
-        # of lists as `passes` has them, of those along axes, of those with tables and of those by blocks
-        gradients = (add_gradients, add_gradients_along_axes, add_gradients, add_gradients_by_blocks)
-        forces = (add_forces, add_forces_along_axes, add_forces_by_table, add_forces_by_blocks)
-        self._add_gradients = [RecalledEach(kernel) for kernel in gradients]
-        self._add_forces = [RecalledEach(kernel) for kernel in forces]
+        self._add_gradients, self._add_forces = RecalledEach(add_gradients), RecalledEach(add_forces)
         d, record = space.dimension, record_columns(space, terms)
-        # whoever moves particles by smoothed weights reads what dissipates apart, also where nothing does
-        columns = 8 if isinstance(weights, SmoothedWeights) else 4
         particles.declare(Field("kinematics", KINEMATICS[d].width, ""))
         particles.declare(Field("record", record.width, "", carried=False))
         told = getattr(record, "changing", record.width)
         particles.declare(Field("told", told, "", ghosts="forward", message="record", layout=Within("record", 0)))
         particles.declare(Field("pair_sums", sum_columns(d, fields), "", layout=Rows(), carried=False))
-        particles.declare(Field("pair_force", columns, "N", layout=Rows(), carried=False))
+        particles.declare(Field("pair_force", 4, "N", layout=Rows(), carried=False))
         particles.declare(Field("correction", d * d, "", layout=Columns(), carried=False))
         particles.declare(Field("pair_volume", 1, "m^3", layout=Columns(), padding=(1.0,), carried=False), 1.0)
 
@@ -118,15 +101,12 @@ class PairSystem(PairLists):
         self.metric = metric if uniform else self.halo.with_ghosts(metric)
         self._fill_lists(body, reach)
         correction = self.weights.complete(self)
-        self.inner, self.rim = self.weights.walked(self)
-        self.ways = _way(self.rim), _way(self.inner)
-        self.rewritten = max(self.ways) > 0
         self.particles.owned_rows("correction")[:] = correction.reshape(self.owned, -1)
         self.particles.owned_rows("pair_volume")[:] = volume
         self.particles.update("reference")
 
     def _fill_lists(self, body: np.ndarray, reach: Any) -> None:
-        self.rim, self.mirror, self.rewritten, self.ways = None, None, False, (0, 0)
+        self.rim, self.mirror = None, None
         self.fault: str | None = None
         owned, local = self.owned, len(self.positions)
         candidates = plain_candidates(self.even, owned, reach)
@@ -164,12 +144,7 @@ class PairSystem(PairLists):
         return pairs, code
 
     def lists(self) -> Iterator[tuple[Any, Places]]:
-        """Every list, and where its neighbours stand.
-
-        Raises TypeError where lists are along axes, or have tables: those have no weight of each pair.
-        """
-        if self.rewritten:
-            raise TypeError("pairs along axes or with tables have no weights one by one; ask before `weights.walked`")
+        """Every list, and where its neighbours stand."""
         for pairs in self._all():
             images = images_of(pairs)
             if images is None:
@@ -190,12 +165,10 @@ class PairSystem(PairLists):
         """
         kinematics = self.particles.storage("kinematics")
         result = self.particles.storage("pair_sums") if sums is None else sums
-        if self.rewritten and fields != FIELD:
-            raise TypeError(f"passes along axes or with tables know the vector in the first columns, not {fields}")
         add = self._add_gradients
 
         def apply(pairs: Any) -> None:
-            add[self._way_of(pairs)](self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
+            add(self.key(pairs, fields), self.space, pairs, fields, kinematics, result)
 
         self.sweep(apply, message)
         return result
@@ -206,13 +179,10 @@ class PairSystem(PairLists):
         add = self._add_forces
 
         def apply(pairs: Any) -> None:
-            add[self._way_of(pairs)](self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
+            add(self.key(pairs, terms), self.space, pairs, terms, kinematics, record, force)
 
         self.sweep(apply, "record")
         return force
-
-    def _way_of(self, pairs: Any) -> int:
-        return 0 if pairs is self.mirror else self.ways[pairs is self.inner]
 
     def key(self, pairs: Any, what: Any) -> tuple[Any, ...]:
         """For `RecalledEach`: which of the lists is swept, and for what."""
@@ -220,15 +190,6 @@ class PairSystem(PairLists):
 
     def warm(self) -> None:
         """Compile the passes over lists of ghosts, which one rank alone does not have."""
-        storage, inner = self.particles.storage, cast(Any, self.inner)
-        inner = inner.others if is_in_blocks(inner) else inner
-        way = _way(inner)
-        pairs: Any = (empty_list, lambda like: no_ghosts(), no_tabled_ghosts)[way](inner)
-        gradients, forces = self._add_gradients[way].kernel, self._add_forces[way].kernel
-        gradients(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))
-        forces(self.space, pairs, self.terms, *map(storage, ("kinematics", "record", "pair_force")))
-
-
-def _way(pairs: Any) -> int:
-    """Which of the kernels walk a list: of lists as `passes` has them, along axes, with tables, or by blocks."""
-    return 1 if is_along_axes(pairs) else 2 if is_tabled(pairs) else 3 if is_in_blocks(pairs) else 0
+        storage, pairs = self.particles.storage, empty_list(self.inner)
+        self._add_gradients.kernel(self.space, pairs, FIELD, storage("kinematics"), storage("pair_sums"))
+        self._add_forces.kernel(self.space, pairs, self.terms, *map(storage, ("kinematics", "record", "pair_force")))

@@ -171,7 +171,3 @@ class PairWeights:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(start, neighbour, code) of the pairs within the support that have a weight; places: reflections, shifts."""
         return start, neighbour, code
-
-    def walked(self, system: Any) -> tuple[Any, Any]:
-        """The complete lists of pairs of owned particles and of those with ghosts, as the passes walk them."""
-        return system.inner, system.rim

@@ -100,7 +100,7 @@ def grid_pairs(scene: Any) -> dict[tuple[int, int], Contact]:
 
 
 # what a method must be for its nodes to know of contact
-_OF_GRID = {"order": "musl", "formulation": "updated", "mass_terms": 1, "bitwise": False}
+_OF_GRID = {"order": "musl"}
 
 
 def grid_faults(scene: Any) -> list[Any]:

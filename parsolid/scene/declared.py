@@ -31,7 +31,13 @@ class DeclaredModel(SceneModel):
 
     @model_validator(mode="after")
     def _sound(self) -> "DeclaredModel":
-        reject(*getattr(type(self).declared, "faults", lambda stated: ())(self))
+        declared = type(self).declared
+        reject(*getattr(declared, "faults", lambda stated: ())(self))
+        if hasattr(declared, "source") and registry.can_be_tried(declared):
+            law = self.build("space") if hasattr(self, "build") else self.part_of(density=1.0)
+            wrong = registry.try_out(declared.role, law)
+            if wrong is not None:
+                reject((("law",), f"a file that can be run ({wrong})", self.law))
         return self
 
     def part_of(self, **of_material: Any) -> Any:

@@ -39,7 +39,7 @@ class HyperelasticSolid(DeclaredModel):
     @property
     def elastic_moduli(self) -> tuple[float, float]:
         """Shear modulus and first Lame constant [Pa] when everything has relaxed."""
-        shear, lame = import_module("parsolid.materials.hyperelastic.law").elastic_moduli(self.equilibrium_law())
+        shear, lame = import_module("parsolid.materials.hyperelastic.functions").elastic_moduli(self.equilibrium_law())
         return shear, lame
 
     @property

@@ -53,7 +53,7 @@ SILENT = ("title", "end_time", "output.*", "errors", "run")
 # which particles and bonds there are, and what is of the start alone
 FIXED = (
     "dimension",
-    *_of_methods("kind", "horizon_ratio", "pre_cracks*", "formulation", "reference", "weights", "initial_state"),
+    *_of_methods("kind", "horizon_ratio", "pre_cracks*", "reference", "weights", "initial_state"),
     "methods.*.name",
     "bodies.*.method",
     "bodies.*.name",

@@ -2,14 +2,13 @@
 
 import copy
 
-import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
 from parsolid.boundary.conditions import Conditions
-from parsolid.methods.mpm.grid_conditions import GridConditions
+from parsolid.methods.mpm.conditions import GridConditions
+from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
-from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.methods.ulsph.state import declare_motion
 from parsolid.particles.container import Particles
 from parsolid.particles.generated import declare_generated
@@ -64,7 +63,9 @@ def translated(comm, data: dict):
     scene = parse_scene(data)
     particle_set = generate(scene, comm)
     if scene.method.kind == "tlsph":
-        return build_boundaries(comm, scene, particle_set, Particles(particle_set.body))
+        particles = Particles(particle_set.body)
+        declare_generated(particles, particle_set)
+        return Conditions(comm, scene, particle_set, particles)
     if scene.method.kind == "peridynamics":
         return PeridynamicLoads(comm, scene, particle_set, Particles(particle_set.body))
     if scene.method.kind == "ulsph":
@@ -72,4 +73,4 @@ def translated(comm, data: dict):
         declare_generated(particles, particle_set)
         declare_motion(particles, particle_set.position)
         return Conditions(comm, scene, particle_set, particles)
-    return GridConditions(comm, scene, particle_set.position, np.zeros(4))
+    return GridConditions(comm, scene, particle_set, MaterialPoints(scene, particle_set))

@@ -8,14 +8,13 @@ from kinds import table, tables_of
 from mpi4py import MPI
 from test_rows import contained
 
-from parsolid.boundary.heat import HeatSupply
+from parsolid.boundary.heating import HeatSupply
 from parsolid.boundary.loads import accelerations
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.prescribed import NotFree
 from parsolid.boundary.rows import Chosen
 from parsolid.boundary.surface_loads import Pressed, Pulled, Sprung
 from parsolid.exact import SOLUTIONS
-from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.particles.container import Particles
 from parsolid.particles.generation import generate
@@ -57,14 +56,12 @@ def test_heat_enters_particles_at_its_plane_and_not_those_of_a_step_behind():
     scene = parse_scene(tables_of("mpm", table("heat_flux")))
     comm, spacing = MPI.COMM_SELF, 0.125
     particle_set = generate(scene, comm)
-    declared = GridConditions(comm, scene, particle_set.position, np.zeros(4)).declared
     # another surface that looks the same way, one spacing farther
     behind = np.isclose(particle_set.position[:, 0], 1.5 * spacing)
     particle_set.area[behind, 0] = particle_set.area[particle_set.position[:, 0] < spacing, 0]
     particles = contained(particle_set)
-    power = np.zeros((particles.owned, 1))
-    HeatSupply(declared, particles, False).surfaces[0].put(power, 0.0)
-    assert np.flatnonzero(power).tolist() == np.flatnonzero(particle_set.position[:, 0] < spacing).tolist()
+    rows, power = HeatSupply(scene, particles, False).powers(0, 0.0)
+    assert (power > 0.0).all() and rows.tolist() == np.flatnonzero(particle_set.position[:, 0] < spacing).tolist()
 
 
 def test_a_prescribed_displacement_is_that_after_its_jump_unless_asked():

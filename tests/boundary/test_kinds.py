@@ -10,7 +10,6 @@ from kinds import KINDS, table, tables_of, translated
 from mpi4py import MPI
 from solids import gathered, simulation
 
-from parsolid.boundary.declarations import Declarations, Support
 from parsolid.collective import SolverError
 from parsolid.scene import SceneError, boundaries, parse_scene
 from parsolid.scene.boundaries.condition import BOUNDARY_KINDS
@@ -39,7 +38,7 @@ def test_a_method_takes_a_kind_or_refuses_it(method, kind, comm):
     assert found.value.faults == [f"boundaries.0.kind: expected {expected}, found {kind!r}"]
 
 
-@pytest.mark.parametrize("method", [method for method in METHODS if method != "ulsph"])
+@pytest.mark.parametrize("method", ["peridynamics", "mpm"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_kind_is_taken_for_another(method, kind, comm, monkeypatch):
     """Were a kind in a method's list by mistake, what it means would be refused."""
@@ -100,29 +99,27 @@ def test_the_page_on_parts_says_what_each_method_takes():
 PRESSURE = '''
 """Pressure on planes that bound a body."""
 
-from typing import ClassVar, Literal
+from typing import Any, Literal
 
-from parsolid.scene.base_model import Plane
-from parsolid.scene.bodies import Name
-from parsolid.scene.boundaries.condition import Condition, boundary_kind
+from parsolid.scene.boundaries.condition import boundary_kind
+from parsolid.scene.boundaries.traction import Traction
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.load_histories import LoadHistory
 
 
 @boundary_kind
-class Push(Condition):
+class Push(Traction):
     """A constant pressure [Pa] on a plane; outward: along its axis, 1.0 or -1.0."""
 
-    needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["push"]
-    plane: Plane
-    body: Name | None = None
+    traction: Any = None
     pressure: float
     outward: float
 
-    def declare(self, to) -> None:
-        force = [-self.outward * self.pressure * (axis == self.plane.axis) for axis in range(to.dimension)]
-        to.traction(self, LoadHistory(FormulaVector(map(Formula, force))))
+    @property
+    def course(self) -> LoadHistory:
+        force = [-self.outward * self.pressure * (axis == self.plane.axis) for axis in range(2)]
+        return LoadHistory(FormulaVector(map(Formula, force)))
 '''
 
 
@@ -159,14 +156,6 @@ def test_a_new_kind_is_one_file_and_a_word_in_the_methods_list(new_kind, monkeyp
     pressed["boundaries"][0]["plane"] = "X = 0.5"
     with pytest.raises(SceneError, match="boundaries.0.plane: expected a plane that bounds a body"):
         parse_scene(pressed)
-
-
-def test_a_kind_that_means_nothing_is_refused(new_kind, monkeypatch):
-    new_kind(re.sub(r"        force = .*\n        to.traction.*", "        pass", PRESSURE))
-    monkeypatch.setattr(settings_class({"kind": "tlsph"}), "boundaries", ("push",))
-    data = tables_of("tlsph", {"kind": "push", "plane": "X = 1", "pressure": 0.1, "outward": 1.0})
-    with pytest.raises(SolverError, match="boundaries.0.kind: expected a condition with a meaning, found 'push'"):
-        Declarations(parse_scene(data), Support)
 
 
 def test_two_kinds_of_one_name_are_refused(new_kind):

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from kinds import table, tables_of
 
-from parsolid.boundary.heat import HeatSupply
+from parsolid.boundary.heating import HeatSupply
 from parsolid.boundary.loads import InTime
-from parsolid.methods.mpm.grid_conditions import GridConditions
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
-from parsolid.methods.tlsph.boundaries import build_boundaries
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.particles.generation import generate
@@ -59,25 +57,6 @@ MOVING = [
 LOADS = {"body_force": ["X", "t*Y"], "acceleration": [0.0, -9.81]}
 
 
-def test_loads_and_prescribed_velocities_of_tlsph(comm):
-    scene = parse_scene(tables_of("tlsph", *MOVING) | {"loads": LOADS})
-    particle_set = generate(scene, comm)
-    particles = contained(particle_set)
-    still = contained(particle_set)
-    fixed, found = (build_boundaries(comm, scene, particle_set, one) for one in (still, particles))
-    for again in range(3):
-        for time in (0.0, 0.7):
-            loads = by_particle(particles, found.loads_at(time))
-            assert np.array_equal(loads, by_particle(still, fixed.loads_at(time)))
-            if comm.size == 1 and time > 0.0:
-                assert len(np.unique(loads[:, 1])) > 9
-            expected = spread(still, fixed.prescribed, "velocity", time)
-            assert np.array_equal(spread(particles, found.prescribed, "velocity", time), expected)
-        if again < 2:
-            shuffle(particles)
-    assert particles.layout > 2
-
-
 @pytest.mark.parametrize("traction", ["consistent", "horizon", "single-layer"])
 def test_loads_and_prescribed_displacements_of_peridynamics(traction, comm):
     guided = [{"kind": "displacement", "plane": "X = 1", "displacement": ["Y*t", "free"]}, *MOVING[1:]]
@@ -111,14 +90,14 @@ def test_heat_through_planes(comm):
     data = tables_of("mpm", table("heat_flux") | {"heat_flux": "1 + Y*t"}) | {"loads": {"heat_source": "X"}}
     scene = parse_scene(data)
     particle_set = generate(scene, comm)
-    declared = GridConditions(comm, scene, particle_set.position, np.zeros(4)).declared
     particles, still = contained(particle_set), contained(particle_set)
-    fixed, found = (HeatSupply(declared, one, False) for one in (still, particles))
+    fixed, found = (HeatSupply(scene, one, False) for one in (still, particles))
     for _ in range(2):
         shuffle(particles)
-        expected, power = np.zeros((2, particles.owned, 1))
-        fixed.surfaces[0].put(expected, 0.5)
-        found.surfaces[0].put(power, 0.5)
+        expected, power = np.zeros((2, particles.owned))
+        for supply, result in ((fixed, expected), (found, power)):
+            rows, values = supply.powers(0, 0.5)
+            result[rows] = values
         assert np.array_equal(by_particle(particles, power), by_particle(still, expected))
         assert np.array_equal(by_particle(particles, found.sources(0.5)), by_particle(still, fixed.sources(0.5)))
     # eight particles of side 1/8 at X = 0, at Y = 1/16, 3/16 ...

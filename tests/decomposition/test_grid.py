@@ -19,9 +19,6 @@ class Particles:
     def bases(self):
         return np.floor(self.position)
 
-    def names(self):
-        return self.name
-
     def packed(self, rows):
         return np.column_stack((self.position[rows], self.name[rows].astype(float)))
 
@@ -52,18 +49,15 @@ def given(name, size):
     return np.sin(np.outer(name, np.arange(1.0, size + 1)))[:, :, None] * np.array([1.0, 1e-3])
 
 
-def scatter(grid, particles, private=False):
-    """Sums (rows, 4) of this rank's particles, cell by cell, in columns 1 and 2; one row a node, or a node of each
-    cell.
-    """
+def scatter(grid, particles):
+    """Sums (nodes, 4) of this rank's particles, cell by cell, in columns 1 and 2."""
     cells, size = grid.cells, grid.cells.stencil.shape[1]
-    result = np.zeros((len(cells.index) * size if private else len(cells.nodes), 4))
+    result = np.zeros((len(cells.nodes), 4))
     for c in range(len(cells.index)):
-        rows = np.arange(c * size, (c + 1) * size) if private else cells.stencil[c]
         local = np.zeros((size, 2))
         for p in cells.order[cells.start[c] : cells.start[c + 1]]:
             local += given(particles.name[p : p + 1], size)[0]
-        result[rows, 1:3] += local
+        result[cells.stencil[c], 1:3] += local
     return result
 
 
@@ -80,12 +74,8 @@ def totals(position, name, dimension):
 
 def summed(grid, particles):
     """Node values (nodes, 4) after the sum over ranks."""
-    if grid.bitwise:
-        partial, nodes = scatter(grid, particles, private=True), np.zeros((len(grid.cells.nodes), 4))
-        total = grid.sum(nodes, 1, 3, 0, partial)
-    else:
-        nodes = scatter(grid, particles)
-        total = grid.sum(nodes, 1, 3, 0)
+    nodes = scatter(grid, particles)
+    total = grid.sum(nodes, 1, 3, 0)
     total.start()
     total.finish()
     return nodes
@@ -153,10 +143,9 @@ def test_parts_are_equal_and_every_cell_has_one_owner(dimension, parts):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("bitwise", [False, True])
-def test_sums_over_ranks_while_particles_move(comm, dimension, bitwise):
+def test_sums_over_ranks_while_particles_move(comm, dimension):
     particles = particle_set(comm, dimension)
-    grid = RankGrid(comm, dimension, WIDTH, bitwise=bitwise)
+    grid = RankGrid(comm, dimension, WIDTH)
     assert grid.deal_out(particles)
     check_sums(comm, grid, particles)
     drift = np.array([0.7, -0.4, 0.3])[:dimension]
@@ -200,22 +189,6 @@ def test_sums_over_ranks_with_particles_that_stay_outside_their_cells(comm, dime
     assert grid.settle(particles, release=False) == (comm.rank > 0 or comm.size == 1)
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_bitwise_sums_do_not_depend_on_the_ranks(comm, dimension):
-    alone = comm.Split(comm.rank)
-    many, one = particle_set(comm, dimension), particle_set(alone, dimension)
-    grids = [RankGrid(c, dimension, WIDTH, bitwise=True) for c in (comm, alone)]
-    for grid, particles in zip(grids, (many, one)):
-        grid.deal_out(particles)
-        particles.position = particles.position + 0.8
-        grid.settle(particles)
-    spread, single = (summed(grid, particles) for grid, particles in zip(grids, (many, one)))
-    slots = grids[1].cells.slots(words(grids[0].cells.nodes))
-    held = slots >= 0
-    np.testing.assert_array_equal(spread[held], single[slots[held]])
-    assert not spread[~held].any()
-
-
 def test_nodes_behind_mirrors_come_with_their_images(comm):
     mirrors = (Mirror(0, 2 * -3, 1), Mirror(1, 2 * 6 + 1, -1))
     particles = particle_set(comm, 2)
@@ -235,7 +208,7 @@ def test_nodes_behind_mirrors_come_with_their_images(comm):
     check_sums(comm, grid, particles)
 
 
-def test_the_order_within_cells_is_that_of_storage_or_of_names():
+def test_the_order_within_cells_is_that_of_storage():
     cells = OccupiedCells(2, 2)
     bases = np.array([[0, 0], [1, 0], [0, 0], [0, 1], [0, 0]])
     assert len(cells.sort(bases, 5)) == 5
@@ -243,8 +216,6 @@ def test_the_order_within_cells_is_that_of_storage_or_of_names():
     assert len(cells.sort(bases, 5)) == 0
     np.testing.assert_array_equal(cells.order[:5], [0, 2, 4, 3, 1])
     np.testing.assert_array_equal(cells.start, [0, 3, 4, 5])
-    cells.sort(bases, 5, np.array([9, 1, 5, 2, 7]))
-    np.testing.assert_array_equal(cells.order[:5], [2, 4, 0, 3, 1])
 
 
 def test_a_particle_that_is_lost_is_told(comm):

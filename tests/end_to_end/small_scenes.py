@@ -174,7 +174,7 @@ FLIGHT = {
     "method": {
         "kind": "mpm",
         "cell": 0.1,
-        "basis": "cpgimp",
+        "basis": "ugimp",
         "order": "musl",
         "flip_fraction": 0.99,
         "rebalance": 1.05,

@@ -55,7 +55,6 @@ def test_what_has_no_order_gets_twice_the_large_factor():
     [
         (["method.basis=linear"], True),
         ([], False),
-        (["method.basis=linear", "method.formulation=total-lagrangian"], False),
     ],
 )
 def test_the_linear_basis_is_known_to_have_none_where_particles_cross_cells(changes, lost):

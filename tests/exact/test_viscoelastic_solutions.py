@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lattice_bar import fundamental_period, lattice_frequency
 
 from parsolid.exact.bar_vibration import BarVibration, fitted_oscillation
-from parsolid.exact.lattice_bar import fundamental_period, lattice_frequency
 from parsolid.exact.prony import PronySeries
 from parsolid.exact.uniaxial_creep import UniaxialCreep
 

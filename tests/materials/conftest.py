@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from parsolid.materials.hyperelastic.hyperbolicity import polyconvex_state
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 
 LAWS = {
@@ -55,23 +54,5 @@ def random_branches(random_deformation):
     def make(count, branches, spread=0.3):
         G = random_deformation(count * branches, spread).reshape(count, branches, 3, 3)
         return np.swapaxes(G, -1, -2) @ G
-
-    return make
-
-
-@pytest.fixture
-def random_state(random, random_deformation, random_branches):
-    """A consistent state, or one whose F, H, J, Y, y are independent of each other as in the polyconvex energy."""
-
-    def make(law, count, independent=False):
-        A = random_branches(count, len(law.branch_moduli or ())) if law.branch_moduli else None
-        state = polyconvex_state(law, random_deformation(count), A)
-        if independent:
-            state = state._replace(
-                H=random_deformation(count),
-                J=random.uniform(0.5, 2.0, count),
-                y=random.uniform(0.5, 2.0, state.y.shape),
-            )
-        return state
 
     return make

@@ -7,21 +7,20 @@ import pytest
 
 from parsolid.materials import registry
 from parsolid.materials.declaration import NEEDED, parameters_of
-from parsolid.materials.failure import failing  # noqa: F401  (the criteria)
-from parsolid.materials.failure.failure import Failure, Loading, Scatter, chained, damage_after
+from parsolid.materials.failure.failure import Failure, Loading, Scatter, chained
+from parsolid.materials.failure.functions import damage_after
 from parsolid.materials.failure.johnson_cook_damage import JohnsonCookDamage, strain_to_fracture
 from parsolid.materials.failure.maximum_tension import MaximumTension, MeanTension
 from parsolid.materials.failure.plastic_strain import PlasticStrain
 from parsolid.materials.failure.scatter import strengths
+from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.plastic import plastic_evaluation as evaluation
+from parsolid.materials.plastic import tile_update as update
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.equation_of_state import MieGrueneisen
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.melting import ConstantMelting
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
-from parsolid.methods.mpm.plastic_update import advance_stress, new_state
-from parsolid.numerics.layout import LAYOUT
-from parsolid.numerics.tensors import SymmetricSpace
 from parsolid.scene.failure import library
 
 COPPER = ElasticPlastic(
@@ -49,35 +48,58 @@ TORCH, STEEL, IRON = (of_library(f"{name}, Johnson-Cook") for name in ("OFHC cop
 NEVER = (TORCH._replace(d1=1e30), MaximumTension(1e300), MeanTension(1e300), PlasticStrain(1e300))
 
 
+ROWS = {
+    "plastic_strain": update.PLASTIC_STRAIN,
+    "energy": update.ENERGY,
+    "temperature": update.TEMPERATURE,
+    "damage": update.DAMAGE,
+}
+
+
 class Point:
     """One particle of one law, driven by velocity gradients (3, 3)."""
 
-    def __init__(self, *criteria, law=COPPER, deletes=False):
+    def __init__(self, *criteria, law=COPPER, deletes=False, temperature=300.0):
         given = {type(criterion): criterion for criterion in criteria}
         chain = [given.pop(type(criterion), criterion) for criterion in NEVER] + list(given.values())
         self.law, self.kinds = law._replace(failure=Failure(chained(chain), deletes, None)), list(map(type, chain))
-        self.state = new_state(3, 8, len(chain))
-        self.state.temperature[:] = 300.0
-        self.motion, self.rate, self.record = np.zeros((8, 8)), np.zeros((8, 12)), np.zeros((8, 8))
-        self.motion[:, 7] = 1.0
+        self.tile = update.new_tile(len(chain))
+        update.fill_idle(self.law, self.tile, 0)
+        self.rows = self.tile.reshape(-1, update.TILE)
+        self.rows[update.TEMPERATURE] = temperature
         self.released = 0.0
 
     def advance(self, step, gradient, steps=1):
-        self.rate.reshape(-1, 3, 4)[0, :, :3] = gradient
-        arrays = (self.state, self.motion, self.rate, self.record)
         for _ in range(steps):
-            outcome = advance_stress(LAYOUT[3], 0, 1, self.law, step, None, *arrays)
-            assert outcome[0]
-            self.released += outcome[4]
+            self.rows[update.VELOCITY_GRADIENT : update.VELOCITY_GRADIENT + 9, 0] = np.ravel(gradient)
+            update.advance_deformation(step, None, self.tile)
+            update.start_step(self.law, self.law.failure, self.tile)
+            update.flow(self.law, self.law.failure, step, self.tile)
+            update.finish_step(self.law, self.law.failure, step, self.tile)
+            assert self.rows[update.ROOM, 0] > 0.0
+            self.released += self.rows[update.RELEASED, 0]
+            if self.damage >= 1.0:
+                # failed matter has no shape to remember
+                self.rows[update.DEFORMATION : update.DEFORMATION + 9, 0] = np.cbrt(self.J) * np.eye(3).ravel()
         return self
 
     @property
+    def J(self):
+        return self.rows[update.NEW_JACOBIAN, 0]
+
+    @property
+    def deviator(self):
+        """Unrotated, 11, 22, 33, 12, 13, 23."""
+        return self.rows[update.DEVIATOR : update.DEVIATOR + 6, 0]
+
+    @property
     def stress(self):
-        xx, yy, zz, _, yz, xz, xy, _ = self.record[0]
-        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        """J times Cauchy's."""
+        R = self.rows[update.ROTATION : update.ROTATION + 9, 0].reshape(3, 3)
+        return self.J * (R @ symmetric_tensors(self.deviator) @ R.T - self.rows[update.PRESSURE, 0] * np.eye(3))
 
     def __getattr__(self, name):
-        return getattr(self.state, name)[0, 0]
+        return self.rows[ROWS[name], 0]
 
 
 def stretch(rate):
@@ -142,10 +164,9 @@ def test_every_criterion_of_the_registry_in_the_kernel(kind):
     for number in range(8):
         point.advance(1e-9, stretch(1e6 if number < 5 else -2e6))
         increment, pressure = point.plastic_strain - ep, -np.trace(point.stress) / 3.0
-        J = np.linalg.det(point.state.deformation[:, 0].reshape(3, 3))
-        s = point.state.deviator[:, 0]
+        s, J = tuple(point.deviator), point.J
         loading = Loading(
-            SymmetricSpace(*s),
+            s,
             pressure / J,
             point.plastic_strain,
             increment,
@@ -165,12 +186,12 @@ def test_failed_matter_bears_pressure_alone_once_its_void_has_closed(criterion):
     point = Point(criterion)
     while point.damage < 1.0:
         point.advance(1e-9, stretch(2e6))
-    J = np.linalg.det(point.state.deformation[:, 0].reshape(3, 3))
+    J = point.J
     assert np.abs(point.stress).max() == 0.0 and point.released > 0.0
     ep, energy = point.plastic_strain, point.energy
     point.advance(1e-9, stretch(2e6), 50)
     assert np.abs(point.stress).max() == 0.0 and point.energy == energy and point.plastic_strain == ep
-    opened = np.linalg.det(point.state.deformation[:, 0].reshape(3, 3))
+    opened = point.J
     assert opened > J * 1.09
     # no pressure before it is closed, pressure without shear behind
     point.advance(1e-9, stretch(-2e6), 40)
@@ -189,7 +210,7 @@ def test_energy_is_continuous_but_for_the_half_step_that_no_force_has_done():
         last, energy = point.stress, point.energy
         point.advance(step, stretch(rate))
         whole.advance(step, stretch(rate))
-    J = np.linalg.det(point.state.deformation[:, 0].reshape(3, 3))
+    J = point.J
     work = 0.5 * last[0, 0] / J * (J - J / (1.0 + step * rate))
     assert point.energy - energy == pytest.approx(work, rel=1e-3)
     capacity = 8930.0 * 383.0
@@ -204,7 +225,7 @@ def test_the_first_of_several_criteria_ends_it():
         point = Point(weak, strong)
         while point.damage < 1.0:
             point.advance(1e-9, stretch(1e6))
-        damages = dict(zip(point.kinds, point.state.criterion_damage[:, 0]))
+        damages = dict(zip(point.kinds, point.rows[update.CRITERIA :, 0]))
         assert damages.pop(type(weak)) >= 1.0 and 0.0 < damages[type(strong)] < 0.3
         assert max(damages.values()) < 0.3
         assert type(weak) is MeanTension or point.plastic_strain == pytest.approx(0.01, rel=0.1)
@@ -227,8 +248,7 @@ def test_what_was_stored_is_never_negative_in_any_state():
     """At 3 km/s in a cell: rates of 1e9, tension beyond the spinodal, melt."""
     rng = np.random.default_rng(4)
     for _ in range(40):
-        point = Point(TORCH, MaximumTension(1e9), law=COPPER)
-        point.state.temperature[:] = rng.uniform(50.0, 2000.0)
+        point = Point(TORCH, MaximumTension(1e9), law=COPPER, temperature=rng.uniform(50.0, 2000.0))
         gradient = rng.uniform(-1.0, 1.0, (3, 3)) * 10.0 ** rng.uniform(3, 9)
         # compressed no further than the equation of state knows
         gradient -= min(np.trace(gradient), 0.0) / 3.0 * np.eye(3)

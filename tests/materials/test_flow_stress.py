@@ -6,16 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decomposition.compiled import compiled
 from parsolid.materials.plastic import plastic_evaluation as evaluation
-from parsolid.materials.plastic import plasticity
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus, NadalLePoac
 from parsolid.materials.plastic.steinberg_cochran_guinan import SteinbergCochranGuinan, ThermalActivation
 from parsolid.materials.registry import law_of
-from parsolid.numerics.lanes import load, store
 from parsolid.scene.plasticity import library
 
 TABLE = json.loads(Path(__file__).with_name("flow_table.json").read_text())
@@ -40,16 +37,6 @@ def table_column(name):
     return np.array([row[name] for row in TABLE["flow_stress_Pa"]])
 
 
-@compiled
-def on_lanes(law, plastic_strain, rate, temperature, result):
-    for i in range(0, result.shape[1], 4):
-        T = load(temperature, 0, i)
-        melting = plasticity.melting_temperature(law.melting, 1.0)
-        mu = plasticity.shear_modulus(law.shear_modulus, 1.0, 0.0, T, melting)
-        ep, speed = load(plastic_strain, 0, i), load(rate, 0, i)
-        store(result, 0, i, 1.0 * plasticity.flow_stress(law.flow_stress, ep, speed, T, mu, melting))
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_flow_stress_table(model):
     name, tolerance = MODELS[model]
@@ -57,11 +44,6 @@ def test_flow_stress_table(model):
     law = material(name)
     found = evaluation.flow_stress(law, ep, rate, T)
     assert found == pytest.approx(table_column(model), rel=tolerance)
-    # and four at a time the same but for rounding
-    padded = [np.resize(values, (1, 48)) for values in (ep, rate, T)]
-    lanes = np.empty((1, 48))
-    on_lanes(law, *padded, lanes)
-    assert lanes[0, : len(found)] == pytest.approx(found, rel=1e-11)
 
 
 @pytest.mark.parametrize("model", MODELS)

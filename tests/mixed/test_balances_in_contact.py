@@ -8,7 +8,7 @@ from solids import Record, run_into
 
 from parsolid.collective import SolverError
 from parsolid.contact import closing, kernel_contact
-from parsolid.methods.mpm.powers import power, power_at_end
+from parsolid.methods.mpm.external_forces import power, power_at_end
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
 from parsolid.simulation.restart import Restart
@@ -57,14 +57,14 @@ def test_particles_gain_what_forces_do_at_the_nodes():
     sim = Simulation(MPI.COMM_SELF, parse_scene(blocks(POINTS | {"transfer": "flip"}, 200.0, 4e-6)))
 
     def kinetic() -> float:
-        return sum(system.energies()[0] - system.waiting.energy() for system in sim.systems)
+        return sum(system.energies()[0] - system.external.energy() for system in sim.systems)
 
     for _ in range(6):
         before, gain = kinetic(), 0.0
         sim.take_step(1e-8)
         for system in sim.systems:
             nodes = system.nodes
-            motion, again = nodes.motion[: nodes.count], nodes.again[: nodes.count]
+            motion, again = nodes.motion[: nodes.count], nodes.remapped[: nodes.count]
             impulse = (nodes.share * motion[:, 3])[:, None] * motion[:, 4:7]
             gain += 0.5 * float(np.sum(impulse * (motion[:, :3] - motion[:, 4:7] + again[:, :3])))
         assert kinetic() - before == pytest.approx(gain, rel=1e-9, abs=1e-12 * before)
@@ -225,8 +225,8 @@ def test_a_step_of_no_length_leaves_the_bound_and_without_entries_there_is_none(
 
 def test_a_checkpoint_of_velocities_of_other_times_is_refused():
     system = Simulation(MPI.COMM_SELF, parse_scene(blocks(POINTS, 800.0, 2e-6))).systems[0]
-    with pytest.raises(SolverError, match="expected a checkpoint that this version of parsolid has written"):
-        system.set_state(system.state() | {"waiting": None})
+    with pytest.raises(SolverError):
+        system.set_state(system.state() | {"external": None})
 
 
 def test_power_of_stresses():

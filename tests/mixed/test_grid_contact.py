@@ -132,7 +132,7 @@ def test_blocks_off_their_centres_keep_their_momentum_in_space():
     # each block has 27 kg at 3 m/s
     assert np.abs(found["p"]).max() < 1e-12 * 81.0
     assert found["contact_dissipation"][-1] > 0.02 * found["kinetic"][0] and found["friction_dissipation"][-1] > 0.0
-    meeting = sim.interactions[-1].meetings[0]
+    meeting = sim.interactions[-1].pairs[0]
     assert meeting.active.any() and (meeting.normal[meeting.active][:, 0] > 0.7).all()
 
 

@@ -113,7 +113,7 @@ REFUSED = {
     ),
     "key of a method": (
         lambda data: data["methods"][1].update(basis="cubic"),
-        "methods.1.basis: expected 'linear', 'ugimp', 'cpgimp', 'quadratic-spline' or 'cubic-spline', found",
+        "methods.1.basis: expected 'linear', 'ugimp', 'quadratic-spline' or 'cubic-spline', found",
     ),
     "material of another": (
         lambda data: data["bodies"][0].update(material=COPPER),

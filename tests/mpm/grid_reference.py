@@ -7,14 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import interpolate
 
-from parsolid.methods.mpm import grid
-from parsolid.methods.mpm import weights as grid_weights
-from parsolid.numerics.lanes import aligned_zeros
-from parsolid.numerics.layout import LAYOUT
+from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis, nodes_across
+from parsolid.methods.mpm.transfer import Cells
 
 SPACING = 0.3
 ORIGIN = np.array([-0.7, 0.2, 1.1, 0.0])
-BASES = ("linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline")
+BASES = ("linear", "ugimp", "quadratic-spline", "cubic-spline")
 
 
 def hat(s):
@@ -35,7 +33,7 @@ def weight(name, s, half):
     """A node's weight at distance s = (x - x_i)/h."""
     if name == "linear":
         return hat(s)
-    if name in ("ugimp", "cpgimp"):
+    if name == "ugimp":
         return averaged_hat(s, half)
     return np.nan_to_num(spline(2 if name == "quadratic-spline" else 3)(s))
 
@@ -44,7 +42,7 @@ def slope(name, s, half):
     """dw/ds."""
     if name == "linear":
         return np.where(np.abs(s) < 1.0, -np.sign(s), 0.0)
-    if name in ("ugimp", "cpgimp"):
+    if name == "ugimp":
         return (hat(s + half) - hat(s - half)) / (2.0 * half)
     return np.nan_to_num(spline(2 if name == "quadratic-spline" else 3).derivative()(s))
 
@@ -56,38 +54,33 @@ class ParticleSet(NamedTuple):
     basis: object
     halves: np.ndarray
     motion: np.ndarray
-    grid: grid.Grid
+    cells: Cells
     nodes: np.ndarray
     places: np.ndarray
-    scratch: grid.Scratch
-
-    def interpolation(self, space=None):
-        """As the kernels take it, in the usual space of the dimension unless given."""
-        return grid.Interpolation(space or LAYOUT[self.dimension], self.basis, self.grid, self.scratch, self.motion)
 
 
 def topology(basis, motion, count, dimension, spacing=SPACING, origin=ORIGIN):
-    """The grid, with the particles' order by base cell, and the nodes' positions (nodes, 4)."""
+    """The cells, with the particles' order by base cell, and the nodes' positions (nodes, 4)."""
     base = np.zeros((count, dimension), np.int64)
-    grid_weights.find_bases(0, count, motion, origin, 1.0 / spacing, grid_weights.base_offset(basis), base)
+    find_base_nodes(count, motion, origin, spacing, basis.offset, base)
     order = np.lexsort(base.T[::-1])
     cells, counts = np.unique(base, axis=0, return_counts=True)
-    across = grid_weights.nodes_across(basis)
+    across = nodes_across(basis)
     steps = np.stack(np.meshgrid(*[np.arange(across)] * dimension, indexing="ij"), -1).reshape(-1, dimension)
     numbers, slots = np.unique((cells[:, None] + steps).reshape(-1, dimension), axis=0, return_inverse=True)
     places = np.zeros((len(numbers), 4))
     places[:, :dimension] = origin[:dimension] + spacing * numbers
-    rows = aligned_zeros((len(cells), 4))
+    rows = np.zeros((len(cells), 4))
     rows[:, :dimension] = cells
     start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     stencil = slots.reshape(len(cells), -1).astype(np.int32)
-    return grid.Grid(origin, spacing, 1.0 / spacing, rows, start, order, stencil), places
+    return Cells(tuple(range(dimension)), False, origin, spacing, rows, start, order, stencil), places
 
 
 def make_cloud(name, dimension, count=60, seed=3, lower=0.5):
     """Particles in a box of about 3 cells a side, some exactly on nodes, cell faces and cell middles."""
     random = np.random.default_rng(seed)
-    motion = aligned_zeros((count + 4, 8))
+    motion = np.zeros((count + 4, 8))
     motion[:count, :dimension] = lower + random.uniform(0.0, 0.9, (count, dimension))
     special = ORIGIN[:dimension] + SPACING * (6.0 + np.array([0.0, 0.25, 0.5, 1.0])[:, None])
     # at a node the gradient of a hat function may be either one
@@ -95,35 +88,30 @@ def make_cloud(name, dimension, count=60, seed=3, lower=0.5):
     motion[:count, 3] = random.uniform(0.5, 2.0, count)
     motion[:count, 4 : 4 + dimension] = random.normal(size=(count, dimension))
     motion[:count, 7] = random.uniform(0.1, 0.2, count)
-    halves = aligned_zeros((count + 4, 4)) + 0.5
-    widest = 0.5 if name == "ugimp" else 1.0
-    halves[:count, :dimension] = random.uniform(0.02, widest, (count, dimension))
-    basis = grid_weights.make_basis(name, halves)
+    halves = np.zeros((count + 4, 4)) + 0.5
+    halves[:count, :dimension] = random.uniform(0.02, 0.5, (count, dimension))
+    basis = make_basis(name, halves)
     cells, places = topology(basis, motion, count, dimension)
-    nodes = aligned_zeros((len(places), 8))
-    return ParticleSet(dimension, basis, halves, motion, cells, nodes, places, grid.make_scratch(basis, dimension))
+    nodes = np.zeros((len(places), 8))
+    return ParticleSet(dimension, basis, halves, motion, cells, nodes, places)
 
 
 def weights_of(particle_set, name):
     """All weights (particles, nodes) and their gradients (particles, nodes, 3), and positions of nodes less
     particles.
     """
-    count = particle_set.grid.start[-1]
+    count = particle_set.cells.start[-1]
     x = particle_set.motion[:count, :3]
     apart = particle_set.places[None, :, :3] - x[:, None]
-    s = -apart / particle_set.grid.spacing
+    s = -apart / particle_set.cells.spacing
     half = particle_set.halves[:count, None, :3]
-    w, g = weight(name, s, half), slope(name, s, half) / particle_set.grid.spacing
+    w, g = weight(name, s, half), slope(name, s, half) / particle_set.cells.spacing
     if particle_set.dimension == 2:
         w[..., 2], g[..., 2] = 1.0, 0.0
     gradient = np.stack(
         [g[..., 0] * w[..., 1] * w[..., 2], w[..., 0] * g[..., 1] * w[..., 2], w[..., 0] * w[..., 1] * g[..., 2]], -1
     )
     return w.prod(-1), gradient, apart
-
-
-def space_of(dimension):
-    return LAYOUT[dimension]
 
 
 def mirror(particle_set, direction, index, side):
@@ -133,7 +121,7 @@ def mirror(particle_set, direction, index, side):
     side 1: the body lies above the plane, -1: below. index may be a half.
     """
     numbers = np.rint(
-        (particle_set.places - particle_set.grid.origin)[:, : particle_set.dimension] / particle_set.grid.spacing
+        (particle_set.places - particle_set.cells.origin)[:, : particle_set.dimension] / particle_set.cells.spacing
     ).astype(int)
     slots = {tuple(number): slot for slot, number in enumerate(numbers)}
     ghost = np.flatnonzero(side * (numbers[:, direction] - index) <= 0)
@@ -149,13 +137,11 @@ def line(kind, cells, per_cell, height=1):
     spacing, count = 1.0 / cells, cells * per_cell
     x, y = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(height * per_cell) + 0.5) / count, indexing="ij")
     n = x.size
-    motion = aligned_zeros((n + 4, 8))
+    motion = np.zeros((n + 4, 8))
     motion[:n, 0], motion[:n, 1] = x.ravel(), y.ravel()
     motion[:n, 7] = 1.0 / count**2
-    halves = aligned_zeros((n + 4, 4)) + 0.5 / per_cell
-    basis = grid_weights.make_basis(kind, halves)
+    halves = np.zeros((n + 4, 4)) + 0.5 / per_cell
+    basis = make_basis(kind, halves)
     origin = np.zeros(4)
     cells, places = topology(basis, motion, n, 2, spacing, origin)
-    return ParticleSet(
-        2, basis, halves, motion, cells, aligned_zeros((len(places), 8)), places, grid.make_scratch(basis, 2)
-    )
+    return ParticleSet(2, basis, halves, motion, cells, np.zeros((len(places), 8)), places)

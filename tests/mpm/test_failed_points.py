@@ -119,8 +119,6 @@ def test_failure_is_refused_where_it_makes_no_sense():
     for material in (SOFT, {"kind": "mooney-rivlin", "density": 1e3, "youngs_modulus": 1e7, "poissons_ratio": 0.3}):
         with pytest.raises(SceneError, match="material.failure: expected no such key: failure is of plastic flow"):
             parse_scene(scene(*box, material=material | {"failure": failure}))
-    with pytest.raises(SceneError, match="no such key with the formulation 'total-lagrangian'"):
-        parse_scene(scene(*box, material=COPPER | {"failure": failure}, method={"formulation": "total-lagrangian"}))
     for name, words in (("failed_mass", "a body with failure"), ("deleted_mass", 'after = "delete"')):
         data = scene(*box, material=COPPER, probes=[{"name": "a", "quantity": name}])
         with pytest.raises(SceneError, match=words):

@@ -5,7 +5,6 @@ import pytest
 from grid_reference import BASES, line, make_cloud, mirror, weights_of
 
 from parsolid.methods.mpm import heat as grid_heat
-from parsolid.numerics.lanes import aligned_zeros
 
 
 class Conduction:
@@ -14,20 +13,18 @@ class Conduction:
     def __init__(self, particle_set, thermal, planes=()):
         self.particle_set, self.thermal, self.planes = particle_set, thermal, planes
 
-    def _pass(self, kernel, *more):
-        return kernel(self.particle_set.interpolation(), *more)
-
     def flow(self):
         """Heat flows of the nodes."""
         nodes = self.particle_set.nodes
         nodes[:] = 0.0
-        self._pass(grid_heat.scatter_heat, self.thermal, None, nodes, None)
+        grid = self.particle_set.basis, self.particle_set.cells, self.particle_set.motion
+        grid_heat.heat_to_grid(*grid, self.thermal, None, nodes)
         for ghost, image, sign, temperature in self.planes:
             grid_heat.fold_capacity(ghost, image, sign, np.full(len(ghost), (1.0 - sign) * temperature), nodes)
-        grid_heat.find_temperatures(0, len(nodes), nodes)
+        grid_heat.find_temperatures(len(nodes), nodes)
         for ghost, image, sign, temperature in reversed(self.planes):
-            grid_heat.spread_temperature(ghost, image, sign, np.full(len(ghost), (1.0 - sign) * temperature), nodes)
-        self._pass(grid_heat.conduct, None, self.thermal, None, None, nodes, None)
+            grid_heat.unfold_temperatures(ghost, image, sign, np.full(len(ghost), (1.0 - sign) * temperature), nodes)
+        grid_heat.conduct(*grid, self.thermal, None, None, nodes)
         return nodes
 
     def step(self, step):
@@ -35,14 +32,15 @@ class Conduction:
         nodes = self.flow()
         for plane in self.planes:
             grid_heat.fold_flow(*plane[:3], nodes)
-        grid_heat.find_increments(0, len(nodes), nodes, step)
+        grid_heat.find_increments(len(nodes), nodes, step)
         for plane in reversed(self.planes):
-            grid_heat.spread_increment(*plane[:3], np.zeros(len(plane[0])), nodes)
-        return self._pass(grid_heat.gather_heat, nodes, self.thermal)
+            grid_heat.unfold_increments(*plane[:3], np.zeros(len(plane[0])), nodes)
+        grid = self.particle_set.basis, self.particle_set.cells
+        return grid_heat.heat_to_particles(*grid, nodes, self.particle_set.motion, self.thermal)
 
 
 def random_thermal(particle_set):
-    thermal = aligned_zeros((len(particle_set.motion), 4))
+    thermal = np.zeros((len(particle_set.motion), 4))
     thermal[:] = np.random.default_rng(3).uniform(1.0, 2.0, thermal.shape) * [300.0, 1.0, 1.0, 1.0]
     return thermal
 
@@ -50,7 +48,7 @@ def random_thermal(particle_set):
 @pytest.mark.parametrize("name, dimension", [*((name, 2) for name in BASES), ("quadratic-spline", 3)])
 def test_a_step_is_the_plain_sum(name, dimension):
     particle_set = make_cloud(name, dimension)
-    n, thermal = int(particle_set.grid.start[-1]), random_thermal(particle_set)
+    n, thermal = int(particle_set.cells.start[-1]), random_thermal(particle_set)
     w, gradient, _ = weights_of(particle_set, name)
     T, C, conductivity, power = thermal[:n].copy().T
     capacity = w.T @ C
@@ -67,8 +65,8 @@ def test_a_step_is_the_plain_sum(name, dimension):
 def cosine(kind, cells):
     """A strip with T = cos(pi x), unit diffusivity, insulated."""
     particle_set = line(kind, cells, 2)
-    n = int(particle_set.grid.start[-1])
-    thermal = aligned_zeros((len(particle_set.motion), 4))
+    n = int(particle_set.cells.start[-1])
+    thermal = np.zeros((len(particle_set.motion), 4))
     thermal[:n, 0] = np.cos(np.pi * particle_set.motion[:n, 0])
     thermal[:n, 1] = thermal[:n, 2] = particle_set.motion[:n, 7]
     planes = [
@@ -81,7 +79,7 @@ def cosine(kind, cells):
 def test_a_cosine_decays_at_its_rate(kind, published):
     cells, time = 20, 0.1
     particle_set, thermal, planes = cosine(kind, cells)
-    n, steps = int(particle_set.grid.start[-1]), int(np.ceil(time * 8.0 * cells**2))
+    n, steps = int(particle_set.cells.start[-1]), int(np.ceil(time * 8.0 * cells**2))
     conduction = Conduction(particle_set, thermal, planes)
     total = thermal[:n, 0] @ thermal[:n, 1]
     for _ in range(steps):
@@ -98,7 +96,7 @@ def test_a_cosine_decays_at_its_rate(kind, published):
 def test_planes_at_two_temperatures_give_the_linear_profile(kind):
     cells = 6
     particle_set, thermal, planes = cosine(kind, cells)
-    n = int(particle_set.grid.start[-1])
+    n = int(particle_set.cells.start[-1])
     planes = [(*planes[0][:2], -1.0, 300.0), (*planes[1][:2], -1.0, 400.0), *planes[2:]]
     thermal[:n, 0] = 300.0 + 100.0 * particle_set.motion[:n, 0]
     before = thermal[:n, 0].copy()

@@ -6,7 +6,7 @@ from points import SOFT, scene
 from solids import Record, follow, simulation
 
 
-def spinning(formulation: str, stretch: float) -> dict:
+def spinning(stretch: float) -> dict:
     """A block of 8 x 6 cells that turns at 20 rad/s about its middle, stretched at the start, in few steps."""
     return scene(
         [-0.4, -0.3],
@@ -14,7 +14,7 @@ def spinning(formulation: str, stretch: float) -> dict:
         0.05,
         0.1,
         material=SOFT,
-        method={"transfer": "apic", "formulation": formulation},
+        method={"transfer": "apic"},
         body={"velocity": ["-20*Y", f"20*X*{stretch}"], "displacement": [f"{stretch - 1.0}*X", "0"]},
     )
 
@@ -26,9 +26,9 @@ def spin_and_energy(sim) -> np.ndarray:
     return sim.comm.allreduce(np.array([m @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]), 0.5 * m @ (v**2).sum(axis=1)]))
 
 
-@pytest.mark.parametrize("formulation, stretch", [("updated", 1.0), ("updated", 1.2), ("total-lagrangian", 1.2)])
-def test_the_first_step_keeps_spin_and_energy(comm, formulation, stretch):
-    sim = simulation(spinning(formulation, stretch), comm)
+@pytest.mark.parametrize("stretch", [1.0, 1.2])
+def test_the_first_step_keeps_spin_and_energy(comm, stretch):
+    sim = simulation(spinning(stretch), comm)
     before = spin_and_energy(sim)
     follow(sim, Record(), 1)
     spin, energy = spin_and_energy(sim) / before

@@ -86,17 +86,6 @@ def test_a_wall_through_a_body_is_refused(comm, wall, body, found):
         simulation(data, comm)
 
 
-@pytest.mark.parametrize("gap, formulation", [(0.0, "total-lagrangian"), (0.5, "updated"), (0.5, "total-lagrangian")])
-def test_bodies_that_would_pass_through_one_another_are_refused(comm, gap, formulation):
-    data = scene(*BLOCK, material=SOFT, method={"formulation": formulation})
-    data["bodies"] += scene([0.4 + gap, 0.0], [0.8 + gap, 0.3], 0.05, 0.1, material=SOFT)["bodies"]
-    if gap == 0.0 or formulation == "updated":
-        simulation(data, comm)
-        return
-    with pytest.raises(SolverError, match="bodies.1: expected bodies that are joined"):
-        simulation(data, comm)
-
-
 def test_a_viscosity_that_no_law_takes_is_refused(comm):
     data = scene(*BLOCK, material=SOFT, method={"viscosity": {"linear": 1.0}})
     with pytest.raises(SceneError, match="method.viscosity: expected no such key without an elastic-plastic body"):

@@ -1,4 +1,4 @@
-"""One run on all ranks and on one: the same shape of a Taylor bar; the same bits where the scene asks for them."""
+"""One run on all ranks and on one: the same shape of a Taylor bar; every basis."""
 
 import numpy as np
 import pytest
@@ -23,21 +23,21 @@ def test_the_taylor_bar_does_not_depend_on_the_ranks(comm, order, transfer, end)
 
 
 @pytest.mark.every_other
-@pytest.mark.parametrize("basis", ["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"])
+@pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic-spline", "cubic-spline"])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_bitwise_runs_have_the_same_bits(comm, basis, dimension):
+def test_every_basis_gives_the_same_on_any_ranks(comm, basis, dimension):
     cell = 1.6e-3 if dimension == 3 else 8e-4
-    data = taylor_bar(cell, dimension=dimension, length=16e-3, basis=basis, bitwise=True, order="usl")
+    data = taylor_bar(cell, dimension=dimension, length=16e-3, basis=basis, order="usl")
     (spread, many), (single, one) = run_steps(data, 40, comm), run_steps(data, 40, comm.Split(comm.rank))
     for name, found, wanted in zip(FIELDS, gathered(spread, *FIELDS), gathered(single, *FIELDS)):
-        np.testing.assert_array_equal(found, wanted, err_msg=name)
-    np.testing.assert_array_equal(many["time"], one["time"])
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-10 * np.abs(wanted).max(), err_msg=name)
+    np.testing.assert_allclose(many["time"], one["time"], rtol=1e-12)
     assert np.abs(gathered(single, "plastic_strain")[0]).max() > 0.05
 
 
 @pytest.mark.slow
 @pytest.mark.every_other
-@pytest.mark.parametrize("method", [{}, {"order": "musl", "transfer": "apic"}, {"bitwise": True, "order": "musl"}])
+@pytest.mark.parametrize("method", [{}, {"order": "musl", "transfer": "apic"}])
 @pytest.mark.parametrize("cells", [(4, 3), (4, 3, 2)])
 def test_a_body_that_crosses_the_domain(comm, cells, method):
     data = crossing(cells=cells, **method)
@@ -45,9 +45,8 @@ def test_a_body_that_crosses_the_domain(comm, cells, method):
     moved = gathered(single, "position")[0] - gathered(single, "reference_position")[0]
     # farther than the block is long: every particle is in cells that none was in at first
     assert moved[:, 0].min() > 1.5 * 0.1 * cells[0]
-    tolerance = 0.0 if method.get("bitwise") else 1e-10
     for name, found, wanted in zip(FIELDS, gathered(spread, *FIELDS), gathered(single, *FIELDS)):
-        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=tolerance * np.abs(wanted).max(), err_msg=name)
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-10 * np.abs(wanted).max(), err_msg=name)
     assert (spread.systems[0].summary()["migrated_particles"] > 0) == (comm.size > 1)
     # forces on nodes lighter than a thousand-millionth of a particle are left out
     np.testing.assert_allclose(momentum(spread), momentum(simulation(data, comm)), rtol=1e-9)

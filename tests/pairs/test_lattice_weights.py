@@ -18,11 +18,6 @@ from solids import (
 )
 
 from parsolid.collective import SolverError
-from parsolid.methods.tlsph.displacement import complete_strain, displacement_gradient
-from parsolid.pairs.axis_lists import is_along_axes, neighbours_in
-from parsolid.pairs.passes import Vector
-from parsolid.pairs.smoothed_weights import SmoothedWeights
-from parsolid.pairs.weights import PairWeights
 from parsolid.scene import SceneError, parse_scene
 
 HOLES = {
@@ -71,7 +66,7 @@ BODIES = {
 def whole_areas(sim) -> np.ndarray:
     """A_a (n, d) with halves beyond mirror planes."""
     area = np.array(sim.systems[0].particles.owned_rows("area"))
-    for plane in sim.systems[0].boundaries.planes:
+    for plane in sim.systems[0].conditions.planes:
         on = plane.contains(sim.particle_sets[0])
         area[on] *= 2.0
         area[on, plane.axis] = 0.0
@@ -81,29 +76,27 @@ def whole_areas(sim) -> np.ndarray:
 def forces_of(sim, stress) -> np.ndarray:
     """Pair force (n, d) [N] of a stress that is the same at all particles."""
     method, d = sim.systems[0], sim.systems[0].dimension
-    owned, width, record = method.owned, {2: 2, 3: 4}[d], method.particles.storage("record")
+    owned, width, record = method.owned, {2: 2, 3: 4}[d], method.lists.record
     L = method.particles.owned_rows("correction").reshape(owned, d, d)
     record[:] = 0.0
     record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)
-    method.particles.storage("pair_force")[:] = 0.0
-    return np.array(method.pairs.divergence(None)[:owned, :d])
+    method.lists.find_forces()
+    return np.array(method.particles.owned_rows("stress_force"))
 
 
 @pytest.mark.parametrize("data", BODIES.values(), ids=BODIES)
 def test_a_constant_stress_has_the_force_of_its_tractions_and_linear_fields_are_exact(data, comm):
     sim = simulation(data, comm)
     method, d = sim.systems[0], sim.systems[0].dimension
-    mirrored = bool(method.boundaries.planes)
+    mirrored = bool(method.conditions.planes)
     matrix = np.diag([0.3, -0.2, 0.7][:d]) if mirrored else np.arange(1.0, 1.0 + d * d).reshape(d, d)
     wanted = -whole_areas(sim) @ matrix.T
     assert np.abs(forces_of(sim, matrix) - wanted).max(initial=0.0) < 1e-13
-    particles, axes = method.particles, [plane.axis for plane in method.boundaries.planes]
+    particles, axes = method.particles, [plane.axis for plane in method.conditions.planes]
     # nothing is linear between two mirrors
     matrix[[axis for axis in axes if axes.count(axis) == 2]] = 0.0
     particles.owned_rows("position")[:] += particles.owned_rows("reference_position") @ matrix.T
-    particles.send("motion")
-    particles.receive("motion")
-    assert np.abs(displacement_gradient(method) - matrix.ravel()).max(initial=0.0) < 1e-12
+    assert np.abs(method.lists.displacement_gradient() - matrix).max(initial=0.0) < 1e-12
     # all of the body, once
     volume = comm.allreduce(particles.owned_rows("volume").sum())
     cells = np.prod([1.2, 0.9, 0.7][:d])
@@ -123,7 +116,7 @@ def test_a_static_pull_is_in_balance_at_every_particle(dimension, weights, comm)
     stretch, normals = [1.01, 0.995, 1.02][:dimension], np.eye(dimension)
     probe = simulation(data)
     probe.systems[0].particles.owned_rows("deformation_gradient")[:] = np.diag(stretch).ravel()
-    complete_strain(probe.systems[0], np.zeros(probe.systems[0].owned, bool))
+    probe.systems[0].complete_strain(np.zeros(probe.systems[0].owned, bool))
     P = probe.systems[0].shown("first_piola_kirchhoff_stress", 0, 1)[0, :dimension, :dimension]
     for axis, upper in enumerate([1.2, 0.9, 0.7][:dimension]):
         traction = [repr(float(value)) for value in P @ normals[axis]]
@@ -133,9 +126,8 @@ def test_a_static_pull_is_in_balance_at_every_particle(dimension, weights, comm)
     method = sim.systems[0]
     stress = method.shown("first_piola_kirchhoff_stress", 0, method.owned)[:, :dimension, :dimension]
     assert np.abs(stress - P).max(initial=0.0) < 1e-10 * np.abs(P).max()
-    loads = method.mass[:, None] * method.boundaries.loads_at(0.0)[:, :dimension]
-    free = method.boundaries.clamp[:, :dimension]
-    left = free * (evaluate(sim)["T"] + loads)
+    loads = method.conditions.loads(0.0).T / method.share[:, None]
+    left = ~method.conditions.held * (evaluate(sim)["T"] + loads)
     # a rank may have no particle that is loaded
     largest = comm.allreduce(np.abs(loads).max(initial=0.0), MPI.MAX)
     assert np.abs(left).max(initial=0.0) < 1e-10 * largest
@@ -195,49 +187,6 @@ def test_momentum_and_energy_are_kept_on_all_ranks(weights, comm):
     assert np.abs(rows["balance"]).max() < 1e-3 * rows["kinetic"][0]
 
 
-@pytest.mark.parametrize("dissipation", [1.0, 0.0])
-@pytest.mark.parametrize(
-    "name", ["cells with a hole 3-D, mirrors", "fourth order 3-D", "fourth order 3-D, mirrors, graded"]
-)
-def test_lists_along_axes_have_the_forces_of_lists_of_pairs(name, dissipation, comm, monkeypatch):
-    data = BODIES[name] | {"method": BODIES[name]["method"] | {"integrator": "leapfrog", "dissipation": dissipation}}
-    data["bodies"] = [data["bodies"][0] | {"velocity": ["0.1*sin(X)*Y*Z", "0.1*cos(X)", "0.1*X*Y"]}]
-    along = simulation(data, comm)
-    assert is_along_axes(along.systems[0].pairs.inner)
-    monkeypatch.setattr(PairWeights, "walked", lambda self, system: (system.inner, system.rim), raising=True)
-    monkeypatch.setattr(SmoothedWeights, "walked", PairWeights.walked)
-    pairs = simulation(data, comm)
-    assert not is_along_axes(pairs.systems[0].pairs.inner)
-    assert along.systems[0].directed_pairs == pairs.systems[0].directed_pairs
-    found = [_forces_of_a_step(sim) for sim in (along, pairs)]
-    for one, other in zip(*found):
-        scale = comm.allreduce(np.abs(other).max(initial=0.0), MPI.MAX)
-        # what reconstruction leaves of a smooth jump has its rounding
-        assert np.abs(one - other).max(initial=0.0) <= 1e-12 * scale
-
-
-def test_a_body_far_away_has_its_lists_along_axes(comm):
-    """Its jumps are those of a table but for rounding of places, 1e-10 of a spacing."""
-    data = tables((5, 6, 5), lower=[1e5] * 3, upper=[1e5 + 0.4, 1e5 + 0.5, 1e5 + 0.4])
-    data["method"] |= {"weights": "cells", "integrator": "leapfrog"}
-    pairs = simulation(data, comm).systems[0].pairs
-    assert is_along_axes(pairs.inner)
-    assert comm.size > 1 or len(pairs.inner.table) <= 64
-    both = pairs.inner.others.first.size + (pairs.inner.neighbour != np.arange(pairs.owned)[:, None]).sum()
-    assert neighbours_in(pairs.inner, pairs.owned).sum() == 2 * both
-    with pytest.raises(TypeError, match="along axes"):
-        next(pairs.lists())
-    with pytest.raises(TypeError, match="first columns"):
-        pairs.gradient(None, (Vector(4),))
-
-
-def _forces_of_a_step(sim) -> tuple[np.ndarray, np.ndarray]:
-    """T and D after a step."""
-    sim.take_step(1e-3)
-    rows = sim.systems[0].particles.owned_rows
-    return np.array(rows("stress_force")), np.array(rows("dissipative_force"))
-
-
 @pytest.mark.serial
 @pytest.mark.parametrize(("weights", "least"), [("cells", -1e-12), ("fourth-order", -5e-3)])
 def test_the_dissipation_makes_no_motion_grow(weights, least):
@@ -280,7 +229,7 @@ def test_waves_of_every_length_are_stable(weights, particles, ratio, integrator)
 def test_outermost_pairs_of_graded_nodes_dissipate_where_jumps_are_plain(reconstruction, damped):
     data = graded(2, "fourth-order")
     data["method"]["reconstruction"] = reconstruction
-    assert np.count_nonzero(simulation(data).systems[0].pairs.inner.weight[:, 2]) == damped
+    assert np.count_nonzero(simulation(data).systems[0].lists.near.inner.weight[:, 2]) == damped
 
 
 @pytest.mark.serial
@@ -292,7 +241,7 @@ def test_waves_on_nodes_that_are_dense_at_their_ends_decay(boundaries):
     sim = simulation(data)
     rows = sim.systems[0].particles.owned_rows
     rows("velocity")[:] = np.random.default_rng(0).normal(size=rows("velocity").shape)
-    sim.systems[0].hold()
+    sim.systems[0].conditions.hold(0.0)
     found = follow(sim, Record(), 400)
     total = found["kinetic"] + found["stored"]
     assert total.max() < 1.3 * total[0] and total[-1] < 0.5 * total[0]
@@ -343,7 +292,7 @@ def test_the_former_key_still_closes_the_weights(comm):
     def scene(**method):
         data = tables([9, 8], method=method)
         data["bodies"][0]["jitter"] = 0.2
-        return simulation(data, comm).systems[0].pairs
+        return simulation(data, comm).systems[0].lists.near
 
     former, new, kernel = scene(pair_correction="closure"), scene(weights="closure"), scene()
     assert np.array_equal(former.inner.weight, new.inner.weight)
@@ -403,7 +352,7 @@ def test_bodies_that_touch_are_refused_or_bonded_by_the_kernel(comm):
 
     with pytest.raises(SceneError, match="^method.weights: expected .* found bodies.0 and bodies.1$"):
         parse_scene(scene("cells"))
-    best, kernel = (simulation(scene(weights), comm).systems[0].pairs for weights in ("best", "kernel"))
+    best, kernel = (simulation(scene(weights), comm).systems[0].lists.near for weights in ("best", "kernel"))
     assert np.array_equal(best.inner.weight, kernel.inner.weight)
 
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from pair_systems import system_of
+from mpi4py import MPI
 from solids import column, gathered, punch, run_steps, run_to_end, simulation, supports, tables
 
 from parsolid.collective import SolverError
-from parsolid.methods.tlsph.displacement import displacement_gradient
 from parsolid.pairs.candidates import metrics
-from parsolid.pairs.smoothed_weights import SmoothedWeights
+from parsolid.pairs.list_weights import ListWeights
+from parsolid.pairs.pair_list import Neighbours
 from parsolid.pairs.smoothing.wendland_c2 import WendlandC2
 
 CLOSED = {"weights": "closure"}
@@ -30,14 +30,11 @@ def forces_of(sim, stress) -> np.ndarray:
     method = sim.systems[0]
     d, owned = method.dimension, method.owned
     L = method.particles.owned_rows("correction").reshape(owned, d, d)
-    width, record = {2: 2, 3: 4}[d], method.particles.storage("record")
+    width, record = {2: 2, 3: 4}[d], method.lists.record
     record[:] = 0.0
     record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)
-    method.particles.storage("pair_force")[:] = 0.0
-    force = method.pairs.divergence(None)
-    result = np.array(force[:owned, :d])
-    force[:] = 0.0
-    return result
+    method.lists.find_forces()
+    return np.array(method.particles.owned_rows("stress_force"))
 
 
 def left_over(sim) -> np.ndarray:
@@ -82,21 +79,17 @@ def test_gradients_of_linear_fields_stay_exact(dimension, boundaries, comm):
     )
     table = sim.systems[0].particles
     table.owned_rows("position")[:] += table.owned_rows("reference_position") @ slope.T
-    sim.systems[0].particles.send("motion")
-    sim.systems[0].particles.receive("motion")
-    found = displacement_gradient(sim.systems[0])
-    assert np.abs(found - slope.ravel()).max(initial=0.0) < 1e-10
+    found = sim.systems[0].lists.displacement_gradient()
+    assert np.abs(found - slope).max(initial=0.0) < 1e-10
 
 
 def test_the_weights_of_a_pair_are_opposite_on_both_of_its_ranks(comm):
     sim = simulation(body(2), comm)
-    system = sim.systems[0].pairs
-    names = system.halo.with_ghosts(np.array(sim.systems[0].particles.owned_rows("identifier")))
-    directed = {}
-    if system.rim is not None:
-        row = np.repeat(np.arange(system.halo.owned), np.diff(system.rim.start))
-        for a, b, g in zip(names[row], names[system.rim.neighbour], system.rim.weight[:, :2]):
-            directed[int(a), int(b)] = g.tolist()
+    near = sim.systems[0].lists.near
+    names = near.halo.with_ghosts(np.array(sim.systems[0].particles.owned_rows("identifier")))
+    directed, row = {}, np.repeat(np.arange(near.owned), np.diff(near.outer.start))
+    for a, b, g in zip(names[row], names[near.outer.neighbour], near.outer.weight[:, :2]):
+        directed[int(a), int(b)] = g.tolist()
     everyone = {pair: g for part in comm.allgather(directed) for pair, g in part.items()}
     assert (len(everyone) > 0) == (comm.size > 1)
     assert all(everyone[b, a] == [-x for x in g] for (a, b), g in everyone.items())
@@ -159,5 +152,6 @@ def test_volumes_that_do_not_fit_are_refused():
     place += rng.uniform(-0.45, 0.45, place.shape)
     metric = metrics(np.ones_like(place), None, 0.85)
     area = np.zeros_like(place)
+    near = Neighbours(MPI.COMM_SELF, None, 2.0, place, np.zeros(144, np.int64), metric, np.ones(144))
     with pytest.raises(SolverError, match="method.weights: expected particles whose volumes fit"):
-        system_of(place, metric, SmoothedWeights(WendlandC2(), 1.0, (area, np.ones(144))))
+        ListWeights(WendlandC2(), surface=(area, np.ones(144))).fill(near)

@@ -17,11 +17,8 @@ from solids import (
     tables,
 )
 
-from parsolid.numerics.lanes import aligned_zeros
-from parsolid.pairs import weights
-from parsolid.pairs.lists import InnerList, OneSidedList, Places
-from parsolid.pairs.pair_system import FIELD
-from parsolid.pairs.passes import add_forces, add_gradients
+from parsolid.pairs.list_weights import kernel_weights
+from parsolid.pairs.pair_list import PairList
 from parsolid.pairs.smoothing import smoothing_kernel
 
 ROUND_OFF = 1e-12
@@ -83,7 +80,7 @@ every_dimension = pytest.mark.parametrize("dimension", [2, 3])
 def signs_of(sim):
     """(axis, coordinate, Q, R) of each plane of a simulation, matrices (d, d)."""
     d = sim.systems[0].dimension
-    for plane in sim.systems[0].boundaries.planes:
+    for plane in sim.systems[0].conditions.planes:
         R = np.eye(d)
         R[plane.axis, plane.axis] = -1.0
         yield plane.axis, plane.coordinate, {"roller": R, "fixed": -np.eye(d), "antisymmetric": -R}[plane.kind], R
@@ -112,15 +109,13 @@ def set_linear_velocity(sim) -> np.ndarray:
 @every_dimension
 @every_body
 def test_weights_are_antisymmetric_to_the_bit(body, dimension):
-    system = BODIES[body](dimension).systems[0].pairs
-    inner = system.inner
-    first = np.repeat(np.arange(system.owned), np.diff(inner.start))
+    near = BODIES[body](dimension).systems[0].lists.near
+    inner = near.inner
+    first = np.repeat(np.arange(near.owned), np.diff(inner.start))
     order = np.argsort(inner.neighbour, kind="stable")
-    start = np.searchsorted(inner.neighbour[order], np.arange(system.owned + 1))
-    backward = InnerList(start, first[order].astype(np.int32), aligned_zeros((len(order), 4)))
-    as_it_stands = Places(np.zeros(len(order), np.int8), np.ones((1, 3)), np.zeros((1, 3)))
-    kernel = smoothing_kernel("wendland-c2")
-    weights.pair_weights(kernel, backward, as_it_stands, system.positions, system.metric, system.volume)
+    start = np.searchsorted(inner.neighbour[order], np.arange(near.owned + 1))
+    backward = PairList(start, first[order].astype(np.int32), np.zeros((len(order), 4)))
+    kernel_weights(smoothing_kernel("wendland-c2"), backward, near.positions, near.metric, near.volume)
     assert len(order) > 20 and np.abs(inner.weight[:, :dimension]).max() > 0.0
     np.testing.assert_array_equal(backward.weight[:, :dimension], -inner.weight[order, :dimension])
 
@@ -128,51 +123,19 @@ def test_weights_are_antisymmetric_to_the_bit(body, dimension):
 @every_dimension
 @pytest.mark.parametrize("body", [name for name in BODIES if name not in ("box", "shell")])
 def test_weights_of_images_reflect_each_other(body, dimension):
-    sim = BODIES[body](dimension)
-    mirror, R = sim.systems[0].pairs.mirror, sim.systems[0].boundaries.codes.reflections
-    images = mirror.images
-    first = np.repeat(np.arange(sim.systems[0].owned), np.diff(mirror.start))
-    row = {key: k for k, key in enumerate(zip(first, mirror.neighbour, images.code))}
+    near = BODIES[body](dimension).systems[0].lists.near
+    images, outer = near.images, near.outer
+    first, image = np.repeat(np.arange(near.owned), np.diff(outer.start)), outer.neighbour - near.local
+    assert (image >= 0).all()
+    place = [tuple(np.round([*R, *T], 9)) for R, T in zip(images.reflection, images.shift)]
+    row = {(a, images.source[m], place[m]): k for k, (a, m) in enumerate(zip(first, image))}
     both = [(k, row[b, a, c]) for (a, b, c), k in row.items() if (b, a, c) in row]
     assert len(both) > 10
     for k, other in both:
-        signs = R[images.code[k], :dimension]
-        np.testing.assert_allclose(
-            mirror.weight[other, :dimension], -signs * mirror.weight[k, :dimension], rtol=1e-13, atol=1e-18
-        )
-        assert mirror.weight[other, dimension] == pytest.approx(mirror.weight[k, dimension], rel=1e-12)
-
-
-@every_dimension
-@pytest.mark.parametrize("body", ["box", "shell"])
-def test_the_inner_list_as_two_one_sided_lists_gives_the_same(body, dimension):
-    sim = BODIES[body](dimension)
-    method = sim.systems[0]
-    inner = evaluate(sim)
-    half = method.pairs.inner
-    first = np.repeat(np.arange(method.owned), np.diff(half.start)).astype(np.int32)
-    receiver, neighbour = np.concatenate((first, half.neighbour)), np.concatenate((half.neighbour, first))
-    flip = np.concatenate((np.ones(len(first)), -np.ones(len(first))))[:, None]
-    both = np.concatenate((half.weight, half.weight))
-    both[:, :dimension] *= flip
-    order = np.argsort(receiver, kind="stable")
-    directed = OneSidedList(
-        np.searchsorted(receiver[order], np.arange(method.owned + 1)),
-        neighbour[order],
-        np.ascontiguousarray(both[order]),
-        None,
-    )
-    storage = method.particles.storage
-    gradient, force = aligned_zeros(storage("pair_sums").shape), aligned_zeros(storage("pair_force").shape)
-    add_gradients(method.space, directed, FIELD, storage("kinematics"), gradient)
-    columns = gradient[: method.owned].reshape(method.owned, dimension, -1)[:, :, :dimension].swapaxes(1, 2)
-    L = method.particles.owned_rows("correction").reshape(-1, dimension, dimension)
-    found = columns @ L.swapaxes(1, 2) / method.particles.owned_rows("pair_volume")[:, None, None]
-    np.testing.assert_allclose(found, inner["gradient"], atol=ROUND_OFF * np.abs(found).max())
-    add_forces(method.space, directed, method.pairs.terms, storage("kinematics"), storage("record"), force)
-    for name, column in (("T", 0), ("D", 4)):
-        values = force[: method.owned, column : column + dimension]
-        np.testing.assert_allclose(values, inner[name], atol=ROUND_OFF * np.abs(values).max())
+        signs = images.reflection[image[k]]
+        found, wanted = outer.weight[other], outer.weight[k]
+        np.testing.assert_allclose(found[:dimension], -signs * wanted[:dimension], rtol=1e-13, atol=1e-18)
+        assert found[dimension] == pytest.approx(wanted[dimension], rel=1e-12)
 
 
 # --- forces ------------------------------------------------------------------------------------------------------
@@ -326,9 +289,10 @@ def test_ranks_share_what_one_computes(comm, dimension, mirrored):
         )
         sim = simulation(data, where)
         set_random_state(sim)
-        sim.systems[0].particles.owned_rows("velocity")[:] += random_of(
-            sim.systems[0].particles.owned_rows("identifier"), dimension, seed=99
-        ) * (sim.systems[0].boundaries.clamp[:, :dimension] if mirrored else 1.0)
+        sim.systems[0].particles.owned_rows("velocity")[:] += (
+            random_of(sim.systems[0].particles.owned_rows("identifier"), dimension, seed=99)
+            * ~sim.systems[0].conditions.held
+        )
         found = evaluate(sim)
         order = np.argsort(np.concatenate(where.allgather(sim.particle_sets[0].identifier)))
         values = [np.concatenate(where.allgather(found[name]))[order] for name in ("gradient", "PL", "T", "D")]

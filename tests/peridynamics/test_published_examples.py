@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lattice_bar import fundamental_period
 
 from parsolid.commands.cli import main
 from parsolid.exact.bar_vibration import BarVibration
-from parsolid.exact.lattice_bar import fundamental_period
 from parsolid.exact.prony import PronySeries
 from parsolid.output.history import read_history
 

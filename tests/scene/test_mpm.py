@@ -67,7 +67,6 @@ def test_sound_scene_and_back(tables, tmp_path):
             {"kind": "temperature", "plane": "X = 0", "temperature": 300},
             "boundaries.0.kind: expected a body",
         ),
-        (("method", "mass_terms"), 2, "method.mass_terms: expected 1 with boundaries of the kind 'wall'"),
         (("output",), {"fields": ["temperature"]}, "output.fields.0: expected something that a body of this scene has"),
         (("boundaries", 1, "side"), "left", "boundaries.1.side: expected 'above' or 'below'"),
         (("boundaries", 1, "separation"), False, "boundaries.1.separation: expected"),

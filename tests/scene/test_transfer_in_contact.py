@@ -28,7 +28,6 @@ def blocks(method: dict, contact: dict | None) -> dict:
         ({"transfer": "flip"}, {}, "flip", 1.0),
         ({"transfer": "apic"}, {}, "apic", 1.0),
         ({"flip_fraction": 0.9}, {}, "flip", 0.9),
-        ({"mass_terms": 2}, {}, "flip", 1.0),
         ({"basis": "linear"}, {}, "flip", 1.0),
     ],
 )

@@ -26,7 +26,7 @@ def spinning() -> dict:
     return {
         "dimension": 2,
         "end_time": 1.0,
-        "method": {"kind": "mpm", "cell": 0.1, "bitwise": True, "order": "usl"},
+        "method": {"kind": "mpm", "cell": 0.1, "order": "usl"},
         "bodies": [body | {"velocity": [f"-{SPEED}*Y", f"{SPEED}*X"]}],
         "probes": [{"name": "corner", "at": [0.2, 0.2], "fields": ["position", "twist"]}],
     }

@@ -6,7 +6,7 @@ import pytest
 from solids import simulation, tables
 
 from parsolid.commands.report import print_report
-from parsolid.methods.tlsph import state
+from parsolid.methods.tlsph import system
 from parsolid.particles.declaration import Field
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.observables import Observables
@@ -29,13 +29,13 @@ def written(comm, sim, folder) -> dict[str, np.ndarray]:
 @pytest.fixture
 def marked(monkeypatch):
     """The method with one more declared field."""
-    declare = state.declare_strain
+    declare = system.declare_fields
 
     def more(particles, *rest):
         declare(particles, *rest)
         particles.declare(Field("mark", 1, "kg", shown=True), 2.0 * np.arange(particles.owned) + 1.0)
 
-    monkeypatch.setattr(state, "declare_strain", more)
+    monkeypatch.setattr(system, "declare_fields", more)
 
 
 def test_a_shown_field_takes_no_more_than_its_declaration(comm, shared_path, marked, capsys):

@@ -20,7 +20,7 @@ from solids import (
     tables,
 )
 
-from parsolid.methods.tlsph.smoothed_places import smoothed
+from parsolid.methods.tlsph.updated_reference import smoothed_places
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import RunFailed
 
@@ -165,7 +165,7 @@ def test_moved_forces_keep_momentum_angular_momentum_and_energy(dimension):
 
 def test_what_alternates_is_left_out_and_what_is_linear_is_kept():
     sim = simulation(tables((20, 20), material=SOFT))
-    pairs, rows = sim.systems[0].pairs, sim.systems[0].particles.owned_rows
+    near, rows = sim.systems[0].lists.near, sim.systems[0].particles.owned_rows
     X = rows("reference_position").copy()
     index = np.round(X * 19).astype(int)
     L, volume = rows("correction").reshape(-1, 2, 2).copy(), rows("pair_volume").copy()
@@ -173,11 +173,11 @@ def test_what_alternates_is_left_out_and_what_is_linear_is_kept():
     inside = ((index > 6) & (index < 13)).all(axis=1)
     for signs in (index[:, 0], index[:, 1], index.sum(axis=1)):
         ripple = 0.01 * (-1.0) ** signs[:, None] * np.array([1.0, 0.5])
-        kept = smoothed(pairs, 0.85, X + ripple, L, volume, 1.0) - X
+        kept = smoothed_places(near, 0.85, X + ripple, L, volume, 1.0) - X
         assert np.abs(kept[inside]).max() < 1e-3 * np.abs(ripple).max()
         assert np.abs(kept).max() < 0.6 * np.abs(ripple).max()
     linear = X @ (np.eye(2) + RATE[:2, :2]).T
-    np.testing.assert_allclose(smoothed(pairs, 0.85, linear, L, volume, 1.0), linear, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(smoothed_places(near, 0.85, linear, L, volume, 1.0), linear, rtol=0.0, atol=1e-14)
 
 
 def test_the_punch_is_what_it_is_with_a_fixed_reference():

@@ -12,7 +12,7 @@ from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.materials.plastic.tile_update import new_tile
 from parsolid.materials.registry import law_of
-from parsolid.methods.mpm.plastic_update import advance_stress, new_state
+from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
 from parsolid.methods.ulsph.elastic_plastic import State, advance_state
 from parsolid.numerics.layout import LAYOUT
 from parsolid.scene.plasticity import library
@@ -136,7 +136,7 @@ def material_point(law, gradient, duration, steps, temperature):
     # F+ = (1 + dt l) F, the same deformation as of a steady velocity gradient
     rate.reshape(-1, 3, 4)[0, :, :3] = (expm(duration / steps * gradient) - np.eye(3)) / (duration / steps)
     for _ in range(steps):
-        assert advance_stress(LAYOUT[3], 0, 1, law, duration / steps, None, state, motion, rate, record)[0]
+        assert advance_stress(3, 0, 1, law, duration / steps, None, state, motion, rate, record)[0]
     J = np.linalg.det(state.deformation[:, 0].reshape(3, 3))
     xx, yy, zz, _, yz, xz, xy, _ = record[0] / J
     stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -3,11 +3,12 @@
 from time import process_time
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from parsolid.commands.bench.timing import Steps, best_time
-from parsolid.pairs.axis_lists import neighbours_in
 from parsolid.scene import parse_scene
+from parsolid.solvers.runge_kutta import SSP_RK3
 
 
 def cube_scene(
@@ -60,7 +61,8 @@ def _kernel_row(particles: int, smoothing: float, branches: int, integrator: str
     method: Any = run.simulation.systems[0]
     step = best_time(run.advance, clock=process_time) / run.steps
     evaluation = best_time(lambda: evaluate_forces(method), clock=process_time)
-    degree = neighbours_in(method.pairs.inner, method.owned)
+    inner = method.lists.near.inner
+    degree = np.diff(inner.start) + np.bincount(inner.neighbour, minlength=method.owned)
     pairs = method.directed_pairs / 2
     return [
         smoothing,
@@ -80,8 +82,5 @@ def evaluate_forces(method: Any) -> None:
     if method.leapfrog is not None:
         method.leapfrog.evaluate()
         return
-    sums = method.pairs.gradient("motion")
-    method.advance_deformation(method.stages[0], 0.0)
-    force = method.pairs.divergence(method.pairs.terms)
-    sums[:] = 0.0
-    force[:] = 0.0
+    method.lists.advance_stage(SSP_RK3[0], 0.0)
+    method.lists.find_forces()

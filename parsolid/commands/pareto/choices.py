@@ -31,11 +31,9 @@ AXES: dict[str, dict[str, tuple[str, tuple[Any, ...]]]] = {
         "dissipation": ("viscosity", (False, {"linear": 0.2, "quadratic": 1.0}, {"linear": 1.0, "quadratic": 1.0})),
     },
     "mpm": {
-        "basis": ("basis", ("linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline")),
-        "transfer": ("transfer", ("flip", "apic", "aflip", "tpic")),
+        "basis": ("basis", ("linear", "ugimp", "quadratic-spline", "cubic-spline")),
+        "transfer": ("transfer", ("flip", "apic", "aflip")),
         "order": ("order", ("usl", "musl")),
-        "mass": ("mass_terms", (1, 2)),
-        "formulation": ("formulation", ("updated", "total-lagrangian")),
         "dissipation": ("viscosity", ({"linear": 0.0, "quadratic": 0.0}, {"linear": 0.2, "quadratic": 2.0})),
     },
     "peridynamics": {

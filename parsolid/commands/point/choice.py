@@ -2,17 +2,15 @@
 
 from typing import Any
 
-from parsolid.commands.point.laws import MaxwellPoint, MooneyRivlinPoint, PointLaw
+from parsolid.commands.point.laws import MaxwellPoint, PointLaw
 from parsolid.commands.point.micro_inertia import MicroInertiaPoint
 from parsolid.commands.point.plastic import PlasticPoint
 from parsolid.commands.point.viscoelastic import PronyPoint
-from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.micro_inertia import MicroInertia
 from parsolid.materials.viscoelastic.prony import Prony
 
 POINT_LAWS = {
-    MooneyRivlin: MooneyRivlinPoint,
     ElasticPlastic: PlasticPoint,
     MicroInertia: MicroInertiaPoint,
     Prony: PronyPoint,

@@ -1,17 +1,17 @@
-"""Laws at one material point: what the driver asks of a law, and the laws that answer.
+"""Laws at one material point: what the driver asks of a law, and hyperelastic laws.
 
-A new law is one class more with the methods of `PointLaw`, entered in `point.choice` under the type of its parameters;
-every hyperelastic law is one already.
+A new kind of law is one class more with the methods of `PointLaw`, entered in `point.choice` under the type of its
+parameters; every hyperelastic law is one already. A class keeps the state of one point and calls the functions of the
+law; it repeats none of them.
 """
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.materials.hyperelastic import acoustics, evaluation, hyperbolicity
-from parsolid.materials.hyperelastic.conjugates import branch_moduli, relaxation_times
+from parsolid.materials.hyperelastic import acoustics, evaluation
 from parsolid.materials.hyperelastic.evaluation import symmetric_rows, symmetric_tensors
-from parsolid.materials.viscoelastic.relaxation import dissipated_energy, relax_branches
+from parsolid.materials.viscoelastic.relaxation import branch_states, dissipated_energy, relaxed_branches
 from parsolid.scene.probes import component_names
 
 
@@ -19,111 +19,114 @@ class PathLost(ArithmeticError):
     """The path cannot be followed; the message says where and why."""
 
 
-class PointLaw(Protocol):
-    """A law whose state is advanced along a deformation gradient. A state is what the law wants, but never changed."""
+class PointLaw:
+    """A law whose state is advanced along a deformation gradient. A state is what the law wants, with F (3, 3) as its
+    attribute `F`, but never changed."""
 
     def virgin(self) -> Any:
         """The state before time 0, at F = I."""
+        raise NotImplementedError
 
     def advanced(self, state: Any, F: np.ndarray, step: float) -> Any:
         """The state after a step [s] that ends at F (3, 3); a step of length 0 is a jump."""
+        raise NotImplementedError
 
     def stress(self, state: Any) -> np.ndarray:
         """First Piola-Kirchhoff stress P [Pa] (3, 3)."""
+        raise NotImplementedError
 
     def energies(self, states: list[Any]) -> np.ndarray:
         """Stored energy densities W [J/m^3] (n,) of n states."""
+        raise NotImplementedError
 
     def dissipated(self, before: Any, after: Any, step: float) -> float:
         """Energy density [J/m^3] dissipated over the step between two states; never negative."""
-
-    def deformations(self, states: list[Any]) -> np.ndarray:
-        """F (n, 3, 3) of n states."""
+        raise NotImplementedError
 
     def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         """Everything else that is told of n states, (n,) each: internal variables, energies, rates, wave speeds."""
+        raise NotImplementedError
+
+    def deformations(self, states: list[Any]) -> np.ndarray:
+        """F (n, 3, 3) of n states."""
+        return np.array([state.F for state in states])
+
+
+def wave_columns(along: np.ndarray, extreme: np.ndarray, density: float) -> dict[str, np.ndarray]:
+    """Columns of wave speeds from rho0 c^2 [Pa].
+
+    along: (k, n, 3) of the three waves along k directions, the slowest first; extreme: (n, 3) over all directions, of
+    the slowest wave the least, of the faster shear wave and of the pressure wave the greatest.
+    """
+    result = {}
+    for k, moduli in enumerate(along, 1):
+        speeds = np.sqrt(np.maximum(moduli, 0.0) / density).T
+        for kind, column in zip(("slow_shear", "fast_shear", "pressure"), speeds):
+            result[f"direction_{k}.{kind}_wave_speed"] = column
+    # a search finds the extreme to round-off at best
+    shear, pressure = (np.max([extreme[:, c], *along[:, :, c]], axis=0) for c in (1, 2))
+    result["largest_pressure_wave_speed"] = np.sqrt(np.maximum(pressure, 0.0) / density)
+    result["largest_shear_wave_speed"] = np.sqrt(np.maximum(shear, 0.0) / density)
+    return result | {"smallest_acoustic_eigenvalue": np.min([extreme[:, 0], *along[:, :, 0]], axis=0)}
 
 
 class MaxwellState(NamedTuple):
-    """F (3, 3), C^{-1} (6,) and A_alpha (m, 6), rows 11, 22, 33, 12, 13, 23."""
+    """F (3, 3), C^{-1} (1, 6) and A_alpha (m, 6), rows 11, 22, 33, 12, 13, 23."""
 
     F: np.ndarray
     inverse: np.ndarray
     A: np.ndarray
 
 
-class MaxwellPoint:
+class MaxwellPoint(PointLaw):
     """Hyperelastic solid with Maxwell branches; A is advanced by the second-order relaxation of the solver."""
 
     def __init__(self, law: Any) -> None:
-        self.law, self.moduli, self.times = law, branch_moduli(law), relaxation_times(law)
+        self.law = law
+        self.moduli, self.times = np.array(law.branch_moduli or (), float), np.array(law.relaxation_times or (), float)
 
     def virgin(self) -> MaxwellState:
         identity = symmetric_rows(np.eye(3))
-        return MaxwellState(np.eye(3), identity[0], np.repeat(identity, len(self.moduli), axis=0))
+        return MaxwellState(np.eye(3), identity, np.repeat(identity, len(self.moduli), axis=0))
 
     def advanced(self, state: MaxwellState, F: np.ndarray, step: float) -> MaxwellState:
-        inverse, A = symmetric_rows(np.linalg.inv(F.T @ F))[0], np.empty_like(state.A)
-        relax_branches(state.A, state.inverse, inverse, step, self.times, A)
-        return MaxwellState(F, inverse, A)
+        inverse = symmetric_rows(np.linalg.inv(F.T @ F))
+        return MaxwellState(F, inverse, relaxed_branches(state.A, state.inverse, inverse, step, self.times))
 
     def stress(self, state: MaxwellState) -> np.ndarray:
-        F, viscous = state.F, None
-        if len(self.moduli):
-            viscous = symmetric_tensors(self.moduli @ state.A)
-        return evaluation.first_piola_kirchhoff_stress(self.law, F, evaluation.cofactor(F), np.linalg.det(F), viscous)
+        return evaluation.stresses(self.law, state.F, self._branch_sum(state.A))
 
     def energies(self, states: list[Any]) -> np.ndarray:
-        return hyperbolicity.energy(self.law, self._polyconvex(states))
+        stored, _ = self._branches(states)
+        return evaluation.energies(self.law, self.deformations(states)) + stored.sum(axis=1)
 
     def dissipated(self, before: MaxwellState, after: MaxwellState, step: float) -> float:
         return dissipated_energy(before.A, before.inverse, after.inverse, step, self.moduli, self.times)
 
-    def deformations(self, states: list[Any]) -> np.ndarray:
-        return np.array([state.F for state in states])
-
     def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
-        state = self._polyconvex(states)
-        equilibrium, viscous = hyperbolicity.energies(self.law, state)
-        rates = hyperbolicity.dissipation_rates(self.law, state)
-        result = {"equilibrium": equilibrium, "dissipation_rate": rates.sum(axis=1)}
-        A, names = symmetric_tensors(np.array([s.A for s in states])), component_names("deformation_gradient", 3)
+        F, A = self.deformations(states), np.array([state.A for state in states])
+        stored, rates = self._branches(states)
+        result = {"equilibrium": evaluation.energies(self.law, F), "dissipation_rate": rates.sum(axis=1)}
+        tensors, names = symmetric_tensors(A), component_names("deformation_gradient", 3)
         for alpha in range(len(self.moduli)):
             branch = f"branch_{alpha + 1}."
             for c, name in enumerate(names):
                 if c // 3 <= c % 3:
-                    result[f"{branch}A_{name[-2:]}"] = A[:, alpha, c // 3, c % 3]
-            result[f"{branch}stored"], result[f"{branch}dissipation_rate"] = viscous[:, alpha], rates[:, alpha]
-        return result | self._waves(state, directions)
+                    result[f"{branch}A_{name[-2:]}"] = tensors[:, alpha, c // 3, c % 3]
+            result[f"{branch}stored"], result[f"{branch}dissipation_rate"] = stored[:, alpha], rates[:, alpha]
+        viscous = self._branch_sum(A)
+        along = [acoustics.wave_moduli(self.law, F, N / np.linalg.norm(N), viscous) for N in directions]
+        extreme = acoustics.extreme_moduli(self.law, F, viscous)
+        return result | wave_columns(np.reshape(along, (-1, len(F), 3)), extreme, self.law.density)
 
-    def _waves(self, state: Any, directions: np.ndarray) -> dict[str, np.ndarray]:
-        result = {}
-        for k, N in enumerate(directions, 1):
-            speeds = np.sqrt(acoustics.wave_moduli(self.law, state, N / np.linalg.norm(N)) / self.law.density)
-            result[f"direction_{k}.pressure_wave_speed"] = speeds[:, 2]
-            result[f"direction_{k}.slow_shear_wave_speed"], result[f"direction_{k}.fast_shear_wave_speed"] = speeds.T[
-                :2
-            ]
-        least, shear, greatest = acoustics.extreme_moduli(self.law, state).T
-        result["largest_pressure_wave_speed"] = np.sqrt(greatest / self.law.density)
-        result["largest_shear_wave_speed"] = np.sqrt(shear / self.law.density)
-        return result | {"smallest_acoustic_eigenvalue": least}
+    def _branch_sum(self, A: np.ndarray) -> np.ndarray | None:
+        """sum mu_alpha A_alpha [Pa] (..., 3, 3) of A (..., m, 6)."""
+        return symmetric_tensors(np.einsum("a,...ac->...c", self.moduli, A)) if len(self.moduli) else None
 
-    def _polyconvex(self, states: list[Any]) -> Any:
-        A = symmetric_tensors(np.array([state.A for state in states])) if len(self.moduli) else None
-        return hyperbolicity.polyconvex_state(self.law, self.deformations(states), A)
-
-
-class MooneyRivlinPoint(MaxwellPoint):
-    """The solid whose waves have closed forms."""
-
-    def _waves(self, state: Any, directions: np.ndarray) -> dict[str, np.ndarray]:
-        result = {}
-        for k, N in enumerate(directions, 1):
-            shear = hyperbolicity.shear_wave_speeds(self.law, state, N)
-            result[f"direction_{k}.pressure_wave_speed"] = hyperbolicity.pressure_wave_speed(self.law, state, N)
-            result[f"direction_{k}.slow_shear_wave_speed"], result[f"direction_{k}.fast_shear_wave_speed"] = shear.T
-        result["largest_pressure_wave_speed"] = hyperbolicity.largest_wave_speed(self.law, state)
-        result["largest_shear_wave_speed"] = hyperbolicity.largest_shear_wave_speed(self.law, state)
-        result["smallest_acoustic_eigenvalue"] = hyperbolicity.smallest_acoustic_eigenvalue(self.law, state)
-        return result
+    def _branches(self, states: list[Any]) -> tuple[np.ndarray, np.ndarray]:
+        """Stored energies [J/m^3] and rates of dissipation [W/m^3] (n, m) of the branches."""
+        F, A = self.deformations(states), np.array([state.A for state in states])
+        stored, rates = np.zeros(A.shape[:2]), np.zeros(A.shape[:2])
+        C = symmetric_rows(np.swapaxes(F, 1, 2) @ F)
+        branch_states(self.moduli, self.times, C, A, stored, rates)
+        return stored, rates

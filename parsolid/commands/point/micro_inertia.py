@@ -4,14 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.commands.point.laws import PathLost
+from parsolid.commands.point.laws import PathLost, PointLaw
 from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
-from parsolid.materials.plastic import micro_inertia_lanes as laws
-from parsolid.materials.plastic.jaumann_rate_lanes import elastic_increment, jaumann_turn, returned_deviator
-from parsolid.materials.plastic.micro_inertia import MicroInertia
-from parsolid.materials.plastic.micro_inertia_lanes import advance_micro, increments_of
-from parsolid.numerics.polar import congruence
-from parsolid.numerics.tensors import GeneralSpace, SymmetricSpace, contract
+from parsolid.materials.plastic import micro_inertia as laws
+from parsolid.materials.plastic import micro_inertia_solve as solve
+from parsolid.materials.plastic.jaumann_rate import deviatoric_strain, returned_deviator
+from parsolid.tensors import combine_symmetric, congruence, contract_symmetric, spin_rotation
 
 
 class MicroInertiaState(NamedTuple):
@@ -20,7 +18,7 @@ class MicroInertiaState(NamedTuple):
     """
 
     F: np.ndarray
-    deviator: SymmetricSpace
+    deviator: tuple[float, ...]
     tau: float
     rate: float
     stress: float
@@ -30,38 +28,35 @@ class MicroInertiaState(NamedTuple):
     heat: float
 
 
-class MicroInertiaPoint:
+class MicroInertiaPoint(PointLaw):
     """Micro-inertia solid, adiabatic or isothermal; temperature [K]: of the undeformed state, T_r where it is None."""
 
-    def __init__(self, law: MicroInertia, temperature: float | None = None, isothermal: bool = False) -> None:
-        self.law, self.isothermal = law, isothermal
+    def __init__(self, law: laws.MicroInertia, temperature: float | None = None, isothermal: bool = False) -> None:
+        self.law, self.isothermal, self.tile = laws.in_numbers(law), isothermal, solve.new_tile()
         self.start = law.reference_temperature if temperature is None else temperature
-        # gradients are zero
-        no_force = law.energetic_length is None and law.dissipative_length is None
-        self.curl = None if law.hardening_length is None else 0.0
-        self.gradients = (None if no_force else 0.0, None if law.dissipative_length is None else 0.0)
 
     def virgin(self) -> MicroInertiaState:
-        zero = SymmetricSpace(*6 * (0.0,))
-        return MicroInertiaState(np.eye(3), zero, 0.0, 0.0, self.law.initial_micro_stress, 0.0, self.start, 0.0, 0.0)
+        return MicroInertiaState(
+            np.eye(3), (0.0,) * 6, 0.0, 0.0, self.law.initial_micro_stress, 0.0, self.start, 0.0, 0.0
+        )
 
     def advanced(self, state: MicroInertiaState, F: np.ndarray, step: float) -> MicroInertiaState:
         if step == 0.0:
             raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
-        law, increments = self.law, increments_of(self.law, step)
+        law = self.law
         # of the middle: exact for a uniform shear rate, of second order else
-        gradient = GeneralSpace(*((F - state.F) @ np.linalg.inv(0.5 * (F + state.F)) / step).ravel().tolist())
-        turn = jaumann_turn(gradient, step)
-        rotated = congruence(turn, state.deviator)
-        trial = rotated + elastic_increment(turn, gradient, step, law.shear_modulus)
-        elastic = float(np.sqrt(contract(trial, trial)))
+        gradient = tuple(((F - state.F) @ np.linalg.inv(0.5 * (F + state.F)) / step).ravel().tolist())
+        turn = spin_rotation(gradient, step)
+        turned = congruence(turn, state.deviator)
+        trial = combine_symmetric(1.0, turned, 2.0 * law.shear_modulus, deviatoric_strain(turn, gradient, step))
         J = float(np.linalg.det(F))
-        middle = 0.5 * (J + float(np.linalg.det(state.F)))
-        rate, mean, tau, stress, heat, _ = advance_micro(
-            law, increments, law.density / middle, state.tau, elastic, state.rate, state.stress, state.gamma,
-            self.curl, state.temperature, *self.gradients,
-        )  # fmt: skip
-        deviator = returned_deviator(rotated, trial, state.tau, tau, law.shear_modulus * mean * step)
+        middle, rows = 0.5 * (J + float(np.linalg.det(state.F))), self.tile.reshape(solve.ROWS, solve.TILE)
+        # without gradients FORCE, CURL and GRADIENT_SQUARE stay 0
+        rows[:8, 0] = (law.density / middle, state.tau, contract_symmetric(trial, trial) ** 0.5, state.rate,
+                       state.stress, state.gamma, 0.0, state.temperature)  # fmt: skip
+        solve.advance_micro(law, solve.increments_of(law, step), self.tile)
+        rate, mean, tau, stress, heat, _ = rows[solve.NEW_RATE : solve.LOST + 1, 0].tolist()
+        deviator = returned_deviator(turned, trial, state.tau, tau, law.shear_modulus * mean * step)
         heat *= middle
         warmed = heat / (law.density * law.specific_heat)
         temperature, given = (state.temperature, heat) if self.isothermal else (state.temperature + warmed, 0.0)
@@ -90,9 +85,6 @@ class MicroInertiaPoint:
 
     def dissipated(self, before: MicroInertiaState, after: MicroInertiaState, step: float) -> float:
         return after.dissipated - before.dissipated
-
-    def deformations(self, states: list[Any]) -> np.ndarray:
-        return np.array([state.F for state in states])
 
     def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         """Waves are elastic and the same in all directions."""

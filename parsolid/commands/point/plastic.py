@@ -1,17 +1,15 @@
-"""Elastic-plastic solids at one material point, advanced by the particle kernel of the material point method."""
+"""Elastic-plastic solids at one material point, advanced by the step of `materials.plastic.tile_update`."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.commands.point.laws import PathLost
+from parsolid.commands.point.laws import PathLost, PointLaw
 from parsolid.materials.failure.failure import count_of
-from parsolid.materials.hyperelastic.evaluation import general_rows
+from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.plastic import plastic_evaluation
+from parsolid.materials.plastic import tile_update as update
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
-from parsolid.methods.mpm.plastic_update import advance_stress, new_state
-from parsolid.numerics.lanes import WIDTH
-from parsolid.numerics.layout import LAYOUT
 
 
 class PlasticState(NamedTuple):
@@ -33,7 +31,7 @@ class PlasticState(NamedTuple):
     damage: np.ndarray
 
 
-class PlasticPoint:
+class PlasticPoint(PointLaw):
     """Elastic-plastic solid, adiabatic, or isothermal: then all heat is given away, plastic heat included.
 
     temperature [K]: of the undeformed state, free of stress unless it was heated from the law's reference at
@@ -54,9 +52,8 @@ class PlasticPoint:
         if isothermal:
             # the flow feels no warming within a step either
             self.law = law._replace(taylor_quinney=0.0)
-        self.arrays = new_state(3, WIDTH, count_of(law.failure))
-        self.motion, self.rate, self.record = np.zeros((WIDTH, 8)), np.zeros((WIDTH, 12)), np.zeros((WIDTH, 8))
-        self.motion[:, 7] = 1.0
+        self.tile = update.new_tile(count_of(law.failure))
+        update.fill_idle(self.law, self.tile, 0)
 
     def virgin(self) -> PlasticState:
         energy = self.law.internal_energy(self.start, self.cold)
@@ -67,43 +64,46 @@ class PlasticPoint:
     def advanced(self, state: PlasticState, F: np.ndarray, step: float) -> PlasticState:
         if step == 0.0:
             raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
-        arrays = self.arrays
-        arrays.deformation[:, 0], arrays.deviator[:, 0] = general_rows(state.F)[0], state.deviator
-        for scalar in ("plastic_strain", "energy", "temperature"):
-            getattr(arrays, scalar)[0, 0] = getattr(state, scalar)
-        if arrays.damage is not None and arrays.criterion_damage is not None:
-            arrays.damage[0, 0], arrays.criterion_damage[:, 0] = state.damage[0], state.damage[1:]
-        self.rate.reshape(-1, 3, 4)[0, :, :3] = (F - state.F) @ np.linalg.inv(state.F) / step
-        outcome = advance_stress(LAYOUT[3], 0, 1, self.law, step, None, arrays, self.motion, self.rate, self.record)
-        sound, work = outcome[0], outcome[2]
+        law, rows = self.law, self.tile.reshape(-1, update.TILE)
+        rows[update.DEFORMATION : update.DEFORMATION + 9, 0] = state.F.ravel()
+        gradient = (F - state.F) @ np.linalg.inv(state.F) / step
+        rows[update.VELOCITY_GRADIENT : update.VELOCITY_GRADIENT + 9, 0] = gradient.ravel()
+        rows[update.DEVIATOR : update.DEVIATOR + 6, 0] = state.deviator
+        rows[update.PLASTIC_STRAIN, 0], rows[update.ENERGY, 0] = state.plastic_strain, state.energy
+        rows[update.TEMPERATURE, 0] = state.temperature
+        if len(state.damage):
+            rows[update.DAMAGE, 0], rows[update.CRITERIA :, 0] = state.damage[0], state.damage[1:]
+        update.advance_deformation(step, None, self.tile)
+        update.start_step(law, law.failure, self.tile)
+        update.flow(law, law.failure, step, self.tile)
+        update.finish_step(law, law.failure, step, self.tile)
         J = np.linalg.det(F)
-        if not sound:
+        if not rows[update.ROOM, 0] > 0.0:
             raise PathLost(f"the state is lost at J = {J:g}: compressed beyond the equation of state, or not a number")
-        energy, temperature, heat = arrays.energy[0, 0], arrays.temperature[0, 0], 0.0
+        work, released = rows[update.PLASTIC_WORK, 0], rows[update.RELEASED, 0]
+        energy, temperature, heat = rows[update.ENERGY, 0], rows[update.TEMPERATURE, 0], 0.0
         if self.isothermal:
             # of the flow, and of dE = T dS = -gamma rho0 C_v T dJ that keeps the temperature
             capacity = self.law.density * self.law.specific_heat_at(state.temperature)
             gamma = getattr(self.law.equation_of_state, "gamma", 0.0)
             heat = self.share * work - gamma * capacity * state.temperature * (J - np.linalg.det(state.F))
             energy, temperature = energy - heat, state.temperature
-        xx, yy, zz, _, yz, xz, xy, _ = self.record[0] / J
-        stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        damage = self._damage()
-        pressure = plastic_evaluation.pressure(self.law, J, energy)
+        damage = np.zeros(0)
+        if law.failure is not None:
+            damage = np.append(rows[update.DAMAGE, 0], rows[update.CRITERIA :, 0])
+        # without the heat that has left
+        pressure = plastic_evaluation.pressure(law, J, energy)
         if len(damage) and damage[0] >= 1.0:
             pressure = np.maximum(pressure, 0.0)
-        # without the heat that has left
-        stress -= (np.trace(stress) / 3.0 + pressure) * np.eye(3)
-        ep = arrays.plastic_strain[0, 0]
+        deviator, R = rows[update.DEVIATOR : update.DEVIATOR + 6, 0].copy(), self._rotation()
+        stress = R @ symmetric_tensors(deviator) @ R.T - pressure * np.eye(3)
+        ep = rows[update.PLASTIC_STRAIN, 0]
         flow = (ep, (ep - state.plastic_strain) / step, energy, temperature, stress)
-        done = (state.plastic_work + work + outcome[4], state.heat + heat)
-        return PlasticState(F, arrays.deviator[:, 0].copy(), *flow, *done, damage)
+        return PlasticState(F, deviator, *flow, state.plastic_work + work + released, state.heat + heat, damage)
 
-    def _damage(self) -> np.ndarray:
-        arrays = self.arrays
-        if arrays.damage is None or arrays.criterion_damage is None:
-            return np.zeros(0)
-        return np.concatenate((arrays.damage[:, 0], arrays.criterion_damage[:, 0]))
+    def _rotation(self) -> np.ndarray:
+        rows = self.tile.reshape(-1, update.TILE)
+        return rows[update.ROTATION : update.ROTATION + 9, 0].reshape(3, 3)
 
     def stress(self, state: PlasticState) -> np.ndarray:
         return np.linalg.det(state.F) * state.stress @ np.linalg.inv(state.F).T
@@ -114,9 +114,6 @@ class PlasticPoint:
 
     def dissipated(self, before: PlasticState, after: PlasticState, step: float) -> float:
         return after.plastic_work - before.plastic_work
-
-    def deformations(self, states: list[Any]) -> np.ndarray:
-        return np.array([state.F for state in states])
 
     def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         """Waves are elastic and the same in all directions."""

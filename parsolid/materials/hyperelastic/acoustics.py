@@ -1,55 +1,54 @@
-"""Acoustic tensor and wave speeds of any hyperelastic law with Maxwell branches, from its stress; `waves` has closed
-forms of one.
+"""Acoustic tensor and wave speeds of any hyperelastic law with Maxwell branches, from its stress.
 
-States and shapes as in `materials.hyperelastic.conjugates`: arrays have a common leading shape `...`. Derivatives are
-central differences, exact to about 1e-9; extremes over directions are searched for, to about 1e-6.
+Arrays have a common leading shape `...`; F (..., 3, 3), branch_sum [Pa] (..., 3, 3) or None as in `evaluation`.
+Derivatives are five-point differences, exact to about 1e-10; extremes over directions are searched for, to about 1e-9.
 """
 
 import numpy as np
 
-from parsolid.materials.hyperelastic import evaluation
-from parsolid.materials.hyperelastic.conjugates import PolyconvexState, branch_sum
+from parsolid.materials.hyperelastic.evaluation import stresses
 
-_STEP = 1e-5
+_STEP = 1e-3
 _DIRECTIONS, _ROUNDS, _SHRINK = 64, 24, 0.6
 
 
-def acoustic_tensor(law, state: PolyconvexState, N) -> np.ndarray:
-    """Q(N) [Pa] (..., 3, 3), Q_ik = dP_iJ/dF_kL N_J N_L at fixed A, with eigenvalues rho c^2; N (..., 3) of unit
-    length.
-    """
-    N, viscous = np.asarray(N, dtype=np.float64), branch_sum(law, state)
-    result = np.empty(np.shape(state.F))
-    for k in range(3):
-        change = _STEP * np.eye(3)[k][:, None] * N[..., None, :]
-        ahead, behind = (_stress(law, state.F + sign * change, viscous) for sign in (1.0, -1.0))
-        result[..., :, k] = np.einsum("...ij,...j->...i", ahead - behind, N) / (2.0 * _STEP)
+def tangents(law, F, branch_sum=None) -> np.ndarray:
+    """dP_iJ/dF_kL [Pa] (..., 3, 3, 3, 3) at fixed A."""
+    F = np.asarray(F, float)
+    result = np.empty((*F.shape, 3, 3))
+    for k, L in np.ndindex(3, 3):
+        change = np.zeros((3, 3))
+        change[k, L] = _STEP
+        ahead, behind, far_ahead, far_behind = (stresses(law, F + a * change, branch_sum) for a in (1, -1, 2, -2))
+        result[..., k, L] = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * _STEP)
+    return result
+
+
+def acoustic_tensors(tangent: np.ndarray, N) -> np.ndarray:
+    """Q(N) [Pa] (..., 3, 3), Q_ik = dP_iJ/dF_kL N_J N_L, with eigenvalues rho0 c^2; N (..., 3) of unit length."""
+    result = np.einsum("...iJkL,...J,...L->...ik", tangent, N, N, optimize=True)
     return 0.5 * (result + np.swapaxes(result, -1, -2))
 
 
-def wave_moduli(law, state: PolyconvexState, N) -> np.ndarray:
-    """rho c^2 [Pa] (..., 3) of the three waves along N, the slowest first."""
-    return np.linalg.eigvalsh(acoustic_tensor(law, state, N))
+def wave_moduli(law, F, N, branch_sum=None) -> np.ndarray:
+    """rho0 c^2 [Pa] (..., 3) of the three waves along N (3,) of unit length, the slowest first."""
+    return np.linalg.eigvalsh(acoustic_tensors(tangents(law, F, branch_sum), np.asarray(N, float)))
 
 
-def extreme_moduli(law, state: PolyconvexState) -> np.ndarray:
-    """Over all directions the least rho c^2, the greatest of shear waves and the greatest of all [Pa] (..., 3)."""
-    values = [_greatest(law, state, wave, sign) for wave, sign in ((0, -1.0), (1, 1.0), (2, 1.0))]
+def extreme_moduli(law, F, branch_sum=None) -> np.ndarray:
+    """Over all directions the least rho0 c^2, the greatest of shear waves and the greatest of all [Pa] (..., 3)."""
+    tangent = tangents(law, F, branch_sum)
+    values = [_greatest(tangent, wave, sign) for wave, sign in ((0, -1.0), (1, 1.0), (2, 1.0))]
     return np.stack([-values[0], values[1], values[2]], axis=-1)
 
 
-def _stress(law, F, viscous):
-    return evaluation.first_piola_kirchhoff_stress(law, F, evaluation.cofactor(F), np.linalg.det(F), viscous)
-
-
-def _greatest(law, state: PolyconvexState, wave: int, sign: float) -> np.ndarray:
-    """The greatest of sign times rho c^2 of a wave over directions: the best of many, moved while that gains."""
-    shape = np.shape(state.J)
+def _greatest(tangent: np.ndarray, wave: int, sign: float) -> np.ndarray:
+    """The greatest of sign times rho0 c^2 of a wave over directions: the best of many, moved while that gains."""
 
     def value(N):
-        return sign * wave_moduli(law, state, N)[..., wave]
+        return sign * np.linalg.eigvalsh(acoustic_tensors(tangent, N))[..., wave]
 
-    tried = [np.broadcast_to(N, (*shape, 3)) for N in _hemisphere()]
+    tried = [np.broadcast_to(N, tangent.shape[:-3]) for N in _hemisphere()]
     values = np.stack([value(N) for N in tried])
     best = values.argmax(axis=0)
     N, found = np.take_along_axis(np.stack(tried), best[None, ..., None], axis=0)[0], values.max(axis=0)

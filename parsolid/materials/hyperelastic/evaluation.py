@@ -1,21 +1,21 @@
-"""A law's numba functions over batches of numpy tensors, so that a formula is written once.
+"""The functions of a hyperelastic law over batches of numpy tensors.
 
-Tensors are arrays (..., 3, 3) of float64; the leading shape is any, and empty for a single state.
+Tensors are arrays (..., 3, 3) of float64; the leading shape is any, and empty for a single state. branch_sum is
+sum mu_alpha A_alpha [Pa] of Maxwell branches (`materials.viscoelastic.maxwell`), None without.
 """
 
 import numpy as np
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
-from parsolid.materials.hyperelastic import law as laws
-from parsolid.numerics import tensors as tensor
-from parsolid.numerics.dispatch import none_without
+from parsolid.kernels import kernel
+from parsolid.materials.hyperelastic.functions import energy, pressure_waves, shear_waves, stress
+from parsolid.materials.viscoelastic.maxwell import branch_stress, branch_waves, total_modulus
+from parsolid.tensors import cofactor, determinant, plus, plus_symmetric
 
 _ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 
 
 def general_rows(tensors: np.ndarray) -> np.ndarray:
-    """Rows (n, 9) in `numerics.tensors` order of tensors (..., 3, 3)."""
+    """Rows (n, 9) of tensors (..., 3, 3)."""
     return np.ascontiguousarray(tensors, dtype=np.float64).reshape(-1, 9)
 
 
@@ -32,113 +32,57 @@ def symmetric_tensors(rows: np.ndarray) -> np.ndarray:
     return result
 
 
-def cofactor(F: np.ndarray) -> np.ndarray:
-    """Cofactor H = 1/2 F x F = det(F) F^{-T} of tensors (..., 3, 3)."""
-    F = np.asarray(F, dtype=np.float64)
-    rows = general_rows(F)
-    result = np.empty_like(rows)
-    _cofactors(rows, result)
-    return result.reshape(F.shape)
+def energies(law, F) -> np.ndarray:
+    """Stored energy without branches [J/m^3] (...)."""
+    result = np.empty(np.shape(F)[:-2])
+    _energies(law, general_rows(F), result.reshape(-1))
+    return result
 
 
-def tensor_cross(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Tensor cross product (A x B)_iI = eps_ijk eps_IJK A_jJ B_kK of tensors (..., 3, 3)."""
-    A, B = np.broadcast_arrays(np.asarray(A, dtype=np.float64), np.asarray(B, dtype=np.float64))
-    first, second = general_rows(A), general_rows(B)
-    result = np.empty_like(first)
-    _crosses(first, second, result)
-    return result.reshape(A.shape)
+def stresses(law, F, branch_sum=None) -> np.ndarray:
+    """First Piola-Kirchhoff stress [Pa] (..., 3, 3)."""
+    return _states(law, F, branch_sum)[0]
 
 
-def equilibrium_energy(law, F, H, J) -> np.ndarray:
-    """`law.equilibrium_energy`, W_infinity [J/m^3] with the leading shape of the tensors."""
-    result = np.empty(np.size(J))
-    _energies(law, general_rows(F), general_rows(H), np.ravel(J), result)
-    return result.reshape(np.shape(J))
+def pressure_wave_tensors(law, F, branch_sum=None) -> np.ndarray:
+    """Q [Pa] (..., 3, 3) of `functions.pressure_waves` with the branches: rho0 c^2 <= N . Q N."""
+    return _states(law, F, branch_sum)[1]
 
 
-def first_piola_kirchhoff_stress(law, F, H, J, branch_sum=None) -> np.ndarray:
-    """`law.first_piola_kirchhoff_stress`, P [Pa] (..., 3, 3); branch_sum is sum_alpha mu_alpha A_alpha [Pa] or None."""
-    rows = general_rows(F)
-    result = np.empty_like(rows)
-    _stresses(law, rows, general_rows(H), np.ravel(J), _optional(branch_sum), result)
-    return result.reshape(np.shape(F))
+def shear_wave_tensors(law, F, branch_sum=None) -> np.ndarray:
+    """Q [Pa] (..., 3, 3) with N . Q N the mean rho0 c^2 of both shear waves along N."""
+    return _states(law, F, branch_sum)[2]
 
 
-def pressure_wave_tensor(law, F, H, J, branch_sum=None) -> np.ndarray:
-    """`law.pressure_wave_tensor`, Q [Pa] (..., 3, 3) with rho c_p(N)^2 = N . Q N."""
-    result = np.empty((np.size(J), 6))
-    _pressure_waves(law, general_rows(F), general_rows(H), np.ravel(J), _optional(branch_sum), result)
-    return symmetric_tensors(result).reshape(np.shape(F))
+def _states(law, F, branch_sum) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rows, shape = general_rows(F), np.shape(F)
+    P, pressure, shear = np.empty_like(rows), np.empty((len(rows), 6)), np.empty((len(rows), 6))
+    viscous = None if branch_sum is None else symmetric_rows(np.broadcast_to(branch_sum, shape))
+    _evaluate(law, total_modulus(law.branch_moduli), rows, viscous, P, pressure, shear)
+    return P.reshape(shape), symmetric_tensors(pressure).reshape(shape), symmetric_tensors(shear).reshape(shape)
 
 
-def shear_wave_tensor(law, F, branch_sum=None) -> np.ndarray:
-    """`law.shear_wave_tensor`, Q [Pa] (..., 3, 3) with N . Q N the mean rho c_s(N)^2 of both shear waves."""
-    rows = general_rows(F)
-    result = np.empty((len(rows), 6))
-    _shear_waves(law, rows, _optional(branch_sum), result)
-    return symmetric_tensors(result).reshape(np.shape(F))
+@kernel
+def _energies(law, rows, result):
+    for i in range(len(rows)):
+        r = rows[i]
+        F = (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
+        result[i] = energy(law, F, cofactor(F), determinant(F))
 
 
-def _optional(branch_sum):
-    return None if branch_sum is None else symmetric_rows(branch_sum)
-
-
-@register_jitable
-def _nine(a, i):
-    return tensor.GeneralSpace(a[i, 0], a[i, 1], a[i, 2], a[i, 3], a[i, 4], a[i, 5], a[i, 6], a[i, 7], a[i, 8])
-
-
-@register_jitable
-def six(a, i):
-    """Row i of an (n, 6) array as a symmetric tensor of `numerics.tensors`."""
-    return tensor.SymmetricSpace(a[i, 0], a[i, 1], a[i, 2], a[i, 3], a[i, 4], a[i, 5])
-
-
-@none_without("rows")
-def _branch_row(rows, i):
-    return six(rows, i)
-
-
-@compiled
-def _put(result, i, values):
-    for c in range(len(values)):
-        result[i, c] = values[c]
-
-
-@compiled
-def _cofactors(F, result):
-    for i in range(len(F)):
-        _put(result, i, tensor.cofactor(_nine(F, i)))
-
-
-@compiled
-def _crosses(A, B, result):
-    for i in range(len(A)):
-        _put(result, i, tensor.cross(_nine(A, i), _nine(B, i)))
-
-
-@compiled
-def _energies(law, F, H, J, result):
-    for i in range(len(F)):
-        result[i] = laws.equilibrium_energy(law, _nine(F, i), _nine(H, i), J[i])
-
-
-@compiled(error_model="numpy")
-def _stresses(law, F, H, J, branch_sum, result):
-    for i in range(len(F)):
-        P = laws.first_piola_kirchhoff_stress(law, _nine(F, i), _nine(H, i), J[i], _branch_row(branch_sum, i))
-        _put(result, i, P)
-
-
-@compiled(error_model="numpy")
-def _pressure_waves(law, F, H, J, branch_sum, result):
-    for i in range(len(F)):
-        Q = laws.pressure_wave_tensor(law, _nine(F, i), _nine(H, i), J[i], _branch_row(branch_sum, i))
-        _put(result, i, Q)
-
-
-@compiled
-def _shear_waves(law, F, branch_sum, result):
-    for i in range(len(F)):
-        _put(result, i, laws.shear_wave_tensor(law, _nine(F, i), _branch_row(branch_sum, i)))
+@kernel
+def _evaluate(law, moduli, rows, branch_sums, P, pressure, shear):
+    for i in range(len(rows)):
+        r = rows[i]
+        F = (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
+        H, J = cofactor(F), determinant(F)
+        p, q, s = stress(law, F, H, J), pressure_waves(law, F, H, J), shear_waves(law, F)
+        if branch_sums is not None:
+            b = branch_sums[i]
+            branches = (b[0], b[1], b[2], b[3], b[4], b[5])
+            p, s = plus(p, branch_stress(moduli, branches, F, H, J)), plus_symmetric(s, branches)
+            q = plus_symmetric(q, branch_waves(moduli, branches, H, J))
+        for c in range(9):
+            P[i, c] = p[c]
+        for c in range(6):
+            pressure[i, c], shear[i, c] = q[c], s[c]

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.materials.failure.failure import Failure
-from parsolid.materials.plastic.rate_form import RateForm
 
 # parts, each told apart by its kind or found in a file of its own
 PARTS = ("equation_of_state", "shear_modulus", "flow_stress", "melting")
@@ -69,8 +68,6 @@ def of_material(material) -> ElasticPlastic:
     stated = material.parts
     density = float(stated["density"])
     parts = {key: None if stated[key] is None else stated[key].part_of(density=density) for key in PARTS}
-    if material.integration == "rate-form":
-        parts["flow_stress"] = RateForm(parts["flow_stress"])
     names = ("density", "specific_heat", "specific_heat_slope", "reference_temperature", "taylor_quinney")
     numbers = {key: float(stated[key]) for key in names}
     conductivity, tensor = stated["conductivity"], stated["conductivity_tensor"]

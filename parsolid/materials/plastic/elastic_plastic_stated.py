@@ -1,6 +1,6 @@
 """What a scene states of elastic-plastic solids besides their parts."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from parsolid.materials.declaration import Parameter, Phrase, law
 
@@ -29,9 +29,6 @@ class StatedElasticPlastic:
     conductivity: Annotated[float | None, Parameter("W/(m K)", "of heat", above=0.0, default=None)]
     youngs_modulus: Annotated[float | None, Parameter("Pa", "Young's modulus", above=0.0, default=None)]
     poissons_ratio: Annotated[float | None, Parameter("1", "Poisson's ratio", above=-1.0, below=0.5, default=None)]
-    integration: Annotated[
-        Literal["radial-return", "rate-form"], Parameter("1", "the rate form is the paper's", default="radial-return")
-    ]
 
     def faults(self) -> list[tuple[tuple[str, ...], str, object]]:
         """Constants that do not go together."""

@@ -5,11 +5,9 @@
 from typing import Annotated, NamedTuple
 
 from parsolid.elementary import exp, log, power
-from parsolid.kernels import scalar
+from parsolid.kernels import inlined, scalar
 from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.functions import flow_stress
-
-_HALLEY_STEPS = 8
 
 
 @law("flow-stress", "mechanical-threshold")
@@ -43,12 +41,26 @@ class MechanicalThreshold(NamedTuple):
 
 
 @scalar
+def _halley_step(logarithm, slope, c):
+    """The next ln w towards ln sinh w - slope w = c."""
+    w = exp(logarithm)
+    decay = exp(-2.0 * w)
+    # where the difference has no digits left, sinh w = w
+    short = w < 1e-5
+    twice = 2.0 * w if short else 1.0 - decay
+    log_sinh = w + log(0.5 * twice)
+    value = (logarithm if short else log_sinh) - slope * w - c
+    rise = w * ((1.0 + decay) / twice - slope)
+    bend = rise - 4.0 * (w / twice) * (w / twice) * decay
+    return logarithm - value * rise / (rise * rise - 0.5 * value * bend)
+
+
+@inlined
 def _hardened(alpha, strain):
     """x with int_0^x dx'/(1 - tanh(alpha x')/tanh alpha) = strain, by Halley's method.
 
     The integral in closed form with w = alpha (1 - x): ln sinh w - w tanh alpha = c. The unknown is ln w, in which the
-    left side is nearly straight while w is small; the start is right at both ends, and _HALLEY_STEPS reach round-off
-    for all strains.
+    left side is nearly straight while w is small; the start is right at both ends.
     """
     grown = exp(alpha)
     sinh, cosh = 0.5 * (grown - 1.0 / grown), 0.5 * (grown + 1.0 / grown)
@@ -57,19 +69,14 @@ def _hardened(alpha, strain):
     full, first = sinh * exp(-alpha * slope), exp(c)
     near = first / full
     w = first / (1.0 - slope * first - (1.0 - full / alpha - slope * full) * (near * near * near))
-    logarithm = log(w)
-    for _ in range(_HALLEY_STEPS):
-        w = exp(logarithm)
-        decay = exp(-2.0 * w)
-        # where the difference has no digits left, sinh w = w; what it would be is computed all the same
-        short = w < 1e-5
-        twice = 2.0 * w if short else 1.0 - decay
-        log_sinh = w + log(0.5 * twice)
-        value = (logarithm if short else log_sinh) - slope * w - c
-        rise = w * ((1.0 + decay) / twice - slope)
-        bend = rise - 4.0 * (w / twice) * (w / twice) * decay
-        logarithm = logarithm - value * rise / (rise * rise - 0.5 * value * bend)
-    return 1.0 - exp(logarithm) / alpha
+    # to round-off for alpha up to 6; written out, because a loop within one over particles is not vectorised
+    x = _halley_step(log(w), slope, c)
+    x = _halley_step(x, slope, c)
+    x = _halley_step(x, slope, c)
+    x = _halley_step(x, slope, c)
+    x = _halley_step(x, slope, c)
+    x = _halley_step(x, slope, c)
+    return 1.0 - exp(x) / alpha
 
 
 @flow_stress.of(MechanicalThreshold)

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, NamedTuple
 
-from parsolid.elementary import exp, log
+from parsolid.elementary import erf, exp, log, power
 from parsolid.materials.declaration import ATOMIC_MASS_UNIT, OfMaterial, Parameter, law
 from parsolid.materials.plastic.functions import flow_stress
 
@@ -35,10 +35,10 @@ class PrestonTonksWallace(NamedTuple):
 @flow_stress.of(PrestonTonksWallace)
 def _flow(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
     # the time a transverse wave takes across an atom: xi = 1/2 (4 pi rho/3 M)^(1/3) sqrt(mu/rho)
-    spacing = 0.5 * (4.0 * math.pi * model.density / (3.0 * model.atomic_mass)) ** (1.0 / 3.0)
+    spacing = 0.5 * power(4.0 * math.pi * model.density / (3.0 * model.atomic_mass), 1.0 / 3.0)
     frequency = spacing * (shear_modulus / model.density) ** 0.5
     slow = log(model.rate_scale * frequency / rate)
-    thermal = math.erf(model.activation * temperature / melting_temperature * slow)
+    thermal = erf(model.activation * temperature / melting_temperature * slow)
     overdriven = model.saturation_cold * exp(-model.overdriven_exponent * slow)
     medium = min(model.medium_yield * exp(-model.medium_exponent * slow), overdriven)
     saturation = max(model.saturation_cold - (model.saturation_cold - model.saturation_hot) * thermal, overdriven)

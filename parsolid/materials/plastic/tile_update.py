@@ -370,15 +370,21 @@ def _no_other_criterion(criteria, row, step, tile):
 
 @advance_damage.of(Criteria)
 def _one_more_criterion(criteria, row, step, tile):
+    _advance_criterion(criteria.first, row, step, tile)
+    advance_damage(criteria.others, row + 1, step, tile)
+
+
+@kernel
+def _advance_criterion(criterion, row, step, tile):
+    """Advance the damage of one criterion, in a row of its own."""
     for p in range(TILE):
         increment = tile[INCREMENT * TILE + p]
         loading = Loading(
             load_symmetric(tile, DEVIATOR, p), tile[PRESSURE * TILE + p], tile[PLASTIC_STRAIN * TILE + p], increment,
             increment / max(step, 1e-300), tile[TEMPERATURE * TILE + p], tile[MELTING * TILE + p])  # fmt: skip
-        damage = damage_after(criteria.first, tile[row * TILE + p], tile[STRENGTH * TILE + p], loading)
+        damage = damage_after(criterion, tile[row * TILE + p], tile[STRENGTH * TILE + p], loading)
         tile[row * TILE + p] = damage
         tile[_WORST * TILE + p] = max(tile[_WORST * TILE + p], damage)
-    advance_damage(criteria.others, row + 1, step, tile)
 
 
 @kernel

@@ -13,19 +13,23 @@ q_j with q_j <- a_j q_j + A_j (u_new - u_old).
 At finite strain e is the Green-Lagrange strain and the stress the second Piola-Kirchhoff stress S, P = F S (Kaliske &
 Rothert, Comput. Mech. 19, 1997, on a St. Venant-Kirchhoff solid).
 
-Functions take tuples of scalars (`numerics.tensors`), floats or `Lanes`. A bar is embedded in the plane: only 11 is not
-zero.
+Symmetric tensors have six components (`parsolid.tensors`); a bar is embedded in them: only 11 is not zero.
 """
 
 import math
 from typing import NamedTuple
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
+from parsolid.kernels import inlined
 from parsolid.materials.viscoelastic.interconversion import shear_relaxation
-from parsolid.numerics.dispatch import generic, none_without
-from parsolid.numerics.polar import symmetric_part
-from parsolid.numerics.tensors import I, SymmetricPlane, as_tensor, contract, formula, gram, trace
+from parsolid.tensors import (
+    add_spherical,
+    combine_symmetric,
+    contract_symmetric,
+    gram,
+    symmetric_part,
+    times_symmetric,
+    trace_symmetric,
+)
 
 
 class Prony(NamedTuple):
@@ -94,8 +98,7 @@ def _shear_series(material, G: float, K: float) -> tuple:
     return [modulus / stated for modulus in moduli], times
 
 
-@compiled
-def branch_weights(step, relaxation_time):
+def branch_weights(step: float, relaxation_time: float) -> tuple[float, float]:
     """(a, A) of eq (28) for a step [s]; (1, 1) for step 0."""
     x = step / relaxation_time
     if x == 0.0:
@@ -103,8 +106,7 @@ def branch_weights(step, relaxation_time):
     return math.exp(-x), -math.expm1(-x) / x
 
 
-@compiled
-def dissipation_weights(step, relaxation_time):
+def dissipation_weights(step: float, relaxation_time: float) -> tuple[float, float, float]:
     """Weights (c, d, e) with which a branch dissipates over a step: 2 gamma (c w(e_j, e_j) + d w(e_j, de) + e w(de,
     de)).
 
@@ -126,9 +128,8 @@ def dissipation_weights(step, relaxation_time):
     return decayed, gone * gone / x, square
 
 
-@compiled
-def free_work_weights(step, relaxation_time):
-    """Weights (p, q) of the mean of e_j over a step less that of its ends, p e_j + q de; see `less_free_work`."""
+def free_work_weights(step: float, relaxation_time: float) -> tuple[float, float]:
+    """Weights (p, q) of the mean of e_j over a step less that of its ends, p e_j + q de; see `free_work`."""
     x = step / relaxation_time
     if x < 0.02:
         # series, because both cancel
@@ -137,166 +138,97 @@ def free_work_weights(step, relaxation_time):
     return A - 0.5 * (1.0 + a), (1.0 - A) / x - 0.5 * A
 
 
-@formula
-def relaxed_branch(weights, branch, change):
-    """Branch strain e_j after a step with the given (a, A) and change of strain; symmetric tensors."""
-    return weights[0] * branch + weights[1] * change
+class LinearSolid(NamedTuple):
+    """A Prony solid as kernels take it: sigma = (bulk tr e + first tr r) 1 + 2 shear r [Pa] of a strain e and the
+    relaxing strain r = e + sum gamma_j e_j.
 
-
-small_strain = symmetric_part
-
-
-@formula
-def green_lagrange_strain(gradient):
-    """E = (G + G^T + G^T G)/2 of a displacement gradient G (a general tensor)."""
-    return small_strain(gradient) + 0.5 * gram(gradient)
-
-
-@register_jitable
-def strain_measure(law, gradient):
-    """The law's strain of a displacement gradient: small, or Green-Lagrange."""
-    return _strain_of(law.finite_strain, gradient)
-
-
-@generic
-def _strain_of(finite_strain, gradient):
-    """Small strain where finite_strain is None, else Green-Lagrange strain."""
-
-
-@_strain_of.of(None)
-def _small(finite_strain, gradient):
-    return small_strain(gradient)
-
-
-@_strain_of.otherwise
-def _finite(finite_strain, gradient):
-    return green_lagrange_strain(gradient)
-
-
-@register_jitable
-def lateral_strain(law, factor, carried, strain, relaxing):
-    """Strain along the free directions at which their stress vanishes; None where the law has no such history.
-
-    factor = sum gamma_j A_j; carried = sum gamma_j (a_j e_j - A_j e_old) of lateral strains, at the start of the step;
-    strain and relaxing have no lateral part yet (0 there), but relaxing that of the whole step's other components.
+    bulk is 0 where everything relaxes, K where the bulk is elastic, and first is then -2/3 shear. free: directions
+    without stress, 1 in plane stress and 2 in a bar, else 0; lateral: so many where the strain along them is history.
+    finite: whether e is Green and Lagrange's strain and sigma the second Piola-Kirchhoff stress. undeformed: rho c^2
+    [Pa] of pressure waves at rest, before anything has relaxed.
     """
-    return _condensed(law.bulk_modulus, law.free_directions, law.shear_modulus, factor, carried, strain, relaxing)
+
+    shear: float
+    first: float
+    bulk: float
+    free: float
+    lateral: float
+    finite: bool
+    undeformed: float
 
 
-@none_without("K")
-def _condensed(K, n, G, factor, carried, strain, relaxing):
-    return _condensed_along(n, K, G, factor, carried, strain, relaxing)
+def linear_solid(law: Prony) -> LinearSolid:
+    """The constants that kernels need."""
+    elastic, free = law.bulk_modulus is not None, law.free_directions or 0.0
+    first = -2.0 / 3.0 * law.shear_modulus if elastic else law.first_lame
+    lateral, finite = (free if elastic else 0.0), law.finite_strain is not None
+    return LinearSolid(
+        law.shear_modulus, first, law.bulk_modulus or 0.0, free, lateral, finite, pressure_wave_modulus(law)
+    )
 
 
-@none_without("n")
-def _condensed_along(n, K, G, factor, carried, strain, relaxing):
-    # 0 = K tr(e) + 2 G0 dev(e~) along n free directions, solved for their strain
-    own = 2.0 * G * (1.0 - n / 3.0)
-    driving = K * trace(strain) - (2.0 / 3.0) * G * trace(relaxing) + own * carried
-    return driving * (-1.0 / (n * K + own * (1.0 + factor)))
+@inlined
+def strain_of(law, G):
+    """The strain of a displacement gradient: small, or Green and Lagrange's."""
+    small = symmetric_part(G)
+    # a sum of both, so that kernels have one way
+    return combine_symmetric(1.0, small, 0.5 if law.finite else 0.0, gram(G))
 
 
-@none_without("lateral", returns="strain")
-def with_lateral(strain, lateral, free_directions):
-    """A plane strain tensor with its lateral components filled in: 33 in plane stress, 22 and 33 in a bar."""
-    return SymmetricPlane(strain[0], strain[1] + (free_directions - 1.0) * lateral, strain[2] + lateral, strain[3])
+@inlined
+def linear_stress(law, strain, relaxing):
+    """Stress [Pa] of both strains with their lateral components; exactly 0 along free directions."""
+    mean = law.bulk * trace_symmetric(strain) + law.first * trace_symmetric(relaxing)
+    S = add_spherical(times_symmetric(2.0 * law.shear, relaxing), mean)
+    if law.free > 0.0:
+        return (S[0], (2.0 - law.free) * S[1], 0.0, S[3], 0.0, 0.0)
+    return S
 
 
-@none_without("lateral", returns="relaxing")
-def with_relaxing_lateral(relaxing, lateral, free_directions, factor, carried):
-    """The relaxing strain with its lateral components, see `lateral_strain`."""
-    return with_lateral(relaxing, lateral * (1.0 + factor) + carried, free_directions)
-
-
-@register_jitable
-def stress(law, strain, relaxing):
-    """Stress [Pa], a symmetric tensor, from the strain and the relaxing strain, both with their lateral components.
-
-    sigma at small strain, S at finite strain. Where everything relaxes `strain` is not read and may be None.
-    """
-    sigma = 2.0 * law.shear_modulus * as_tensor(relaxing) + _mean_stress(law.bulk_modulus, law, strain, relaxing) * I
-    return _without_free_stress(sigma, law.free_directions)
-
-
-@generic
-def _mean_stress(bulk_modulus, law, strain, relaxing):
-    """What is added to 2 G e~ on the diagonal [Pa]."""
-
-
-@_mean_stress.of(None)
-def _relaxing_bulk(bulk_modulus, law, strain, relaxing):
-    return law.first_lame * trace(relaxing)
-
-
-@_mean_stress.otherwise
-def _elastic_bulk(bulk_modulus, law, strain, relaxing):
-    return bulk_modulus * trace(strain) - (2.0 / 3.0) * law.shear_modulus * trace(relaxing)
-
-
-@none_without("free_directions", returns="sigma")
-def _without_free_stress(sigma, free_directions):
-    """Plane stress has no 33, a bar no 22 either, but for rounding."""
-    return SymmetricPlane(sigma[0], (2.0 - free_directions) * sigma[1], 0.0 * sigma[2], sigma[3])
-
-
-@register_jitable
-def equilibrium_form(law, a, b):
-    """Bilinear energy density 1/2 a : C0 : b [J/m^3] of the equilibrium solid; a, b with their lateral components."""
-    return _add_bulk_form(branch_form(law, a, b), law.bulk_modulus, a, b)
-
-
-@none_without("bulk_modulus", returns="form")
-def _add_bulk_form(form, bulk_modulus, a, b):
-    return form + 0.5 * bulk_modulus * trace(a) * trace(b)
-
-
-@register_jitable
-def branch_form(law, a, b):
-    """Bilinear energy density [J/m^3] of a branch over gamma_j: 1/2 a : C0 : b, or G0 dev(a) : dev(b) for an elastic
-    bulk.
+@inlined
+def branch_form(law, A, B):
+    """Energy density 1/2 A : C : B [J/m^3] of a branch over gamma_j; with an elastic bulk of the deviators alone.
 
     The stored energy is equilibrium_form(e, e) + sum gamma_j branch_form(e_j, e_j), and the rate of dissipation
-    sum 2 gamma_j/tau_j branch_form(e_j, e_j) [W/m^3]; the power of the stress is the sum of the latter and the former's
-    rate.
+    sum 2 gamma_j/tau_j branch_form(e_j, e_j) [W/m^3].
     """
-    return _form_of(law.bulk_modulus, law, a, b)
+    return law.shear * contract_symmetric(A, B) + 0.5 * law.first * trace_symmetric(A) * trace_symmetric(B)
 
 
-@generic
-def _form_of(bulk_modulus, law, a, b):
-    """`branch_form`."""
+@inlined
+def equilibrium_form(law, A, B):
+    """Energy density 1/2 A : C0 : B [J/m^3] of the equilibrium solid; with their lateral components."""
+    return branch_form(law, A, B) + 0.5 * law.bulk * trace_symmetric(A) * trace_symmetric(B)
 
 
-@_form_of.of(None)
-def _whole_form(bulk_modulus, law, a, b):
-    return law.shear_modulus * contract(a, b) + 0.5 * law.first_lame * trace(a) * trace(b)
+@inlined
+def with_lateral(law, strain, relaxing, factor):
+    """Both strains with the strain along free directions at which their stress vanishes, of laws with `lateral`.
+
+    factor: sum gamma_j A_j; relaxing: of the whole step, with its 33 what is carried over from the step's start,
+    sum gamma_j (a_j e_j - A_j e_old), and strain with 0 there.
+    """
+    # 0 = K tr(e) + 2 G dev(r) along the free directions, solved for their strain
+    n, carried = law.lateral, relaxing[2]
+    driven = (relaxing[0], (2.0 - n) * relaxing[1], 0.0, relaxing[3], 0.0, 0.0)
+    own = 2.0 * law.shear * (1.0 - n / 3.0)
+    driving = law.bulk * trace_symmetric(strain) + law.first * trace_symmetric(driven) + own * carried
+    e = driving * (-1.0 / (n * law.bulk + own * (1.0 + factor)))
+    r = e * (1.0 + factor) + carried
+    strain = (strain[0], strain[1] + (n - 1.0) * e, strain[2] + e, strain[3], 0.0, 0.0)
+    return strain, (driven[0], driven[1] + (n - 1.0) * r, r, driven[3], 0.0, 0.0)
 
 
-@_form_of.otherwise
-def _deviatoric_form(bulk_modulus, law, a, b):
-    return law.shear_modulus * (contract(a, b) - trace(a) * trace(b) / 3.0)
-
-
-@register_jitable
-def less_free_work(law, weights, branch, change, loss):
-    """What a branch dissipates over a step over 2 gamma_j, from what it does on strains that are linear in time.
+@inlined
+def free_work(law, p, q, branch, change):
+    """What a branch dissipates over a step beyond what it does on strains that are linear in time, over 2 gamma_j; p
+    and q of `free_work_weights`.
 
     Along free directions stress vanishes at the ends of a step, and with strain linear between them not in between. No
     one does the work of that stress: in truth the lateral strain follows at once, and dissipates it.
     """
-    return _less_work(law.bulk_modulus, law.free_directions, law.shear_modulus, weights, branch, change, loss)
-
-
-@none_without("K", returns="loss")
-def _less_work(K, n, G, weights, branch, change, loss):
-    return _less_work_along(n, G, weights, branch, change, loss)
-
-
-@none_without("n", returns="loss")
-def _less_work_along(n, G, weights, branch, change, loss):
-    p, q = weights
-    deviator = p * (branch[2] - trace(branch) / 3.0) + q * (change[2] - trace(change) / 3.0)
-    return loss - n * G * deviator * change[2]
+    deviator = p * (branch[2] - trace_symmetric(branch) / 3.0) + q * (change[2] - trace_symmetric(change) / 3.0)
+    return -law.lateral * law.shear * deviator * change[2]
 
 
 def algorithmic_factor(law: Prony, step: float) -> float:

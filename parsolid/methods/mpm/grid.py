@@ -1,299 +1,190 @@
-"""The background grid of the material point method: arrays, node update, mirror planes, rigid walls.
+"""The nodes of a rank's background grid: their arrays, what ranks add up, and their new velocities.
 
-Only nodes near particles exist; they are numbered by slots in any order. Particles are listed by base cell (`weights`);
-passes are fast where the list is nearly in the order of storage.
-
-    motion  (capacity, 8)  x y z m | vx vy vz V0    a particle's position [m], mass [kg], velocity [m/s], reference
-    volume [m3]
-    nodes   (nodes, 8)     px py pz m | fx fy fz 0  after a scatter: momentum [kg m/s], mass, force [N]
-                           vx vy vz m | ax ay az 0  after `update_nodes`: new velocity [m/s], and its change in the step
-                           [m/s]
-
-In two dimensions z = 0; in plane strain masses and volumes are those of a metre of thickness, in axisymmetry of a
-radian, with x = r and y along the axis.
+Only nodes near particles exist; they are numbered by slots. `transfer` has the columns of the arrays.
 """
-
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
-from parsolid.methods.mpm.weights import nodes_across, store_weights
-from parsolid.numerics.lanes import aligned_zeros, broadcast, fused, load, store, swizzle
+from decomposition.grid import RankGrid
+from decomposition.node_sum import NodeSum
+from decomposition.occupied import Mirror
+from decomposition.talking import TALKING
+from parsolid.boundary.mirror_planes import MirrorPlane
+from parsolid.collective import minimum
+from parsolid.kernels import kernel
+from parsolid.methods.mpm.points import MaterialPoints
+from parsolid.methods.mpm.transfer import Cells
 
-_mass = swizzle(3, 3, 3, 3)
-
-
-class Grid(NamedTuple):
-    """Base cells with their particles and nodes.
-
-    origin (4,) [m]: a node; spacing [m] and its inverse; base (cells, 4): base nodes' indices as floats, unused columns
-    0; start (cells + 1,), order (capacity,) int64: particles order[start[c]]..order[start[c+1]-1] lie in cell c;
-    stencil (cells, K**dimension) int32: node slots, the last direction fastest.
-    """
-
-    origin: np.ndarray
-    spacing: float
-    inverse_spacing: float
-    base: np.ndarray
-    start: np.ndarray
-    order: np.ndarray
-    stencil: np.ndarray
+# nodes lighter than this share of the lightest particle do not move
+_LEAST_MASS = 1e-9
 
 
-class Scratch(NamedTuple):
-    """Working arrays of the passes: weights (K, 16) of one particle, cell (K**dimension, 8) nodes of one cell."""
-
-    weights: np.ndarray
-    cell: np.ndarray
-
-
-def make_scratch(basis, dimension: int) -> Scratch:
-    """Working arrays for a basis in 2 or 3 dimensions."""
-    across = nodes_across(basis)
-    return Scratch(aligned_zeros((across, 16)), aligned_zeros((across**dimension, 8)))
-
-
-class Interpolation(NamedTuple):
-    """How particles and nodes see one another.
-
-    space: Plane, Axisymmetric or Space; basis: one of `weights`; places (capacity, >= 4): positions [m] that the
-    weights belong to, the fourth column unused.
-    """
-
-    space: Any
-    basis: Any
-    grid: Grid
-    scratch: Scratch
-    places: np.ndarray
-
-
-@register_jitable
-def weigh(interpolation, base, p):
-    """Place of particle p [m] and that from its base node in spacings; its weights are left in the scratch."""
-    grid = interpolation.grid
-    place = load(interpolation.places, p, 0)
-    xi = fused(place - load(grid.origin, 0, 0), broadcast(grid.inverse_spacing), -base)
-    store_weights(interpolation.basis, p, xi, interpolation.scratch.weights)
-    return place, xi
-
-
-@register_jitable
-def clear_cell(cell):
-    """Zeros for the sums of a cell."""
-    for k in range(cell.shape[0]):
-        store(cell, k, 0, broadcast(0.0))
-        store(cell, k, 4, broadcast(0.0))
-
-
-class Flip(NamedTuple):
-    """Particles add the change of the nodal velocity; `fraction` below 1 blends in the nodal velocity itself.
-
-    Brackbill, Kothe and Ruppel, Comput. Phys. Commun. 48 (1988) 25.
-    """
-
-    fraction: float
-
-
-class Apic(NamedTuple):
-    """Particles take the nodal velocity and its slope. affine (capacity, 12): rows of the slope [1/s], each padded to
-    4.
-
-    Jiang et al., ACM Trans. Graph. 34 (2015) 51.
-    """
-
-    affine: np.ndarray
-
-
-class AffineFlip(NamedTuple):
-    """Particles add the change of the nodal velocity as with `Flip` and give its slope with their momentum as with
-    `Apic`, of which affine is the array.
-
-    Fei et al., ACM Trans. Graph. 40 (2021) 109 (AFLIP).
-    """
-
-    affine: np.ndarray
-    fraction: float
-
-
-class Taylor(NamedTuple):
-    """As `Apic`, with the gradient of the nodal velocity in the place of the slope that fits its moments.
-
-    Nakamura, Matsumura and Mizutani, Comput. Methods Appl. Mech. Engrg. 403 (2023) 115720 (TPIC).
-    """
-
-    affine: np.ndarray
-
-
-class CauchyStress(NamedTuple):
-    """rows (capacity, 8): V sigma [N m] of the current volume, xx yy zz 0 | yz xz xy and a number that is not read."""
-
-    rows: np.ndarray
-
-
-class FirstPiolaKirchhoffStress(NamedTuple):
-    """rows (capacity, 12): V0 P [N m], rows of the tensor, each padded to 4 with 0."""
-
-    rows: np.ndarray
-
-
-class RigidWall(NamedTuple):
-    """Nodes at or behind a moving plane follow it: point (4,) [m], normal (4,) into the body, velocity (4,) [m/s],
-    fourth 0.
-
-    sticking 1.0: they take the wall's velocity; 0.0: they may slide, and leave in the direction of the normal.
-    """
-
-    point: np.ndarray
-    normal: np.ndarray
-    velocity: np.ndarray
-    sticking: float
-
-
-@compiled
-def fold_mirror(ghost, image, signs, nodes):
-    """Add what the mirror image of the body gives to the nodes before a mirror plane; before `update_nodes`.
-
-    ghost, image (n,) int32: slots of the nodes on and behind the plane, and of their mirror images (a node on the plane
-    is its own); signs (1, 8): of each column of nodes, -1 for the momentum and force that the mirror reverses. Exact
-    for every basis when the plane lies on nodes or halfway between. Where planes meet, fold them one after the other.
-    """
-    first, second = load(signs, 0, 0), load(signs, 0, 4)
-    for k in range(ghost.size):
-        here, there = ghost[k], image[k]
-        store(nodes, there, 0, fused(first, load(nodes, here, 0), load(nodes, there, 0)))
-        store(nodes, there, 4, fused(second, load(nodes, here, 4), load(nodes, there, 4)))
-
-
-@compiled
-def spread_mirror(ghost, image, signs, nodes):
-    """Give the nodes behind a mirror plane the reflected values of their images; after `update_nodes`, planes in
-    reverse order.
-    """
-    first, second = load(signs, 0, 0), load(signs, 0, 4)
-    for k in range(ghost.size):
-        here, there = ghost[k], image[k]
-        store(nodes, here, 0, first * load(nodes, there, 0))
-        store(nodes, here, 4, second * load(nodes, there, 4))
-
-
-@compiled(error_model="numpy")
-def update_nodes(first, last, nodes, step, gravity, least_mass):
-    """Nodal velocities from momentum, force and gravity (4,) [m/s2, fourth 0]; nodes lighter than least_mass [kg] stand
-    still.
-    """
-    g = step * load(gravity, 0, 0)
-    for i in range(first, last):
-        p = load(nodes, i, 0)
+@kernel
+def accelerate(count, nodes, step, least_mass):
+    """Velocities v after a step [s], and their changes in it, from momentum and force; nodes lighter than least_mass
+    [kg] stand still."""
+    for i in range(count):
         mass = nodes[i, 3]
         if mass > least_mass:
-            change = fused(load(nodes, i, 4), broadcast(step / mass), g)
-            velocity = fused(p, broadcast(1.0 / mass), change)
-            store(nodes, i, 0, velocity)
-            store(nodes, i, 4, change)
-            nodes[i, 3] = mass
+            for d in range(3):
+                change = step / mass * nodes[i, 4 + d]
+                nodes[i, d] = nodes[i, d] * (1.0 / mass) + change
+                nodes[i, 4 + d] = change
         else:
-            store(nodes, i, 0, broadcast(0.0))
-            store(nodes, i, 4, broadcast(0.0))
+            nodes[i] = 0.0
 
 
-@compiled(error_model="numpy")
-def find_velocities(first, last, nodes, least_mass):
-    """Nodal velocities from momentum alone, as when momentum is mapped back to the grid (MUSL); columns
-    4..7 become 0.
-    """
-    for i in range(first, last):
-        mass = nodes[i, 3]
-        scale = 1.0 / mass if mass > least_mass else 0.0
-        store(nodes, i, 0, broadcast(scale) * load(nodes, i, 0))
-        store(nodes, i, 4, broadcast(0.0))
-        nodes[i, 3] = mass
-
-
-@compiled
-def obey_wall(first, last, nodes, places, share, held, motion, remapped, wall):
-    """Let nodes at or behind a rigid wall move with it; after `update_nodes`. Gives the impulse [N s] on the body and a
-    loss [J].
-
-    places (nodes, 4): positions [m]; share (nodes,): what counts of a node, see `kinetic_gain`. The wall's work on the
-    body is impulse . wall.velocity. Lost is m/2 of the square of what the whole step changes in the velocity that the
-    wall sets: all of it when a body is caught, nothing while it stays.
-
-    held (nodes,) bool: which nodes the wall holds in the step, found unless `nodes` are of remapped momentum (MUSL).
-    Those obey where it is True, motion (nodes, 8) being `nodes` of the motion: matter that strained with nodes free to
-    leave, which in the motion are held, would gain energy from the wall. Lost is then what the particles kept
-    of the held nodes' velocity.
-    """
-    impulse, lost = np.zeros(3), 0.0
-    for i in range(first, last):
-        distance, speed = 0.0, 0.0
+@kernel
+def velocities_of_momentum(count, nodes, least_mass):
+    """Velocities from momentum alone; columns 4..7 become 0."""
+    for i in range(count):
+        scale = 1.0 / nodes[i, 3] if nodes[i, 3] > least_mass else 0.0
         for d in range(3):
-            distance += wall.normal[d] * (places[i, d] - wall.point[d])
-            speed += wall.normal[d] * (nodes[i, d] - wall.velocity[d])
-        if not remapped:
-            held[i] = distance <= 0.0 < nodes[i, 3] and (wall.sticking != 0.0 or speed < 0.0)
-        if not held[i]:
-            continue
-        caught, along, kept = 0.0, 0.0, 0.0
-        for d in range(3):
-            change = -speed * wall.normal[d]
-            if wall.sticking != 0.0:
-                change = wall.velocity[d] - nodes[i, d]
-            nodes[i, d] += change
-            nodes[i, 4 + d] += change
-            impulse[d] += share[i] * nodes[i, 3] * change
-            caught += nodes[i, 4 + d] ** 2
-            along += wall.normal[d] * nodes[i, 4 + d]
-            kept += change * motion[i, 4 + d]
-        if not remapped:
-            kept = caught if wall.sticking != 0.0 else along**2
-        lost += 0.5 * share[i] * nodes[i, 3] * kept
-    return impulse[0], impulse[1], impulse[2], lost
+            nodes[i, d] *= scale
+            nodes[i, 4 + d] = 0.0
 
 
-@compiled
-def kinetic_gain(first, last, nodes, share):
-    """Change of the nodes' kinetic energy [J] in a step; after `update_nodes` and walls.
+@kernel
+def fold(behind, image, signs, nodes):
+    """Add what the mirror image of the body gives to the nodes before a mirror plane; before `accelerate`.
 
-    share (nodes,): 1, but 0 for nodes behind mirror planes and 1/2 on each mirror plane; of nodes that other ranks
-    list as well the part of their mass that this rank's particles give.
+    behind, image (n,): slots of the nodes on and behind the plane, and of their mirror images (a node on the plane is
+    its own); signs (8,): of each column of nodes, -1 for the momentum and force that the mirror reverses. Exact for
+    every basis if the plane lies on nodes or halfway between. Where planes meet, they are folded one after the other.
     """
-    gain = 0.0
-    for i in range(first, last):
-        power = 0.0
-        for d in range(3):
-            power += nodes[i, 4 + d] * (nodes[i, d] - 0.5 * nodes[i, 4 + d])
-        gain += share[i] * nodes[i, 3] * power
-    return gain
+    for k in range(behind.size):
+        for c in range(8):
+            nodes[image[k], c] += signs[c] * nodes[behind[k], c]
 
 
-@compiled
-def energy_of_changes(first, last, nodes, share):
-    """sum_i m_i a_i^2 / 2 [J] of the nodes' changes of velocity in a step; share as in `kinetic_gain`."""
-    energy = 0.0
-    for i in range(first, last):
-        square = nodes[i, 4] ** 2 + nodes[i, 5] ** 2 + nodes[i, 6] ** 2
-        energy += share[i] * nodes[i, 3] * square
-    return 0.5 * energy
+@kernel
+def unfold(behind, image, signs, nodes):
+    """Give the nodes behind a mirror plane the reflected velocities of their images; planes in reverse order."""
+    for k in range(behind.size):
+        for c in range(8):
+            nodes[behind[k], c] = signs[c] * nodes[image[k], c]
 
 
-@compiled
-def energy_of_particle_changes(before, motion):
-    """sum_p m_p (v_p - v_p before)^2 / 2 [J] of the particles in before (n, 8)."""
-    energy = 0.0
-    for p in range(len(before)):
-        square = 0.0
-        for d in range(4, 7):
-            square += (motion[p, d] - before[p, d]) ** 2
-        energy += motion[p, 3] * square
-    return 0.5 * energy
+def sum_in_order(values: np.ndarray) -> float:
+    """The sum of an array, one number after the other: its bits do not depend on zeros in between, as those of numpy's
+    sums of pairs do. A restart has fewer empty nodes."""
+    return float(np.cumsum(values)[-1]) if values.size else 0.0
 
 
-@compiled
-def kinetic_energy(owned, motion):
-    """Sum of m v^2/2 [J] of particles."""
-    energy = 0.0
-    for p in range(owned):
-        energy += motion[p, 3] * (motion[p, 4] ** 2 + motion[p, 5] ** 2 + motion[p, 6] ** 2)
-    return 0.5 * energy
+class FoldedPlane:
+    """A mirror plane on nodes or halfway between; signs (8,): how its image changes the columns of nodes."""
+
+    def __init__(self, plane: MirrorPlane, mirror: Mirror):
+        self.plane, self.mirror, self.signs = plane, mirror, np.ones(8)
+        self.signs[0:3] = self.signs[4:7] = plane.signs()
+
+
+class Nodes:
+    """The nodes' arrays, kept up with the cells that particles occupy.
+
+    motion (slots, 8); remapped (slots, 8): velocities of the momentum that is mapped back (MUSL); heat (slots, 8), see
+    `heat`; cells: `Cells` of the step; places (count, 4) [m]; share (count,): what counts of a node on this rank: of a
+    node behind a mirror plane nothing, of one on it half, and of one that several ranks have the part of its mass that
+    this rank's particles give; mirrored: axis, slots behind each mirror plane, of their images, and on it;
+    changes: counts when slots change.
+    """
+
+    def __init__(self, grid: RankGrid, points: MaterialPoints, planes: list[FoldedPlane], conducts: bool):
+        """conducts: whether there is heat on nodes. Collective."""
+        lightest = minimum(grid.comm, float(points.owned_rows("mass").min(initial=np.inf)))
+        self.least_mass = _LEAST_MASS * lightest
+        self.grid, self.points, self.planes = grid, points, planes
+        self.spacing = float(points.settings.cell)
+        self._remaps, self._conducts = points.settings.order == "musl", conducts
+        self.motion = self.remapped = self.heat = np.zeros((0, 8))
+        self.changes = 0
+        self._seen: tuple[int, int] | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of nodes."""
+        return len(self.grid.cells.nodes)
+
+    def follow_cells(self) -> None:
+        """Take over the cells and their particles."""
+        cells, points = self.grid.cells, self.points
+        if self._seen != self.grid.version:
+            self._rebuild()
+            self._seen = self.grid.version
+        self.cells = Cells(
+            *(tuple(range(points.dimension)), points.axisymmetric, points.origin, self.spacing),
+            *(self._base, cells.start, cells.order, cells.stencil),
+        )
+
+    def _rebuild(self) -> None:
+        cells, d = self.grid.cells, self.grid.dimension
+        if len(self.motion) < self.count:
+            room = self.count + self.count // 4
+            self.motion = np.zeros((room, 8))
+            self.remapped = np.zeros((room if self._remaps else 0, 8))
+            self.heat = np.zeros((room if self._conducts else 0, 8))
+        self._base, self.places = np.zeros((len(cells.index), 4)), np.zeros((self.count, 4))
+        self._base[:, :d] = cells.index
+        self.places[:, :d] = self.points.origin[:d] + self.spacing * cells.nodes
+        self._find_folds()
+        self._sums: dict[str, NodeSum] = {"motion": self.grid.sum(self.motion, 0, 7, 0)}
+        if self._remaps:
+            self._sums["remapped"] = self.grid.sum(self.remapped, 0, 4, 1)
+        if self._conducts:
+            self._sums["capacity"] = self.grid.sum(self.heat, 0, 2, 2)
+            self._sums["flow"] = self.grid.sum(self.heat, 4, 5, 3)
+        self.changes += 1
+
+    def _find_folds(self) -> None:
+        """Nodes behind and on the mirror planes, and what counts of each node."""
+        self.share = np.ones(self.count)
+        self._folds: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self.mirrored: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
+        for plane in self.planes:
+            behind, images, on_plane = self.grid.cells.mirrored(plane.mirror)
+            self.mirrored.append((plane.mirror.axis, behind, images, on_plane))
+            self._folds.append((np.concatenate((behind, on_plane)), np.concatenate((images, on_plane)), plane.signs))
+            self.share[behind] = 0.0
+            self.share[on_plane] *= 0.5
+        self._common = np.unique(np.concatenate([np.zeros(0, np.int32), *self.grid.sharing.shared]))
+        self._share_of_all = self.share[self._common]
+
+    # --- in a step --------------------------------------------------------------------------------------------------
+
+    def clear(self, nodes: np.ndarray) -> None:
+        """Zeros, before particles give anything to nodes."""
+        nodes[: self.count] = 0.0
+
+    def exchange(self, name: str) -> None:
+        """Add up what the particles of all ranks have given: "motion", "remapped", "capacity" or "flow"."""
+        own = self.motion[self._common, 3]
+        with TALKING:
+            self._sums[name].start()
+            self._sums[name].finish()
+        if name == "motion" and len(self._common):
+            mass = self.motion[self._common, 3]
+            self.share[self._common] = self._share_of_all * own / np.where(mass > 0.0, mass, 1.0)
+
+    def accelerate(self, step: float) -> None:
+        """Velocities after the forces of a step [s], and their changes, before boundaries."""
+        self._fold(self.motion)
+        accelerate(self.count, self.motion, step, self.least_mass)
+
+    def find_remapped_velocities(self) -> None:
+        """Velocities of the momentum that was mapped back, before boundaries."""
+        self._fold(self.remapped)
+        velocities_of_momentum(self.count, self.remapped, self.least_mass)
+
+    def _fold(self, nodes: np.ndarray) -> None:
+        for behind, images, signs in self._folds:
+            fold(behind, images, signs, nodes)
+
+    def unfold(self, nodes: np.ndarray) -> None:
+        """Give nodes behind mirror planes the reflected velocities."""
+        for behind, images, signs in reversed(self._folds):
+            unfold(behind, images, signs, nodes)
+
+    @property
+    def bytes_sent(self) -> int:
+        """Bytes that this rank sends in the sums of a step."""
+        return sum(each.bytes_sent for each in self._sums.values())

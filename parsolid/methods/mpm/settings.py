@@ -1,19 +1,28 @@
 """The material point method as a scene states it."""
 
 from collections.abc import Iterable
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.methods.failure_fields import DAMAGE
-from parsolid.methods.mpm.plastic_state import PLASTIC_STATE
+from parsolid.particles.declaration import Columns
+from parsolid.particles.declaration import Field as ParticleField
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.method_settings import MethodSettings, named_observables
 
-Basis = Literal["linear", "ugimp", "cpgimp", "quadratic-spline", "cubic-spline"]
+Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
 
+# what particles of elastic-plastic laws carry, and a scene may name
+_kept = partial(ParticleField, checkpointed=True, layout=Columns())
+PLASTIC_STATE = (
+    _kept("plastic_strain", 1, "1"),
+    _kept("internal_energy", 1, "J/m^3"),
+    _kept("temperature", 1, "K"),
+)
 # on surfaces
 _LOADS = ("traction", "pressure", "spring")
 # what only elastic-plastic particles carry
@@ -40,19 +49,15 @@ class MaterialPoint(MethodSettings):
 
     cell            spacing h [m] of the background grid, of which only cells near particles exist
     origin          a point [m] of the grid; walls are exact where they lie on its planes
-    formulation     "updated": weights of the current positions; "total-lagrangian": those of the reference positions,
-                    for moderate strain
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
                     axis, per radian
     transfer        of velocities: "flip"; "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC,
-                    which keeps it nearly and loses no energy; "tpic", APIC with gradients for slopes. In contact
-                    "aflip" with flip_fraction 0.99, where neither is stated and the basis is not "linear"
-    mass_terms      of the series for the inverse of the consistent mass matrix; 1: lumped masses
+                    which keeps it nearly and loses no energy. In contact "aflip" with flip_fraction 0.99, where neither
+                    is stated and the basis is not "linear"
     order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
                     ("usl", which loses energy in contact)
     conduction      of heat, where materials have a conductivity
     motion          false: nothing moves, heat alone is conducted
-    bitwise         the same bits on any number of ranks, for three times the traffic
     rebalance       largest over mean number of particles on a rank beyond which cells are dealt out anew
     balance         what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of all
                     take, "measured" every 64 steps; the last bits of a run then depend on the clock
@@ -97,11 +102,9 @@ class MaterialPoint(MethodSettings):
     cell: Positive = Field(description="the spacing of the background grid [m]")
     origin: Point | None = Field(None, description="a point of the grid [m], zero unless given")
     basis: Basis = Field("quadratic-spline", description="shape functions of the grid")
-    formulation: Literal["updated", "total-lagrangian"] = "updated"
     geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
-    transfer: Literal["flip", "apic", "aflip", "tpic"] = "flip"
+    transfer: Literal["flip", "apic", "aflip"] = "flip"
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
-    mass_terms: int = Field(1, ge=1, description="terms of the inverse of the mass matrix; 1: lumped masses")
     order: Literal["usl", "musl"] = "musl"
     # what transfers between particles and grid do is not in the ledger to the last bit
     balance_warning: Positive = 0.03
@@ -110,7 +113,6 @@ class MaterialPoint(MethodSettings):
     viscosity: ArtificialViscosity = ArtificialViscosity()
     conduction: bool = True
     motion: bool = True
-    bitwise: bool = False
     balance: Literal["particles", "measured"] = Field("particles", description="what ranks share evenly")
     rebalance: float = Field(1.2, gt=1, description="largest over mean particles of a rank beyond which cells move")
 
@@ -119,13 +121,8 @@ class MaterialPoint(MethodSettings):
         details: list[Any] = []
         if dimension_of(info) == 3 and self.geometry is not None:
             details.append((("geometry",), "no such key in 3-D", self.geometry))
-        if self.transfer in ("apic", "tpic") and self.flip_fraction != 1.0:
-            found = f"no such key with the transfer '{self.transfer}'"
-            details.append((("flip_fraction",), found, self.flip_fraction))
-        if self.mass_terms > 1 and self.transfer != "flip":
-            details.append((("mass_terms",), "1 with a transfer that is not 'flip'", self.mass_terms))
-        if self.formulation == "total-lagrangian" and self.basis == "cpgimp":
-            details.append((("basis",), "a basis with fixed particle domains, 'ugimp'", self.basis))
+        if self.transfer == "apic" and self.flip_fraction != 1.0:
+            details.append((("flip_fraction",), "no such key with the transfer 'apic'", self.flip_fraction))
         reject(*details)
         return self
 
@@ -137,7 +134,7 @@ class MaterialPoint(MethodSettings):
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """In contact AFLIP with 1 % of APIC, unless transfers are stated: nodes beyond a face move slowly against what
         presses on it, in FLIP for ever. Slopes on linear weights turn matter inside out there."""
-        stated = {"transfer", "flip_fraction", "mass_terms"} & self.model_fields_set
+        stated = {"transfer", "flip_fraction"} & self.model_fields_set
         as_ever = stated or self.basis == "linear" or not in_contact(scene, bodies)
         return {} if as_ever else {"transfer": "aflip", "flip_fraction": 0.99}
 
@@ -185,22 +182,9 @@ class MaterialPoint(MethodSettings):
             details.append(
                 (("method", "viscosity"), "no such key without an elastic-plastic body", self.viscosity.model_dump())
             )
-        moved = [boundary.kind for boundary in scene.boundaries if boundary.kind in ("velocity", "wall")]
-        if self.mass_terms > 1 and moved:
-            # they set the velocity of nodes one by one, which only lumped masses allow
-            details.append((("method", "mass_terms"), f"1 with boundaries of the kind '{moved[0]}'", self.mass_terms))
         parts = [getattr(body.material, "parts", {}) for body in scene.bodies]
         conducting = any(each.get("conductivity") or each.get("conductivity_tensor") for each in parts)
-        for i, body in enumerate(scene.bodies):
-            # the grid lies on the undeformed body: tensors do not turn with it, and failed matter cannot leave it
-            for key in ("conductivity_tensor", "failure") if self.formulation == "total-lagrangian" else ():
-                if (found := getattr(body.material, key, None)) is not None:
-                    place = ("bodies", i, "material", key)
-                    details.append((place, "no such key with the formulation 'total-lagrangian'", found))
         for i, boundary in enumerate(scene.boundaries):
-            if boundary.kind == "wall" and self.formulation == "total-lagrangian":
-                # the grid lies on the undeformed body and knows nothing of where the body is
-                details.append((("boundaries", i, "kind"), "no wall with the formulation 'total-lagrangian'", "wall"))
             if boundary.kind in _LOADS and self.geometry == "axisymmetric":
                 details.append((("boundaries", i, "kind"), "no load on a surface about an axis", boundary.kind))
             if boundary.kind in ("temperature", "heat_flux") and not conducting:

@@ -12,32 +12,25 @@ from mpi4py import MPI
 
 from decomposition.cell_partition import CellPartition
 from decomposition.grid import RankGrid
-from parsolid.boundary.loads import accelerations
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.boundary.surface_loads import SurfaceLoads
 from parsolid.collective import maximum, minimum
-from parsolid.materials.hyperelastic.law import elastic_moduli
+from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods import failed_matter
-from parsolid.methods.mpm.conduction import Conduction, common_conductivity, conducts
-from parsolid.methods.mpm.grid import kinetic_energy
-from parsolid.methods.mpm.grid_conditions import GridConditions
-from parsolid.methods.mpm.initial_state import set_initial_motion
-from parsolid.methods.mpm.material_points import MaterialPoints
-from parsolid.methods.mpm.nodes import Nodes
-from parsolid.methods.mpm.observation import can_melt, first_unsound, homologous_temperatures, shown
-from parsolid.methods.mpm.placing import refuse_bad_places
-from parsolid.methods.mpm.reference_grid import ReferenceGrid
-from parsolid.methods.mpm.residence import Residence
-from parsolid.methods.mpm.step_energies import StepEnergies
-from parsolid.methods.mpm.stress_update import StressUpdate
-from parsolid.methods.mpm.transfers import ORDERS
-from parsolid.methods.mpm.waiting import WaitingImpulses
-from parsolid.methods.mpm.weights import nodes_across
+from parsolid.methods.mpm import output
+from parsolid.methods.mpm.cells import CellMigration
+from parsolid.methods.mpm.conditions import GridConditions
+from parsolid.methods.mpm.energies import StepEnergies, kinetic_energy
+from parsolid.methods.mpm.external_forces import ExternalForces
+from parsolid.methods.mpm.grid import Nodes
+from parsolid.methods.mpm.heat import Conduction, common_conductivity, conducts
+from parsolid.methods.mpm.points import MaterialPoints
+from parsolid.methods.mpm.shape_functions import nodes_across
+from parsolid.methods.mpm.stress import StressUpdate
+from parsolid.methods.mpm.transfer import grid_to_particles, particles_to_grid
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
-from parsolid.numerics.lanes import aligned_zeros
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
@@ -46,65 +39,155 @@ _ANY_STEP = 1e300
 
 
 class MaterialPoint(ParticleSystem):
-    """The method on one rank: its particles are `points`, its cells and shared nodes `grid`, the arrays of nodes
-    `nodes`.
-    """
+    """The method on one rank: its particles `points`, its cells and shared nodes `grid`, the arrays of nodes
+    `nodes`."""
 
     def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit
-        the grid. Collective.
-        """
+        the grid. Collective."""
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
-        refuse_bad_places(comm, scene, particle_set)
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
-        self.materials = StressUpdate(scene, points)
-        self.conditions = GridConditions(comm, scene, particle_set.position, points.origin)
+        self.conditions = GridConditions(comm, scene, particle_set, points)
+        self.loads = self.conditions.loads
+        self.landings = self.loads.times
+        self.told = self.loads.reactions  # type: ignore[assignment]
+        self.stress = StressUpdate(scene, points, self.loads)
         conducting = conducts(scene, points.laws)
         thermal = self.conditions.thermal_planes(common_conductivity(points.laws)) if conducting else []
-        folded = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
-        mirrors = tuple(dict.fromkeys(folded))
-        self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), mirrors, scene.method.bitwise)
+        mirrors = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
+        self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), tuple(dict.fromkeys(mirrors)))
         self.nodes = Nodes(self.grid, points, self.conditions.planes, conducting)
-        self.surface_loads = self.nodes.surface_loads = SurfaceLoads(
-            self.conditions.declared, comm, points, particle_set
-        )
-        self.landings = self.surface_loads.landings
-        self.told = self.nodes.told = [*self.conditions.told, *self.surface_loads.told]
-        self.stress: StressUpdate | ReferenceGrid = self.materials
-        if scene.method.formulation == "total-lagrangian":
-            self.stress = ReferenceGrid(self.materials, self.nodes)
-        self.loads = accelerations(scene, points)
         self.conduction: Conduction | None = None
         if conducting:
-            self.conduction = Conduction(self.conditions, points, self.nodes, thermal)
-        self.transfer = ORDERS[scene.method.order](points, self.nodes, self.conditions)
-        self.residence = Residence(self.grid, points)
-        # of a step for which something has asked before it
-        self.given: StepEnergies | None = None
-        self.waiting: WaitingImpulses | None = None
-        self.partition: CellPartition | None = None
+            self.conduction = Conduction(scene, self.conditions, points, self.nodes, thermal)
+        self.migration = CellMigration(self.grid, points)
+        self.external: ExternalForces | None = None
+        # of a step whose nodes have been accelerated already
+        self._energies: StepEnergies | None = None
+        self._sound = True
+        self._partition: CellPartition | None = None
+
+    # --- a step -------------------------------------------------------------------------------------------------------
+
+    def accelerate_nodes(self, time: float, step: float) -> None:
+        """Start of a step [s] from a time [s]: particles to grid, and the nodes' velocities after the forces.
+
+        Where bodies touch on nodes, `nodal_contact` does this for all of them and changes the velocities.
+        """
+        points, nodes, external = self.points, self.nodes, self.external
+        nodes.follow_cells()
+        forces, duration = self._load_forces(time), step
+        self._energies = StepEnergies(points, nodes, forces, external)
+        if external is not None:
+            forces = external.add_to(forces, step, (self.substep, self.substeps))
+            duration = external.duration(step)
+        self.conditions.keep_slopes_beside_driven(nodes)
+        nodes.clear(nodes.motion)
+        carried = points.motion, points.find("velocity_slope"), points.storage("stress_and_volume")
+        particles_to_grid(points.basis, nodes.cells, *carried, forces, nodes.motion)
+        nodes.exchange("motion")
+        nodes.accelerate(duration)
+
+    def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """All of a step [s] from a time [s]: external forces of its end act in the next one."""
+        if self.conduction is not None:
+            self.nodes.follow_cells()
+            ledger.add_term("heat_supplied", self.conduction.advance(time, step))
+        if not self.settings.motion:
+            return
+        if self._energies is None:
+            self.accelerate_nodes(time, step)
+        assert self._energies is not None
+        boundaries = self._move_particles(time + step, step)
+        self._sound, materials = self.stress.advance(step)
+        self._energies.book(ledger, step, boundaries, materials, self.loads)
+        self._energies = None
+        self._sound = self.migration.migrate() and self._sound
+
+    def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
+        """See `advance_positions`."""
+        announce(self._sound, self.stable_step())
+        return self._sound
+
+    def _move_particles(self, time: float, step: float) -> tuple[float, float]:
+        """Boundaries of the nodes at the end of a step [s] and grid to particles: velocities, places, velocity
+        gradients. Work of the boundaries and what is lost there [J]."""
+        points, nodes, conditions, external = self.points, self.nodes, self.conditions, self.external
+        slope, rate = points.find("velocity_slope"), points.storage("velocity_gradient")
+        paths = external.paths() if external is not None and step > 0.0 else None
+        grid, motion = (points.basis, nodes.cells), points.motion
+        supplied, lost = conditions.impose(nodes, nodes.motion, time)
+        if self.settings.order == "usl":
+            grid_to_particles(*grid, nodes.motion, None, step, motion, points.fraction, slope, rate, paths)
+        else:
+            grid_to_particles(*grid, nodes.motion, None, step, motion, points.fraction, slope, None, None)
+            lost += self._remap(time)
+            # where external forces act, by places, and particles forget velocities that nodes do not see, places follow
+            # the velocities that strain matter: motion that strains nothing would give way to them for ever
+            if paths is None or self.settings.adds_changes:
+                grid_to_particles(*grid, nodes.motion, nodes.remapped, step, motion, None, None, rate, paths)
+            else:
+                grid_to_particles(*grid, nodes.remapped, None, step, motion, None, None, rate, paths)
+        if external is not None and step > 0.0:
+            external.note_work(step)
+        return supplied, lost
+
+    def _remap(self, time: float) -> float:
+        """MUSL: velocities of nodes by the new momentum of particles, which strain matter; what the boundaries do to
+        them is no work. What is lost where they held nodes [J]."""
+        points, nodes = self.points, self.nodes
+        self.conditions.keep_slopes_beside_driven(nodes)
+        nodes.clear(nodes.remapped)
+        slope = points.find("velocity_slope")
+        particles_to_grid(points.basis, nodes.cells, points.motion, slope, None, None, nodes.remapped)
+        nodes.exchange("remapped")
+        nodes.find_remapped_velocities()
+        return self.conditions.impose(nodes, nodes.remapped, time)[1]
+
+    def _load_forces(self, time: float) -> np.ndarray | None:
+        """Forces (capacity, 4) [N] of the loads on particles at a time [s], None without any."""
+        loads = self.loads.loads(time)
+        if loads is None:
+            return None
+        self.loads.find_reported(time)
+        result = np.zeros((self.points.capacity, 4))
+        result[: self.owned, : self.dimension] = loads.T
+        return result
+
+    def stable_step(self) -> float:
+        """cfl h / (c + |v|) [s] of this rank's fastest particle, and what conduction and springs allow."""
+        settings, fastest = self.settings, self.stress.fastest
+        thermal = self.conduction.stable_step() if self.conduction is not None else np.inf
+        if not settings.motion:
+            return float(thermal)
+        waves = settings.cfl * settings.cell / fastest if fastest > 0.0 else np.inf
+        if fastest == 0.0 and "deleted_mass" in self.points:
+            # nothing is left on this rank
+            waves = _ANY_STEP
+        return float(min(waves, thermal, self.loads.largest_step))
+
+    # --- start, restart -----------------------------------------------------------------------------------------------
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress;
-        collective.
-        """
-        set_initial_motion(scene, particle_set, self.points)
-        self.materials.begin(scene, particle_set)
+        collective."""
+        self.points.begin(scene, particle_set)
+        self.stress.begin(scene, particle_set)
         if taken := take_state(self.comm, scene, self, particle_set):
             self.points.without_deleted()
-        self.residence.deal_out()
+        self.migration.deal_out()
         self.nodes.follow_cells()
         self.stress.advance(0.0)
         take_forces(self.comm, scene, self)
-        if taken and self.waiting is not None:
-            self.waiting.go_on(min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf))
+        if taken and self.external is not None:
+            self.external.go_on(min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf))
         self._look_at_heat()
 
     def resume(self) -> None:
         """Continue with the checkpoint's owners of cells; on other ranks with new ones; collective."""
         self.points.without_deleted()
-        self.residence.deal_out(self.partition)
-        self.stress.resume()
+        self.loads.forget_masses()
+        self.migration.deal_out(self._partition)
         self._look_at_heat()
 
     def _look_at_heat(self) -> None:
@@ -116,76 +199,39 @@ class MaterialPoint(ParticleSystem):
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
         return {
-            "waiting": None if self.waiting is None else self.waiting.state(self.comm),
+            "external": None if self.external is None else self.external.state(self.comm),
             "partition": self.grid.partition.state(),
-            "steps": self.residence.steps,
-            "fastest": maximum(self.comm, self.materials.fastest),
-            "plastic_work": self.comm.allgather(self.materials.plastic_work),
+            "steps": self.migration.steps,
+            "fastest": maximum(self.comm, self.stress.fastest),
+            "plastic_work": self.comm.allgather(self.stress.plastic_work),
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave; owners of cells only for as many ranks."""
-        self.residence.steps, self.materials.fastest = state["steps"], state["fastest"]
+        self.migration.steps, self.stress.fastest = state["steps"], state["fastest"]
         partition = CellPartition.from_state(state["partition"], self.dimension)
         work = state["plastic_work"]
-        if self.waiting is not None:
-            self.waiting.set_state(self.comm, state.get("waiting"))
+        if self.external is not None:
+            self.external.set_state(self.comm, state.get("external"))
         if partition.ranks == self.comm.size:
-            self.partition, self.materials.plastic_work = partition, work[self.comm.rank]
+            self._partition, self.stress.plastic_work = partition, work[self.comm.rank]
         else:
-            self.materials.plastic_work = sum(work) if self.comm.rank == 0 else 0.0
+            self.stress.plastic_work = sum(work) if self.comm.rank == 0 else 0.0
 
-    # --- a step -------------------------------------------------------------------------------------------------
+    # --- external forces of contact, ties and tools ------------------------------------------------------------------
 
-    def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """All of a step: external forces of its end act in the next one."""
+    def take_external_forces(self, keep_rows: bool) -> None:
+        """See `ParticleSystem.take_external_forces` and `CellMigration.keep_rows`."""
+        super().take_external_forces(keep_rows)
+        if keep_rows:
+            self.migration.keep_rows()
+        if self.external is None:
+            self.external = ExternalForces(self.points)
+            self.stress.centre_viscosity()
 
-        def note(sound: bool, stable: float) -> None:
-            self.noted = sound, stable
-
-        self.sound = self._advance(time, step, ledger, note)
-
-    def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """See `ParticleSystem`."""
-        announce(*self.noted)
-        return self.sound
-
-    def _advance(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """One step from `time` [s]."""
-        self.nodes.follow_cells()
-        if self.conduction is not None:
-            ledger.add_term("heat_supplied", self.conduction.advance(time, step))
-        if not self.settings.motion:
-            announce(True, self.stable_step())
-            return True
-        energies = self.given or self.give_to_nodes(time, step)
-        work, caught = self.conditions.obey(self.nodes, self.nodes.motion, time + step)
-        caught += self.transfer.nodes_to_particles(time + step, step)
-        sound, terms = self.stress.advance(step)
-        energies.book(ledger, step, (work, caught), terms)
-        self.given = None
-        announce(sound, self.stable_step())
-        return self.residence.settle() and sound
-
-    def give_to_nodes(self, time: float, step: float) -> StepEnergies:
-        """New velocities of the nodes, before boundaries, of a step [s] from a time [s]."""
-        forces, kicked, waiting = self._forces(time), step, self.waiting
-        energies = StepEnergies(self.points, self.nodes, forces, waiting)
-        if waiting is not None:
-            forces, kicked = waiting.take(forces, step, (self.substep, self.substeps)), waiting.kicked(step)
-        self.transfer.particles_to_nodes(self.stress.on_nodes, forces)
-        self.nodes.accelerate(kicked)
-        return energies
-
-    def _forces(self, time: float) -> np.ndarray | None:
-        """Forces (capacity, 4) [N] of the loads on particles."""
-        if not self.loads.acting and not self.surface_loads.acting:
-            return None
-        result = aligned_zeros((self.points.capacity, 4))
-        if self.loads.acting:
-            result[: self.owned] = self.points.motion[: self.owned, 3:4] * self.loads.at(time)
-        self.surface_loads.add_to(result, time)
-        return result
+    def late_impulse(self) -> np.ndarray:
+        """Velocities are of the middle of the last step."""
+        return super().late_impulse() if self.external is None else self.external.late_impulse()
 
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]
@@ -202,27 +248,13 @@ class MaterialPoint(ParticleSystem):
         or, where they need not stay in between, in any step."""
         if self.comm.size == 1:
             return self.points.layout
-        return self.residence.placements if self.residence.kept else None
-
-    def take_external_forces(self, keep_rows: bool) -> None:
-        """See `waiting.WaitingImpulses` and `Residence.keep`."""
-        super().take_external_forces(keep_rows)
-        if keep_rows:
-            self.residence.keep()
-        if self.waiting is None:
-            self.waiting = self.transfer.waiting = WaitingImpulses(self.points)
-            self.materials.centre()
-
-    def late_impulse(self) -> np.ndarray:
-        """Velocities are of the middle of the last step."""
-        if self.waiting is None:
-            return super().late_impulse()
-        rows = self.points.owned_rows
-        return np.asarray(rows("external_impulse") + 0.5 * self.waiting.step * rows("external_force"))
+        return self.migration.layout_version if self.migration.keeps_rows else None
 
     def follow_work(self, work: list[float], number: int) -> None:
-        """See `Residence.follow_work`."""
-        self.residence.follow_work(work, number)
+        """See `CellMigration.follow_work`."""
+        self.migration.follow_work(work, number)
+
+    # --- what the loop and the reports ask ----------------------------------------------------------------------------
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
@@ -253,57 +285,26 @@ class MaterialPoint(ParticleSystem):
         """No particle lies on a mirror plane."""
         return np.ones(len(self.points.motion))
 
-    def stable_step(self) -> float:
-        """cfl h / (c + |v|) [s] of this rank's fastest particle, over the root of `mass_terms`, and what conduction
-        allows.
-        """
-        settings, stress, conduction = self.settings, self.stress, self.conduction
-        thermal = conduction.stable_step() * stress.stretch**2 if conduction is not None else np.inf
-        if not settings.motion:
-            return float(thermal)
-        # more terms than the lumped one lift frequencies, see `mass_matrix`
-        waves = settings.cfl * settings.cell * stress.slowness / settings.mass_terms**0.5
-        if self.materials.fastest == 0.0 and "deleted_mass" in self.points:
-            # nothing is left on this rank
-            waves = _ANY_STEP
-        return float(min(waves, thermal, self.surface_loads.largest_step))
-
-    # --- what the loop and the reports ask ------------------------------------------------------------------------
-
     def energies(self) -> tuple[float, float]:
         """Kinetic energy and internal energy [J] of this rank's particles, heat and plastic work included."""
-        kinetic = kinetic_energy(self.owned, self.points.motion)
-        if self.waiting is not None:
-            kinetic += self.waiting.energy()
-        return kinetic, self.materials.stored_energy()
+        kinetic = float(kinetic_energy(self.owned, self.points.motion))
+        if self.external is not None:
+            kinetic += self.external.energy()
+        return kinetic, self.stress.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Fields that are not declared."""
-        return shown(self.points, name, first, last)
+        return output.shown(self.points, name, first, last)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """This rank's part of a quantity of the whole body."""
-        rows, d = self.particles.owned_rows, self.dimension
-        if name.startswith("maximum_"):
-            field = name.removeprefix("maximum_")
-            values = rows(field) if field in self.particles else np.zeros(0)
-            return "maximum", np.array([values.max(initial=0.0)])
-        failed = failed_matter.measure(self.particles, self.mass[: self.owned], name)
-        if failed is not None:
-            return failed
-        if name == "plastic_work":
-            return "sum", np.array([self.materials.plastic_work])
-        if name in ("heat", "entropy"):
-            return "sum", np.array([getattr(self.points, name)()])
-        lower, upper = self.points.bounds_of_domains()
-        return ("minimum", lower[:d]) if name == "lower_bounds" else ("maximum", upper[:d])
+        return output.measure(self.points, name, self.stress.plastic_work)
 
     def unsound(self) -> tuple[int, str] | None:
-        """The rank's first particle that is inside out, compressed beyond its equation of state, lost, or
-        not a number.
-        """
+        """The rank's first particle that is inside out, compressed beyond its equation of state, lost, or not a
+        number."""
         cells = self.grid.cells
-        return first_unsound(self.points, cells.order[: cells.start[-1]])
+        return output.first_unsound(self.points, cells.order[: cells.start[-1]])
 
     def advice(self) -> str:
         """What most likely helps."""
@@ -324,7 +325,7 @@ class MaterialPoint(ParticleSystem):
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays besides those of the particles."""
-        return [*self.nodes.arrays(), *self.grid.cells.arrays()]
+        return [self.nodes.motion, self.nodes.remapped, self.nodes.heat, *self.grid.cells.arrays()]
 
     def bytes_a_step(self) -> int:
         """Bytes of the sums over nodes; particles that are handed over come on top."""
@@ -332,21 +333,15 @@ class MaterialPoint(ParticleSystem):
         return self.nodes.bytes_sent
 
     def summary(self) -> dict[str, Any]:
-        """Particles that changed their rank, how often cells were dealt out anew, and particles that have melted if any
-        can.
-        """
+        """Particles that changed their rank, how often cells were dealt out anew, and what has failed or melted."""
         result: dict[str, Any] = {
             "migrated_particles": self.comm.allreduce(self.grid.migrated),
-            "rebalanced": self.residence.rebalanced,
+            "rebalanced": self.migration.rebalanced,
         }
-        load = self.residence.load
+        load = self.migration.load
         result |= load.summary() if load is not None else {}
         result |= failed_matter.summary(self.comm, self.points, self.mass[: self.owned])
-        if can_melt(self.points):
-            ratios = homologous_temperatures(self.points)
-            result["melted_particles"] = self.comm.allreduce(int((ratios >= 1.0).sum()))
-            result["largest_temperature_over_melting"] = maximum(self.comm, float(ratios.max(initial=0.0)))
-        return result
+        return result | output.melting_summary(self.comm, self.points)
 
     @staticmethod
     def small_scene(tables: dict[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from decomposition.compiled import compiled
 from decomposition.deferred import register_jitable
-from parsolid.materials.viscoelastic.prony import small_strain, stress
+from parsolid.materials.viscoelastic.prony_lanes import small_strain, stress
 from parsolid.numerics.dispatch import generic
 from parsolid.numerics.lanes import WIDTH, broadcast, load
 from parsolid.numerics.layout import Plane, load_correction, load_gradient, load_six, store_matrix

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.viscoelastic.prony import Prony, branch_weights
+from parsolid.materials.viscoelastic.prony_lanes import Prony, branch_weights
 from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
 from parsolid.methods.peridynamics.correspondence import stabiliser_records
 from parsolid.methods.peridynamics.tensor_history import (

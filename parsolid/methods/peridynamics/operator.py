@@ -8,7 +8,7 @@ from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
-from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
+from parsolid.materials.viscoelastic.prony_lanes import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.bond_force import BondForce
 from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.methods.peridynamics.tensor_history import is_small_strain

@@ -1,7 +1,7 @@
 """Prony solids with an elastic bulk, or of finite strain: strains as histories."""
 
 from decomposition.deferred import register_jitable
-from parsolid.materials.viscoelastic.prony import (
+from parsolid.materials.viscoelastic.prony_lanes import (
     Prony,
     branch_form,
     equilibrium_form,

@@ -14,7 +14,7 @@ from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import SolverError, maximum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.registry import laws_of
-from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.materials.viscoelastic.prony_lanes import Prony
 from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of

@@ -10,7 +10,7 @@ from decomposition.compiled import compiled
 from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.maxwell_lanes import relaxation_weights
-from parsolid.materials.viscoelastic.prony import (
+from parsolid.materials.viscoelastic.prony_lanes import (
     Prony,
     branch_weights,
     dissipation_weights,

@@ -12,7 +12,7 @@ from decomposition.compiled import compiled
 from decomposition.recalled import RecalledEach
 from parsolid.materials.hyperelastic.law import elastic_moduli
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
-from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
+from parsolid.materials.viscoelastic.prony_lanes import Prony, branch_weights, dissipation_weights
 from parsolid.particles.declaration import Field
 
 

@@ -47,8 +47,8 @@ def all_resolved_boxes(scene: Any, bodies: Iterable[int]) -> bool:
     return min(line.count for one in fillings for line in one.lines) >= RESOLVED
 
 
-def weights_are_tabled(scene: Any) -> bool:
-    """Whether pair weights are rounded, to stand in tables: where few of them differ, and not those of SSP-RK3, which
+def weights_are_rounded(scene: Any) -> bool:
+    """Whether pair weights are rounded to float32: where few of them differ, and not those of SSP-RK3, which
     are the paper's to the last bit. Known by the scene alone, so that it does not depend on the ranks."""
     uneven = any(body.jitter > 0.0 or body.shape.kind in _UNEVEN for body in scene.bodies)
     return scene.method.integrator == "leapfrog" and scene.method.reference == "fixed" and not uneven

@@ -10,119 +10,75 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.compiled import compiled
-from decomposition.recalled import Recalled
-from parsolid.methods.tlsph.reactions import Reactions
-from parsolid.pairs.terms import matrix_columns, record_columns
+from parsolid.kernels import kernel
+from parsolid.methods.tlsph.settings import FIXED_WALLS
 from parsolid.particles.declaration import Field
 
 
-@compiled
-def excess_forces(
-    rows: np.ndarray,
-    start: np.ndarray,
-    neighbour: np.ndarray,
-    code: np.ndarray,
-    weight: np.ndarray,
-    factors: np.ndarray,
-    stress: np.ndarray,
-    force: np.ndarray,
-) -> None:
-    """Fill force (n, d) [N] of particles with images at rows (k,) with what is beyond the adjoint.
-
-    start, neighbour, code, weight: of a list of pairs with images; factors (codes, d, d): s Q_i Q_j - Q_i R_j; stress
-    (particles, d, width): P L column by column.
-    """
+@kernel
+def excess_forces(rows, pairs, local, images, record, force):
+    """Fill force (n, d) [N] of the particles at rows (k,) with what is beyond the adjoint; record of particles."""
     d = force.shape[1]
+    stride = 4 if d == 3 else 2
     for a in rows:
         for i in range(d):
-            component = 0.0
-            for k in range(start[a], start[a + 1]):
-                of_pair = 0.0
+            force[a, i] = 0.0
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            m = pairs.neighbour[k] - local
+            if m < 0:
+                continue
+            Q, R, s, b = images.signs[m], images.reflection[m], images.stress_sign[m], images.source[m]
+            for i in range(d):
                 for j in range(d):
-                    of_pair += factors[code[k], i, j] * stress[neighbour[k], j, i] * weight[k, j]
-                component += of_pair
-            force[a, i] = component
-
-
-@compiled
-def power_of_excess(rows: np.ndarray, force: np.ndarray, kinematics: np.ndarray, share: np.ndarray) -> float:
-    """Power [W] of forces (n, d) [N] on the tributary parts of particles at rows (k,)."""
-    power = 0.0
-    for a in rows:
-        for i in range(force.shape[1]):
-            power += share[a] * force[a, i] * kinematics[a, i]
-    return power
+                    factor = s * Q[i] * Q[j] - Q[i] * R[j]
+                    force[a, i] += factor * record[b, stride * j + i] * pairs.weight[k, j]
 
 
 class FixedWalls:
-    """The work [J] of one rank's images at fixed planes in a step, as `reactions.Reactions` ask for it."""
+    """The work [J] of one rank's images at fixed planes, for the ledger."""
 
-    work = 0.0
-
-    def __init__(self, system: Any) -> None:
-        """system: `system.TotalLagrangianSPH`, before its lists are made."""
-        self.particles, self.pairs, d = system.particles, system.pairs, system.dimension
-        self.boundaries = system.boundaries
-        codes = self.pairs.codes
-        Q, R = codes.signs[:, :d], codes.reflections[:, :d]
-        self.factors = codes.stress_signs[:, None, None] * Q[:, :, None] * Q[:, None] - Q[:, :, None] * R[:, None]
-        first, width = record_columns(system.space, self.pairs.terms).stress, matrix_columns(d)
-        self.columns, self.width = slice(first, first + width), width // d
-        self.staged = system.leapfrog is None
-        # the list of images for which the rows were looked up
-        self._images: Any = None
-        self._find, self._power = Recalled(excess_forces), Recalled(power_of_excess)
+    def __init__(self, system: Any, lists: Any) -> None:
+        """lists: `list_bodies.ListBodies` of the system, with its pairs."""
+        self.system, self.lists, self.particles, self.work = system, lists, system.particles, 0.0
         # a step without stages begins with the force that the one before ended with
-        self.particles.declare(Field("excess_wall_force", d, "N", checkpointed=not self.staged, mirror="vector"))
-
-    def meet(self, before: bool) -> None:
-        """The forces of a stage; before: whether it ends a step, or is within it."""
-        if self.staged or before:
-            self.find()
+        kept = system.leapfrog is not None
+        self.particles.declare(Field("excess_wall_force", system.dimension, "N", checkpointed=kept, mirror="vector"))
+        self._near: Any = None
 
     @property
     def rows(self) -> np.ndarray:
-        """Particles (k,) that have images and can move: on what is held no force does work."""
-        images = self.pairs.mirror
-        if images is not self._images:
-            rows, clamp = np.flatnonzero(np.diff(images.start)), self.boundaries.clamp
-            if clamp is not None:
-                # a later condition moves what a plane holds
-                driven = np.isin(rows, self.boundaries.prescribed.entries[0])
-                rows = rows[driven | clamp[rows, : len(self.factors[0])].any(axis=1)]
-            self._images, self._rows = images, rows
-            others = np.delete(np.arange(len(images.start) - 1), self._rows)
+        """Rows (k,) of particles with images that can move: a later condition may move what a plane holds."""
+        near = self.lists.near
+        if self._near is not near:
+            self._near, pairs, conditions = near, near.outer, self.system.conditions
+            row = np.repeat(np.arange(near.owned), np.diff(pairs.start))
+            rows = np.unique(row[pairs.neighbour >= near.local])
+            moving = ~conditions.held[rows].all(axis=1)
+            self._rows = rows[moving | np.isin(rows, conditions.motion.rows)]
+            others = np.delete(np.arange(near.owned), self._rows)
             self.particles.owned_rows("excess_wall_force")[others] = 0.0
         return self._rows
 
     def find(self) -> None:
-        """The forces of the present records, after ghosts have sent theirs."""
-        if not len(self.rows):
-            return
-        force, pairs = self.particles.owned_rows("excess_wall_force"), self.pairs.mirror
-        stress = self.particles.kept(("wall stress",), self._stress)
-        self._find(
-            self.rows, pairs.start, pairs.neighbour, pairs.images.code, pairs.weight, self.factors, stress, force
-        )
+        """The forces of the present records."""
+        near = self.lists.near
+        force = self.particles.owned_rows("excess_wall_force")
+        excess_forces(self.rows, near.outer, near.local, near.images, self.lists.record, force)
 
-    def _stress(self) -> np.ndarray:
-        d = len(self.factors[0])
-        return self.particles.storage("record")[:, self.columns].reshape(-1, d, self.width)
+    def observe(self, duration: float) -> None:
+        """Count their work over a duration [s] with the present velocities, on this side of mirror planes."""
+        of, rows = self.particles.owned_rows, self.rows
+        power = (of("excess_wall_force")[rows] * of("velocity")[rows]).sum(axis=1)
+        self.work += duration * float(of("share")[rows] @ power)
 
-    def book(self, duration: float) -> None:
-        """Count their work over a duration [s] with the present velocities."""
-        if not len(self.rows):
-            return
-        of = self.particles.owned_rows
-        power = self._power(self.rows, of("excess_wall_force"), self.particles.storage("kinematics"), of("share"))
-        self.work += duration * float(power)
+    def book(self, ledger: Any) -> None:
+        """Enter the work of a step into the ledger."""
+        ledger.add_term(FIXED_WALLS, self.work)
+        self.work = 0.0
 
 
-def watch_fixed_walls(system: Any) -> None:
-    """Let a system's reactions tell the work of its fixed planes, where there are any."""
-    boundaries, codes = system.boundaries, system.pairs.codes
-    if codes is not None and any(plane.kind == "fixed" for subset in codes.planes for plane in subset):
-        if boundaries.reactions is None:
-            boundaries.reactions = Reactions(system.particles, [])
-        boundaries.reactions.walls = FixedWalls(system)
+def fixed_walls_of(system: Any, lists: Any) -> FixedWalls | None:
+    """Those of a system, None without images at fixed planes."""
+    codes = system.conditions.codes
+    there = codes is not None and any(plane.kind == "fixed" for subset in codes.planes for plane in subset)
+    return FixedWalls(system, lists) if there else None

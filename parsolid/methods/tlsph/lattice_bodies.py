@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.collective import SolverError, maximum, minimum, raise_together
-from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
+from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
 from parsolid.pairs.axis_waves import Lattice, feeds_waves, feeds_waves_of_volume, most_change, signal
 from parsolid.pairs.lattice_pairs import Lattices
@@ -93,7 +94,7 @@ def put_on_lattices(
             if scene.method.weights == kind == "fourth-order" and not wide:
                 raise SolverError(_no_room(body, axes))
             index = filling.nodes(particle_set.identifier[rows] - int(first[body]))
-            axes = _with_held_ends(comm, axes, index, boundaries.clamp, rows)
+            axes = _with_held_ends(comm, axes, index, boundaries.held, rows)
             _check_grading(body, axes, wide, scene.method, float(np.sqrt(speed_ratio(laws[body]))))
         except SolverError as error:
             # on all ranks
@@ -121,11 +122,10 @@ def _first_identifiers(comm: Any, bodies: int, particle_set: ParticleSet) -> np.
     return minimum(comm, first)
 
 
-def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], clamp: Any, rows: np.ndarray) -> list[Axis]:
-    """Axes that know which of their ends stand still; index: d arrays (n,) of the particles at rows; collective."""
-    if clamp is None:
-        return axes
-    free = clamp[rows, : len(axes)].any(axis=1)
+def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], held: Any, rows: np.ndarray) -> list[Axis]:
+    """Axes that know which of their ends stand still; index: d arrays (n,) of the particles at rows; held (n, d):
+    components of all particles; collective."""
+    free = ~held[rows].all(axis=1)
     ends = [(i == end) & free for axis, i in zip(axes, index) for end in (0, axis.nodes - 1)]
     moves = maximum(comm, np.array([float(end.any()) for end in ends])).reshape(-1, 2)
     return [axis._replace(held=(not low, not high)) for axis, (low, high) in zip(axes, moves)]

@@ -1,97 +1,132 @@
-"""The fields of total-Lagrangian SPH, and the arrays of them that its kernels take."""
+"""The fields of total-Lagrangian SPH, and what a law needs at hand on its range of particles."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from parsolid.methods.tlsph.moved import Moved
-from parsolid.methods.tlsph.stage_losses import STRESSES, StageStresses
-from parsolid.numerics.layout import BRANCH_ROWS, DEFORMATION_ROWS, GRADIENT_ROWS
-from parsolid.pairs.terms import KINEMATICS
+from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
+from parsolid.methods.tlsph.point_update import Branches, make_tile
+from parsolid.methods.tlsph.tile_fields import (
+    PLACES,
+    make_branch_tiles,
+    make_tiles,
+    stored_energy,
+    stresses,
+    wave_speeds,
+)
 from parsolid.particles.container import Particles
-from parsolid.particles.declaration import Columns, Field, Rows, Within
+from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.generated import declare_generated
 
-# F (and H) = 1 and J = 1, by the rows of `numerics.layout`
-_UNSTRAINED = {rows: (*np.tile(np.eye(d).ravel(), rows // (d * d)), 1.0) for d, rows in ((2, 5), (3, 19), (3, 10))}
-_UNSTRAINED_BRANCH = {2: (1.0, 1.0, 0.0), 3: (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)}
+_BRANCH_AT_REST = {2: (1.0, 1.0, 0.0), 3: (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)}
 
 
-class Body(NamedTuple):
-    """Arrays of a rank's particles, see `numerics.layout`; branches is None without Maxwell branches.
+def declare_fields(particles: Particles, particle_set: Any, branches: int, staged: bool) -> None:
+    """Declare the state at rest: v, x, F, J and A of each branch; a law with fewer branches than another has A = 1 in
+    the rest.
 
-    start: F, H, J at the start of the step, None where H and J are not evolved but those of F, in every state.
-    volume, tributary: (1, capacity), the particle's volume in the pair sums and its share of the body; sums, record:
-    `pairs.passes`; moved is None where the reference is fixed, stages where nothing is told of what these lose.
+    staged: whether the step has stages (SSP-RK3). Then H is advanced, too, in space, and the start of a step is kept;
+    else a step begins with the forces that the last one ended with.
     """
-
-    deformation: np.ndarray
-    start: np.ndarray | None
-    branches: np.ndarray | None
-    correction: np.ndarray
-    volume: np.ndarray
-    tributary: np.ndarray
-    sums: np.ndarray
-    record: np.ndarray
-    moved: Moved | None
-    stages: StageStresses | None
-
-
-def body_of(particles: Particles, branches: bool, moved: Moved | None = None) -> Body:
-    """The arrays that the kernels of strain and stress take, of laws with or without branches."""
-    names = ("strain", "strain_at_start", "branches", "correction", "pair_volume", "volume", "pair_sums", "record")
-    absent = {name for name in ("strain_at_start", "branches") if name not in particles}
-    absent |= set() if branches else {"branches"}
-    storages: list[Any] = [None if name in absent else particles.storage(name) for name in names]
-    stages = StageStresses(*map(particles.storage, STRESSES)) if STRESSES[0] in particles else None
-    return Body(*storages, moved, stages)  # type: ignore[call-arg]
-
-
-def declare_motion(particles: Particles, particle_set: Any, fixed: bool, staged: bool) -> None:
-    """What a particle is made with, and v and x at rest; ghosts take v and x with the message "motion".
-
-    fixed: whether X is the reference that the passes read; staged: whether a step has stages, which need its start, or
-    else begins with the forces that the last one ended with.
-    """
-    position = particle_set.position
+    position, columns = particle_set.position, Columns()
     d = position.shape[1]
-    at = KINEMATICS[d]
-    place = Within("kinematics", at.reference) if fixed else Rows()
-    declare_generated(particles, particle_set, ("reference_position",), reference_position=place, volume=Columns())
-    role: dict[str, Any] = {"ghosts": "forward", "message": "motion", "checkpointed": True, "shown": True}
-    particles.declare(Field("velocity", d, "m/s", **role, mirror="vector", layout=Within("kinematics", at.field)))
-    particles.declare(
-        Field("position", d, "m", **role, mirror="vector", layout=Within("kinematics", at.position)), position
-    )
-    if staged:
-        particles.declare(Field("motion_at_start", 8, "", layout=Rows(), carried=False))
-        return
-    for name, first in (("stress_force", 0), ("dissipative_force", 4)):
-        place = Within("pair_force", first)
-        particles.declare(Field(name, d, "N", checkpointed=True, mirror="vector", layout=place))
-
-
-def declare_strain(particles: Particles, dimension: int, branches: int, staged: bool) -> None:
-    """F, J and A of each branch, unstrained; a law with fewer branches than another has A = 1 in the rest.
-
-    staged: see `declare_motion`; H is evolved, too, where it is true.
-    """
-    d, rows = dimension, (DEFORMATION_ROWS if staged else GRADIENT_ROWS)[dimension]
-    rest = _UNSTRAINED[rows]
-    for name in ("strain", "strain_at_start") if staged else ("strain",):
-        carried = name == "strain"
-        particles.declare(Field(name, rows, "1", layout=Columns(), padding=rest, carried=carried), rest)
-    role: dict[str, Any] = {"checkpointed": True, "mirror": "tensor"}
-    place = Within("strain", 0)
-    particles.declare(Field("deformation_gradient", d * d, "1", **role, layout=place), rest[: d * d])
-    if d == 3 and staged:
-        particles.declare(Field("cofactor", 9, "1", **role, layout=Within("strain", 9)), rest[9:18])
-    place = Within("strain", rows - 1)
-    particles.declare(Field("jacobian", 1, "1", checkpointed=True, shown=True, layout=place), 1.0)
+    declare_generated(particles, particle_set, reference_position=columns, volume=columns)
+    vector: dict[str, Any] = {"checkpointed": True, "shown": True, "mirror": "vector", "layout": columns}
+    particles.declare(Field("velocity", d, "m/s", **vector))
+    particles.declare(Field("position", d, "m", **vector), position)
+    tensor: dict[str, Any] = {"checkpointed": True, "mirror": "tensor", "layout": columns}
+    one = np.eye(d).ravel()
+    particles.declare(Field("deformation_gradient", d * d, "1", **tensor), one)
+    if staged and d == 3:
+        particles.declare(Field("cofactor", 9, "1", **tensor), one)
+    particles.declare(Field("jacobian", 1, "1", checkpointed=True, shown=True, layout=columns), 1.0)
     if branches:
-        rest, rows = _UNSTRAINED_BRANCH[d], BRANCH_ROWS[d]
-        whole = rest * branches
-        particles.declare(Field("branches", len(whole), "1", layout=Columns(), padding=whole), whole)
+        rest = _BRANCH_AT_REST[d]
+        particles.declare(Field("branches", branches * len(rest), "1", layout=columns), rest * branches)
         for alpha in range(branches):
-            place = Within("branches", alpha * rows)
-            particles.declare(Field(f"viscous_strain_inverse_{alpha + 1}", rows, "1", **role, layout=place), rest)
+            place = {**tensor, "layout": Within("branches", alpha * len(rest))}
+            particles.declare(Field(f"viscous_strain_inverse_{alpha + 1}", len(rest), "1", **place), rest)
+    if staged:
+        names = ("velocity", "position", "deformation_gradient", "cofactor", "jacobian")
+        for name in (name for name in names if name in particles):
+            field = particles.fields[name]
+            start = Field(f"{name}_at_start", field.components, field.unit, layout=columns, carried=False)
+            particles.declare(start)
+    for name in ("stress_force", "dissipative_force"):
+        particles.declare(Field(name, d, "N", checkpointed=not staged, mirror="vector", layout=columns))
+    particles.declare(Field("correction", d * d, "", layout=columns, carried=False))
+    particles.declare(Field("pair_volume", 1, "m^3", layout=columns, carried=False), 1.0)
+
+
+class LawBlock:
+    """Particles first .. last - 1 of a rank, which share one law; its branches, and tiles for its kernels.
+
+    law: with all its parts; solid: without branches, as kernels take it. A, branch_sum: tiles, None without branches;
+    push, inverse: tiles of an updated reference.
+    """
+
+    def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
+        self.particles, self.first, self.last, self.law = particles, first, last, law
+        self.solid = law._replace(branch_moduli=None, relaxation_times=None)
+        self.moduli = np.array(law.branch_moduli or (), float)
+        self.times = np.array(law.relaxation_times or (), float)
+        self.dimension = particles.owned_rows("position").shape[1]
+        self.tiles, self.places = make_tiles(), PLACES[self.dimension]
+        self.A, self.branch_sum = make_branch_tiles(len(self.moduli))
+        self.push, self.inverse = make_tile(9), make_tile(9)
+
+    def branches(self, step: float) -> Branches:
+        """Over a step [s] of leapfrog."""
+        weights = [relaxation_weights(step, time) for time in self.times]
+        losses = [[time * w for w in loss_weights(step, time)] for time in self.times]
+        return self._branches(weights, losses, weights)
+
+    def branches_at_stage(self, time: float, step: float) -> Branches:
+        """At a stage of SSP-RK3, time: 0, 1/2 or 1 of the step [s]."""
+        factors = [[dissipation_factor(time, step, tau), 0.0, 0.0] for tau in self.times]
+        over, until = ([relaxation_weights(part * step, tau) for tau in self.times] for part in (1.0, time))
+        return self._branches(over, factors, until)
+
+    def _branches(self, *weights: Any) -> Branches:
+        over, losses, until = (np.array(one, float).reshape(-1, 3) for one in weights)
+        return Branches(self.moduli, self.times, over, losses, until)
+
+    @property
+    def branch_field(self) -> np.ndarray | None:
+        """A of all branches, (3 or 6 a branch, n), None without."""
+        return self.particles.storage("branches") if len(self.moduli) else None
+
+    def _state(self) -> tuple[Any, ...]:
+        """Deformation gradient, its cofactor and Jacobian where they are advanced separately, and A."""
+        staged, stored = "deformation_gradient_at_start" in self.particles, self.particles.storage
+        cofactors = stored("cofactor") if "cofactor" in self.particles else None
+        return stored("deformation_gradient"), cofactors, stored("jacobian")[0] if staged else None, self.branch_field
+
+    def energy(self) -> float:
+        """Stored energy [J] on this side of mirror planes."""
+        state, volume = self._state(), self.particles.storage("volume")[0]
+        rows = (self.first, self.last, self.places)
+        return float(stored_energy(self.solid, self.branches(0.0), *rows, *state, volume, self.tiles, self.A))
+
+    def stresses(self, first: int, last: int) -> np.ndarray:
+        """First Piola-Kirchhoff stresses (last - first, 3, 3) [Pa] of some of the particles."""
+        result, tiles = np.zeros((last - first, 3, 3)), (self.tiles, self.A, self.branch_sum)
+        stresses(self.solid, self.branches(0.0), first, last, self.places, *self._state(), *tiles, result)
+        return result
+
+    def wave_speeds(self, signals: tuple[float, ...]) -> tuple[float, float]:
+        """Greatest rho c_p^2 [Pa] and greatest signal [sqrt(Pa)] now, see `tile_fields.wave_speeds`."""
+        rows, tiles = (self.first, self.last, self.places), (self.tiles, self.A, self.branch_sum)
+        arguments = (self.dimension == 2, signals, self.branches(0.0), *rows, *self._state(), *tiles)
+        largest, greatest = wave_speeds(self.solid, *arguments)
+        return float(largest), float(greatest)
+
+
+def deformation_gradients(particles: Particles, first: int, last: int) -> np.ndarray:
+    """F (last - first, 3, 3) of particles, with F33 = 1 in the plane."""
+    F = particles.owned_rows("deformation_gradient")[first:last]
+    d = particles.owned_rows("position").shape[1]
+    result = np.zeros((last - first, 3, 3))
+    result[:, range(3), range(3)] = 1.0
+    result[:, :d, :d] = F.reshape(-1, d, d)
+    return result

@@ -4,107 +4,114 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.recalled import Recalled, RecalledEach
+from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.collective import maximum, minimum
-from parsolid.materials.blocks import MaterialBlock, block_numbers, material_blocks
-from parsolid.materials.hyperelastic.law import elastic_moduli, total_modulus
+from parsolid.collective import anywhere, maximum, minimum
+from parsolid.materials.blocks import block_numbers, material_blocks
+from parsolid.materials.hyperelastic.functions import elastic_moduli, isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
-from parsolid.methods.pair_method import PairMethod
+from parsolid.materials.viscoelastic.maxwell import total_modulus
+from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.previous_state import take_forces, take_state
-from parsolid.methods.tlsph import momentum as motion
-from parsolid.methods.tlsph import state
-from parsolid.methods.tlsph.advice import advice_of
-from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_are_tabled, weights_of_bodies
-from parsolid.methods.tlsph.boundaries import build_boundaries
-from parsolid.methods.tlsph.deformation import Relaxation, advance_deformation, largest_wave_modulus
-from parsolid.methods.tlsph.displacement import complete_strain
-from parsolid.methods.tlsph.dissipation import dissipation_of
-from parsolid.methods.tlsph.fixed_walls import watch_fixed_walls
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_are_rounded, weights_of_bodies
+from parsolid.methods.tlsph.fixed_walls import fixed_walls_of
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
 from parsolid.methods.tlsph.leapfrog import Leapfrog
-from parsolid.methods.tlsph.state import Body
-from parsolid.methods.tlsph.stresses import deformation_gradients, first_piola_kirchhoff_stresses
+from parsolid.methods.tlsph.list_bodies import ListBodies
+from parsolid.methods.tlsph.ssp_rk3 import StagedStep
+from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
 from parsolid.methods.tlsph.updated_reference import UpdatedReference
-from parsolid.numerics import layout
 from parsolid.pairs.candidates import metrics
 from parsolid.pairs.closure import surface_area
-from parsolid.pairs.pair_system import PairSystem
-from parsolid.pairs.smoothed_weights import SmoothedWeights
+from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
-from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
-class TotalLagrangianSPH(PairMethod):
-    """The method on one rank. Arrays are laid out as `numerics.layout` and `pairs.passes` say.
+class TotalLagrangianSPH(ParticleSystem):
+    """The method on one rank.
 
-    lost: what the stages of the step have taken [J], where that is told.
+    blocks: ranges of particles that share a law; branches: most of any law. sweeps: what finds velocity gradients and
+    forces, each for its bodies: advance_step(step), advance_stage(stage, step), find_forces(), displacement_gradient(),
+    see `ListBodies`. leapfrog or staged_step: the integrator, the other is None.
     """
-
-    pairs: PairSystem
-    stages, lost = SSP_RK3, 0.0
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
         paired. Collective."""
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
-        self.space = layout.LAYOUT[self.dimension]
-        laws = self.laws = laws_of(scene)
-        self.blocks, density = material_blocks(laws, particle_set.body)
-        self.particles = Particles(particle_set.body, block_numbers(laws, np.arange(len(laws)))[1])
-        # of each block, as its law is; what a stage does is other numbers at every call
-        self._advance_strain = RecalledEach(advance_deformation, free=(5, 6))
-        self._advance_motion = Recalled(motion.advance_motion, free=(2,))
+        self.laws = laws_of(scene)
+        blocks, density = material_blocks(self.laws, particle_set.body)
+        self.particles = Particles(particle_set.body, block_numbers(self.laws, np.arange(len(self.laws)))[1])
+        staged = self.settings.integrator == "ssp-rk3"
+        self.branches = maximum(comm, max((len(one.law.branch_moduli or ()) for one in blocks), default=0))
+        declare_fields(self.particles, particle_set, self.branches, staged)
+        self.blocks = [LawBlock(self.particles, one.first, one.last, one.law) for one in blocks]
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
         closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
-        self.boundaries = build_boundaries(comm, scene, particle_set, self.particles, closed)
-        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.boundaries, self.body_weights, laws)
+        self.conditions = Conditions(comm, scene, particle_set, self.particles, closed)
+        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.conditions, self.body_weights, self.laws)
         if self.on_lattices is not None:
             self.farthest = float((self.on_lattices.reach * particle_set.spacing.T).max(initial=0.0))
-        self.branches = maximum(comm, max((block.branches for block in self.blocks), default=0))
-        self.pairs = self._pair_system(particle_set, weights_are_tabled(scene))
-        self.pairs.unbonded = scene.unbonded
-        fixed = self.settings.reference == "fixed"
-        staged = self.settings.integrator == "ssp-rk3"
-        self.leapfrog = None if staged else Leapfrog(self, scene)
-        watch_fixed_walls(self)
-        self.evaluations, self.landings = (len(self.stages), ()) if staged else (1, self.boundaries.jump_times)
-        state.declare_motion(self.particles, particle_set, fixed, staged)
-        state.declare_strain(self.particles, self.dimension, self.branches, staged)
-        share = self.boundaries.share
-        volume = particle_set.volume / share
-        self.particles.declare(Field("mass", 1, "kg"), volume * density)
+            # lattices have volumes and areas of their own
+            self.particles.owned_rows("volume")[:] = particle_set.volume
+            self.particles.owned_rows("area")[:] = particle_set.area
+        share = self.conditions.share
+        self.particles.declare(Field("mass", 1, "kg"), particle_set.volume / share * density)
         self.particles.declare(Field("share", 1, "1"), share)
-        self.initial_stress = initial_stress_of(self, scene)
-        metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
-        updated = (self.pairs, self.settings, particle_set.position, self.boundaries)
-        self.reference = None if fixed else UpdatedReference(*updated)
-        where = particle_set.position, particle_set.body, metric, volume
-        self.pairs.rebuild(*where, getattr(self.on_lattices, "even", None))
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
+        self.leapfrog = None if staged else Leapfrog(self, scene)
+        self.staged_step = StagedStep(self, scene) if staged else None
+        self.evaluations, self.landings = (3, ()) if staged else (1, self.conditions.times)
+        self.initial_stress = initial_stress_of(self, scene)
+        self.lists = self._list_bodies(scene, particle_set)
+        self.sweeps = [self.lists]
+        self.fixed_walls = fixed_walls_of(self, self.lists)
+        fixed = self.settings.reference == "fixed"
+        self.reference = None if fixed else UpdatedReference(self, particle_set.position)
+        metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
+        even = getattr(self.on_lattices, "even", None)
+        self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share, even)
+
+    def _list_bodies(self, scene: Any, particle_set: Any) -> ListBodies:
+        settings, conditions, surface = self.settings, self.conditions, None
+        if "closure" in self.body_weights:
+            here = np.array(self.body_weights)[particle_set.body] == "closure"
+            surface = (surface_area(self.comm, particle_set, conditions.planes, here), conditions.share, here)
+        # where the reference moves, shear that does not depend on the original direction depends on the moved one
+        directional = settings.reference == "updated" or anywhere(
+            self.comm, any(isotropic_shear_modulus(block.law) is None for block in self.blocks)
+        )
+        waves = 0
+        if settings.dissipation > 0.0:
+            waves = 1 if self.staged_step is None else 3 if directional else 2
+        lattices = getattr(self.on_lattices, "lattices", None)
+        rounded = weights_are_rounded(scene) and surface is None and lattices is None
+        kernel, factor = smoothing_kernel(settings.kernel), float(settings.dissipation)
+        return ListBodies(
+            self, ListWeights(kernel, factor, waves >= 2, surface, lattices, rounded), waves, scene.unbonded
+        )
 
     def _smoothing(self) -> Any:
         """h/dx, (n, 1) where bodies on lattices have their own."""
         if self.on_lattices is None:
             return self.settings.smoothing
-        own = self.on_lattices.reach / self.pairs.weights.support
+        own = self.on_lattices.reach / smoothing_kernel(self.settings.kernel).support
         return np.where(own > 0.0, own, self.settings.smoothing)[:, None]
 
-    def _pair_system(self, particle_set: Any, tabled: bool) -> PairSystem:
-        settings, boundaries, surface = self.settings, self.boundaries, None
-        if "closure" in self.body_weights:
-            here = np.array(self.body_weights)[particle_set.body] == "closure"
-            surface = (surface_area(self.comm, particle_set, boundaries.planes, here), boundaries.share, here)
-        more = surface, getattr(self.on_lattices, "lattices", None), tabled
-        weights = SmoothedWeights(smoothing_kernel(settings.kernel), float(settings.dissipation), *more)
-        terms = dissipation_of(self.comm, settings, self.blocks)
-        return PairSystem(self.comm, self.particles, self.space, weights, terms, boundaries.codes)
+    def find_pairs(self, positions: Any, body: Any, metric: Any, volume: Any, even: Any = None) -> None:
+        """Lists, weights and corrections at some places; see `pair_list.Neighbours`. Collective."""
+        correction = self.lists.rebuild(positions, body, metric, volume, even)
+        self.particles.owned_rows("correction")[:] = correction.reshape(self.owned, -1)
+        self.particles.owned_rows("pair_volume")[:] = volume
+
+    # --- state ------------------------------------------------------------------------------------------------
 
     def begin(self, scene: Any, particle_set: Any) -> None:
         """Set velocity, displacement and deformation gradient at time 0 by the bodies' formulas; collective."""
@@ -119,22 +126,32 @@ class TotalLagrangianSPH(PairMethod):
             gradient, where = given
             rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), -1)
             derived &= ~where
-        self.initial_stress.begin(*place)
-        complete_strain(self, derived)
+        if self.initial_stress is not None:
+            self.initial_stress.begin(*place)
+        self.complete_strain(derived)
         take_state(self.comm, scene, self, particle_set)
-        self.hold()
+        self.conditions.hold(0.0)
         if take_forces(self.comm, scene, self) and self.leapfrog is not None:
             self.leapfrog.forces_of = 0
 
-    def hold(self) -> None:
-        """Velocities at time 0 as supports and what is driven have them; collective."""
-        velocity = self.particles.owned_rows("velocity")
-        if self.boundaries.clamp is not None:
-            velocity[:] *= self.boundaries.clamp[:, : self.dimension]
-        if self.boundaries.surfaces is not None:
-            self.boundaries.surfaces.stop(velocity)
-        self.boundaries.prescribe(0.0, self.kinematics)
-        self.prescribed_energy_gain()
+    def complete_strain(self, derived: np.ndarray) -> None:
+        """H and J at time 0 from F; derived (n,): particles whose F is that of their displacement, by the scheme's own
+        gradient. Collective."""
+        rows, d, owned = self.particles.owned_rows, self.dimension, self.owned
+        if anywhere(self.comm, bool(derived.any())):
+            gradient = np.zeros((owned, d, d))
+            for bodies in self.sweeps:
+                gradient += bodies.displacement_gradient()
+            rows("deformation_gradient")[derived] += gradient.reshape(owned, d * d)[derived]
+        F = deformation_gradients(self.particles, 0, owned)
+        rows("jacobian")[:] = np.linalg.det(F)
+        if "cofactor" in self.particles:
+            rows("cofactor")[:] = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)]).reshape(owned, 9)
+
+    @property
+    def reference_updates(self) -> int:
+        """How often the reference was moved."""
+        return 0 if self.reference is None else self.reference.updates
 
     def state(self) -> dict[str, Any]:
         """When the reference was moved, and whether the particles have the forces that a step begins with."""
@@ -150,44 +167,26 @@ class TotalLagrangianSPH(PairMethod):
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
-        self.initial_stress.resume()
+        if self.initial_stress is not None:
+            self.initial_stress.resume()
         if self.reference is not None:
             self.reference.resume()
-        self.prescribed_energy_gain()
 
     def forget(self) -> None:
         """Forces of the laws and weights of the checkpoint."""
         if self.leapfrog is not None:
             self.leapfrog.forces_of = None
 
-    @property
-    def kinematics(self) -> np.ndarray:
-        """v, x and X, as kernels take them."""
-        return self.particles.storage("kinematics")
-
     # --- what the loop asks -----------------------------------------------------------------------------------
 
+    @property
+    def integrator(self) -> Any:
+        """Leapfrog or the stages of SSP-RK3."""
+        return self.leapfrog or self.staged_step
+
     def stable_step(self) -> float:
-        """Largest step [s] here, eq (79) with the exact c_max over all directions, or leapfrog's."""
-        steps = map(self._stable_step_of if self.leapfrog is None else self.leapfrog.stable_step, self.blocks)
-        return min(self.boundaries.largest_step, *steps, np.inf)
-
-    def _stable_step_of(self, block: MaterialBlock) -> float:
-        return self._group_step(block, largest_wave_modulus(*self.part(block), self.body_of(block)))
-
-    def _group_step(self, block: MaterialBlock, modulus: float) -> float:
-        step = self.settings.cfl * self.spacing * np.sqrt(block.law.density / modulus)
-        if self.on_lattices is None:
-            return step
-        shear = elastic_moduli(block.law)[0] + total_modulus(block.law.branch_moduli)
-        pressure, shear = np.sqrt(modulus / block.law.density), np.sqrt(shear / block.law.density)
-        return min(step, self.spacing * self.on_lattices.largest_step(pressure, shear, self.settings.dissipation))
-
-    def body_of(self, block: MaterialBlock | None) -> Body:
-        """The particle arrays as a block's law sees them, or those of all laws."""
-        branches = block is not None and bool(block.branches)
-        moved = None if self.reference is None else self.reference.moved
-        return self.particles.kept(("body", branches), lambda: state.body_of(self.particles, branches, moved))
+        """Largest step [s] of this rank's particles in the present state."""
+        return float(self.integrator.stable_step())
 
     @property
     def news(self) -> bool:  # type: ignore[override]
@@ -195,97 +194,34 @@ class TotalLagrangianSPH(PairMethod):
         return self.reference is not None and self.reference.asks
 
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:
-        """See `ParticleSystem`; collective where the reference is moved."""
-        self.lost_reference = self.reference is not None and not self.reference.follow(self.news_anywhere)
-        if self.lost_reference:
-            return
-        if self.boundaries.reactions is not None:
-            self.boundaries.reactions.begin()
-        if self.leapfrog is not None:
-            self.leapfrog.advance_positions(time, step, ledger)
+        """See `ParticleSystem`; of a reference that follows where it is moved, collective there."""
+        self.reference_lost = self.reference is not None and not self.reference.follow(self.news_anywhere)
+        if not self.reference_lost:
+            self.integrator.advance_positions(time, step, ledger)
 
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """See `ParticleSystem`; stages do all of a step here."""
-        if self.lost_reference:
+        """See `ParticleSystem`."""
+        if self.reference_lost:
             announce(False, 0.0)
             return False
-        advance = self.advance_in_stages if self.leapfrog is None else self.leapfrog.complete_step
-        sound = advance(time, step, ledger, announce)
-        self.boundaries.place(time + step)
-        reactions = self.boundaries.reactions
-        if reactions is not None:
-            reactions.finish(step, self.mass, self.share, ledger)
-        return sound
+        return bool(self.integrator.complete_step(time, step, ledger, announce))
 
-    def reaction(self, name: str) -> np.ndarray | None:
-        """Of the last step."""
-        return None if self.boundaries.reactions is None else self.boundaries.reactions.told(name)
+    def energies(self) -> tuple[float, float]:
+        """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
+        kinetic = kinetic_energy(self.owned, self.particles.storage("velocity"), self.mass, self.share)
+        stored = 0.0 if self.initial_stress is None else self.initial_stress.energy()
+        return float(kinetic), stored + sum(block.energy() for block in self.blocks)
 
-    def advance_in_stages(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step, stage by stage of the integrator, as eqs (70)-(77) say."""
-        sound, self.lost = True, 0.0
-        for stage in self.stages:
-            self.pairs.gradient("motion")
-            positive, internal, stable = self.advance_deformation(stage, step)
-            if stage.last:
-                announce(positive, stable)
-            self.pairs.divergence(self.pairs.terms)
-            numerical, external = self.advance_motion(stage, time, step)
-            ledger.add(stage.quadrature * step, internal, numerical, external)
-            sound = sound and positive
-        ledger.add(1.0, 0.0, self.lost, self.prescribed_energy_gain())
-        return sound
+    # --- what contact asks ------------------------------------------------------------------------------------
 
-    def advance_deformation(self, stage: Stage, step: float) -> tuple[bool, float, float]:
-        """Stress at a stage, and F, H, J after it; (sound, internal dissipation rate [W], stable step [s] after the
-        last stage)."""
-        sound, dissipation, stable = True, 0.0, self.boundaries.largest_step
-        self.boundaries.look()
-        if self.initial_stress.there:
-            self.initial_stress.note()
-        for block in self.blocks:
-            to_stage = block.relaxation(stage.time * step)
-            to_end = block.relaxation(step) if stage.last else to_stage
-            relaxation = Relaxation(to_stage, to_end, block.dissipation_factors(stage.time, step))
-            positive, rate, modulus, lost = self._advance_strain(
-                block.first, *self.part(block), self.pairs.terms, stage.update(step), relaxation, self.body_of(block)
-            )
-            sound, dissipation = sound and positive, dissipation + rate
-            self.lost += lost
-            stable = min(stable, self._group_step(block, modulus) if modulus > 0.0 else 0.0)
-        if self.initial_stress.there:
-            self.initial_stress.add()
-        return sound, dissipation, stable
-
-    def advance_motion(self, stage: Stage, time: float, step: float) -> tuple[float, float]:
-        """v and x of a stage; (numerical dissipation rate, external power) [W]."""
-        boundaries, stored, mass, share = self.boundaries, self.particles.storage, self.mass, self.share
-        kinematics, force = stored("kinematics"), stored("pair_force")
-        loads, _ = boundaries.meet(time + stage.time * step, stage.time > 0.0, force, mass, share)
-        if boundaries.reactions is not None:
-            boundaries.reactions.book(stage.quadrature, stage.quadrature * step)
-        held = boundaries.prescribed_power(kinematics, force, mass, share, loads)
-        arrays = (kinematics, stored("motion_at_start"), force, stored("pair_sums"))
-        told = (None, None)
-        dissipation, power, lost = self._advance_motion(
-            self.space, self.owned, stage.update(step), *arrays, mass, share, loads, boundaries.clamp, *told
-        )
-        self.lost += lost
-        boundaries.prescribe(time + stage.next_time * step, kinematics, before=not stage.last)
-        return dissipation, held + power
-
-    def prescribed_energy_gain(self) -> float:
-        """Kinetic energy [J] that prescribed components gained since the last call: the work of what moves them."""
-        return self.boundaries.prescribed_energy_gain(self.kinematics, self.mass, self.share)
-
-    def part(self, block: MaterialBlock) -> tuple[Any, ...]:
-        """(space, first, last, law) of a block, as kernels take them."""
-        return self.space, block.first, block.last, block.law
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of prescribed velocities."""
+        return self.conditions.constrained
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         """Rollers."""
-        return symmetry_planes(self.boundaries.planes)
+        return symmetry_planes(self.conditions.planes)
 
     def wave_modulus(self, body: int) -> tuple[float, float]:
         """With all branches."""
@@ -293,28 +229,26 @@ class TotalLagrangianSPH(PairMethod):
         shear, lame = elastic_moduli(law)
         return lame + 2.0 * (shear + total_modulus(law.branch_moduli)), law.density
 
-    def held_components(self) -> np.ndarray | None:
-        """Those of supports and of prescribed velocities."""
-        return self.boundaries.not_free.mask(self.dimension)
-
-    def energies(self) -> tuple[float, float]:
-        """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
-        kinetic = motion.kinetic_energy(self.owned, self.dimension, self.kinematics, self.mass, self.share)
-        stored = self.initial_stress.energy() if self.initial_stress.there else 0.0
-        for block in self.blocks:
-            stored += motion.stored_energy(self.space, block.first, block.last, block.law, self.body_of(block))
-        return kinetic, stored
-
     # --- what the output and the reports ask ------------------------------------------------------------------
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Deformation gradient and first Piola-Kirchhoff stress (n, 3, 3)."""
         if name == "deformation_gradient":
-            return deformation_gradients(self.particles, self.dimension, first, last)
-        if name == "first_piola_kirchhoff_stress":
-            stress = first_piola_kirchhoff_stresses(self.space, self.blocks, self.body_of, first, last)
-            return stress + self.initial_stress.first_piola_kirchhoff_stress(first, last)
-        return None
+            return deformation_gradients(self.particles, first, last)
+        if name != "first_piola_kirchhoff_stress":
+            return None
+        stress = np.zeros((last - first, 3, 3))
+        for block in self.blocks:
+            low, high = max(first, block.first), min(last, block.last)
+            if low < high:
+                stress[low - first : high - first] = block.stresses(low, high)
+        if self.initial_stress is not None:
+            stress += self.initial_stress.first_piola_kirchhoff_stress(first, last)
+        return stress
+
+    def reaction(self, name: str) -> np.ndarray | None:
+        """Of the last step."""
+        return next((one.values for one in self.conditions.reactions if one.name == name), None)
 
     def unsound(self) -> tuple[int, str] | None:
         """Also a reference that could not be moved."""
@@ -329,13 +263,31 @@ class TotalLagrangianSPH(PairMethod):
         return moved if self.settings.weights != "best" else {**moved, "pair_weights": list(self.body_weights)}
 
     def advice(self) -> str:
-        """What most likely helps."""
-        return advice_of(self.settings)
+        """What most likely helps when a run goes wrong, by the settings."""
+        settings, hints = self.settings, list[str]()
+        if settings.integrator == "leapfrog" and settings.safety > 1.0:
+            hints.append(f"a smaller method.safety (it is {settings.safety:g}; 0.9 is stable)")
+        if settings.integrator == "ssp-rk3" and settings.cfl > 0.9:
+            hints.append(f"a smaller method.cfl (it is {settings.cfl:g}; 0.7 is stable for smoothing of 0.85 and more)")
+        smaller = bool(hints)
+        if settings.dissipation == 0.0:
+            hints.append("method.dissipation = 1 (there is none)")
+        hints.append("more particles" if smaller else "more particles where the body is crushed")
+        return ", or ".join([*hints, "a milder load"])
+
+    @property
+    def directed_pairs(self) -> int:  # type: ignore[override]
+        """Interactions counted once a particle."""
+        return self.lists.directed_pairs
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and interactions."""
+        return {"ghosts": self.particles.ghosts, "interactions": self.directed_pairs}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Pair lists, and the rows of their sweeps."""
+        return self.lists.arrays()
 
     def bytes_a_step(self) -> int:
         """Motion and records, in every evaluation."""
-        return self.evaluations * (self.particles.bytes_sent("motion") + self.particles.bytes_sent("record"))
-
-    def warm(self) -> None:
-        """Lists of ghosts have no images."""
-        self.pairs.warm()
+        return self.evaluations * self.lists.bytes_a_step()

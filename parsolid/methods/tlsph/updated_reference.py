@@ -7,6 +7,15 @@ are the operators: places X_r (`smoothed_places`), volumes J V, lists, weights a
 carried along, F^{-T} M F^{-1}, so that neighbours in a homogeneous deformation stay neighbours. With D_r the gradient
 over the new lists, F_r = (D_r x)^{-1} F, so that F is D_r x F_r as it is D x where the reference is fixed: then P F^T,
 symmetric, is what the forces turn the body with, and angular momentum is kept as well as there.
+
+Sweeps are those of the moved configuration. With J_r = det F_r and its correction L, the fields `correction` and
+`pair_volume` hold F_r^T L / J_r and the original volume V, by which the gradient and the stress are those of the
+original configuration without a further product:
+
+    G = [ sum_b (v_b - v_a) (x) g_ab ] (F_r^T L / J_r)^T / V = G_r F_r,      P_r L = P (F_r^T L / J_r).
+
+What the dissipation needs is moved in kernels: G_r = G F_r^{-1} (field `inverse`) and rho^2 Q / J_r^2 between F_r and
+F_r^T (field `push`, F_r / J_r).
 """
 
 from typing import Any
@@ -14,68 +23,58 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import SolverError, anywhere
-from parsolid.methods.tlsph.boundaries import BoundarySet
-from parsolid.methods.tlsph.moved import Moved, largest_distortion
-from parsolid.methods.tlsph.smoothed_places import gradient_of, smoothed
+from parsolid.kernels import kernel
 from parsolid.pairs.candidates import metrics
-from parsolid.pairs.pair_system import PairSystem
-from parsolid.pairs.terms import KINEMATICS
-from parsolid.particles.declaration import Columns, Field, Within
+from parsolid.pairs.pair_list import Neighbours, distance_in_support
+from parsolid.particles.declaration import Columns, Field
 
 _POSITION, _GRADIENT = "updated_reference_position", "updated_reference_gradient"
-# det F over J, evolved apart, where they have nothing to do with each other any more
-_ASTRAY = 0.1
 _METRIC, _VOLUME = "updated_reference_metric", "updated_reference_volume"
+# det F over J, advanced separately, where they have nothing to do with each other any more
+_ASTRAY = 0.1
+# passes of smoothing: after one the punch with an update in every step still breaks up; after two it does not
+_PASSES = 3
+# neighbours farther than this many spacings, squared, do not count: the 1-2-1 of a lattice ends at its cubes' corners
+_FARTHEST = 3.5
 
 
 class UpdatedReference:
-    """The present configuration of some steps ago; d = dimension.
+    """The present configuration of some steps ago.
 
-    every: steps between updates, or None; limit: the largest Green strain since the last update, or None.
-    fault: why the last update failed, the same on all ranks.
+    every: steps between updates, or None; limit: the largest Green strain since the last update, or None. updates: how
+    many there were; fault: why the last update failed, the same on all ranks.
     """
 
-    def __init__(self, pairs: PairSystem, settings: Any, position: np.ndarray, boundaries: BoundarySet):
-        """position (n, d) [m]: of the original configuration.
-
-        Declares the fields of the moved configuration.
-        """
-        self.pairs, self.particles, self.dimension = pairs, pairs.particles, position.shape[1]
+    def __init__(self, system: Any, position: np.ndarray) -> None:
+        """system: `system.TotalLagrangianSPH` with its fields declared; position (n, d) [m]: of the original
+        configuration."""
+        self.system, self.particles, self.dimension = system, system.particles, position.shape[1]
+        settings = system.settings
         self.every, self.limit, self.smoothing = settings.update_every, settings.update_when, settings.smoothing
-        self.boundaries = boundaries
         self.steps, self.updates = 0, 0
         self.fault: str | None = None
-        self._declare(position)
-
-    def _declare(self, position: np.ndarray) -> None:
-        particles, d, one = self.particles, self.dimension, np.eye(self.dimension).ravel()
-        place = Within("kinematics", KINEMATICS[d].reference)
-        role: dict[str, Any] = {"ghosts": "forward", "message": "reference", "layout": place}
-        particles.declare(Field(_POSITION, d, "m", **role, checkpointed=True), position)
-        particles.declare(Field(_GRADIENT, d * d, "1", checkpointed=True), one)
-        particles.declare(Field(_METRIC, 6, "1/m^2", checkpointed=True))
-        particles.declare(Field(_VOLUME, 1, "m^3", checkpointed=True))
+        d, one = self.dimension, np.eye(self.dimension).ravel()
+        self.particles.declare(Field(_POSITION, d, "m", checkpointed=True), position)
+        self.particles.declare(Field(_GRADIENT, d * d, "1", checkpointed=True), one)
+        self.particles.declare(Field(_METRIC, 6, "1/m^2", checkpointed=True))
+        self.particles.declare(Field(_VOLUME, 1, "m^3", checkpointed=True))
         for name in ("push", "inverse"):
-            unmoved = tuple(one)
-            particles.declare(Field(name, d * d, "1", layout=Columns(), padding=unmoved, carried=False), unmoved)
+            self.particles.declare(Field(name, d * d, "1", layout=Columns(), carried=False), one)
 
     @property
     def original_volume(self) -> np.ndarray:
         """Volumes (owned,) [m^3] that count in the sums, in the original configuration."""
-        return self.particles.owned_rows("volume") / self.boundaries.share
-
-    @property
-    def moved(self) -> Moved:
-        """The arrays that the kernels take."""
-        return Moved(self.particles.storage("push"), self.particles.storage("inverse"))
+        return np.asarray(self.particles.owned_rows("volume") / self.particles.owned_rows("share"))
 
     @property
     def asks(self) -> bool:
-        """Whether this rank's particles are distorted beyond the limit."""
+        """Whether this rank's particles are distorted beyond the limit: |f^T f - 1|/2 of f = F F_r^{-1}, the Green
+        strain since the reference was moved."""
         if self.limit is None:
             return False
-        strain, inverse = self.particles.storage("strain"), self.particles.storage("inverse")
-        return bool(largest_distortion(self.pairs.space, self.particles.owned, strain, inverse) > self.limit)
+        f = in_space(self._matrices("deformation_gradient") @ self._matrices("inverse"))
+        strain = 0.5 * (f.swapaxes(1, 2) @ f - np.eye(3))
+        return bool(np.sqrt((strain * strain).sum(axis=(1, 2)).max(initial=0.0)) > self.limit)
 
     def follow(self, asked: bool) -> bool:
         """Before a step: move the reference when it is due; asked: whether any rank `asks`. False with a `fault` when
@@ -95,29 +94,31 @@ class UpdatedReference:
             return False
         # with the original volume, so that the correction is L / J_r
         L = self._matrices("inverse").swapaxes(1, 2) @ self._matrices("correction")
-        clamp = self.boundaries.clamp
-        free = 1.0 if clamp is None else clamp[:, :d]
-        place = smoothed(self.pairs, self.smoothing, rows("position"), L, rows("pair_volume"), free)
+        free = ~self.system.conditions.held
+        near = self.system.lists.near
+        place = smoothed_places(near, self.smoothing, rows("position"), L, rows("pair_volume"), free)
         rows(_METRIC)[:], rows(_VOLUME)[:] = self._metric(inverses(F)), rows("jacobian") * self.original_volume
         rows(_POSITION)[:] = place
         if not self._rebuilt():
             return False
-        change = gradient_of(self.pairs, rows("position") - place, self._matrices("correction"), rows("pair_volume"))
+        near = self.system.lists.near
+        change = gradient_of(near, rows("position") - place, self._matrices("correction"), rows("pair_volume"))
         rows(_GRADIENT)[:] = (inverses(in_space(np.eye(d) + change)) @ F)[:, :d, :d].reshape(-1, d * d)
         return True
 
     def _follows(self, F: np.ndarray) -> bool:
         """Whether F (n, 3, 3) still is what J says, so that a metric follows it; collective."""
         ratio = np.linalg.det(F) / self.particles.owned_rows("jacobian")
-        if anywhere(self.pairs.comm, not bool(np.all((ratio > _ASTRAY) & (ratio < 1.0 / _ASTRAY)))):
+        if anywhere(self.system.comm, not bool(np.all((ratio > _ASTRAY) & (ratio < 1.0 / _ASTRAY)))):
             self.fault = "det F is no longer J"
         return self.fault is None
 
     def _rebuilt(self) -> bool:
         """Lists, weights and corrections at the kept places; False with a `fault` when there are none. Collective."""
         rows = self.particles.owned_rows
+        where = rows(_POSITION).copy(), rows("body"), rows(_METRIC).copy(), rows(_VOLUME).copy()
         try:
-            self.pairs.rebuild(rows(_POSITION).copy(), rows("body"), rows(_METRIC).copy(), rows(_VOLUME).copy())
+            self.system.find_pairs(*where)
         except SolverError as error:
             self.fault = str(error)
         return self.fault is None
@@ -172,3 +173,80 @@ def inverses(matrices: np.ndarray) -> np.ndarray:
     cofactor = np.cross(matrices[:, (1, 2, 0)], matrices[:, (2, 0, 1)])
     determinant = np.einsum("nj,nj->n", matrices[:, 0], cofactor[:, 0])
     return cofactor.swapaxes(1, 2) / determinant[:, None, None]
+
+
+# --- places without what the gradient cannot see -----------------------------------------------------------------
+
+# A displacement that alternates from particle to particle has no gradient, hence no strain and no restoring force. A
+# reference that took it over would push it on under stress (the tensile instability of moving particles): in the punch
+# of 33 x 33 particles most of the energy is gone after 12 ms. So every particle is moved to the mean of what its
+# neighbours' places and gradients say of its own place, 1-2-1 along each axis of a lattice, where an alternating field
+# leaves nothing and a linear one all; what is taken from smooth fields is of fourth order in the spacing.
+
+
+def gradient_of(near: Neighbours, displacement: np.ndarray, correction: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """G (owned, d, d) of a displacement (owned, d) [m]; correction L (owned, d, d) and volume (owned,) go with the
+    weights. Collective."""
+    values = near.with_ghosts_and_images(displacement, "vector")
+    sums = np.zeros((*values.shape, values.shape[1]))
+    for pairs in near.lists:
+        add_differences(pairs, values, sums)
+    return np.asarray(sums[: near.owned] @ correction.swapaxes(1, 2) / volume[:, None, None])
+
+
+def smoothed_places(
+    near: Neighbours, smoothing: float, position: np.ndarray, correction: np.ndarray, volume: np.ndarray, free: Any
+) -> np.ndarray:
+    """Smoothed places (owned, d) [m] of particles at `position`, by the lists of where they were; collective.
+
+    smoothing: h over the spacing; free (owned, d): which components are not held.
+    """
+    place, listed, owned = position.copy(), near.positions[: near.owned], near.owned
+    for _ in range(_PASSES):
+        displacement = np.ascontiguousarray(place - listed)
+        gradient = gradient_of(near, displacement, correction, volume)
+        images = near.images
+        gradients = images.of_tensors(near.halo.with_ghosts(gradient), images.signs, images.reflection)
+        values = near.with_ghosts_and_images(displacement, "vector")
+        deviation, weight = np.zeros_like(values), np.zeros(len(values))
+        for pairs in near.lists:
+            add_deviations(pairs, near.positions, near.metric, smoothing, values, gradients, deviation, weight)
+        place += free * deviation[:owned] / (1.0 + weight[:owned, None])
+    return place
+
+
+@kernel
+def add_differences(pairs, values, sums):
+    """Add sum_b (u_b - u_a) (x) g_ab to sums (rows, d, d) of both particles; values u (rows, d)."""
+    d = values.shape[1]
+    for a in range(pairs.start.size - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            for i in range(d):
+                for j in range(d):
+                    term = (values[b, i] - values[a, i]) * pairs.weight[k, j]
+                    sums[a, i, j] += term
+                    sums[b, i, j] += term
+
+
+@kernel
+def add_deviations(pairs, positions, metric, smoothing, values, gradient, deviation, weight):
+    """Add 2^(-s^2) times u_b - u_a - 1/2 (G_a + G_b) (X_b - X_a) to deviation (rows, d), and 2^(-s^2) to weight.
+
+    s: the distance in spacings, smoothing (h over the spacing) times that in supports.
+    """
+    d = values.shape[1]
+    for a in range(pairs.start.size - 1):
+        for k in range(pairs.start[a], pairs.start[a + 1]):
+            b = pairs.neighbour[k]
+            square = (smoothing * distance_in_support(positions, metric, a, b)) ** 2
+            if square < _FARTHEST:
+                w = 2.0**-square
+                weight[a] += w
+                weight[b] += w
+                for i in range(d):
+                    jump = values[b, i] - values[a, i]
+                    for j in range(d):
+                        jump -= 0.5 * (gradient[a, i, j] + gradient[b, i, j]) * (positions[b, j] - positions[a, j])
+                    deviation[a, i] += w * jump
+                    deviation[b, i] -= w * jump

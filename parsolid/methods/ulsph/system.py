@@ -238,12 +238,12 @@ class UpdatedLagrangianSPH(ParticleSystem):
         else:
             struck = self.impulse_of_contact()
             self.leapfrog.close_step(time, step, self.substeps)
-            kick, gained = self.leapfrog.closing, self.leapfrog.gained
+            kick, gained = self.leapfrog.closing, self.leapfrog.given
             before += struck
         # the loss to the viscosity is that on the mean of both velocities, which laws take up as heat
         centred = kick.centred_dissipation
         offset = kick.offset - centred if opening else kick.offset + centred
-        energies = np.array([kick.external, kick.dissipated + gained + centred, offset, -gained])
+        energies = np.array([kick.external, kick.dissipated + centred, offset, -gained])
         if self.walls.all:
             acting = of("force").T, of("viscous_force").T, self.conditions.loads(time)
             energies += self.walls.catch(time, 0.5 * step, opening, before, acting)

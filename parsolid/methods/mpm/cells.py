@@ -1,0 +1,106 @@
+"""Where particles are: listed by the cells of the grid, kept by the rank that owns their cell, stored in the order of
+the cells.
+"""
+
+import math
+
+import numpy as np
+
+from decomposition.cell_partition import CellPartition
+from decomposition.grid import RankGrid
+from decomposition.measured_load import MeasuredLoad
+from parsolid.methods.mpm.points import MaterialPoints
+
+# steps between looks at the order of storage and the balance of ranks, and the share of particles out of order that
+# calls for a new one
+_PERIOD, _DISORDER = 16, 0.3
+# looks between those at what steps have cost
+_LOOKS = 4
+
+
+class CellMigration:
+    """Keeps this rank's particles in the cells of its `decomposition.grid.RankGrid`.
+
+    steps: counted, as they time the looks; rebalanced: how often cells were dealt out anew; layout_version: how often
+    rows may have changed on any rank, if particles keep theirs in between (`keeps_rows`).
+    """
+
+    def __init__(self, grid: RankGrid, points: MaterialPoints):
+        self.grid, self.points, self.settings = grid, points, points.settings
+        self.steps, self.rebalanced = 0, 0
+        self.layout_version, self.keeps_rows = 0, False
+        self.load: MeasuredLoad | None = None
+
+    def follow_work(self, work: list[float], number: int) -> None:
+        """See `MeasuredLoad`, where the scene asks for it."""
+        if self.settings.balance == "measured" and self.grid.comm.size > 1:
+            self.load = MeasuredLoad(self.grid.comm, work, number)
+
+    def keep_rows(self) -> None:
+        """Let ranks keep particles that have left their cells until the next look; before these are dealt out.
+
+        A step crosses less than cfl cells.
+        """
+        self.keeps_rows = self.grid.comm.size > 1
+        self.grid.slack = math.ceil(_PERIOD * min(self.settings.cfl, 1.0)) + 1 if self.keeps_rows else 0
+
+    def deal_out(self, partition: CellPartition | None = None, shares: np.ndarray | None = None) -> bool:
+        """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
+
+        False where a particle is lost, see `RankGrid.settle`.
+        """
+        sound = self.grid.deal_out(self.points, partition, shares)
+        if partition is None:
+            self._sort_storage()
+        return sound
+
+    def migrate(self) -> bool:
+        """List particles by cell anew and hand over those that left; now and then re-order storage and balance ranks.
+
+        False where a particle is lost.
+        """
+        sound = self.grid.settle(self.points, release=not self.keeps_rows)
+        self.steps += 1
+        return self._tidy() and sound if self.steps % _PERIOD == 0 else sound
+
+    def _tidy(self) -> bool:
+        """Balance the ranks, or else re-order storage, where it is due."""
+        if self.load is not None and self.steps % (_PERIOD * _LOOKS) == 0:
+            shares = self.load.look(self.points.owned)
+            if shares is not None:
+                self.rebalanced, self.layout_version = self.rebalanced + 1, self.layout_version + 1
+                return self.deal_out(shares=shares)
+        if self.keeps_rows:
+            return self._tidy_together()
+        owned = self.points.owned
+        uneven = self.grid.comm.size > 1 and self.load is None
+        if uneven and self.grid.imbalance(owned) > self.settings.rebalance:
+            self.rebalanced += 1
+            return self.deal_out()
+        if self.grid.cells.breaks(owned) > _DISORDER * owned:
+            self._sort_storage()
+        return True
+
+    def _tidy_together(self) -> bool:
+        """As `_tidy`, with the particles that left their cells given away; all ranks know that rows have changed."""
+        owned, cells = self.points.owned, self.grid.cells
+        disorder, guests = cells.breaks(owned) > _DISORDER * owned, len(self.grid.guests())
+        counts = np.array(self.grid.comm.allgather((owned, guests, disorder)))
+        uneven = self.load is None and counts[:, 0].max() > self.settings.rebalance * counts[:, 0].mean()
+        if not counts[:, 1:].any() and not uneven:
+            return True
+        self.layout_version += 1
+        if uneven:
+            self.rebalanced += 1
+            return self.deal_out()
+        sound = self.grid.settle(self.points) if counts[:, 1].any() else True
+        if disorder:
+            self._sort_storage()
+        return sound
+
+    def _sort_storage(self) -> None:
+        """Bring particles into the order of the cells; only those that end the run are in no cell."""
+        cells, points = self.grid.cells, self.points
+        if cells.start[-1] == points.owned:
+            points.reorder(cells.order[: points.owned].copy())
+            cells.sort(points.bases(), points.owned)

@@ -1,0 +1,320 @@
+"""Boundary conditions on the nodes of a background grid: mirror planes, walls, prescribed velocities, temperatures."""
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from decomposition.occupied import Mirror
+from parsolid.boundary.constraints import mirror_plane
+from parsolid.boundary.forces import surface_load
+from parsolid.boundary.loads_on_particles import Loads
+from parsolid.boundary.mirror_planes import MirrorPlane
+from parsolid.boundary.reporting import Reaction
+from parsolid.boundary.walls import RigidWall
+from parsolid.collective import SolverError, maximum, minimum
+from parsolid.kernels import kernel
+from parsolid.methods.mpm.grid import FoldedPlane, Nodes, sum_in_order
+from parsolid.methods.mpm.points import MaterialPoints
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene, initial_displacement
+from parsolid.scene.base_model import Plane
+from parsolid.scene.boundaries.condition import Condition
+from parsolid.scene.boundaries.prescribed import MotionCondition
+from parsolid.scene.boundaries.support import Support
+from parsolid.scene.boundaries.thermal import HeatFlux, PrescribedTemperature
+from parsolid.scene.boundaries.wall import Wall
+from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.regions import NearestTo, region_of
+
+# a plane this near, in cells, to nodes or to the middle between them counts as there
+_NEAR = 1e-6
+
+
+@kernel
+def stop_at_wall(count, nodes, places, share, held, motion, remapped, wall):
+    """Let nodes at or behind a rigid wall move with it; after `grid.accelerate`. Returns the impulse (x, y, z) on the
+    body [N s] and what is lost [J].
+
+    nodes (slots, 8): velocities and changes, those of the motion or, if `remapped`, of the momentum that was mapped
+    back; places (count, 3 or 4) [m]; share (count,), see `grid.Nodes`; wall: plane point (3,) [m], normal into the body
+    (3,), velocity (3,) [m/s], and whether the wall sticks, else nodes may slide and leave.
+
+    held (count,) bool: which nodes the wall holds in the step, found in the motion. Those, and no others, obey when
+    momentum is mapped back: matter that strained with nodes free to leave, which in the motion are held, would gain
+    energy from the wall. In the motion m/2 of the square of what the whole step changes in the velocity that the wall
+    sets is lost: all of it when a body is caught, nothing while it stays. In the remapped momentum it is what the
+    particles kept of the held nodes' velocity.
+    """
+    point, normal, velocity, sticking = wall
+    x, y, z, lost = 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        distance, speed = 0.0, 0.0
+        for d in range(3):
+            distance += normal[d] * (places[i, d] - point[d])
+            speed += normal[d] * (nodes[i, d] - velocity[d])
+        if not remapped:
+            held[i] = distance <= 0.0 < nodes[i, 3] and (sticking or speed < 0.0)
+        if not held[i]:
+            continue
+        caught, along, kept, mass = 0.0, 0.0, 0.0, share[i] * nodes[i, 3]
+        for d in range(3):
+            change = velocity[d] - nodes[i, d] if sticking else -speed * normal[d]
+            nodes[i, d] += change
+            nodes[i, 4 + d] += change
+            x += mass * change if d == 0 else 0.0
+            y += mass * change if d == 1 else 0.0
+            z += mass * change if d == 2 else 0.0
+            caught += nodes[i, 4 + d] ** 2
+            along += normal[d] * nodes[i, 4 + d]
+            kept += change * motion[i, 4 + d]
+        if not remapped:
+            kept = caught if sticking else along**2
+        lost += 0.5 * mass * kept
+    return x, y, z, lost
+
+
+class NodalWall:
+    """A rigid wall, as nodes meet it."""
+
+    def __init__(self, wall: RigidWall, reaction: Reaction | None):
+        self.wall, self.reaction = wall, reaction
+        self.normal, self.velocity = np.zeros((2, 3))
+        self.normal[: len(wall.normal)], self.velocity[: len(wall.normal)] = wall.normal, wall.velocity
+        self._held, self._seen = np.zeros(0, bool), -1
+
+    def impose(self, nodes: Nodes, array: np.ndarray, time: float) -> tuple[float, float]:
+        """Work of the wall on the nodes and what is lost [J], see `stop_at_wall`."""
+        if self._seen != nodes.changes:
+            self._held, self._seen = np.zeros(nodes.count, bool), nodes.changes
+        point = np.zeros(3)
+        point[self.wall.axis] = self.wall.offset(time)
+        wall = point, self.normal, self.velocity, self.wall.sticking
+        here = nodes.places, nodes.share, self._held, nodes.motion, array is nodes.remapped
+        *impulse, lost = stop_at_wall(nodes.count, array, *here, wall)
+        return float(np.dot(impulse, self.velocity)), lost
+
+    def moving(self, nodes: Nodes) -> np.ndarray:
+        """Velocities (count, d) [m/s] on which its impulses work."""
+        return np.broadcast_to(self.wall.velocity, (nodes.count, len(self.wall.velocity)))
+
+
+class DrivenRegion:
+    """Nodes in a region of space whose velocity components follow formulas of place and time."""
+
+    def __init__(self, key: str, motion: MotionCondition, scene: Scene, reaction: Reaction | None):
+        """Raises SolverError for the place of a single particle and for groups of meshes."""
+        if isinstance(motion.region, NearestTo):
+            raise SolverError(f"{key}.point: expected a plane, box or ball of grid nodes, found a point")
+        self.region, self.reaction, self._seen = region_of(scene, key, motion), reaction, -1
+        course = motion.course
+        assert isinstance(course, LoadHistory)
+        self.components = [(int(i), course.component(int(i))) for i in np.flatnonzero(~course.free)]
+
+    def choose(self, nodes: Nodes) -> np.ndarray:
+        """Slots of the nodes in the region, found anew when there are others."""
+        if self._seen != nodes.changes:
+            self._seen = nodes.changes
+            places = nodes.places[:, : nodes.points.dimension]
+            self._slots = np.flatnonzero(self.region.contains(places, _NEAR * nodes.spacing))
+            self._places = np.ascontiguousarray(places[self._slots])
+        return self._slots
+
+    def impose(self, nodes: Nodes, array: np.ndarray, time: float) -> tuple[float, float]:
+        """Set the nodes' velocities to those of a time [s]; the work on the nodes that this rank counts, and 0 [J]."""
+        slots, work = self.choose(nodes), 0.0
+        mass = array[slots, 3] * nodes.share[slots]
+        for axis, course in self.components:
+            wanted, found = course.evaluate(self._places, time)[:, 0], array[slots, axis]
+            change = np.where(array[slots, 3] > 0.0, wanted - found, 0.0)
+            work += sum_in_order(mass * (change * (found + 0.5 * change - 0.5 * array[slots, 4 + axis])))
+            array[slots, axis] += change
+            array[slots, 4 + axis] += change
+        return work, 0.0
+
+    def moving(self, nodes: Nodes) -> np.ndarray:
+        """Velocities (count, d) [m/s] in the middle of the step."""
+        now, d = nodes.motion[: nodes.count], nodes.points.dimension
+        return np.asarray(now[:, :d] - 0.5 * now[:, 4 : 4 + d])
+
+
+class ThermalPlane:
+    """A plane at a temperature, course(X, t) [K], or a plane of symmetry (course None) through which fluxes [W/m^2] may
+    enter matter of a conductivity [W/(m K)]. sign: of the image's temperatures, less those of the plane."""
+
+    def __init__(
+        self, mirror: Mirror, plane: Plane, course: LoadHistory | None = None, fluxes: Any = (), k: float = 1.0
+    ):
+        """k: the conductivity."""
+        self.mirror, self.axis, self.offset = mirror, plane.axis, float(plane.offset)
+        self.course, self.fluxes, self.conductivity = course, tuple(fluxes), k
+        self.sign = 1.0 if course is None else -1.0
+
+    def _feet(self, places: np.ndarray) -> np.ndarray:
+        feet = places.copy()
+        feet[:, self.axis] = self.offset
+        return feet
+
+    def temperatures(self, places: np.ndarray, time: float) -> np.ndarray:
+        """Temperatures [K] at the feet of places (n, d) [m]."""
+        return np.zeros(len(places)) if self.course is None else self.course.evaluate(self._feet(places), time)[:, 0]
+
+    def lift(self, places: np.ndarray, time: float) -> np.ndarray:
+        """What the image's temperatures (n,) [K] are beyond those of the matter times the sign, at a time [s]; places
+        (n, d) [m]: behind the plane."""
+        if self.course is not None:
+            return 2.0 * self.temperatures(places, time)
+        slope, feet = np.zeros(len(places)), self._feet(places)
+        for flux in self.fluxes:
+            slope += flux.evaluate(feet, time)[:, 0] / self.conductivity
+        return np.asarray(-2.0 * slope * np.abs(places[:, self.axis] - self.offset))
+
+
+class GridConditions:
+    """Conditions of a scene on a background grid, the same on all ranks.
+
+    planes: mirror planes, that on the axis of axisymmetry included; loads: on the particles, with all reactions.
+    """
+
+    def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, points: MaterialPoints):
+        """points: those of the particle set. Raises SolverError on all ranks when a plane lies neither on nodes nor
+        halfway between, or does not bound all bodies, and for a condition that a grid cannot obey. Collective."""
+        position = particle_set.position
+        self.points, self.dimension = points, scene.dimension
+        self.lower = minimum(comm, position.min(axis=0, initial=np.inf))
+        self.upper = maximum(comm, position.max(axis=0, initial=-np.inf))
+        self.loads = Loads(comm, scene, particle_set, points)
+        for key, one in self.loads.all:
+            _refuse_body(key, one)
+        refuse_bodies_behind_walls(comm, scene, particle_set)
+        self.planes = self._folded(scene)
+        self.imposed: list[NodalWall | DrivenRegion] = [
+            NodalWall(RigidWall(wall, scene.dimension), self.loads.reaction_of(wall)) for _, wall in self.loads.of(Wall)
+        ]
+        self.driven = [
+            DrivenRegion(key, motion, scene, self.loads.reaction_of(motion))
+            for key, motion in self.loads.of(MotionCondition)
+        ]
+        self.imposed += self.driven
+        self._beside, self._seen = np.zeros(0, bool), -1
+
+    def _folded(self, scene: Scene) -> list[FoldedPlane]:
+        supports = self.loads.of(Support)
+        for key, one in supports:
+            if one.plane is None or not one.mirror:
+                raise SolverError(f"{key}.mirror: expected true with this method, found false")
+        wanted = [(key, mirror_plane(scene, one)) for key, one in supports]
+        given = {(plane.axis, plane.coordinate) for _, plane in wanted}
+        near = self.lower[0] < 4.0 * scene.method.cell
+        if self.points.axisymmetric and (0, 0.0) not in given and near:
+            wanted.append(("method.geometry", MirrorPlane(0, 0.0, "roller")))
+        for key, plane in wanted:
+            lower, upper = self.lower[plane.axis], self.upper[plane.axis]
+            if lower < plane.coordinate < upper:
+                raise SolverError(
+                    f"{key}: expected a plane that bounds all bodies, "
+                    f"found particles from {'XYZ'[plane.axis]} = {lower:g} to {upper:g}"
+                )
+        return [FoldedPlane(plane, self._mirror(key, plane.axis, plane.coordinate)) for key, plane in wanted]
+
+    def _mirror(self, key: str, axis: int, offset: float) -> Mirror:
+        """The plane by its index; raises SolverError, naming the scene's `key`, when it is not on or between nodes."""
+        place = 2.0 * (offset - self.points.origin[axis]) / self.points.settings.cell
+        if abs(place - round(place)) > 2.0 * _NEAR:
+            raise SolverError(
+                f"{key}: expected a plane on nodes of the grid or half-way between (method.origin, method.cell), "
+                f"found {'XYZ'[axis]} = {offset:g}, {0.5 * place:.6g} cells from the origin"
+            )
+        return Mirror(axis, round(place), 1 if self.lower[axis] >= offset else -1)
+
+    def impose(self, nodes: Nodes, array: np.ndarray, time: float) -> tuple[float, float]:
+        """Let velocities of nodes, nodes.motion or nodes.remapped, obey at a time [s]; the work that this takes, and
+        what is lost [J]."""
+        supplied, lost, d = 0.0, 0.0, self.dimension
+        for one in self.imposed:
+            observed = one.reaction is not None and array is nodes.motion
+            before = array[: nodes.count, :d].copy() if observed else None
+            work, caught = one.impose(nodes, array, time)
+            supplied, lost = supplied + work, lost + caught
+            if before is not None and one.reaction is not None:
+                mass = nodes.share * array[: nodes.count, 3]
+                # empty nodes, of which a restart has fewer, would change the last bits of sums
+                here = np.flatnonzero(mass)
+                impulse = mass[here, None] * (array[: nodes.count, :d] - before)[here]
+                work = float(np.sum(impulse * one.moving(nodes)[here]))
+                one.reaction.add(nodes.places[here, :d].T, impulse.T, work)
+        nodes.unfold(array)
+        return supplied, lost
+
+    def keep_slopes_beside_driven(self, nodes: Nodes) -> None:
+        """Of FLIP's particles let only those with a driven node in their stencil have slopes.
+
+        Without slopes the nodes' velocities before they are driven are not those of the particles even where these move
+        as the nodes are driven to, and what changes them in every step drifts into the particles.
+        """
+        if not self.driven or self.points.settings.transfer != "flip":
+            return
+        cells, slopes = nodes.grid.cells, self.points.storage("velocity_slope")
+        if self._seen != nodes.changes:
+            self._seen, driven = nodes.changes, np.zeros(nodes.count, bool)
+            for region in self.driven:
+                driven[region.choose(nodes)] = True
+            self._beside = np.asarray(driven[cells.stencil].any(axis=1))
+        beside = cells.order[: cells.start[-1]][np.repeat(self._beside, np.diff(cells.start))]
+        kept = slopes[beside]
+        slopes[: self.points.owned] = 0.0
+        slopes[beside] = kept
+
+    def thermal_planes(self, conductivity: float | None) -> list[ThermalPlane]:
+        """Mirror planes of the motion and planes at given temperatures, those through which heat enters first.
+
+        conductivity [W/(m K)]: of all matter. Where there is more than one (None), or where heat enters one body alone,
+        the temperatures of an image are not known, and the plane is a surface like others.
+        """
+        result, heated = [], []
+        for key, one in self.loads.of(PrescribedTemperature):
+            mirror = self._mirror(key, one.plane.axis, float(one.plane.offset))
+            result.append(ThermalPlane(mirror, one.plane, one.course))
+        held = [plane.mirror for plane in result]
+        for fold in self.planes:
+            if fold.mirror in held:
+                continue
+            plane = Plane(fold.plane.axis, float(fold.plane.coordinate))
+            entering = [one for _, one in self.loads.of(HeatFlux) if one.plane == plane]
+            if not entering:
+                result.append(ThermalPlane(fold.mirror, plane))
+            elif conductivity and all(one.body is None for one in entering):
+                fluxes = [one.course for one in entering]
+                heated.append(ThermalPlane(fold.mirror, plane, None, fluxes, conductivity))
+        return heated + result
+
+
+def _refuse_body(key: str, one: Condition) -> None:
+    """Nodes belong to all bodies; only heat through a plane and loads on surfaces go to the particles of one."""
+    if one.body is not None and not isinstance(one, HeatFlux) and surface_load(one) is None:
+        what = "a plane's temperature" if isinstance(one, PrescribedTemperature) else "a condition on nodes"
+        raise SolverError(f"{key}.body: expected none, {what} is that of all bodies, found one")
+
+
+def refuse_bodies_behind_walls(comm: MPI.Comm, scene: Scene, particle_set: ParticleSet) -> None:
+    """Raise SolverError on all ranks for a wall with a body behind it; collective."""
+    count, d = len(scene.bodies), scene.dimension
+    displacement = initial_displacement(scene, particle_set.body, particle_set.position, particle_set.regions)
+    start = particle_set.position if displacement is None else particle_set.position + displacement
+    lower, upper = np.full((count, d), np.inf), np.full((count, d), -np.inf)
+    np.minimum.at(lower, particle_set.body, start)
+    np.maximum.at(upper, particle_set.body, start)
+    comm.Allreduce(MPI.IN_PLACE, lower, op=MPI.MIN)
+    comm.Allreduce(MPI.IN_PLACE, upper, op=MPI.MAX)
+    for i, wall in enumerate(scene.boundaries):
+        if not isinstance(wall, Wall):
+            continue
+        axis, place, margin = wall.plane.axis, wall.plane.offset, _NEAR * scene.method.cell
+        above = wall.side == "above"
+        beyond = lower[:, axis] < place - margin if above else upper[:, axis] > place + margin
+        if beyond.any():
+            body = int(np.argmax(beyond))
+            raise SolverError(
+                f"boundaries.{i}.plane: expected a wall with all bodies {wall.side} it, found particles of "
+                f"bodies.{body} from {'XYZ'[axis]} = {lower[body, axis]:g} to {upper[body, axis]:g}"
+            )

@@ -1,0 +1,126 @@
+"""What a step takes from loads and boundaries, and what its transfers lose, for the ledger."""
+
+import numpy as np
+
+from parsolid.boundary.loads_on_particles import Loads
+from parsolid.kernels import kernel
+from parsolid.methods.failure_fields import DELETED_KINETIC
+from parsolid.methods.mpm.external_forces import ExternalForces
+from parsolid.methods.mpm.grid import Nodes
+from parsolid.methods.mpm.points import MaterialPoints
+from parsolid.methods.protocol import EnergyLedger
+
+
+@kernel
+def kinetic_energy(owned, motion):
+    """sum m v^2/2 [J] of particles."""
+    energy = 0.0
+    for p in range(owned):
+        energy += motion[p, 3] * (motion[p, 4] ** 2 + motion[p, 5] ** 2 + motion[p, 6] ** 2)
+    return 0.5 * energy
+
+
+@kernel
+def energy_of_particle_changes(before, motion):
+    """sum_p m_p (v_p - v_p before)^2 / 2 [J] of the particles in before (n, 8)."""
+    energy = 0.0
+    for p in range(len(before)):
+        square = 0.0
+        for d in range(4, 7):
+            square += (motion[p, d] - before[p, d]) ** 2
+        energy += motion[p, 3] * square
+    return 0.5 * energy
+
+
+@kernel
+def nodal_energies(count, nodes, remapped, share):
+    """Energies [J] of the step's changes a of nodal velocities v, as far as this rank counts nodes: the gain of kinetic
+    energy sum m a . (v - a/2); sum m a^2 / 2; and sum m a . (v - u) / 2 with the remapped velocities u, if any."""
+    gain, changes, remapping = 0.0, 0.0, 0.0
+    for i in range(count):
+        mass = share[i] * nodes[i, 3]
+        for d in range(3):
+            change = nodes[i, 4 + d]
+            gain += mass * change * (nodes[i, d] - 0.5 * change)
+            changes += 0.5 * mass * change * change
+            if remapped is not None:
+                remapping += 0.5 * mass * change * (nodes[i, d] - remapped[i, d])
+    return gain, changes, remapping
+
+
+class StepEnergies:
+    """The energy balance of the transfers in one step; made before the particles give to the nodes, booked at its end.
+
+    Particles do not keep D = K_p + dK_i - K_p+ of the nodes' kinetic energy. MUSL strains matter with velocities u_i of
+    the momentum that is mapped back instead of v_i, and loses sum_i m_i a_i . (v_i - u_i) / 2 less: where particles add
+    all of the changes a_i, nothing. USL strains with all of a_i, of which the next step's nodes keep only what
+    particles took: it loses L = (sum_i m_i a_i^2 - sum_p m_p (sum_i w_ip a_i)^2) / 2 more.
+    """
+
+    def __init__(
+        self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None, external: ExternalForces | None
+    ):
+        """forces (capacity, 4) [N]: of the loads, or None; external: where contact, ties or tools act."""
+        self.points, self.nodes, self.forces, self.external = points, nodes, forces, external
+        settings = points.settings
+        self.adds_changes, self.remaps = settings.adds_changes, settings.order == "musl"
+        self.loses = "velocity_slope" in points or not (self.adds_changes and self.remaps) or external is not None
+        self.kinetic = kinetic_energy(points.owned, points.motion) if self.loses else 0.0
+        kept = forces is not None or (self.adds_changes and not self.remaps and external is None)
+        self.before = points.motion[: points.owned].copy() if kept else None
+
+    def book(
+        self,
+        ledger: EnergyLedger,
+        step: float,
+        boundaries: tuple[float, float],
+        materials: dict[str, float],
+        loads: Loads,
+    ) -> None:
+        """boundaries: work of walls and driven regions and what is lost there [J]; materials: terms of the laws [J]."""
+        supplied, caught = boundaries
+        duration = step if self.external is None else self.external.duration(step)
+        if self.forces is not None and self.before is not None and step > 0.0:
+            # the nodal velocity in the middle of the step is the mean of the old and the new one
+            after = self.points.motion[: self.points.owned]
+            moved = after[:, :3] - self.before[:, :3] - 0.5 * step * (after[:, 4:7] - self.before[:, 4:7])
+            mean = moved / step
+            supplied += duration * float((self.forces[: len(mean), :3] * mean).sum())
+            loads.observe(duration, mean[:, : self.points.dimension].T)
+        if self.external is None:
+            lost = self._lost() + caught
+        else:
+            lost = self.kinetic + self.external.work + supplied - self._kinetic_now()
+        ledger.add(1.0, 0.0, lost, supplied)
+        loads.report(duration, ledger)
+        for name, energy in (materials | self._delete(step, loads)).items():
+            ledger.add_term(name, energy)
+
+    def _delete(self, step: float, loads: Loads) -> dict[str, float]:
+        """Terms [J] of what is deleted; after the step's balance, which would take it for a loss."""
+        if self.external is not None:
+            self.external.follow(step)
+        gone = self.points.delete_failed()
+        if gone:
+            loads.forget_masses()
+            if self.external is not None:
+                # velocities that went with it were half a step behind, too
+                gone[DELETED_KINETIC] -= self.external.follow(step)
+        return gone
+
+    def _kinetic_now(self) -> float:
+        return float(kinetic_energy(self.points.owned, self.points.motion))
+
+    def _lost(self) -> float:
+        """What the transfers lose in the step [J]."""
+        if not self.loses:
+            return 0.0
+        nodes = self.nodes
+        remapped = nodes.remapped if self.remaps else None
+        gain, changes, remapping = nodal_energies(nodes.count, nodes.motion, remapped, nodes.share)
+        lost = self.kinetic + gain - self._kinetic_now()
+        if self.remaps:
+            return float(lost - remapping)
+        if self.adds_changes:
+            lost += changes - energy_of_particle_changes(self.before, self.points.motion)
+        return float(lost)

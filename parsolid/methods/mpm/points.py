@@ -1,0 +1,219 @@
+"""Material points of one rank: what all of them carry, and their motion at time 0."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
+from parsolid.materials.registry import laws_of
+from parsolid.methods.failed_matter import failed_to_delete, note_deleted
+from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED
+from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Columns, Field, Within
+from parsolid.particles.extents import domain_bounds
+from parsolid.particles.generated import declare_generated
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement, initial_velocity
+
+# F of the undeformed body: 11, 12, 21, 22, 33 in two dimensions, its rows in three
+_IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)}
+# of the cell, for the gradients of formulas
+_DIFFERENCE = 1e-4
+
+
+class MaterialPoints(Particles):
+    """Material points, in the records of `transfer`; laws declare what theirs carry besides.
+
+    Also the particles of a `decomposition.grid.RankGrid`. origin (4,) [m]: of the grid; fraction: of FLIP in new
+    velocities.
+    """
+
+    def __init__(self, scene: Scene, particle_set: ParticleSet):
+        """particle_set: this rank's particles, sorted by law."""
+        laws = laws_of(scene)
+        self.laws, law_of_body = block_numbers(laws, np.arange(len(laws)))
+        super().__init__(particle_set.body, law_of_body)
+        self.settings, self.dimension = scene.method, particle_set.position.shape[1]
+        self.axisymmetric = scene.method.geometry == "axisymmetric"
+        self.fraction = 0.0 if scene.method.transfer == "apic" else float(scene.method.flip_fraction)
+        self.origin = np.zeros(4)
+        if scene.method.origin is not None:
+            self.origin[: self.dimension] = scene.method.origin
+        declare_generated(self, particle_set)
+        self._declare_motion(particle_set)
+        self._declare_options(particle_set, {boundary.kind for boundary in scene.boundaries})
+        self._bases = np.empty((0, self.dimension), np.int64)
+
+    def _declare_motion(self, particles: ParticleSet) -> None:
+        d, density = self.dimension, np.array([law.density for law in self.laws])[self.law_of_body[particles.body]]
+        volume = particles.volume * (particles.position[:, 0] if self.axisymmetric else 1.0)
+        self.declare(Field("motion", 8, "m kg m/s m^3"))
+        position = Field("position", d, "m", checkpointed=True, shown=True, layout=Within("motion", 0))
+        self.declare(position, particles.position)
+        self.declare(Field("mass", 1, "kg", layout=Within("motion", 3)), volume * density)
+        self.declare(Field("velocity", d, "m/s", checkpointed=True, shown=True, layout=Within("motion", 4)))
+        self.declare(Field("grid_volume", 1, "m^3", layout=Within("motion", 7)), volume)
+        F = _IDENTITY[d]
+        self.declare(Field("deformation_gradient", len(F), "1", checkpointed=True, layout=Columns(), padding=F), F)
+        self.declare(Field("velocity_gradient", 12, "1/s"))
+        self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
+
+    def _declare_options(self, particles: ParticleSet, boundaries: set[str]) -> None:
+        """What only some settings and boundaries need."""
+        settings, d = self.settings, self.dimension
+        # FLIP has slopes beside driven nodes alone, see `conditions.GridConditions.keep_slopes_beside_driven`
+        if settings.transfer != "flip" or "velocity" in boundaries:
+            self.declare(Field("velocity_slope", 12, "1/s", checkpointed=True))
+        # see `heat.HeatedSurfaces`
+        if "heat_flux" in boundaries:
+            self.declare(Field("temperature_slope", 4, "K/m", checkpointed=True))
+        if settings.basis == "ugimp":
+            # cells of a particle's own axes count as boxes along the grid
+            halves = np.full((len(particles), 4), 0.5)
+            halves[:, :d] = np.minimum(0.5 * particles.spacing / settings.cell, 0.5)
+            self.declare(Field("half_widths", 4, "1", padding=(0.5,) * 4), halves)
+
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
+        """Velocity, position, F, and slopes of the velocity if there are any, at time 0 by the bodies' formulas.
+
+        The slopes are those at the present places; slopes of a body at rest would smooth its first step.
+        """
+        d, place = self.dimension, (scene, particle_set.body, particle_set.position, particle_set.regions)
+        rows = self.owned_rows
+        rows("velocity")[:] = initial_velocity(*place)
+        displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
+        F = np.tile(np.eye(d), (self.owned, 1, 1))
+        if displacement is not None:
+            rows("position")[:] += displacement
+            F += _gradient(initial_displacement, scene, particle_set)
+        if given is not None:
+            gradient, where = given
+            F[where] = gradient[where]
+        rows("deformation_gradient")[:, : d * d] = F.reshape(-1, d * d)
+        if "velocity_slope" in self:
+            slope = _gradient(initial_velocity, scene, particle_set) @ np.linalg.inv(F)
+            rows("velocity_slope").reshape(-1, 3, 4)[:, :d, :d] = slope
+        if self.axisymmetric:
+            rows("deformation_gradient")[:, 4] = rows("position")[:, 0] / particle_set.position[:, 0]
+
+    # --- as kernels take them -------------------------------------------------------------------------------------
+
+    def find(self, name: str) -> np.ndarray | None:
+        """The storage of a field that not every scene has."""
+        return self.storage(name) if name in self else None
+
+    @property
+    def motion(self) -> np.ndarray:
+        """(capacity, 8), see `transfer`."""
+        return self.storage("motion")
+
+    @property
+    def basis(self) -> Any:
+        """The grid's shape functions."""
+        return make_basis(self.settings.basis, self.find("half_widths"))
+
+    @property
+    def blocks(self) -> list[MaterialBlock]:
+        """Particles that share a law, law after law."""
+        return blocks_between(self.bounds, self.laws)
+
+    @property
+    def warm_blocks(self) -> list[MaterialBlock]:
+        """Those whose particles have a temperature."""
+        return [block for block in self.blocks if hasattr(block.law, "specific_heat")]
+
+    def bases(self) -> np.ndarray:
+        """Base node (capacity, d) of each particle at its present place."""
+        if len(self._bases) < self.capacity:
+            self._bases = np.empty((self.capacity, self.dimension), np.int64)
+        offset = self.basis.offset
+        find_base_nodes(self.owned, self.motion, self.origin, float(self.settings.cell), offset, self._bases)
+        return self._bases
+
+    # --- what fails, and heat ---------------------------------------------------------------------------------------
+
+    def delete_failed(self) -> dict[str, float]:
+        """Take away what has failed since the last time, where laws say so: energies [J] that go with it."""
+        rows = failed_to_delete(self, self.blocks)
+        if not len(rows):
+            return {}
+        mass, velocity = self.motion[rows, 3].copy(), self.owned_rows("velocity")[rows]
+        stored = float(self["internal_energy"][rows] @ self.motion[rows, 7])
+        kinetic = note_deleted(self, rows, mass, velocity)
+        self.without_deleted()
+        return {DELETED_KINETIC: kinetic, DELETED_STORED: stored}
+
+    def without_deleted(self) -> None:
+        """Give deleted particles no mass and no volume, so that no node knows of them; they go on as tracers."""
+        if "deleted_mass" in self:
+            gone = self.owned_rows("deleted_mass") > 0.0
+            self.motion[: self.owned][gone, 3] = self.motion[: self.owned][gone, 7] = 0.0
+            self.storage("stress_and_volume")[: self.owned][gone, :7] = 0.0
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """Warm rows (n,) by heat (n,) [J], which their internal energy holds; what they took [J]. Particles without a
+        temperature take none, nor do deleted ones."""
+        taken = 0.0
+        for block in self.warm_blocks:
+            chosen = (rows >= block.first) & (rows < block.last) & (self.motion[rows, 3] > 0.0)
+            here = rows[chosen]
+            density = heat[chosen] / self.motion[here, 7]
+            temperature = self.owned_rows("temperature")
+            capacity = block.law.density * block.law.specific_heat_at(temperature[here])
+            # as `materials.plastic.specific_heat.temperature_rise`
+            grows = 2.0 * block.law.density * block.law.specific_heat_slope * density
+            temperature[here] += 2.0 * density / (capacity + np.sqrt(capacity * capacity + grows))
+            self.owned_rows("internal_energy")[here] += density
+            taken += float(heat[chosen].sum())
+        return taken
+
+    # --- what follows from the fields -------------------------------------------------------------------------------
+
+    def deformation_gradients(self, first: int, last: int) -> np.ndarray:
+        """F (n, 3, 3)."""
+        components = self["deformation_gradient"][first:last]
+        if self.dimension == 3:
+            return np.ascontiguousarray(components).reshape(-1, 3, 3)
+        result = np.zeros((len(components), 3, 3))
+        result[:, :2, :2], result[:, 2, 2] = components[:, :4].reshape(-1, 2, 2), components[:, 4]
+        return result
+
+    def jacobian(self, first: int, last: int) -> np.ndarray:
+        """det F (n,)."""
+        return np.asarray(np.linalg.det(self.deformation_gradients(first, last)))
+
+    def bounds_of_domains(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds (d,) [m] of the deformed domains of this rank's particles."""
+        d, rows = self.dimension, self.owned_rows
+        axes = rows("axes").reshape(-1, d, d) if "axes" in self else None
+        return domain_bounds(rows("position"), self.deformation_gradients(0, self.owned), rows("spacing"), axes)
+
+    def entropy(self) -> float:
+        """m eta [J/K] of this rank's particles."""
+        total = 0.0
+        for block in self.warm_blocks:
+            here = slice(block.first, block.last)
+            eta = block.law.entropy(self["temperature"][here], self.jacobian(block.first, block.last))
+            total += float(self.motion[here, 3] @ eta)
+        return total
+
+    def heat(self) -> float:
+        """m int_0^T C_v dT [J] of this rank's particles."""
+        total = 0.0
+        for block in self.warm_blocks:
+            here = slice(block.first, block.last)
+            total += float(self.motion[here, 3] @ block.law.heat(self["temperature"][here]))
+        return total
+
+
+def _gradient(formula: Callable[..., np.ndarray | None], scene: Scene, particle_set: ParticleSet) -> np.ndarray:
+    """(n, d, d) of the bodies' formulas, by reference place, by central differences."""
+    columns, body, place = [], particle_set.body, particle_set.position
+    small = _DIFFERENCE * scene.method.cell
+    for step in small * np.eye(place.shape[1]):
+        ahead, behind = (formula(scene, body, place + s * step, particle_set.regions) for s in (1.0, -1.0))
+        assert ahead is not None and behind is not None
+        columns.append((ahead - behind) / (2.0 * small))
+    return np.stack(columns, axis=2)

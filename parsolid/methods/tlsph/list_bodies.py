@@ -1,0 +1,262 @@
+"""Bodies whose particles find their neighbours in pair lists: the sweeps of a step with the messages between ranks."""
+
+from typing import Any
+
+import numpy as np
+
+from decomposition.talking import TALKING
+from parsolid.kernels import kernel
+from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
+from parsolid.methods.tlsph.list_update import advance_stage, advance_step
+from parsolid.numerics.lanes import aligned_zeros
+from parsolid.pairs.list_sweeps import (
+    ROWS,
+    divergence_in_plane,
+    divergence_in_space,
+    gradient_in_plane,
+    gradient_in_space,
+    stress_divergence_in_plane,
+    stress_divergence_in_space,
+)
+from parsolid.pairs.list_weights import ListWeights
+from parsolid.pairs.pair_list import Neighbours
+from parsolid.solvers.runge_kutta import Stage
+
+
+class ListBodies:
+    """The particles of a rank that find their neighbours in lists, and what their sweeps read and write.
+
+    waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
+    both waves by direction. near: lists of pairs. motion, sums, record, fast, slow, force: rows of particles, of ghosts
+    and of mirror images, see `list_sweeps`.
+    """
+
+    near: Neighbours
+
+    def __init__(self, system: Any, weights: ListWeights, waves: int, unbonded: Any) -> None:
+        """system: `system.TotalLagrangianSPH` with its fields declared; unbonded: see `Neighbours`."""
+        self.system, self.weights, self.waves, self.unbonded = system, weights, waves, unbonded
+        self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
+        self.columns = ROWS[self.dimension]
+        self.half = 0.5 if system.settings.reconstruction else 0.0
+        # half of rho c_s, where shear waves have one speed in a law
+        moduli = {one: isotropic_shear_modulus(one.law) or 0.0 for one in system.blocks}
+        self.isotropic = {one: 0.5 * float(np.sqrt(one.law.density * modulus)) for one, modulus in moduli.items()}
+        self._exchanges: list[Any] = []
+
+    def rebuild(
+        self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray, even: Any = None
+    ) -> np.ndarray:
+        """Find pairs and their weights; the corrections (owned, d, d). Arguments as in `Neighbours`; collective."""
+        for exchange in self._exchanges:
+            exchange.free()
+        self.particles.detach()
+        near = Neighbours(
+            self.system.comm, self.codes, self.weights.support, positions, body, metric, volume, self.unbonded, even
+        )
+        self.near = near
+        self.particles.attach(near.halo)
+        correction = self.weights.fill(near)
+        at, room = self.columns, (max(near.rows, 1),)
+        self.motion, self.sums = aligned_zeros((*room, at.motion)), aligned_zeros((*room, at.sums))
+        self.record, self.force = aligned_zeros((*room, at.record)), aligned_zeros((*room, at.force))
+        self.fast = aligned_zeros((*room, at.tensor)) if self.waves >= 2 else None
+        self.slow = aligned_zeros((*room, at.tensor)) if self.waves == 3 else None
+        self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
+        told = [self.record if self.waves else self.record[:, : at.gradient]]
+        told += [one for one in (self.fast, self.slow) if one is not None]
+        self._motion = near.halo.exchange([self.motion[:, : at.reference]])
+        self._record = near.halo.exchange(told)
+        self._exchanges = [self._motion, self._record]
+        return correction
+
+    @property
+    def directed_pairs(self) -> int:
+        """Interactions counted once a particle."""
+        return 2 * len(self.near.inner.neighbour) + len(self.near.outer.neighbour)
+
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays that count as memory."""
+        rows = [self.motion, self.sums, self.record, self.force, self.fast, self.slow]
+        return [*self.near.inner, *self.near.outer, *(one for one in rows if one is not None)]
+
+    def bytes_a_step(self) -> int:
+        """Bytes that this rank sends in one evaluation."""
+        return self._motion.bytes_sent + self._record.bytes_sent
+
+    def advance_step(self, step: float) -> tuple[bool, float, float]:
+        """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
+        branches have dissipated, the stable step [s] of the new state)."""
+        self._sweep_gradients()
+        leapfrog, sound, dissipated, stable = self.system.leapfrog, True, 0.0, np.inf
+        for block in self.system.blocks:
+            positive, lost, signal = advance_step(
+                block.solid, step, self.dimension, leapfrog.signals, block.branches(step), self.half,
+                block.first, block.last, block.places, *self._fields(block), self.sums, self.record,
+                block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
+            )  # fmt: skip
+            sound, dissipated = sound and positive, dissipated + lost
+            stable = min(stable, leapfrog.step_of(block.law.density, signal))
+        return sound, dissipated, stable
+
+    def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
+        """Deformation after a stage of SSP-RK3 and stress before it: (whether all Jacobians are positive, dissipation
+        rate [W] of branches, after the last stage the stable step [s])."""
+        self._sweep_gradients()
+        staged, sound, dissipated, stable = self.system.staged_step, True, 0.0, np.inf
+        stored = self.particles.storage
+        start = [stored(f"{name}_at_start") for name in ("deformation_gradient", "jacobian")]
+        cofactors = (stored("cofactor"), stored("cofactor_at_start")) if self.dimension == 3 else (None, None)
+        for block in self.system.blocks:
+            gradient, jacobian, *fields = self._fields(block)
+            positive, rate, modulus = advance_stage(
+                block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
+                block.branches_at_stage(stage.time, step), self.half, self.isotropic[block],
+                block.first, block.last, block.places, gradient, cofactors[0], jacobian,
+                start[0], cofactors[1], start[1][0], *fields, self.sums, self.record, self.fast, self.slow,
+                block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
+            )  # fmt: skip
+            sound, dissipated = sound and positive, dissipated + rate
+            stable = min(stable, staged.step_of(block.law, modulus))
+        return sound, dissipated, stable
+
+    def _fields(self, block: Any) -> tuple[Any, ...]:
+        """Deformation gradient, Jacobian, branches, correction, volumes in pairs and of the body, updated reference,
+        initial stress."""
+        stored, moved = self.particles.storage, "push" in self.particles
+        return (
+            *(stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("correction")),
+            *(stored("pair_volume")[0], stored("volume")[0]),
+            *((stored("push"), stored("inverse")) if moved else (None, None)),
+            stored("initial_stress") if "initial_stress" in self.particles else None,
+        )
+
+    def _tiles_of_reference(self, block: Any) -> tuple[Any, Any]:
+        return (block.push, block.inverse) if "push" in self.particles else (None, None)
+
+    def find_forces(self) -> None:
+        """T and D [N] of the records, in the fields stress_force and dissipative_force."""
+        near, at, stored = self.near, self.columns, self.particles.storage
+        with TALKING:
+            self._record.start()
+        self._sweep_forces(near.inner)
+        with TALKING:
+            self._record.finish()
+        if len(near.images.source):
+            mirror_records(near.local, near.images, self.record, at.gradient)
+            for waves in (self.fast, self.slow):
+                if waves is not None:
+                    mirror_waves(near.local, near.images, waves)
+        self._sweep_forces(near.outer)
+        T, D = stored("stress_force"), stored("dissipative_force")
+        for block in self.system.blocks:
+            scatter_forces(block.first, block.last, self.force, T, D, at.force // 2)
+        clear_rows(near.owned, near.rows, self.force)
+
+    def displacement_gradient(self) -> np.ndarray:
+        """grad u (owned, d, d) by the scheme's own operator; collective."""
+        d, of = self.dimension, self.particles.owned_rows
+        velocity = of("velocity").copy()
+        of("velocity")[:] = of("position") - of("reference_position")
+        self._sweep_gradients()
+        of("velocity")[:] = velocity
+        columns = self.sums[: self.near.owned].reshape(self.near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
+        clear_rows(0, self.near.owned, self.sums)
+        L = of("correction").reshape(-1, d, d)
+        return np.asarray(columns @ L.swapaxes(1, 2) / of("pair_volume")[:, None, None])
+
+    def _sweep_gradients(self) -> None:
+        near, at, stored = self.near, self.columns, self.particles.storage
+        sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
+        for block in self.system.blocks:
+            gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
+        with TALKING:
+            self._motion.start()
+        sweep(near.inner, self.motion, self.sums)
+        with TALKING:
+            self._motion.finish()
+        if len(near.images.source):
+            mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
+        sweep(near.outer, self.motion, self.sums)
+        clear_rows(near.owned, near.rows, self.sums)
+
+    def _sweep_forces(self, pairs: Any) -> None:
+        if self.waves == 0:
+            sweep = stress_divergence_in_space if self.dimension == 3 else stress_divergence_in_plane
+            sweep(pairs, self.record, self.force)
+        else:
+            sweep = divergence_in_space if self.dimension == 3 else divergence_in_plane
+            sweep(pairs, self.motion, self.record, self.fast, self.slow, self.force)
+
+
+@kernel
+def clear_rows(first, last, rows):
+    """Set rows first .. last - 1 to zero."""
+    for a in range(first, last):
+        for c in range(rows.shape[1]):
+            rows[a, c] = 0.0
+
+
+@kernel
+def gather_motion(first, last, velocity, position, motion, at_position):
+    """Copy v and x (d, n) of particles first .. last - 1 into their rows."""
+    for i in range(velocity.shape[0]):
+        v, x = velocity[i], position[i]
+        for a in range(first, last):
+            motion[a, i] = v[a]
+            motion[a, at_position + i] = x[a]
+
+
+@kernel
+def scatter_forces(first, last, force, stress_force, dissipative, at_dissipative):
+    """Copy T and D of particles first .. last - 1 into fields (d, n); the rows are zero afterwards."""
+    for i in range(stress_force.shape[0]):
+        T, D = stress_force[i], dissipative[i]
+        for a in range(first, last):
+            T[a] = force[a, i]
+            D[a] = force[a, at_dissipative + i]
+    for a in range(first, last):
+        for c in range(force.shape[1]):
+            force[a, c] = 0.0
+
+
+@kernel
+def mirror_motion(local, images, motion, at_position, at_reference):
+    """v and x of images, in rows from `local` on."""
+    for k in range(images.source.size):
+        a, b = local + k, images.source[k]
+        for i in range(images.signs.shape[1]):
+            Q = images.signs[k, i]
+            motion[a, i] = Q * motion[b, i]
+            displacement = motion[b, at_position + i] - motion[b, at_reference + i]
+            motion[a, at_position + i] = motion[a, at_reference + i] + Q * displacement
+
+
+@kernel
+def mirror_records(local, images, record, at_gradient):
+    """Stresses, gradients and impedances of images, in rows from `local` on."""
+    d = images.signs.shape[1]
+    stride = 4 if d == 3 else 2
+    for k in range(images.source.size):
+        a, b, s = local + k, images.source[k], images.stress_sign[k]
+        for c in range(record.shape[1]):
+            record[a, c] = record[b, c]
+        for j in range(d):
+            for i in range(d):
+                record[a, stride * j + i] *= s * images.signs[k, i] * images.signs[k, j]
+                record[a, at_gradient + stride * j + i] *= images.signs[k, i] * images.reflection[k, j]
+
+
+@kernel
+def mirror_waves(local, images, waves):
+    """Wave tensors of images, in rows from `local` on: R S R."""
+    for k in range(images.source.size):
+        a, b, R = local + k, images.source[k], images.reflection[k]
+        for c in range(waves.shape[1]):
+            waves[a, c] = waves[b, c]
+        if R.size == 3:
+            waves[a, 4] *= R[0] * R[1]
+            waves[a, 5] *= R[0] * R[2]
+            waves[a, 6] *= R[1] * R[2]
+        else:
+            waves[a, 2] *= R[0] * R[1]

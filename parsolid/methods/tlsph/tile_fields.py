@@ -1,0 +1,196 @@
+"""Fields of particles on tiles: loading and storing them, and what is asked of a state between steps.
+
+Fields are arrays (components, n). A tensor of the plane has the components 11, 12, 21, 22, a symmetric one 11, 22, 12;
+`Places` tells where they stand in the tensors of a tile.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.kernels import kernel
+from parsolid.materials.hyperelastic.functions import energy
+from parsolid.materials.viscoelastic.maxwell import branch_energy
+from parsolid.methods.tlsph.point_update import (
+    TILE,
+    largest_modulus,
+    load,
+    load_symmetric,
+    make_tile,
+    store,
+    stress_tile,
+    waves_tile,
+)
+from parsolid.tensors import cofactor, gram
+
+
+class Places(NamedTuple):
+    """Components in a tile of the components of a field: of general and of symmetric tensors."""
+
+    tensor: np.ndarray
+    symmetric: np.ndarray
+
+
+PLACES = {
+    2: Places(np.array([0, 1, 3, 4]), np.array([0, 1, 3])),
+    3: Places(np.arange(9), np.arange(6)),
+}
+
+
+class Tiles(NamedTuple):
+    """Scratch tiles of one law: deformation F, H, J, also at the start of a step, velocity gradient G, stress P, wave
+    tensors and their bounds, corrections L and sums S of gradients, and those that an option needs."""
+
+    F: np.ndarray
+    H: np.ndarray
+    J: np.ndarray
+    F_start: np.ndarray
+    H_start: np.ndarray
+    J_start: np.ndarray
+    G: np.ndarray
+    P: np.ndarray
+    fast: np.ndarray
+    slow: np.ndarray
+    bound: np.ndarray
+    impedance: np.ndarray
+    signal: np.ndarray
+    lost: np.ndarray
+    L: np.ndarray
+    S: np.ndarray
+    volume: np.ndarray
+    initial: np.ndarray
+    inverse: np.ndarray
+
+
+def make_tiles() -> Tiles:
+    """Tiles of sound particles."""
+    numbers, two, symmetric = {"J", "J_start", "signal", "lost", "volume"}, {"impedance", "bound"}, {"fast", "slow"}
+    sizes = {
+        name: 1 if name in numbers else 2 if name in two else 6 if name in symmetric else 9 for name in Tiles._fields
+    }
+    return Tiles(**{name: make_tile(size) for name, size in sizes.items()})
+
+
+def make_branch_tiles(branches: int) -> tuple[Any, Any]:
+    """A of all branches and their sum, None without branches."""
+    return (np.tile(make_tile(6), branches), make_tile(6)) if branches else (None, None)
+
+
+@kernel
+def copy(out, numbers):
+    """Of slices, in which LLVM sees that no index is negative, so that it vectorises the loop."""
+    for p in range(out.size):
+        out[p] = numbers[p]
+
+
+@kernel
+def copy_in(tile, places, field, i, n):
+    """Components of n particles from row i on into a tile."""
+    for c in range(places.size):
+        first = places[c] * TILE
+        copy(tile[first : first + n], field[c, i : i + n])
+
+
+@kernel
+def copy_out(field, i, n, tile, places):
+    """Components of n particles of a tile into rows i .. i + n - 1."""
+    for c in range(places.size):
+        first = places[c] * TILE
+        copy(field[c, i : i + n], tile[first : first + n])
+
+
+@kernel
+def copy_branches_in(A, symmetric, field, i, n):
+    """A of all branches of n particles from row i on into tiles."""
+    m = symmetric.size
+    for k in range(A.size // (6 * TILE)):
+        copy_in(A[6 * TILE * k : 6 * TILE * (k + 1)], symmetric, field[m * k : m * (k + 1)], i, n)
+
+
+@kernel
+def copy_branches_out(field, i, n, A, symmetric):
+    """The way back of `copy_branches_in`."""
+    m = symmetric.size
+    for k in range(A.size // (6 * TILE)):
+        copy_out(field[m * k : m * (k + 1)], i, n, A[6 * TILE * k : 6 * TILE * (k + 1)], symmetric)
+
+
+@kernel
+def load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
+    """F, H and J of n particles from row i on into tiles.
+
+    gradient (4 or 9, n). jacobian (n,), None where J = det F. cofactors (9, n), None where H = cof F, in the plane with
+    H33 = J. tensor: `Places`.
+    """
+    copy_in(F, tensor, gradient, i, n)
+    if cofactors is not None:
+        copy_in(H, tensor, cofactors, i, n)
+    else:
+        for p in range(TILE):
+            store(H, p, cofactor(load(F, p)))
+    if jacobian is not None:
+        copy(J[:n], jacobian[i : i + n])
+        if cofactors is None:
+            copy(H[8 * TILE : 8 * TILE + n], J[:n])
+    else:
+        for p in range(TILE):
+            J[p] = F[p] * H[p] + F[TILE + p] * H[TILE + p] + F[2 * TILE + p] * H[2 * TILE + p]
+
+
+@kernel
+def stored_energy(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, volume, tiles, A):
+    """Sum of W V [J] over particles first .. last - 1, eqs (19), (20) of Lee et al.; volume (n,): tributary."""
+    total = 0.0
+    F, H, J, tensor, symmetric = tiles.F, tiles.H, tiles.J, places.tensor, places.symmetric
+    for i in range(first, last, TILE):
+        n = min(TILE, last - i)
+        load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
+        if A is not None:
+            copy_branches_in(A, symmetric, field_A, i, n)
+        for p in range(n):
+            F_p = load(F, p)
+            W = energy(law, F_p, load(H, p), J[p])
+            if A is not None:
+                for k in range(branches.moduli.size):
+                    A_k = load_symmetric(A[6 * TILE * k : 6 * TILE * (k + 1)], p)
+                    W += branch_energy(branches.moduli[k], gram(F_p), J[p], A_k)
+            total += W * volume[i + p]
+    return total
+
+
+@kernel
+def stresses(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum, out):
+    """First Piola-Kirchhoff stresses [Pa] of particles first .. last - 1 into out (last - first, 3, 3)."""
+    F, H, J, P, tensor, symmetric = tiles.F, tiles.H, tiles.J, tiles.P, places.tensor, places.symmetric
+    for i in range(first, last, TILE):
+        n = min(TILE, last - i)
+        load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
+        if A is not None:
+            copy_branches_in(A, symmetric, field_A, i, n)
+        stress_tile(law, branches, F, H, J, A, branch_sum, P)
+        for p in range(n):
+            for c in range(9):
+                out[i - first + p, c // 3, c % 3] = P[c * TILE + p]
+
+
+@kernel
+def wave_speeds(
+    law, plane, signals, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum
+):
+    """(Greatest rho c_p^2 [Pa], greatest weighted sum of wave speeds [sqrt(Pa)] as in `update_tile`) of particles
+    first .. last - 1."""
+    largest, greatest = 0.0, 0.0
+    p1, s1, p2, s2, p3, s3 = signals
+    F, H, J, tensor, symmetric = tiles.F, tiles.H, tiles.J, places.tensor, places.symmetric
+    fast, slow, bound = tiles.fast, tiles.slow, tiles.bound
+    for i in range(first, last, TILE):
+        n = min(TILE, last - i)
+        load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
+        if A is not None:
+            copy_branches_in(A, symmetric, field_A, i, n)
+        waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound)
+        largest = largest_modulus(largest, fast, bound, n)
+        for p in range(n):
+            c_p, c_s = bound[p] ** 0.5, bound[TILE + p] ** 0.5
+            greatest = max(greatest, p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
+    return largest, greatest

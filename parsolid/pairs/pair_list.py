@@ -1,0 +1,207 @@
+"""Which particles act on one another: pair lists of a rank's particles, its ghosts and mirror images.
+
+Rows of particles are the owned ones, then ghosts of other ranks, then mirror images. An image is a row of its own, so
+that sweeps know nothing of reflections; `MirrorImages.fill` and its companions give it what its original has.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from decomposition.halo import Halo
+from parsolid.collective import raise_together
+from parsolid.kernels import kernel
+from parsolid.pairs.candidates import (
+    bonded_only,
+    coincident,
+    common_metric,
+    mirror_candidates,
+    plain_candidates,
+    reach_of,
+)
+
+
+class PairList(NamedTuple):
+    """Pairs of an owned particle a with neighbours: rows start[a] : start[a + 1] (int64) of neighbour (m,) int32 and
+    weight (m, 4). Every pair stands once, at the particle with the lower row."""
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    weight: np.ndarray
+
+
+class MirrorImages(NamedTuple):
+    """Images of particles in mirror planes and in their edges and corners, (k,) and (k, d).
+
+    source: rows of the originals. With Q (signs) of a vector, R (reflection) of a place, the shift T of the planes and
+    a sign s of the stress (stress_sign), the image of a particle has v' = Q v, X' = R X + T, x' = X' + Q (x - X),
+    P' L' = s Q P L Q, grad v' = Q grad v R, and symmetric tensors of the reference R S R.
+    """
+
+    source: np.ndarray
+    signs: np.ndarray
+    reflection: np.ndarray
+    shift: np.ndarray
+    stress_sign: np.ndarray
+
+    def of_places(self, X: np.ndarray) -> np.ndarray:
+        """X (local, d) followed by the places of the images."""
+        return np.concatenate((X, X[self.source] * self.reflection + self.shift))
+
+    def of_numbers(self, values: np.ndarray) -> np.ndarray:
+        """Numbers (local,) followed by those of the images."""
+        return np.concatenate((values, values[self.source]))
+
+    def of_vectors(self, values: np.ndarray, signs: np.ndarray) -> np.ndarray:
+        """Vectors (local, d) followed by those of the images; signs: `signs` or `reflection`."""
+        return np.concatenate((values, values[self.source] * signs))
+
+    def of_tensors(self, values: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Tensors (local, d, d) followed by those of the images; left, right: `signs` or `reflection`."""
+        return np.concatenate((values, values[self.source] * left[:, :, None] * right[:, None]))
+
+
+@kernel
+def within_support(start, neighbour, first, last, positions, metric, support):
+    """Candidates of a list with first <= neighbour < last that are within the support: (start, neighbour, the first
+    candidate at the same place as its particle or -1)."""
+    found, count, same = np.empty(neighbour.size, np.int32), np.zeros(start.size, np.int64), -1
+    total = 0
+    for a in range(start.size - 1):
+        for k in range(start[a], start[a + 1]):
+            b = neighbour[k]
+            if first <= b < last:
+                q = distance_in_support(positions, metric, a, b)
+                if q < 1e-9:
+                    same = k
+                if q < support:
+                    found[total] = b
+                    total += 1
+        count[a + 1] = total
+    return count, found[:total].copy(), same
+
+
+@kernel
+def distance_in_support(positions, metric, a, b):
+    """q of two particles, q^2 = x . M x with the mean of their metrics; rows (n or 1, 6) 11, 22, 33, 12, 13, 23."""
+    last = metric.shape[0] - 1
+    M, N = metric[min(a, last)], metric[min(b, last)]
+    x, y = positions[a, 0] - positions[b, 0], positions[a, 1] - positions[b, 1]
+    z = positions[a, 2] - positions[b, 2] if positions.shape[1] == 3 else 0.0
+    straight = (M[0] + N[0]) * x * x + (M[1] + N[1]) * y * y + (M[2] + N[2]) * z * z
+    oblique = (M[3] + N[3]) * x * y + (M[4] + N[4]) * x * z + (M[5] + N[5]) * y * z
+    return (0.5 * straight + oblique) ** 0.5
+
+
+class Neighbours:
+    """The pairs of a rank's particles within the reach of a kernel.
+
+    halo: ghosts; owned, local, rows: numbers of particles, with ghosts, with images. inner, outer: lists of pairs of
+    owned particles, and of those with ghosts and images, with weights still to be filled. Of all rows: positions (rows,
+    d) [m], volume (rows,) [m^3] that counts in sums, metric (rows or 1, 6) [1/m^2]; even (rows, d): places by which
+    pairs are found.
+    """
+
+    def __init__(
+        self,
+        comm: Any,
+        codes: Any,
+        support: float,
+        positions: np.ndarray,
+        body: np.ndarray,
+        metric: np.ndarray,
+        volume: np.ndarray,
+        unbonded: np.ndarray | None = None,
+        even: np.ndarray | None = None,
+    ) -> None:
+        """codes: `boundary.mirror_planes.MirrorCodes` or None; positions, body, metric, volume, even: of owned
+        particles; unbonded (bodies, bodies): bodies that have no pairs. Collective.
+
+        Raises SolverError on all ranks for two particles at one place, and for planes too close to one another.
+        """
+        found_by = positions if even is None else even
+        metric, uniform = common_metric(comm, metric)
+        reach = reach_of(comm, metric, support, positions.shape[1])
+        if codes is not None:
+            raise_together(comm, codes.too_close(reach.scale * support))
+        self.comm = comm
+        self.halo = halo = Halo.plan(comm, np.ascontiguousarray(found_by / reach.scale), reach.distance)
+        self.owned, self.local = halo.owned, halo.owned + halo.ghosts
+        places = halo.with_ghosts(np.ascontiguousarray(found_by))
+        start, neighbour, code = plain_candidates(places, self.owned, reach)
+        bodies: Any = None
+        if unbonded is not None or codes is not None:
+            bodies = halo.with_ghosts(body.astype(np.int64))
+        if unbonded is not None:
+            start, neighbour, code = bonded_only((start, neighbour, code), bodies, unbonded)
+        images = (np.zeros_like(start), np.zeros(0, np.int32), np.zeros(0, np.int8))
+        if codes is not None:
+            images = mirror_candidates(places, bodies, self.owned, codes, reach)
+            if unbonded is not None:
+                images = bonded_only(images, bodies, unbonded)
+        self.images, at_images = _images(codes, images, self.local, positions.shape[1])
+        self.rows = self.local + len(self.images.source)
+        if not uniform:
+            metric = halo.with_ghosts(metric)
+        if len(self.images.source) and (not uniform or metric[:, 3:].any()):
+            metric = _metric_of_images(np.broadcast_to(metric, (self.local, 6)), self.images)
+        self.metric = np.ascontiguousarray(metric)
+        self.volume = self.images.of_numbers(halo.with_ghosts(volume))
+        self.even = self.images.of_places(places)
+        self.positions = self.even
+        if even is not None:
+            self.positions = self.images.of_places(halo.with_ghosts(np.ascontiguousarray(positions)))
+        self.inner, fault = self._select(start, neighbour, 0, self.owned, support)
+        both = _merged((start, neighbour), (images[0], at_images))
+        self.outer, other = self._select(*both, self.owned, self.rows, support)
+        raise_together(comm, fault or other)
+
+    def _select(
+        self, start: np.ndarray, neighbour: np.ndarray, first: int, last: int, support: float
+    ) -> tuple[PairList, str | None]:
+        kept, found, same = within_support(start, neighbour, first, last, self.even, self.metric, support)
+        fault = coincident(self.positions, start, same) if same >= 0 else None
+        return PairList(kept, found, np.zeros((len(found), 4))), fault
+
+    @property
+    def lists(self) -> tuple[PairList, PairList]:
+        """Both lists."""
+        return self.inner, self.outer
+
+    def with_ghosts_and_images(self, owned: np.ndarray, kind: str) -> np.ndarray:
+        """Values of owned particles with those of ghosts and images; kind: "number", "vector" (of the motion), or
+        "tensor" and "normal", a tensor and a vector of the reference. Collective."""
+        values, images = self.halo.with_ghosts(np.ascontiguousarray(owned)), self.images
+        if kind == "number":
+            return images.of_numbers(values)
+        if kind == "tensor":
+            return images.of_tensors(values, images.reflection, images.reflection)
+        return images.of_vectors(values, images.signs if kind == "vector" else images.reflection)
+
+
+def _images(codes: Any, candidates: Any, local: int, d: int) -> tuple[MirrorImages, np.ndarray]:
+    """The images in candidates (start, original, code), and the rows (m,) at which the candidates find them."""
+    _, source, code = candidates
+    key, row = np.unique(code.astype(np.int64) * local + source, return_inverse=True)
+    if codes is None:
+        none = np.zeros((0, d))
+        return MirrorImages(np.zeros(0, np.int64), none, none, none, np.zeros(0)), np.zeros(0, np.int32)
+    which, source = np.divmod(key, max(local, 1))
+    of = (np.ascontiguousarray(table[which, :d]) for table in (codes.signs, codes.reflections, codes.shifts))
+    return MirrorImages(source, *of, codes.stress_signs[which]), (local + row.ravel()).astype(np.int32)
+
+
+def _merged(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> tuple[Any, Any]:
+    """Two lists (start, neighbour) as one, the neighbours of the second behind."""
+    rows = [np.repeat(np.arange(len(start) - 1), np.diff(start)) for start, _ in (first, second)]
+    order = np.argsort(np.concatenate(rows), kind="stable")
+    return first[0] + second[0], np.concatenate((first[1], second[1]))[order].astype(np.int32)
+
+
+def _metric_of_images(metric: np.ndarray, images: MirrorImages) -> np.ndarray:
+    """Metrics (local, 6) followed by R M R."""
+    R = np.ones((len(images.source), 3))
+    R[:, : images.reflection.shape[1]] = images.reflection
+    mirrored = metric[images.source].copy()
+    mirrored[:, 3:] *= R[:, (0, 0, 1)] * R[:, (1, 2, 2)]
+    return np.concatenate((metric, mirrored))

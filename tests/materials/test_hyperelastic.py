@@ -1,0 +1,216 @@
+"""Hyperelastic laws with Maxwell branches: stress, waves and dissipation against derivatives of the energy."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from parsolid.elementary import log
+from parsolid.materials.hyperelastic import acoustics, evaluation
+from parsolid.materials.hyperelastic import functions as of
+from parsolid.materials.law_functions import law_function
+from parsolid.materials.viscoelastic import maxwell
+from parsolid.materials.viscoelastic.relaxation import branch_states
+from parsolid.tensors import contract
+
+
+def branch_sum(law, A):
+    """sum mu_alpha A_alpha (n, 3, 3) of A (n, m, 3, 3), None of a law without branches."""
+    return None if law.branch_moduli is None else np.einsum("a,naij->nij", np.array(law.branch_moduli), A)
+
+
+def branches_of(law, F, A):
+    """Stored energies and rates of dissipation (n, m)."""
+    stored = np.zeros((len(F), len(law.branch_moduli)))
+    rates, C = np.zeros_like(stored), evaluation.symmetric_rows(np.swapaxes(F, 1, 2) @ F)
+    rows = evaluation.symmetric_rows(A).reshape(len(F), -1, 6)
+    branch_states(np.array(law.branch_moduli), np.array(law.relaxation_times), C, rows, stored, rates)
+    return stored, rates
+
+
+def energy(law, F, A):
+    """W (n,) with that of the branches."""
+    stored = evaluation.energies(law, F)
+    return stored if law.branch_moduli is None else stored + branches_of(law, F, A)[0].sum(axis=1)
+
+
+@pytest.fixture
+def states(law, random_deformation, random_branches):
+    """F (n, 3, 3) and A (n, m, 3, 3)."""
+    return random_deformation(50), random_branches(50, 2)
+
+
+def derivative(function, step):
+    """d/de function(e) at 0, sixth order."""
+    weights = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
+    return sum(w * (function((k + 1) * step) - function(-(k + 1) * step)) for k, w in enumerate(weights)) / step
+
+
+def test_the_stress_is_the_derivative_of_the_energy(law, states, random):
+    F, A = states
+    direction = random.standard_normal((50, 3, 3))
+    P = evaluation.stresses(law, F, branch_sum(law, A))
+    slope = derivative(lambda e: energy(law, F + e * direction, A), 3e-4)
+    product = np.einsum("nij,nij->n", P, direction)
+    assert slope == pytest.approx(product, rel=1e-7, abs=1e-7 * np.abs(P).max())
+
+
+def test_functions_of_the_law_are_plain_python_too(law, states):
+    F = states[0]
+    P, Q, S = (of_all(law, F) for of_all in (evaluation.stresses, evaluation.pressure_wave_tensors,
+                                             evaluation.shear_wave_tensors))  # fmt: skip
+    for n in range(5):
+        plain, J = tuple(F[n].ravel().tolist()), float(np.linalg.det(F[n]))
+        H = tuple((J * np.linalg.inv(F[n]).T).ravel().tolist())
+        assert of.stress(law, plain, H, J) == pytest.approx(P[n].ravel(), rel=1e-12, abs=1e-12)
+        assert of.pressure_waves(law, plain, H, J) == pytest.approx(evaluation.symmetric_rows(Q[n])[0], rel=1e-12)
+        assert of.shear_waves(law, plain) == pytest.approx(evaluation.symmetric_rows(S[n])[0], rel=1e-12, abs=1e-12)
+        assert of.energy(law, plain, H, J) == pytest.approx(evaluation.energies(law, F[n]), rel=1e-12)
+
+
+def test_the_virgin_state_is_free_of_stress_and_energy(law):
+    one, A = np.eye(3)[None], np.tile(np.eye(3), (1, 2, 1, 1))
+    assert evaluation.stresses(law, one, branch_sum(law, A)) == pytest.approx(np.zeros((1, 3, 3)), abs=1e-14)
+    assert energy(law, one, A) == pytest.approx([0.0], abs=1e-14)
+
+
+def test_relaxed_branches_carry_neither_energy_nor_stress(viscous, random_deformation):
+    F = random_deformation(10)
+    relaxed = np.repeat(np.linalg.inv(np.swapaxes(F, 1, 2) @ F)[:, None], 2, axis=1)
+    expected = evaluation.stresses(viscous, F)
+    assert evaluation.stresses(viscous, F, branch_sum(viscous, relaxed)) == pytest.approx(
+        expected, rel=1e-12, abs=1e-12
+    )
+    stored, rates = branches_of(viscous, F, relaxed)
+    assert stored == pytest.approx(0.0, abs=1e-12) and rates == pytest.approx(0.0, abs=1e-24)
+
+
+def test_small_strain_moduli(law):
+    mu, lame = of.elastic_moduli(law)
+    assert (mu, lame) == (2.0 * (law.xi + (law.zeta or 0.0)), law.lambda_hat + 4.0 * (law.zeta or 0.0))
+    added = sum(law.branch_moduli or ())
+    strain = 1e-6 * np.array([[1.0, 0.5, -0.3], [0.5, -2.0, 0.7], [-0.3, 0.7, 0.4]])
+    A = np.tile(np.eye(3), (1, 2, 1, 1))
+    stress = evaluation.stresses(law, np.eye(3)[None] + strain, branch_sum(law, A))[0]
+    expected = 2.0 * (mu + added) * strain + lame * np.trace(strain) * np.eye(3)
+    assert stress == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
+
+
+def test_the_stress_turns_with_the_body(law, states, random):
+    F, A = states
+    turn = np.linalg.qr(random.standard_normal((3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    P = evaluation.stresses(law, F, branch_sum(law, A))
+    turned = evaluation.stresses(law, turn @ F, branch_sum(law, A))
+    assert turned == pytest.approx(turn @ P, rel=1e-11, abs=1e-11 * np.abs(P).max())
+
+
+def test_the_tangent_is_symmetric(law, states):
+    F, A = states[0][:10], states[1][:10]
+    tangent = np.empty((10, 9, 9))
+    for c in range(9):
+        change = np.eye(9)[c].reshape(3, 3)
+        slope = derivative(lambda e, change=change: evaluation.stresses(law, F + e * change, branch_sum(law, A)), 3e-4)
+        tangent[:, :, c] = slope.reshape(10, 9)
+    assert tangent == pytest.approx(np.swapaxes(tangent, 1, 2), abs=1e-8 * np.abs(tangent).max())
+
+
+def test_dissipation_is_what_the_energy_loses_at_fixed_deformation(viscous, random_deformation, random_branches):
+    F, A = random_deformation(200), random_branches(200, 2)
+    inverse, times = np.linalg.inv(np.swapaxes(F, 1, 2) @ F)[:, None], np.array(viscous.relaxation_times)
+    rate = (inverse - A) / times[:, None, None]
+    # a time in which A changes by no more than its smallest eigenvalue
+    time = np.linalg.eigvalsh(A)[..., 0].min(axis=1) / np.abs(rate).max(axis=(1, 2, 3))
+    change = rate * time[:, None, None, None]
+    loss = -derivative(lambda e: branches_of(viscous, F, A + e * change)[0].sum(axis=1), 1e-2)
+    rates = branches_of(viscous, F, A)[1]
+    assert rates.sum(axis=1) * time == pytest.approx(loss, rel=1e-7)
+    # and as in the paper (28)
+    C = np.swapaxes(F, 1, 2) @ F
+    trace = np.trace(C[:, None] @ A + inverse @ np.linalg.inv(A) - 2.0 * np.eye(3), axis1=-2, axis2=-1)
+    assert rates == pytest.approx(0.5 * np.array(viscous.branch_moduli) / times * trace, rel=1e-9)
+
+
+def test_dissipation_is_never_negative(viscous, random_deformation, random_branches):
+    for spread in (1e-7, 1e-2, 0.3):
+        rates = branches_of(viscous, random_deformation(5000, spread), random_branches(5000, 2, spread))[1]
+        assert rates.min() >= 0.0
+
+
+def test_a_branch_by_itself_says_the_same(viscous, random_deformation, random_branches):
+    F, A = random_deformation(20), random_branches(20, 2)
+    stored, rates = branches_of(viscous, F, A)
+    C = np.swapaxes(F, 1, 2) @ F
+    for n in range(20):
+        c, inverse, a = (tuple(evaluation.symmetric_rows(x)[0]) for x in (C[n], np.linalg.inv(C[n]), A[n, 0]))
+        mu, tau = viscous.branch_moduli[0], viscous.relaxation_times[0]
+        assert maxwell.branch_energy(mu, c, np.linalg.det(F[n]), a) == pytest.approx(stored[n, 0], rel=1e-11)
+        assert maxwell.branch_dissipation(mu, tau, c, inverse, a) == pytest.approx(rates[n, 0], rel=1e-10)
+
+
+def test_wave_tensors_are_those_of_the_acoustic_tensor(law, states, random):
+    """The pressure wave's is exact for any direction, the shear waves' the mean of both."""
+    F, A = states
+    viscous = branch_sum(law, A)
+    Q, S = evaluation.pressure_wave_tensors(law, F, viscous), evaluation.shear_wave_tensors(law, F, viscous)
+    for N in np.linalg.qr(random.standard_normal((3, 3)))[0]:
+        moduli = acoustics.wave_moduli(law, F, N, viscous)
+        assert np.einsum("i,nij,j->n", N, Q, N) == pytest.approx(moduli[:, 2], rel=1e-8)
+        assert np.einsum("i,nij,j->n", N, S, N) == pytest.approx(moduli[:, :2].mean(axis=1), rel=1e-8)
+    extreme = acoustics.extreme_moduli(law, F[:10], None if viscous is None else viscous[:10])
+    assert extreme[:, 2] == pytest.approx(np.linalg.eigvalsh(Q[:10])[:, -1], rel=1e-8)
+    assert (extreme[:, 0] > 0.0).all() and (extreme[:, 0] <= extreme[:, 1]).all()
+
+
+def test_shear_modulus_is_given_only_where_it_does_not_depend_on_direction(law):
+    expected = 2.0 * law.xi if law.zeta is None and law.branch_moduli is None else None
+    assert of.isotropic_shear_modulus(law) == expected
+
+
+class EnergyAlone(NamedTuple):
+    """The neo-Hookean solid, of which nothing but the energy is known."""
+
+    density: float
+    xi: float
+    lambda_hat: float
+    branch_moduli: tuple | None
+    relaxation_times: tuple | None
+
+
+@of.energy.of(EnergyAlone)
+def _energy_alone(law, F, H, J):
+    return law.xi * (contract(F, F) - 3.0) - 2.0 * law.xi * log(J) + 0.5 * law.lambda_hat * (J - 1.0) * (J - 1.0)
+
+
+def test_an_energy_is_enough(random_deformation):
+    """Stress and moduli follow within 1e-9, and the waves are no slower than they are."""
+    from conftest import LAWS
+
+    known, alone, F = LAWS["neo-hookean"], EnergyAlone(1100.0, 3.0, 7.0, None, None), random_deformation(100)
+    P = evaluation.stresses(known, F)
+    assert evaluation.stresses(alone, F) == pytest.approx(P, abs=1e-9 * np.abs(P).max())
+    assert of.elastic_moduli(alone) == pytest.approx(of.elastic_moduli(known), rel=1e-8)
+    assert of.isotropic_shear_modulus(alone) == pytest.approx(6.0, rel=1e-8)
+    excess = evaluation.pressure_wave_tensors(alone, F) - evaluation.pressure_wave_tensors(known, F)
+    assert np.linalg.eigvalsh(excess).min() > 0.0
+
+
+def test_implementations_are_chosen_by_what_a_law_lacks():
+    class Part(NamedTuple):
+        a: float | None
+        b: float | None
+
+    @law_function
+    def value(law):
+        """A number."""
+
+    value.of(Part)(lambda law: "both")
+    value.of(Part, lacking="a")(lambda law: "no a")
+    value.of(Part, lacking="a b")(lambda law: "neither")
+    assert [value(Part(*x)) for x in ((1.0, 1.0), (None, 1.0), (1.0, None), (None, None))] == [
+        "both", "no a", "both", "neither"]  # fmt: skip
+    with pytest.raises(TypeError, match="value"):
+        value(None)
+    value.of(None)(lambda law: "nothing")
+    value.otherwise(lambda law: "any")
+    assert (value(None), value(3.0)) == ("nothing", "any") and value.has(Part) and not value.has(float)
