@@ -14,7 +14,6 @@ from parsolid.materials.plastic.tile_update import new_tile
 from parsolid.materials.registry import law_of
 from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
 from parsolid.methods.ulsph.elastic_plastic import State, advance_state
-from parsolid.numerics.layout import LAYOUT
 from parsolid.scene.plasticity import library
 
 COPPER = MieGrueneisen(8930.0, 3940.0, 1.489, 2.02)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from decomposition.measured_load import MeasuredLoad
-from parsolid.boundary.conditions import EXTERNAL_IMPULSE, Conditions
+from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.boundary.walls import Walls
 from parsolid.collective import anywhere, maximum
@@ -236,10 +236,9 @@ class UpdatedLagrangianSPH(ParticleSystem):
             self.leapfrog.open_step(time, step)
             kick, gained = self.leapfrog.opening, 0.0
         else:
-            struck = self.impulse_of_contact()
             self.leapfrog.close_step(time, step, self.substeps)
             kick, gained = self.leapfrog.closing, self.leapfrog.given
-            before += struck
+            self.follow_impulse(before)
         # the loss to the viscosity is that on the mean of both velocities, which laws take up as heat
         centred = kick.centred_dissipation
         offset = kick.offset - centred if opening else kick.offset + centred
@@ -254,18 +253,15 @@ class UpdatedLagrangianSPH(ParticleSystem):
             to_come = -0.5 * step * sum(np.sum(of("viscous_force").T[:, here] * mean[:, here]) for here in storing)
         return HalfKick(*map(float, (*energies, to_come)))
 
-    def impulse_of_contact(self) -> np.ndarray:
-        """Changes (d, owned) of velocities [m/s] by the impulses of contact that follow the closing kick; of the two
-        half kicks of the viscous forces of its time only the next one comes after it."""
-        of = self.particles.owned_rows
-        if EXTERNAL_IMPULSE not in self.particles:
-            return np.zeros((self.dimension, self.owned))
-        change = of(EXTERNAL_IMPULSE).T / self.mass
-        constrained = self.conditions.constrained
-        if constrained is not None:
-            change[constrained.T] = 0.0
-        of("impulse_power")[:] = np.sum(of("viscous_force").T * change, axis=0)
-        return change
+    def follow_impulse(self, before: np.ndarray) -> None:
+        """Impulses of contact follow the closing kick from velocities `before` (d, owned), which are moved by them: of
+        the two half kicks of the viscous forces of its time only the next one comes after them."""
+        impulse = self.leapfrog.impulse
+        if impulse is not None:
+            power, viscous = self.particles.owned_rows("impulse_power"), self.particles.owned_rows("viscous_force")
+            power[:] = 0.0
+            power[impulse.rows] = np.sum(viscous[impulse.rows] * impulse.change, axis=1)
+            before[:, impulse.rows] += impulse.change.T
 
     def book(
         self, step: float, ledger: EnergyLedger, plastic: float, lost: float, opening: "HalfKick", closing: "HalfKick"
