@@ -119,10 +119,12 @@ def kept_reference(folder: Path, ranks: int, steps: int, scenes: list[Path], pla
 
 
 def table(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a history by their names."""
+    """Columns of a history by their present names."""
     with path.open() as file:
         rows = list(csv.reader(file))
-    return dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
+    columns = dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
+    former = [columns.pop(name) for name in ("leapfrog_oscillation", "contact_oscillation") if name in columns]
+    return columns | ({"kinetic_offset": sum(former)} if former else {})
 
 
 def scales(columns: dict[str, np.ndarray]) -> dict[str, float]:

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
+from numba import njit
 
-from decomposition.compiled import compiled
 from parsolid.commands.bench.timing import Steps, best_time
 from parsolid.commands.bench.tlsph import cube_scene
 from parsolid.pairs.axis_lists import arrays_of
@@ -77,7 +77,7 @@ def bytes_of_passes(system: Any) -> dict[str, float]:
 # --- times -------------------------------------------------------------------------------------------------------
 
 
-@compiled
+@njit(cache=True)
 def _triad(a: np.ndarray, b: np.ndarray, c: np.ndarray, factor: float) -> None:
     for i in range(a.shape[0]):
         a[i] = b[i] + factor * c[i]

@@ -3,15 +3,12 @@
 import sys
 
 from parsolid.simulation.signals import catch_early, hold
-from parsolid.start import begin, end
 
 catch_early(sys.argv[1:])
-begin()
 
 from parsolid.commands.cli import main  # noqa: E402 (after the signals are caught: importing takes seconds)
 
 status = main()
 # Python takes handlers back before it ends
 hold()
-end()
 sys.exit(status)

@@ -1,6 +1,7 @@
 """Compiled functions: numba's decorators with the options of this package, kept on disk (`parsolid.kernel_cache`).
 
     @kernel      a compiled function with loops over particles, kept in numba's cache on disk
+    @exact       the same without fused products and sums: two such kernels with one formula give the same bits
     @reduction   the same for sums that are reported and change no trajectory: they may be reordered, to be vectorised
     @inlined     a function of tuples that kernels call; it stays an ordinary Python function outside kernels
     @scalar      the same of plain numbers, which compiles faster, and where numba drops the way of an `if part is
@@ -35,6 +36,7 @@ warnings.filterwarnings("ignore", category=NumbaIRAssumptionWarning)
 # "contract": fused multiply-adds and no other reordering, so that results are reproducible
 # error_model "numpy": no test for division by zero, whose branch would keep a loop from being vectorised
 kernel = njit(cache=True, fastmath={"contract"}, error_model="numpy")
+exact = njit(cache=True, error_model="numpy")
 reduction = njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
 
 

@@ -17,13 +17,12 @@ import signal
 import sys
 import tempfile
 import time
+import tomllib
 import traceback
 import warnings
 from collections import Counter
 from pathlib import Path
 from typing import Any
-
-import tomllib
 
 sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
 

@@ -56,7 +56,7 @@ EXTERNAL_FORCE, EXTERNAL_IMPULSE = "external_force", "external_impulse"
 COMMON_START = "common_step_start"
 
 
-class _Holder(NamedTuple):
+class Holder(NamedTuple):
     """A condition that holds components of particles and reports their force; find() gives rows (k,) and components
     (k, d); prescribes: whether the components move."""
 
@@ -70,7 +70,8 @@ class Conditions(Loads):
 
     planes: mirror planes; codes: every reflection of particles, None without planes; share (n,): the part of each
     particle of the set on this side of mirror planes; held (n, d) bool: components of the set that supports hold;
-    motion: prescribed components; rollers: inclined ones.
+    motion: prescribed components; rollers: inclined ones; holders: conditions that hold components and report their
+    force.
     """
 
     def __init__(
@@ -88,13 +89,13 @@ class Conditions(Loads):
         self.planes, self.codes, self.share, self.held = supports.planes, supports.codes, supports.share, supports.held
         self.rollers: list[InclinedRoller] = inclined_rollers(comm, scene, supports, particle_set, particles)
         self.motion = PrescribedMotion(comm, scene, self.all, particle_set, particles)
-        self._holders = self._find_holders()
+        self.holders = self._find_holders()
         self._roller_reactions = [self.reaction_of(roller.condition) for roller in self.rollers]
         self._declare_free()
         # forces (k,) on prescribed components that were found last, and their work in the step
         self._resisted, self._work = np.zeros(0), 0.0
 
-    def _find_holders(self) -> list[_Holder]:
+    def _find_holders(self) -> list[Holder]:
         """Those of supports that hold components of particles, and of prescribed motion."""
         result = []
         for _, one in self.all:
@@ -102,14 +103,14 @@ class Conditions(Loads):
             if reaction is None:
                 continue
             if any(component.condition is one for component in self.motion.components):
-                result.append(_Holder(reaction, partial(self.motion.held_by, one), True))
+                result.append(Holder(reaction, partial(self.motion.held_by, one), True))
             elif isinstance(one, Support) and (one.plane is not None or one.kind == "fixed"):
                 axes = np.ones(self.dimension, bool)
                 if one.plane is not None:
                     axes = mirror_plane(self.scene, one).held(self.dimension)
                 selection = self.particles.selection(selected(self.scene, one, self.particle_set, self.comm))
                 find = partial(self._held_by_support, selection, axes)
-                result.append(_Holder(reaction, find, False))
+                result.append(Holder(reaction, find, False))
         return result
 
     def _held_by_support(self, selection: Any, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -124,11 +125,15 @@ class Conditions(Loads):
         self._any_held = anywhere(self.comm, bool(self.held.any()))
         self._any_constrained = self._any_held or self.motion.there
         if self._any_held:
-            self.particles.declare(Field("held_components", self.dimension, "1", layout=Columns()), 1.0 * self.held)
+            self.particles.declare(
+                Field("held_components", self.dimension, "1", mirror="vector", layout=Columns()), 1.0 * self.held
+            )
         if self._any_constrained:
             free = np.where(self.held, 0.0, 1.0)
             free[self.motion.rows, self.motion.axes] = 0.0
-            self.particles.declare(Field("free_components", self.dimension, "1", layout=Columns()), free)
+            self.particles.declare(
+                Field("free_components", self.dimension, "1", mirror="vector", layout=Columns()), free
+            )
 
     # --- what integrators ask -----------------------------------------------------------------------------------
 
@@ -163,7 +168,7 @@ class Conditions(Loads):
         velocity, self._work = self._velocity(), 0.0
         self._start = velocity[self.motion.axes, self.motion.rows] if self.motion.there else np.zeros(0)
         self._start_of_holders = [
-            velocity[:, holder.find()[0]] if holder.prescribes else None for holder in self._holders
+            velocity[:, holder.find()[0]] if holder.prescribes else None for holder in self.holders
         ]
 
     def impose_mean(self, time: float, step: float) -> None:
@@ -202,7 +207,7 @@ class Conditions(Loads):
                 external[:, rows] += held
                 if reaction is not None:
                     self._found.append((reaction, rows, held))
-        for holder in self._holders:
+        for holder in self.holders:
             rows, components = holder.find()
             resisted = -self._acting(rows, force, damping, external) * components.T
             self._found.append((holder.reaction, rows, resisted))
@@ -232,7 +237,7 @@ class Conditions(Loads):
     def end_step(self, step: float, ledger: Any) -> float:
         """External work [J] of what has moved prescribed components in a step [s]; reactions go to the ledger."""
         velocity, position = self._velocity(), self.particles.owned_rows("position").T
-        for holder, start in zip(self._holders, self._start_of_holders):
+        for holder, start in zip(self.holders, self._start_of_holders):
             if start is not None:
                 rows, components = holder.find()
                 mass = tributary_mass(self.particles, rows) * components.T

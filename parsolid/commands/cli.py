@@ -22,7 +22,6 @@ from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError, suggestion
-from parsolid.start import loaded
 
 DONE, FAILED, BAD_INPUT, WENT_WRONG, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 
@@ -203,8 +202,6 @@ def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
     if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
         return DONE
     options = parse(arguments)
-    if options.command != "run":
-        loaded()
     if options.command in _MODULES:
         command = getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")
         return _printed(command(comm, options))

@@ -32,7 +32,6 @@ from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import load_kernels, warm_up
-from parsolid.start import loaded
 
 TO_BE_CONTINUED = 75
 
@@ -100,7 +99,6 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
-    loaded()
     if targets(scene, options):
         from parsolid.commands.target import run_to_targets
 

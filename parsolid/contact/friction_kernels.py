@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
+from numba.extending import register_jitable
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
 from parsolid.contact.kernel import shape, slope
 from parsolid.contact.passes import distance, inverse_of, put
+from parsolid.kernels import kernel
 
 # of its threshold, what an entry that presses no more sees at least of the body that it rubbed on, for its weights
 _GONE = 0.5
@@ -111,7 +111,7 @@ def let_go(matter, near, a, held, moved, colour, stick, record, w):
     return max(0.5 * rigidity * (whole + worked), 0.0)
 
 
-@compiled(error_model="numpy")
+@kernel
 def friction(owned, held, matter, near, moved, coefficient, colour, stick, record, lost):
     """Stick history (owned, d) [m] and the tangential force t of every entry that presses, with its weights.
 

@@ -3,12 +3,12 @@ weights of the colour; what is left of it when a contact opens goes to its own."
 
 import numpy as np
 
-from decomposition.compiled import compiled
 from parsolid.contact.kernel import shape
 from parsolid.contact.passes import distance
+from parsolid.kernels import kernel
 
 
-@compiled
+@kernel
 def own_heat(owned, matter, lost, record, column, heat):
     """The share of their own friction (owned,) [J] of whole particles into heat; into the record's column what the
     other body gets, over the colour."""
@@ -19,7 +19,7 @@ def own_heat(owned, matter, lost, record, column, heat):
         record[a, column] = half * whole * record[a, 2]
 
 
-@compiled(error_model="numpy")
+@kernel
 def others_heat(owned, matter, near, record, column, heat):
     """Add to heat (owned,) [J] what the friction of other bodies' particles gives."""
     x = np.zeros(3)

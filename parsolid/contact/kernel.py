@@ -8,9 +8,9 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
+from parsolid.kernels import kernel
 
 _POINTS = 96
 
@@ -35,7 +35,7 @@ def slope(q: Any) -> Any:
     return -5.0 * (_fourth(third) - 6.0 * _fourth(second) + 15.0 * _fourth(first))
 
 
-@compiled
+@kernel
 def shapes(q):
     """`shape` of numbers (n,)."""
     result = np.empty(len(q))
@@ -44,7 +44,7 @@ def shapes(q):
     return result
 
 
-@compiled
+@kernel
 def slopes(q):
     """`slope` of numbers (n,)."""
     result = np.empty(len(q))

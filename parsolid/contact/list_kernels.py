@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from decomposition.compiled import compiled
 from parsolid.contact.kernel import shape
+from parsolid.kernels import kernel
 
 
-@compiled
+@kernel
 def directed(start, neighbour, owned, outer, ghost, side, reverse, particle):
     """Both directions of pairs of owned entries and those with ghosts, of sides that face each other: starts,
     neighbours; particle (n,): whose entry it is, never its own neighbour."""
@@ -43,7 +43,7 @@ def directed(start, neighbour, owned, outer, ghost, side, reverse, particle):
     return count, result
 
 
-@compiled
+@kernel
 def sort_rows(start, neighbour, code, key):
     """Order each row by the neighbours' keys, then by the codes of their images."""
     for a in range(len(start) - 1):
@@ -58,7 +58,7 @@ def sort_rows(start, neighbour, code, key):
             neighbour[m], code[m] = b, c
 
 
-@compiled(error_model="numpy")
+@kernel
 def add_colours(place, volume, start, neighbour, owned, inverse, total):
     """Add V_b shape(|X_a - X_b|/R) to both ends of pairs, to the owned ends of those with ghosts."""
     for a in range(len(start) - 1):
@@ -72,7 +72,7 @@ def add_colours(place, volume, start, neighbour, owned, inverse, total):
                 total[b] += volume[a] * w
 
 
-@compiled(error_model="numpy")
+@kernel
 def add_images(row, place, image, other, weight, inverse, total):
     """Add what particles see of images."""
     for k in range(len(row)):
@@ -82,7 +82,7 @@ def add_images(row, place, image, other, weight, inverse, total):
         total[row[k]] += weight[other[k]] * shape(np.sqrt(square) * inverse)
 
 
-@compiled
+@kernel
 def take_places(rows, first, position, start, place, moved):
     """Places of rows (k,) into place[first : first + k], and what they moved from the places with which rows of
     `start` begin into moved[first : first + k]."""
@@ -92,7 +92,7 @@ def take_places(rows, first, position, start, place, moved):
             moved[first + k, i] = position[rows[k], i] - start[rows[k], i]
 
 
-@compiled
+@kernel
 def give_to_rows(source, rows, target):
     """Values (k, d) into rows (k,) of an array (n, d)."""
     for k in range(len(rows)):
@@ -100,14 +100,14 @@ def give_to_rows(source, rows, target):
             target[rows[k], i] = source[k, i]
 
 
-@compiled
+@kernel
 def give_levels(level, first, rows, slot, target):
     """Numbers level[first : first + k] into a column of rows (k,) of an array (n, slots)."""
     for k in range(len(rows)):
         target[rows[k], slot] = level[first + k]
 
 
-@compiled
+@kernel
 def hand_over(entry, recipient, part, force, extra, forces):
     """Forces (2, k, d) of recipients: the sums of the forces (n, d) of their entries (m,), times the part (m,) that
     they are of whole particles' where not None, and of what the impulse has besides, None without any."""
@@ -120,7 +120,7 @@ def hand_over(entry, recipient, part, force, extra, forces):
                 forces[1, recipient[m], i] += share * extra[entry[m], i]
 
 
-@compiled
+@kernel
 def start_anew(rows, force, position, shown, start):
     """Forces (k, d) and places of rows (k,) into those that are shown and from which the next step starts, (n, d)."""
     for k in range(len(rows)):
@@ -128,7 +128,7 @@ def start_anew(rows, force, position, shown, start):
             shown[rows[k], i], start[rows[k], i] = force[k, i], position[rows[k], i]
 
 
-@compiled
+@kernel
 def spread(moved):
     """Square [m^2] of the diagonal of the box of displacements (n, d), and of the one that has their negatives, too."""
     among, both = 0.0, 0.0
@@ -141,7 +141,7 @@ def spread(moved):
     return among, both
 
 
-@compiled(error_model="numpy")
+@kernel
 def time_left(place, velocity, listed, body, of_body, near, ahead):
     """How long [s] this rank's particles stay within what lists and boxes allow, at most `ahead`.
 
@@ -176,7 +176,7 @@ def time_left(place, velocity, listed, body, of_body, near, ahead):
     return left
 
 
-@compiled
+@kernel
 def longest_step(colour, constants, longest, share, level, before, step, most):
     """The least of the steps `longest` (owned,) [s] that those entries allow that see more than a share of their
     threshold, and of those in which their penetrations change as in the last one by no more than most[0] of R and
@@ -192,7 +192,7 @@ def longest_step(colour, constants, longest, share, level, before, step, most):
     return least
 
 
-@compiled
+@kernel
 def time_until_pressed(constants, now, ahead, time, most):
     """The least of the times in which penetrations of owned entries reach most[0] of R, or grow by as much and most[1]
     of themselves, of those that change by more than most[2] of R in a time [s]; inf where none does; now, ahead

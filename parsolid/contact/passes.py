@@ -11,10 +11,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
 from parsolid.contact.kernel import shape
+from parsolid.kernels import kernel
 
 
 class Lists(NamedTuple):
@@ -63,7 +63,7 @@ def distance(matter, near, a, k, x):
     return math.sqrt(square) if square < 1.0 else 1.0
 
 
-@compiled(error_model="numpy")
+@kernel
 def may_feel(owned, matter, near, skin, share):
     """1 for owned entries that may see more than a share of their threshold while pairs approach by a skin (owned,)
     [m], else 0."""

@@ -12,7 +12,7 @@ import fcntl
 import json
 import os
 import platform
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +83,7 @@ class FolderLock:
 
 def _myself() -> dict[str, Any]:
     job = next((os.environ[name] for name in _JOBS if os.environ.get(name)), None)
-    since = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    since = datetime.now(UTC).isoformat(timespec="seconds")
     return {"host": platform.node(), "process": os.getpid(), "job": job, "since": since}
 
 

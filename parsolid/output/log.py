@@ -3,7 +3,7 @@
 import shlex
 import sys
 from contextlib import suppress
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TextIO
 
@@ -31,7 +31,7 @@ class Log:
             if comm.rank == 0:
                 Path(path).absolute().parent.mkdir(parents=True, exist_ok=True)
                 self.stream = open(path, "a", encoding="utf-8")  # noqa: SIM115
-        now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        now = datetime.now(UTC).isoformat(timespec="seconds")
         ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
         self.say(f"--- parsolid {parsolid.__version__}, {ranks}, {now}: {shlex.join(sys.argv[1:])}")
 

@@ -1,6 +1,6 @@
 """Entries of libraries of materials, as a table's key `library` names them."""
 
-import sys
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -10,11 +10,6 @@ from pydantic import model_validator
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import DeclaredModel
 from parsolid.scene.validation_errors import suggestion
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 Entry = TypeVar("Entry")
 

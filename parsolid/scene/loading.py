@@ -1,7 +1,7 @@
 """From a TOML file to a scene, and back."""
 
 import os
-import sys
+import tomllib
 from collections.abc import Iterator
 from importlib.resources import files
 from math import isfinite
@@ -18,11 +18,6 @@ from parsolid.scene.declared_fields import DeclaredFields
 from parsolid.scene.methods import context_of
 from parsolid.scene.schema import Parts, Scene, cross_faults
 from parsolid.scene.validation_errors import SceneError, fault, key_path, suggestion, told
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 # tables and lists one within the other; a scene has no more than eight
 DEEPEST = 32

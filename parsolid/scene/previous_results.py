@@ -1,17 +1,12 @@
 """Fields of another run's results as initial ones: as they are where particles coincide, else interpolated."""
 
 import json
-import sys
+import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 # fields that an initial state may take, with their components in d dimensions
 TAKEN = ("velocity", "displacement", "deformation_gradient", "temperature", "plastic_strain", "stress", "state")

@@ -5,15 +5,15 @@ from collections.abc import Callable
 import numpy as np
 from mpi4py import MPI
 
-from decomposition.compiled import compiled
 from decomposition.reduction import sums
+from parsolid.kernels import kernel
 from parsolid.solvers.solution import Solution
 
 # iterations after which it is asked whether there is a solution at all
 _PATIENCE = 200
 
 
-@compiled
+@kernel
 def _advance(
     factor: float, direction: np.ndarray, product: np.ndarray, solution: np.ndarray, residual: np.ndarray
 ) -> float:
@@ -26,14 +26,14 @@ def _advance(
     return square
 
 
-@compiled
+@kernel
 def _turn(factor: float, residual: np.ndarray, direction: np.ndarray) -> None:
     """p = r + b p."""
     for i in range(residual.size):
         direction[i] = residual[i] + factor * direction[i]
 
 
-@compiled
+@kernel
 def _masked_product(product: np.ndarray, direction: np.ndarray, free: np.ndarray) -> float:
     """Zero K p where a component is prescribed; gives p . K p of this rank."""
     total = 0.0

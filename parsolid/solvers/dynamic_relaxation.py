@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 from mpi4py import MPI
 
-from decomposition.compiled import compiled
 from decomposition.reduction import sums
+from parsolid.kernels import kernel
 from parsolid.solvers.solution import Solution
 
 # more damping than critical for the highest mode would make the fictitious motion creep
@@ -29,7 +29,7 @@ def relaxation_mass(largest_eigenvalue: float, mass: np.ndarray) -> np.ndarray:
     return 0.25 * _MARGIN * largest_eigenvalue * mass
 
 
-@compiled
+@kernel
 def _measure(
     force: np.ndarray, before: np.ndarray, velocity: np.ndarray, displacement: np.ndarray, mass: np.ndarray
 ) -> tuple[float, float, float]:
@@ -45,7 +45,7 @@ def _measure(
     return square, stiffness, weight
 
 
-@compiled
+@kernel
 def _move(
     first: int,
     damping: float,

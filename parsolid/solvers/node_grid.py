@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from decomposition.compiled import compiled
 from parsolid.collective import maximum, minimum
+from parsolid.kernels import kernel
 
 # nodes of the grid are as many at most, in so many dimensions: factors fill up faster in space
 _MOST_NODES = {1: 4000, 2: 8000, 3: 1400}
@@ -88,7 +88,7 @@ class Functions(NamedTuple):
         return cls(*grid.within(places), grid.corners, tuple(map(int, grid.strides)))
 
 
-@compiled
+@kernel
 def add_moments(at: Functions, weights: np.ndarray, result: np.ndarray) -> None:
     """Add weights (n, kinds) of particles times products of powers 0 to 2 of their places within cells to result
     (nodes, kinds, 3^d), at the lower node of each cell; the first axis is the fastest.

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.compiled import compiled
 from decomposition.reduction import sums
 from parsolid.collective import anywhere
+from parsolid.kernels import kernel
 from parsolid.solvers.node_grid import Functions, Grid, add_moments, shape_values, stiffness_of_moments
 
 # of the greatest stiffness, what keeps motions that nothing holds from being without any
@@ -22,7 +22,7 @@ _FLOOR = 1e-9
 _LOOSE = 1e-13
 
 
-@compiled
+@kernel
 def _fill_shape(at: Functions, p: int, values: np.ndarray) -> None:
     """Fill the functions (2^d,) of a cell's nodes at a particle."""
     values[0], count = 1.0, 1
@@ -34,7 +34,7 @@ def _fill_shape(at: Functions, p: int, values: np.ndarray) -> None:
         count *= 2
 
 
-@compiled
+@kernel
 def _give(at: Functions, lower: int, mine: np.ndarray, result: np.ndarray) -> None:
     """Add what was summed in a cell (2^d d,) to its nodes, and forget it."""
     d = len(at.strides)
@@ -44,7 +44,7 @@ def _give(at: Functions, lower: int, mine: np.ndarray, result: np.ndarray) -> No
             mine[k * d + i] = 0.0
 
 
-@compiled
+@kernel
 def to_nodes(at: Functions, values: np.ndarray, result: np.ndarray) -> None:
     """Add values (n, d) of particles times the functions there to result (nodes, d)."""
     d = len(at.strides)
@@ -63,7 +63,7 @@ def to_nodes(at: Functions, values: np.ndarray, result: np.ndarray) -> None:
         _give(at, last, mine, result)
 
 
-@compiled
+@kernel
 def from_nodes(at: Functions, nodes: np.ndarray, free: np.ndarray, result: np.ndarray) -> None:
     """Add what functions with values (nodes, d) at nodes are at particles to result (n, d), where free (n, d)."""
     d = len(at.strides)

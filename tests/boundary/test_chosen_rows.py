@@ -15,7 +15,6 @@ from parsolid.boundary.prescribed import NotFree
 from parsolid.boundary.rows import Chosen
 from parsolid.boundary.surface_loads import Pressed, Pulled, Sprung
 from parsolid.exact import SOLUTIONS
-from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.particles.container import Particles
 from parsolid.particles.generation import generate
 from parsolid.scene import load_scene, parse_scene
@@ -62,17 +61,6 @@ def test_heat_enters_particles_at_its_plane_and_not_those_of_a_step_behind():
     particles = contained(particle_set)
     rows, power = HeatSupply(scene, particles, False).powers(0, 0.0)
     assert (power > 0.0).all() and rows.tolist() == np.flatnonzero(particle_set.position[:, 0] < spacing).tolist()
-
-
-def test_a_prescribed_displacement_is_that_after_its_jump_unless_asked():
-    history = {"rows": [[0.0, 1.0], [0.2, 1.0], [0.2, 3.0]]}
-    pulled = {"kind": "displacement", "plane": "X = 1", "displacement": ["2", "free"], "history": history}
-    scene = parse_scene(tables_of("peridynamics", pulled))
-    particle_set = generate(scene, MPI.COMM_SELF)
-    loads = PeridynamicLoads(MPI.COMM_SELF, scene, particle_set, contained(particle_set))
-    prescribed = loads.prescribed
-    assert set(prescribed.values("displacement", 0.2)) == {6.0}
-    assert set(prescribed.values("displacement", 0.2, True)) == {2.0}
 
 
 def test_a_manufactured_load_is_the_body_force_of_its_solution():

@@ -6,8 +6,6 @@ from kinds import table, tables_of
 
 from parsolid.boundary.heating import HeatSupply
 from parsolid.boundary.loads import InTime
-from parsolid.methods.peridynamics.forces import build_forces, particles_of
-from parsolid.methods.peridynamics.loads import PeridynamicLoads
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.particles.generation import generate
@@ -55,35 +53,6 @@ MOVING = [
     {"kind": "traction", "plane": "Y = 1", "traction": [0.0, "X*t"]},
 ]
 LOADS = {"body_force": ["X", "t*Y"], "acceleration": [0.0, -9.81]}
-
-
-@pytest.mark.parametrize("traction", ["consistent", "horizon", "single-layer"])
-def test_loads_and_prescribed_displacements_of_peridynamics(traction, comm):
-    guided = [{"kind": "displacement", "plane": "X = 1", "displacement": ["Y*t", "free"]}, *MOVING[1:]]
-    data = tables_of("peridynamics", *guided) | {"loads": LOADS}
-    data["method"]["traction"] = traction
-    scene = parse_scene(data)
-    particle_set = generate(scene, comm)
-    results = []
-    for _ in range(2):
-        loads = PeridynamicLoads(comm, scene, particle_set, particles_of(scene, particle_set))
-        forces = build_forces(comm, scene, particle_set, loads)
-        loads.install_tractions(forces.engine, forces.horizon)
-        results.append(loads)
-    fixed, found = results
-    still, particles = fixed.particles, found.particles
-    particles.detach()
-    for _ in range(2):
-        shuffle(particles)
-        for quantity in ("velocity", "displacement"):
-            expected = spread(still, fixed.prescribed, quantity, 0.7)
-            assert np.array_equal(spread(particles, found.prescribed, quantity, 0.7), expected)
-        external = by_particle(particles, found.external(0.7))
-        assert np.array_equal(external, by_particle(still, fixed.external(0.7))) and np.abs(external).max() > 0.0
-        there, here = np.zeros((2, particles.owned, 2))
-        fixed.move(0.2, 0.5, there)
-        found.move(0.2, 0.5, here)
-        assert np.array_equal(by_particle(particles, here), by_particle(still, there))
 
 
 def test_heat_through_planes(comm):

@@ -1,14 +1,10 @@
 """Recipes of packages ask for what pyproject.toml asks for."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
-
-try:
-    import tomllib
-except ModuleNotFoundError:
-    import tomli as tomllib
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -30,7 +26,7 @@ def in_spack(text):
 @pytest.mark.serial
 def test_conda_and_spack_have_the_dependencies_with_their_least_versions():
     needed = wanted([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
-    assert len(needed) == 12
+    assert len(needed) == 11
     conda = CONDA.read_text()
     assert wanted(re.findall(r"- (.*)", conda.split("  run:")[1].split("tests:")[0])) == needed
     assert f'version: "{PROJECT["version"]}"' in conda and PROJECT["scripts"]["parsolid"] in conda

@@ -4,11 +4,11 @@ stale.
 
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-import tomllib
 
 from parsolid.commands.point.choice import point_law
 from parsolid.commands.point.driver import drive

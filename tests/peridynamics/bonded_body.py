@@ -5,16 +5,15 @@ import numpy as np
 from decomposition.halo import Halo
 from decomposition.neighbours import half_pairs
 from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane
-from parsolid.methods.peridynamics.bond_damage import BondDamage, Limits
-from parsolid.numerics.layout import LAYOUT
-from parsolid.pairs.lists import Images, InnerList, OneSidedList, images_of, mutual
-from parsolid.pairs.terms import KINEMATICS
+from parsolid.methods.peridynamics.bonds import rows_in
+from parsolid.methods.peridynamics.damage import BondDamage
+from parsolid.methods.peridynamics.sweeps import BondList, Images
 from parsolid.particles.container import Particles
-from parsolid.particles.declaration import Field
+from parsolid.particles.declaration import Columns, Field
 
 REACH = 2.3
 # damage alone kills no particle
-IMMORTAL = Limits(0.0, 1.0)
+IMMORTAL = (0.0, 1.0)
 SHAPE = {2: (9, 8), 3: (6, 5, 6)}
 
 
@@ -27,10 +26,12 @@ def lattice(dimension: int, jitter: float = 0.2):
 
 
 class BondedBody:
-    """Bond lists of the rank's share (by x), with mirror images in the plane y = 0 where asked for."""
+    """Bond lists of the rank's share (by x), with mirror images in the plane y = 0 where asked for; what `BondDamage`
+    asks of `bonds.Bonds`."""
 
     def __init__(self, comm, dimension: int, mirror: bool = False, kind: str = "roller", limits=IMMORTAL, jitter=0.2):
-        self.comm, self.dimension = comm, dimension
+        """limits: least determinant and largest damage."""
+        self.comm, self.dimension, self.d = comm, dimension, dimension
         positions, identifiers = lattice(dimension, jitter)
         mine = (
             np.floor(positions[:, 0] / SHAPE[dimension][0] * comm.size).astype(int).clip(0, comm.size - 1) == comm.rank
@@ -40,86 +41,89 @@ class BondedBody:
         self.halo, self.positions = halo, halo.with_ghosts(positions[mine])
         self.identifier = halo.with_ghosts(identifiers[mine].astype(np.int64))
         self.volume = 1.0 + 0.01 * self.identifier
-        self.columns = KINEMATICS[dimension]
         self.particles = Particles(np.zeros(self.owned, np.int64))
         self.particles.attach(halo)
         told = {"ghosts": "forward", "message": "reference"}
-        self.particles.declare(Field("kinematics", self.columns.width, "", **told))
         self.particles.declare(Field("identifier", 1, "1", whole=True, **told), identifiers[mine])
+        self.particles.declare(Field("inverse_shape", 6, "1", layout=Columns()))
         self.particles.update("reference")
-        self.kinematics = self.particles.storage("kinematics")
-        place = slice(self.columns.reference, self.columns.reference + dimension)
-        self.kinematics[: len(self.positions), place] = self.positions
-        self.bonds = [self._direct(True)]
+        self.field = 2 * (dimension - 1)
+        self.motion = np.zeros((len(self.positions), 2 * self.field))
+        self.motion[:, :dimension] = self.positions
+        self.lists = [self._direct(True)]
         if halo.ghosts:
-            self.bonds.append(self._direct(False))
+            self.lists.append(self._direct(False))
         if mirror:
-            self.bonds.append(self._mirrored(kind))
-        self.space = LAYOUT[dimension]
-        self.weights = self
-        self.refresh(self)
-        self.damage = BondDamage(comm, self.particles, self, np.ones(self.owned), limits)
+            self.lists.append(self._mirrored(kind))
+        self.refresh_shapes(np.ones(self.owned, bool))
+        self.damage = BondDamage(self, np.ones(self.owned), *limits)
         self.particles.update("motion")
 
-    def lists(self):
-        """As `PairSystem.lists`, but for where neighbours stand."""
-        return [(pairs, None) for pairs in self.bonds]
+    def fill(self, name, first, last) -> None:
+        """The motion is set by `displace`."""
 
-    def refresh(self, system, particles=None) -> None:
-        """As `RadialWeights.refresh`: K (owned, d, d) by loops, its determinant and its inverse; of all particles."""
+    def motion_of(self, name) -> np.ndarray:
+        """Rows of X and u."""
+        return self.motion
+
+    def refresh_shapes(self, chosen) -> None:
+        """As `Bonds.refresh_shapes`: K (owned, d, d) by loops, its determinant and its inverse; of all particles."""
         shape = np.zeros((len(self.positions), self.dimension, self.dimension))
-        for pairs in self.bonds:
-            row = np.repeat(np.arange(self.owned), np.diff(pairs.start))
-            end = self.positions[pairs.neighbour].copy()
-            if images_of(pairs) is not None:
+        for bonds, images, receivers in self.lists:
+            row = np.repeat(np.arange(self.owned), np.diff(bonds.start))
+            end = self.positions[bonds.neighbour].copy()
+            if images is not None:
                 end[:, 1] *= -1.0
             x = end - self.positions[row]
-            terms = pairs.weight[:, None, None] * x[:, :, None] * x[:, None, :]
+            terms = bonds.weight[:, None, None] * x[:, :, None] * x[:, None, :]
             np.add.at(shape, row, terms)
-            if mutual(pairs):
-                np.add.at(shape, pairs.neighbour, terms)
+            if receivers:
+                np.add.at(shape, bonds.neighbour, terms)
         self.shape = shape[: self.owned] / self.volume[: self.owned, None, None]
-        self.determinant, self.inverse_shape = np.linalg.det(self.shape), np.linalg.pinv(self.shape)
+        self.determinant = np.linalg.det(self.shape)
+        inverse, d = np.linalg.pinv(self.shape), self.dimension
+        pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+        six = np.stack([inverse[:, i, j] if max(i, j) < d else 0.0 * self.determinant for i, j in pairs], axis=1)
+        self.particles.owned_rows("inverse_shape")[:] = six
 
-    def _direct(self, inner: bool) -> InnerList | OneSidedList:
+    def _direct(self, inner: bool):
         start, neighbour = half_pairs(self.positions, self.owned, REACH)
         row = np.repeat(np.arange(self.owned), np.diff(start))
         keep = (neighbour < self.owned) == inner
-        return self._list(row[keep], neighbour[keep], None, inner)
+        return self._list(row[keep], neighbour[keep], None), None, self.owned if inner else 0
 
-    def _mirrored(self, kind: str) -> InnerList | OneSidedList:
-        d = self.dimension
+    def _mirrored(self, kind: str):
         codes = MirrorCodes.of([MirrorPlane(1, 0.0, kind)], 1e-9)
         image = self.positions.copy()
         image[:, 1] *= -1.0
         apart = np.linalg.norm(image[None, :, :] - self.positions[: self.owned, None, :], axis=2)
         row, neighbour = np.nonzero(apart < REACH)
-        return self._list(row, neighbour, Images(np.zeros(len(row), np.int8), codes.table(d)), False)
+        tables = (rows_in(array, self.dimension) for array in (codes.signs, codes.reflections, codes.shifts))
+        images = Images(np.zeros(len(row), np.int8), *tables)
+        return self._list(row, neighbour, images), images, 0
 
-    def _list(self, row, neighbour, images, inner) -> InnerList | OneSidedList:
+    def _list(self, row, neighbour, images) -> BondList:
         start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned)))).astype(np.int64)
         end = self.positions[neighbour].copy()
         if images is not None:
             end[:, 1] *= -1.0
         distance = np.linalg.norm(end - self.positions[row], axis=1)
         weight = (1.0 - distance / (2.0 * REACH)) * self.volume[row] * self.volume[neighbour]
-        columns = (start, neighbour.astype(np.int32), weight)
-        return InnerList(*columns) if inner else OneSidedList(*columns, images)
+        return BondList(start, neighbour.astype(np.uint32), weight)
 
     def displace(self, field) -> None:
         """Set the displacement to field(X) -> (n, d)."""
-        first = self.columns.position
-        self.kinematics[: len(self.positions), first : first + self.dimension] = field(self.positions)
+        self.motion[:, self.field : self.field + self.dimension] = field(self.positions)
 
     def directed(self) -> dict[tuple[int, int, bool], float]:
         """All bonds of all ranks: (identifier, identifier of the neighbour, is it an image) -> weight."""
         result = {}
-        for pairs in self.bonds:
-            row = np.repeat(np.arange(self.owned), np.diff(pairs.start))
-            for a, b, weight in zip(row, pairs.neighbour, pairs.weight):
+        for bonds, images, receivers in self.lists:
+            row = np.repeat(np.arange(self.owned), np.diff(bonds.start))
+            for a, b, weight in zip(row, bonds.neighbour, bonds.weight):
                 ends = (int(self.identifier[a]), int(self.identifier[b]))
-                result[(*ends, images_of(pairs) is not None)] = float(weight)
-                if mutual(pairs):
+                result[(*ends, images is not None)] = float(weight)
+                if receivers:
                     result[(*ends[::-1], False)] = float(weight)
         return {key: weight for piece in self.comm.allgather(result) for key, weight in piece.items()}
 

@@ -57,10 +57,10 @@ def stiffness(method, field: np.ndarray, step: float = 0.0) -> np.ndarray:
 
 def gradients(method, field: np.ndarray) -> np.ndarray:
     """The scheme's gradient (owned, d, d) of a field (owned, d)."""
-    d, engine = method.dimension, method.engine
-    engine.displacement[: engine.owned, :d] = field
-    engine.particles.update("motion")
-    return engine.displacement_gradients()[:, :d, :d]
+    d = method.dimension
+    method.displacement[:] = field
+    method.particles.update("motion")
+    return method.forces.displacement_gradients()[:, :d, :d]
 
 
 def gathered(method, values: np.ndarray) -> np.ndarray:

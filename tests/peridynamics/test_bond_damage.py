@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from bonded_body import BondedBody, lattice
 
-from parsolid.methods.peridynamics.bond_damage import Limits
-from parsolid.methods.peridynamics.bond_damage_kernels import Energy, Stretch
 from parsolid.methods.peridynamics.cracks import distance, patch_of
+from parsolid.methods.peridynamics.damage import EnergyCriterion
 from parsolid.methods.peridynamics.settings import PreCrack
 from parsolid.scene.base_model import Plane
 
@@ -36,8 +35,8 @@ def ends_of(key, X):
 def crumpled(body, critical):
     """Break what a criterion breaks in the crumpled body; the failed bonds."""
     body.displace(crumple)
-    body.damage.resistance[:] = critical
-    failed = body.damage.inspect(Stretch(body.damage.resistance))
+    body.damage.limit[:] = critical
+    failed = body.damage.failing(None)
     if failed is not None:
         body.damage.cut(failed)
     return failed
@@ -159,19 +158,20 @@ def test_a_crack_cuts_the_bonds_that_pass_through_its_end_from_both_ends(comm, t
 
 @bodies
 def test_bits_say_which_bonds_are_broken_whatever_the_order(comm, dimension, mirror):
-    body = BondedBody(comm, dimension, mirror, limits=Limits(0.01, 0.7))
+    body = BondedBody(comm, dimension, mirror, limits=(0.01, 0.7))
     crumpled(body, 0.15)
     body.damage.pack()
     weights = body.directed()
-    fresh = BondedBody(comm, dimension, mirror, limits=Limits(0.01, 0.7))
+    fresh = BondedBody(comm, dimension, mirror, limits=(0.01, 0.7))
     kept = {name: values.copy() for name, values in body.particles.checkpointed().items()}
     assert "broken_bonds" in kept
     fresh.particles.restore(kept)
     fresh.damage.unpack()
     assert fresh.directed() == weights
     assert np.array_equal(fresh.damage.damage, body.damage.damage)
-    assert np.array_equal(fresh.inverse_shape, body.inverse_shape)
-    assert np.array_equal(fresh.damage.resistance[: body.owned] < 0.0, body.damage.resistance[: body.owned] < 0.0)
+    inverses = [one.particles.owned_rows("inverse_shape") for one in (fresh, body)]
+    assert np.array_equal(*inverses)
+    assert np.array_equal(fresh.damage.limit[: body.owned] < 0.0, body.damage.limit[: body.owned] < 0.0)
 
 
 @bodies
@@ -191,21 +191,21 @@ def test_bits_are_those_of_one_rank(comm, dimension, mirror):
 
 
 def test_the_dead_lose_all_bonds_at_the_next_inspection(comm):
-    body = BondedBody(comm, 2, limits=Limits(0.01, 0.7))
+    body = BondedBody(comm, 2, limits=(0.01, 0.7))
     crumpled(body, 0.1)
-    resistance = body.damage.resistance
-    dead = body.of_owned(resistance[: body.owned] < 0.0)
+    limit = body.damage.limit
+    dead = body.of_owned(limit[: body.owned] < 0.0)
     damage = body.of_owned(body.damage.damage)
     assert any(dead.values()) and all(dead[a] for a in damage if damage[a] > 0.7)
-    body.halo.update([resistance])
+    body.halo.update([limit])
     body.displace(np.zeros_like)
-    failed = body.damage.inspect(Stretch(resistance))
+    failed = body.damage.failing(None)
     if failed is not None:
         body.damage.cut(failed)
     for (a, b, _), weight in body.directed().items():
         if dead[a] or dead[b]:
             assert weight == 0.0
-    inverse = body.of_owned(body.inverse_shape)
+    inverse = body.of_owned(body.particles.owned_rows("inverse_shape"))
     assert all(not inverse[a].any() for a in dead if dead[a])
 
 
@@ -218,14 +218,14 @@ def test_stretched_bonds_beyond_the_critical_energy_break(comm, dimension, mirro
     stride, random = {2: 2, 3: 4}[dimension], np.random.default_rng(8)
     every = random.normal(size=(2, body.comm.allreduce(body.owned), dimension, dimension))
     every[1] += every[1].swapaxes(1, 2)
-    record = np.zeros((len(body.positions), 2 * stride * dimension))
-    for number in range(2):
-        for j in range(dimension):
-            column = (number * dimension + j) * stride
-            record[:, column : column + dimension] = every[number, body.identifier, :, j]
-    body.kinematics[: len(body.positions), :dimension] = np.cos(body.positions)
-    body.damage.resistance[:] = 0.5
-    failed = body.damage.inspect(Energy(body.damage.resistance, record, control, body.volume))
+    rows = np.zeros((2, len(body.positions), stride * dimension))
+    for number, j in np.ndindex(2, dimension):
+        rows[number, :, j * stride : j * stride + dimension] = every[number, body.identifier, :, j]
+    driving = body.motion.copy()
+    driving[:, body.field : body.field + dimension] = np.cos(body.positions)
+    body.damage.limit[:] = 0.5
+    M, C = rows[0], rows[1] * (control is not None)
+    failed = body.damage.failing(EnergyCriterion(driving, M, C, body.volume))
     whole = body.directed()
     if failed is not None:
         body.damage.cut(failed)

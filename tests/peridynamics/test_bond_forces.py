@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from bonded_body import BondedBody
 
-from parsolid.methods.peridynamics.bond_based_kernels import add_bond_forces, bond_energy
-from parsolid.methods.peridynamics.bond_damage_kernels import Stretch
-from parsolid.pairs.lists import mutual
+from parsolid.methods.peridynamics.bond_based import add_bond_forces, bond_energy
 
 bodies = pytest.mark.parametrize("dimension, mirror", [(2, False), (3, False), (2, True), (3, True)])
 
@@ -15,14 +13,14 @@ def crumple(X):
     return 0.1 * np.sin(1.7 * X + 0.4 * X[:, ::-1])
 
 
-def forces(body, linear=None):
+def forces(body, linear=False):
     """Forces (owned, d) [N] and the energy of all ranks [J]."""
     d = body.dimension
     c, share = 2.0 + 0.1 * body.identifier, np.ones(body.owned)
-    force, energy = np.zeros((len(body.positions), 4)), 0.0
-    for pairs in body.bonds:
-        add_bond_forces(body.space, pairs, linear, body.columns.position, c, body.kinematics, force)
-        energy += bond_energy(body.space, pairs, body.columns.position, c, share, body.kinematics)
+    force, energy = np.zeros((body.owned, 4)), 0.0
+    for bonds in body.lists:
+        add_bond_forces(*bonds, linear, body.motion, c, force)
+        energy += bond_energy(*bonds, body.motion, c, share)
     return force[: body.owned, :d], body.comm.allreduce(energy)
 
 
@@ -75,8 +73,8 @@ def test_broken_bonds_bear_and_store_nothing(comm, dimension, mirror):
     body = BondedBody(comm, dimension, mirror)
     body.displace(crumple)
     before = forces(body)[1]
-    body.damage.resistance[:] = -1.0
-    failed = body.damage.inspect(Stretch(body.damage.resistance))
+    body.damage.limit[:] = -1.0
+    failed = body.damage.failing(None)
     if failed is not None:
         body.damage.cut(failed)
     force, energy = forces(body)
@@ -89,9 +87,9 @@ def test_uniform_stretch_stores_the_energy_of_the_micromodulus(comm):
     body.displace(lambda X: 0.01 * X)
     _, energy = forces(body)
     expected = 0.0
-    for pairs in body.bonds:
-        row = np.repeat(np.arange(body.owned), np.diff(pairs.start))
-        distance = np.linalg.norm(body.positions[pairs.neighbour] - body.positions[row], axis=1)
-        c = 2.0 + 0.05 * (body.identifier[row] + body.identifier[pairs.neighbour])
-        expected += (1.0 if mutual(pairs) else 0.5) * np.sum(0.5 * c * pairs.weight * distance) * 1e-4
+    for bonds, _, receivers in body.lists:
+        row = np.repeat(np.arange(body.owned), np.diff(bonds.start))
+        distance = np.linalg.norm(body.positions[bonds.neighbour] - body.positions[row], axis=1)
+        c = 2.0 + 0.05 * (body.identifier[row] + body.identifier[bonds.neighbour])
+        expected += (1.0 if receivers else 0.5) * np.sum(0.5 * c * bonds.weight * distance) * 1e-4
     assert energy == pytest.approx(comm.allreduce(expected), rel=1e-9)

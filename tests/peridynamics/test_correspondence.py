@@ -42,17 +42,8 @@ def test_the_operator_is_self_adjoint(dimension, planes, placement, broken):
 
 
 @every_dimension
-def test_the_control_of_the_paper_is_not(dimension):
-    """Eq (39) is not the derivative of an energy; the test of the others would notice."""
-    method = body_of(dimension, method={"stabilisation": {"kind": "paper"}})
-    u, v = random_field(method, 1), random_field(method, 2)
-    Ku, Kv = stiffness(method, u), stiffness(method, v)
-    assert abs(np.vdot(u, Kv) - np.vdot(v, Ku)) > 1e-6 * np.linalg.norm(u) * np.linalg.norm(Kv)
-
-
-@every_dimension
 @whole_or_broken
-@pytest.mark.parametrize("control", ["shear-scaled", "paper", "none"])
+@pytest.mark.parametrize("control", ["shear-scaled", "none"])
 def test_momentum_and_angular_momentum_are_conserved(dimension, broken, control):
     skip_impossible(dimension, broken=broken)
     method = body_of(dimension, broken=broken, method={"stabilisation": {"kind": control}})
@@ -81,9 +72,9 @@ def test_affine_fields_have_exact_gradients_and_no_control(dimension, planes, pl
     u = method.particles.owned_rows("reference_position") @ A.T
     np.testing.assert_allclose(gradients(method, u), np.broadcast_to(A, (method.owned, *A.shape)), atol=1e-11)
     controlled = stiffness(method, u)
-    method.engine.stabiliser, kept = None, method.engine.stabiliser
+    method.forces.controls, kept = [None], method.forces.controls
     plain = stiffness(method, u)
-    method.engine.stabiliser = kept
+    method.forces.controls = kept
     assert np.abs(controlled - plain).max() < 1e-11 * np.abs(stiffness(method, random_field(method, 1))).max()
 
 
@@ -274,7 +265,7 @@ def test_a_state_put_back_goes_on_with_the_same_bits(law):
 @pytest.mark.parametrize("growth", [np.inf, np.nan, 1e308])
 def test_a_body_that_is_crushed_beyond_bounds_has_no_stable_step(growth):
     """The run then ends with its time and place, not with an error of the program."""
-    solver = simulation(scene(2, "fixed", jitter=0.0)).systems[0].solver
+    solver = simulation(scene(2, "fixed", jitter=0.0, material={"kind": "neo-hookean"})).systems[0].solver
     assert solver.stable_step() > 0.0
-    solver.body.engine.growth = growth
+    solver.body.forces.tensors.growth = growth
     assert solver.stable_step() == 0.0

@@ -32,8 +32,8 @@ def moving(dimension, material, **more) -> dict:
 def force_at(one, displacement, instantaneous) -> np.ndarray:
     """Force and stored energy of a displacement, reached in a jump or held for ever."""
     one.displacement[:] = displacement
-    one.history.start(instantaneous)
-    return np.array(one.engine.force[: one.owned, : one.dimension])
+    one.forces.start(instantaneous)
+    return np.array(one.forces.force)
 
 
 @pytest.mark.every_other
@@ -46,11 +46,11 @@ def test_a_jump_finds_the_sum_and_time_leaves_the_solid(dimension, base):
     )
     u = 0.3 * relaxing.particles.owned_rows("reference_position") ** 2 + 0.01 * random_field(relaxing, 1)
     of_solid = force_at(solid, u, True)
-    energy = solid.history.stored_energy()
+    energy = solid.forces.stored_energy()
     for instantaneous, factor in ((True, 3.0), (False, 1.0)):
         found = force_at(relaxing, u, instantaneous)
         np.testing.assert_allclose(found, factor * of_solid, atol=1e-12 * np.abs(of_solid).max())
-        assert relaxing.history.stored_energy() == pytest.approx(factor * energy, rel=1e-12)
+        assert relaxing.forces.stored_energy() == pytest.approx(factor * energy, rel=1e-12)
 
 
 @every_base
@@ -64,9 +64,9 @@ def test_forces_are_derivatives_of_the_energy_with_what_has_relaxed_frozen(base)
         force_at(one, 0.0 * along, True)
         for u, step in ((fields[0], 0.2), (fields[1], 0.1), (fields[1] + shift * along, 0.0)):
             one.displacement[:] = u
-            force = one.history.internal_force(step)
-            one.history.settle(step)
-        energies.append(one.history.stored_energy())
+            force = one.forces.internal_force(step)
+            one.forces.settle(step)
+        energies.append(one.forces.stored_energy())
     power = float(np.vdot(force * one.share[:, None], along))
     assert (energies[1] - energies[0]) / 2e-4 == pytest.approx(power, rel=1e-6)
 
@@ -101,10 +101,10 @@ def test_a_turned_body_bears_the_turned_force(base):
     turn = np.array([[c, -s], [s, c]])
     force_at(one, 0.0 * X, True)
     one.displacement[:] = 0.3 * X**2
-    force = np.array(one.history.internal_force(0.1))
-    one.history.settle(0.1)
+    force = np.array(one.forces.internal_force(0.1))
+    one.forces.settle(0.1)
     one.displacement[:] = (X + 0.3 * X**2) @ turn.T - X
-    turned = np.array(one.history.internal_force(0.0))
+    turned = np.array(one.forces.internal_force(0.0))
     np.testing.assert_allclose(turned, force @ turn.T, atol=1e-12 * np.abs(force).max())
 
 

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from solids import simulation, tables
 
+from parsolid.boundary.conditions import Conditions
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
-from parsolid.methods.peridynamics.loads import PeridynamicLoads
-from parsolid.methods.peridynamics.operator import Operator
+from parsolid.methods.peridynamics.tangent import Operator
+from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.particles.generation import generate
 from parsolid.scene import parse_scene
+from parsolid.scene.boundaries.surface import Pressure
+from parsolid.scene.boundaries.traction import Traction
 from parsolid.solvers import conjugate_gradients
 
 SIZE = (1.0, 0.8, 0.7)
@@ -48,15 +51,16 @@ class Body:
         particle_set = self.particle_set = generate(self.scene, comm)
         laws = laws_of(self.scene)
         self.comm, self.law = comm, laws[0]
-        self.loads = PeridynamicLoads(comm, self.scene, particle_set, particles_of(self.scene, particle_set))
-        forces = build_forces(comm, self.scene, particle_set, self.loads)
-        self.loads.install_tractions(forces.engine, forces.horizon)
-        self.operator = Operator(forces.engine, forces.history, self.loads)
+        particles = particles_of(self.scene, particle_set)
+        self.conditions = Conditions(comm, self.scene, particle_set, particles, others=(Traction, Pressure))
+        forces = build_forces(comm, self.scene, particle_set, self.conditions)
+        Tractions(self.conditions, forces)
+        self.operator = Operator(forces, self.conditions)
 
     def stretched(self, pinned=None):
         """The displacement (n, d) under the loads just after time 0; `pinned` (n, d) bool: more components at rest."""
-        free = self.loads.free if pinned is None else self.loads.free & ~pinned
-        load = self.loads.external(0.0)
+        free = self.operator.free if pinned is None else self.operator.free & ~pinned
+        load = self.operator.external(0.0)
         size = np.sqrt(self.comm.allreduce(float(np.vdot(load, load))))
         solution = conjugate_gradients(
             self.comm, lambda u, out: self.operator.linear(u, u, out, 0.0), load.copy(), 1e-12 * size, free
@@ -74,7 +78,7 @@ class Body:
 
     def total(self):
         """Resultant of the loads along X [N]."""
-        return self.comm.allreduce(float(self.loads.external(0.0)[:, 0].sum()))
+        return self.comm.allreduce(float(self.operator.external(0.0)[:, 0].sum()))
 
 
 def area(dimension):
@@ -114,7 +118,7 @@ def test_a_uniform_stress_is_exact(comm, case):
 def test_a_uniform_stress_between_two_loaded_faces_is_exact(comm):
     # the faces are closer to each other than their forces reach
     body = Body(comm, 2, both=True, plane="stress")
-    pinned = np.zeros_like(body.loads.free)
+    pinned = np.zeros_like(body.operator.free)
     pinned[body.particle_set.identifier == 0, 0] = True
     displacement = body.stretched(pinned)
     away = sum(comm.allgather((body.exact() - displacement)[body.particle_set.identifier == 0, 0].sum()))
@@ -142,7 +146,7 @@ def test_a_traction_that_varies_over_its_face_carries_its_moment(comm, dimension
     """But for 1/N^2, what midpoints of N cells leave out of a square, and on top of a mean that is exact."""
     pull = {"kind": "traction", "plane": "X = 1", "traction": ["1e4 + 1e4*(Y - 0.4)", "0", "0"][:dimension]}
     body = Body(comm, dimension, boundaries=[{"kind": "roller", "plane": "X = 0"}, pull])
-    force, y = body.loads.external(0.0)[:, 0], body.particle_set.position[:, 1]
+    force, y = body.operator.external(0.0)[:, 0], body.particle_set.position[:, 1]
     total, moment = (comm.allreduce(float(np.sum(force * arm))) for arm in (np.ones(len(y)), y - 0.4))
     width = area(dimension) / SIZE[1]
     assert total == pytest.approx(1e4 * area(dimension), rel=1e-11)
@@ -181,13 +185,13 @@ PULL = {"kind": "traction", "plane": "X = 1", "traction": ["1e4*Y", 0.0], "histo
 def test_loads_in_time(comm):
     loads = {"body_force": [0.0, "-7*(t < 5)"], "acceleration": [2.0, 0.0], "jumps": [5.0]}
     body = Body(comm, 2, boundaries=[{"kind": "roller", "plane": "X = 0"}, PULL], loads=loads, end_time=10.0)
-    assert body.loads.jumps == (0.0, 2.0, 5.0)
+    assert body.conditions.times == (2.0, 5.0)
     weight = 1000.0 * 2.0 * 0.8
     # the traction 1e4 Y over the height 0.8
     sides = {(0.0, False): (1.0, -7.0), (1.0, False): (2.0, -7.0), (2.0, True): (3.0, -7.0), (2.0, False): (0.0, -7.0)}
     sides |= {(5.0, True): (0.0, -7.0), (5.0, False): (0.0, 0.0)}
     for (time, before), (along, across) in sides.items():
-        total = np.array(comm.allgather(body.loads.external(time, before).sum(axis=0))).sum(axis=0)
+        total = np.array(comm.allgather(body.operator.external(time, before).sum(axis=0))).sum(axis=0)
         assert total == pytest.approx([weight + along * 3200.0, across * 0.8], rel=1e-9), time
 
 
@@ -201,25 +205,24 @@ def test_prescribed_motion(comm):
     }
     driven = {"kind": "velocity", "box": {"lower": [0.4, 0.0], "upper": [0.6, 0.8]}, "velocity": ["free", "t**3"]}
     body = Body(comm, 2, boundaries=[layer, end, driven], end_time=10.0)
-    loads, x = body.loads, body.particle_set.position[:, 0]
-    assert loads.jumps == (0.0, 2.0)
+    motion, x = body.conditions.motion, body.particle_set.position[:, 0]
+    assert body.conditions.times == (2.0,)
     held = np.stack([(x < 0.3) | (x > 0.9), (x < 0.3) | ((x > 0.4) & (x < 0.6))], axis=1)
-    assert np.array_equal(loads.free, ~held) and not loads.held.any()
-    u = np.full(loads.free.shape, 7.0)
+    assert np.array_equal(body.operator.free, ~held) and not body.conditions.held.any()
+    u = np.full(held.shape, 7.0)
     for time, step, at_end, ahead in (
         (0.0, 0.0, 0.0, 0.0),
         (0.0, 1.0, 0.1, 0.25),
         (1.0, 1.0, 0.2, 4.0),
         (2.0, 0.0, 0.5, 4.0),
     ):
-        loads.move(time, step, u)
+        motion.displace(time, step, u.T)
         assert u[x > 0.9, 0] == pytest.approx(np.full((x > 0.9).sum(), at_end)), time
         inside = (x > 0.4) & (x < 0.6)
         assert u[inside, 1] == pytest.approx(np.full(inside.sum(), 7.0 + ahead))
-    assert not u[x < 0.3].any() and (u[loads.free] == 7.0).all()
-    velocity = loads.guided_velocities(1.0, 0.5, np.full(len(loads.entries[0]), 0.2))
-    particles, components = loads.entries
-    is_driven = (components == 1) & (x[particles] > 0.3)
+    assert not u[x < 0.3].any() and (u[~held] == 7.0).all()
+    velocity = motion.end_velocities(1.5, np.full(len(motion.rows), 0.4))
+    is_driven = (motion.axes == 1) & (x[motion.rows] > 0.3)
     assert velocity[is_driven] == pytest.approx(np.full(is_driven.sum(), 1.5**3))
     assert velocity[~is_driven] == pytest.approx(np.full((~is_driven).sum(), 0.4))
 
@@ -228,10 +231,10 @@ def test_the_last_boundary_holds(comm):
     first = {"kind": "displacement", "plane": "X = 1", "displacement": [1.0, 1.0]}
     last = {"kind": "displacement", "plane": "X = 1", "displacement": [2.0, "free"]}
     body = Body(comm, 2, boundaries=[first, last])
-    u = np.zeros(body.loads.free.shape)
-    body.loads.move(0.0, 0.0, u)
+    u = np.zeros(body.operator.free.shape)
+    body.conditions.motion.displace(0.0, 0.0, u.T)
     at_end = body.particle_set.position[:, 0] > 0.9
-    assert (u[at_end] == [2.0, 1.0]).all() and len(body.loads.entries[0]) == 2 * at_end.sum()
+    assert (u[at_end] == [2.0, 1.0]).all() and len(body.conditions.motion.rows) == 2 * at_end.sum()
 
 
 ALL_AROUND = {"kind": "pressure", "pressure": "2e4*(t < 5)", "jumps": [5.0]}
@@ -252,4 +255,4 @@ def test_a_body_under_one_pressure_is_compressed_uniformly(comm, dimension):
     strain = -2e4 / (3.0 * K if dimension == 3 else 2.0 * (K + G / 3.0))
     away = np.abs(body.stretched() - strain * body.particle_set.position).max(initial=0.0)
     assert comm.allreduce(float(away), max) < 1e-10 * abs(strain)
-    assert body.loads.jumps == (0.0, 5.0) and not body.loads.external(7.0).any()
+    assert body.conditions.times == (5.0,) and not body.operator.external(7.0).any()

@@ -67,7 +67,8 @@ def settings(**changes):
 def solver_of(chain, chosen):
     """The time solver on a chain without prescribed motion."""
     points = Particles(np.zeros(len(chain.identifier), np.int64))
-    body = SimpleNamespace(comm=chain.comm, operator=chain, loads=SimpleNamespace(jumps=()), particles=points)
+    conditions = SimpleNamespace(times=(), planes=())
+    body = SimpleNamespace(comm=chain.comm, operator=chain, conditions=conditions, particles=points)
     return QuasiStatic(body, chosen)
 
 
@@ -281,9 +282,9 @@ def test_what_nothing_holds_is_left_out_without_evaluating_forces(comm, supports
         comm,
     )
     one = sim.systems[0]
-    before = one.engine.evaluations
+    before = one.forces.evaluations
     sim.take_step(0.0)
     equilibrium = one.solver.equilibrium
     assert len(equilibrium.coarse.preconditioner(0.0).loose) == loose
-    assert one.engine.evaluations - before - 1 <= equilibrium.iterations + 2
+    assert one.forces.evaluations - before - 1 <= equilibrium.iterations + 2
     assert equilibrium.iterations < 40

@@ -82,10 +82,8 @@ def bonds(contact, **control):
         ([{"bodies": ["a", "b"]}], {"coefficient": 0.35}, None),
         ([], {}, None),
         ([], {"coefficient": 0.35}, None),
-        ([], {"kind": "paper"}, None),
-        ([], {"kind": "paper", "coefficient": 0.35}, "1.0 as in the checkpoint checkpoint.h5, found 0.35"),
     ],
-    ids=["contact", "stated", "bonded", "bonded, stated", "paper", "paper, stated"],
+    ids=["contact", "stated", "bonded", "bonded, stated"],
 )
 def test_a_checkpoint_from_before_contact_had_a_control_of_its_own_names_the_key(contact, control, found):
     """Bodies in contact had that of all others, which nobody had to state."""

@@ -1,11 +1,11 @@
 """`method.clamp_edges`: what nodes on the edges of a clamp do without, and what it is good for."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-import tomllib
 from solids import gathered, run_steps, run_to_end, simulation, supports, tables
 
 from parsolid.collective import SolverError

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checkerboard import checkerboard_of_run
 
-from parsolid.commands.checkerboard import checkerboard_of_run
-from parsolid.commands.checkerboard import main as print_contents
 from parsolid.commands.cli import main
 from parsolid.output.history import read_history
 
@@ -36,7 +35,7 @@ def test_linear_momentum_does_not_change(shared_path, dissipation):
 
 
 @pytest.mark.slow
-def test_without_dissipation_the_pressure_checkerboards(shared_path, comm, capsys):
+def test_without_dissipation_the_pressure_checkerboards(shared_path):
     contents = []
     for dissipation in (0, 1):
         settings = ("bodies.0.particles=[17,17,3]", f"method.dissipation={dissipation}", *THIN)
@@ -46,12 +45,3 @@ def test_without_dissipation_the_pressure_checkerboards(shared_path, comm, capsy
     # at 6 s, 17 x 17 x 3: 0.0363 and 0.0100
     assert without[6.0] > 0.03 and with_it[6.0] < 0.013
     assert without[5.5] > 3.0 * with_it[5.5]
-    if comm.rank == 0:
-        capsys.readouterr()
-        assert print_contents([str(folder)]) == 0
-        assert f"t = 6          s  {with_it[6.0]:.5f}" in capsys.readouterr().out
-
-
-def test_a_folder_without_a_run(tmp_path, capsys):
-    assert print_contents([str(tmp_path)]) == 2
-    assert "expected the folder of a run" in capsys.readouterr().err

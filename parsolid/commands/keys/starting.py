@@ -1,7 +1,7 @@
 """The command `init`: a small scene of a method, with comments, and with the method's other keys to choose from."""
 
 import re
-import sys
+import tomllib
 from collections import Counter
 from collections.abc import Mapping
 from importlib.resources import files
@@ -13,11 +13,6 @@ from parsolid.commands.keys.description import Key, keys_of
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.methods import method_kinds
 from parsolid.scene.schema import Scene
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _HEADER = re.compile(r"^\[+([A-Za-z_.]+)\]+$")
 _KEY = re.compile(r"^([A-Za-z_]+) = ")

@@ -1,7 +1,7 @@
 """What a run left in its folder, as far as pictures need it."""
 
 import json
-import sys
+import tomllib
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,11 +19,6 @@ from parsolid.scene import SceneError
 from parsolid.scene.methods import context_of
 from parsolid.scene.schema import Parts
 from parsolid.scene.validation_errors import suggestion, told
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
 _TENSOR = [f"{row}{column}" for row in "xyz" for column in "xyz"]

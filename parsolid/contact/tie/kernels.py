@@ -7,11 +7,11 @@ of the second body. Lists: start (points + 1,) and rows of particles.
 import math
 
 import numpy as np
+from numba.extending import register_jitable
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
 from parsolid.contact.kernel import shape, slope
 from parsolid.contact.passes import inverse_of
+from parsolid.kernels import kernel
 
 # halvings of the stretch on which a face is looked for
 _HALVINGS = 50
@@ -51,7 +51,7 @@ def _towards(a, near, rows, place, volume, other, inverse, n):
     return length > 0.0
 
 
-@compiled(error_model="numpy")
+@kernel
 def faces(source, length, start, rows, place, volume, other, inverse, points):
     """Which particles (m,) of the first body lie next to the second, within a length [m] of the face between the two,
     along the gradient of their colours; where that meets the face, into points (m, d)."""
@@ -85,7 +85,7 @@ def faces(source, length, start, rows, place, volume, other, inverse, points):
     return found
 
 
-@compiled(error_model="numpy")
+@kernel
 def weigh(points, start, rows, place, volume, inverse, sign, weight):
     """Weights of particles around points that reproduce linear fields there, times a sign, into weight (k,).
 
@@ -132,7 +132,7 @@ def weigh(points, start, rows, place, volume, inverse, sign, weight):
     return worst
 
 
-@compiled(error_model="numpy")
+@kernel
 def pull(start, rows, weight, stiffness, counted, moved, owned, force):
     """Forces (owned, d) [N] of ties on owned particles by the displacements moved (n, d) [m] of all; energy [J] of
     those that this rank counts.
@@ -160,7 +160,7 @@ def pull(start, rows, weight, stiffness, counted, moved, owned, force):
     return energy
 
 
-@compiled(error_model="numpy")
+@kernel
 def frequency(start, rows, weight, stiffness, mass, owned):
     """Square of the highest frequency [1/s^2] of ties alone, by the sums of rows of M^-1 K (Gershgorin)."""
     sums = np.zeros(owned)

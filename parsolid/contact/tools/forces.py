@@ -11,11 +11,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
 from parsolid.contact.passes import crossing
 from parsolid.contact.tools.shapes import distance
+from parsolid.kernels import kernel
 
 # places in `press`'s sums: force, moment about the tool's place, energies [J], stiffness of all particles together, how
 # many there are; force and moment that the impulse at the end of the step has besides
@@ -196,7 +196,7 @@ def _speed(velocity, i):
     return math.sqrt(square)
 
 
-@compiled(error_model="numpy")
+@kernel
 def press(
     shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, level, new, sums, approach
 ):
@@ -250,7 +250,7 @@ def press(
     return count, clearance
 
 
-@compiled(error_model="numpy")
+@kernel
 def fastest(owned, velocity):
     """The greatest speed [m/s]; NaN where one is."""
     most = 0.0

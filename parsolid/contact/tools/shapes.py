@@ -6,7 +6,8 @@ A shape is a NamedTuple; places are three numbers in any dimension, those beyond
 import math
 from typing import NamedTuple
 
-from decomposition.deferred import register_jitable
+from numba.extending import register_jitable
+
 from parsolid.numerics.dispatch import generic
 
 

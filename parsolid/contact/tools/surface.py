@@ -8,8 +8,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
-from decomposition.deferred import register_jitable
 from parsolid.contact.tools.shapes import distance
 
 _LEAF, _DEEPEST = 4, 64

@@ -1,104 +1,167 @@
-"""Bond-based peridynamics on the bonds of the correspondence method: forces of
-`methods.peridynamics.bond_based_kernels`, without a stabiliser.
+"""Forces of the bond-based law (prototype microelastic brittle), on the bonds of the correspondence method.
+
+The ends of a bond of stretch s = (|y| - |xi|)/|xi| pull each other with w_ab c s y/|y| [N], and the bond stores
+w_ab c s^2 |xi|/2 [J], where w_ab = w(|xi|) V_a V_b and c is the micromodulus, the mean of both ends'. Source: Silling
+and Askari, Comput. Struct. 83 (2005), eqs (8) to (10).
 """
 
 from typing import Any
 
 import numpy as np
 
-from decomposition.recalled import RecalledEach
+from parsolid.kernels import inlined, kernel
 from parsolid.materials.damage.bond_based import POISSONS_RATIO, micromodulus
-from parsolid.methods.peridynamics.bond_based_kernels import add_bond_forces, bond_energy
-from parsolid.methods.peridynamics.bond_force import BondForce, pushed_forward
-from parsolid.methods.peridynamics.viscoelastic_history import ViscoelasticHistory
-from parsolid.particles.container import Particles
+from parsolid.methods.peridynamics.bonds import Bonds
+from parsolid.methods.peridynamics.correspondence import BondForces, pushed_forward
+from parsolid.methods.peridynamics.sweeps import ONE, ZERO, bond_vectors
+from parsolid.pairs.rows_of_four import load_row
 from parsolid.particles.declaration import Field
 
 
-class BondBasedForce(BondForce):
-    """As `BondForce`, of bodies whose laws are all bond-based."""
+class BondBasedForces(BondForces):
+    """Forces of bodies whose laws are all bond-based: without memory, and without control."""
 
-    def __init__(
-        self,
-        particles: Particles,
-        bond_system: Any,
-        settings: Any,
-        blocks: Any,
-        horizon: np.ndarray,
-        fixed_planes: np.ndarray,
-    ) -> None:
-        """horizon (owned,) [m]; settings: `settings.Peridynamics`. Collective."""
-        super().__init__(particles, bond_system, None, fixed_planes)
-        self._add_forces = RecalledEach(add_bond_forces)
-        self.state = settings.state(particles["displacement"].shape[1])
+    def __init__(self, bonds: Bonds, blocks: list[Any], settings: Any, fixed: np.ndarray) -> None:
+        """settings: `settings.Peridynamics`; blocks, fixed: see `BondForces`. Collective."""
+        super().__init__(bonds, blocks, fixed)
+        self.state = settings.state(self.d)
         modulus = np.zeros(self.owned)
-        for block in blocks:
-            rows = slice(block.first, block.last)
-            modulus[rows] = micromodulus(block.law.youngs_modulus, self.state, settings.influence, horizon[rows])
-        particles.declare(Field("micromodulus", 1, "N/m^6", ghosts="forward", message="stiffness"), modulus)
-        particles.update("stiffness")
+        for first, last, law in self.laws:
+            rows = slice(first, last)
+            modulus[rows] = micromodulus(law.youngs_modulus, self.state, settings.influence, bonds.horizon[rows])
+        told: dict[str, Any] = {"ghosts": "forward", "message": "stiffness"}
+        self.particles.declare(Field("micromodulus", 1, "N/m^6", **told), modulus)
+        self.particles.update("stiffness")
 
-    @property
-    def linear_force(self) -> np.ndarray:
-        """Nothing has a history, so nothing of the force is carried on."""
-        return self.particles.kept(("no force",), lambda: np.zeros((self.owned, self.dimension)))
+    def internal_force(self, step: float) -> np.ndarray:
+        """Force (owned, d) [N] of the displacement of the particles, whatever the step [s]."""
+        return self.store(self._add_forces("displacement", "motion", False))
 
-    def evaluate(self, laws: Any) -> np.ndarray:
-        """Force (owned, d) [N] of the displacement."""
-        return self._forces(None, self.columns.position)
+    def stiffness_force(self, laws: Any, change: np.ndarray, step: float) -> np.ndarray:
+        """Force (owned, 4) [N] to first order in a displacement (owned, d) [m] of the undeformed body."""
+        self.particles.owned_rows("trial_displacement")[:] = change
+        return self._add_forces("trial_displacement", "trial", True)
 
-    def evaluate_stiffness(self, laws: Any) -> np.ndarray:
-        """Force (owned, d) [N] to first order in the field f."""
-        return self._forces(True, self.columns.field)
-
-    def _forces(self, linear: bool | None, column: int) -> np.ndarray:
+    def _add_forces(self, field: str, message: str, linear: bool) -> np.ndarray:
         self.evaluations += 1
-        self.force[:] = 0.0
-        what = (linear, column, self.particles.storage("micromodulus"), self.kinematics, self.force)
-        key = self.bond_system.key
-        self.bond_system.sweep(
-            lambda pairs: self._add_forces(key(pairs, column), self.space, pairs, *what),
-            "motion",
-        )
-        return self.owned_force
+        force, bonds, micromodulus = self.rows, self.bonds, self.particles["micromodulus"]
+        force[:] = 0.0
+        bonds.fill(field, 0, self.owned)
+        self.particles.send(message)
+        motion = bonds.motion_of(field)
+        add_bond_forces(bonds.inner, None, self.owned, linear, motion, micromodulus, force)
+        self.particles.receive(message)
+        bonds.fill(field, self.owned, len(bonds.positions))
+        for pairs, images, receivers in bonds.lists[1:]:
+            add_bond_forces(pairs, images, receivers, linear, motion, micromodulus, force)
+        return force
+
+    def settle(self, step: float) -> float:
+        """Nothing dissipates."""
+        return 0.0
+
+    def start(self, instantaneous: bool) -> None:
+        """Forces of the displacement at time 0."""
+        self.internal_force(0.0)
+
+    def resume(self) -> None:
+        """Forces of a state that was put back."""
+        self.internal_force(0.0)
+
+    def evaluate_anew(self) -> None:
+        """Forces of the state after bonds were broken."""
+        self.internal_force(0.0)
+
+    def factor(self, step: float) -> np.ndarray:
+        """1 (owned,), as nothing relaxes."""
+        return np.ones(self.owned)
 
     def stored_energy(self) -> float:
         """Energy [J] of the bonds at the displacement of the last evaluation."""
-        what = (
-            self.columns.position,
-            self.particles.storage("micromodulus"),
-            self.particles.storage("share"),
-            self.kinematics,
-        )
-        energies: list[float] = []
-        self.bond_system.sweep(lambda pairs: energies.append(bond_energy(self.space, pairs, *what)))
-        return sum(energies[1:], energies[0])
+        bonds, total = self.bonds, 0.0
+        bonds.fill("displacement", 0, len(bonds.positions))
+        given = bonds.motion_of("displacement"), self.particles["micromodulus"], self.share
+        for pairs, images, receivers in bonds.lists:
+            total += bond_energy(pairs, images, receivers, *given)
+        return total
 
-    def cauchy_stresses(self, laws: Any, first: int, last: int, F: np.ndarray) -> np.ndarray:
-        """sigma (n, 3, 3) [Pa] of particles first..last-1; F (n, 3, 3): their deformation gradients."""
-        return pushed_forward(self.classical_stresses(laws)[first:last], F)
+    def cauchy_stresses(self, F: np.ndarray) -> np.ndarray:
+        """sigma (owned, 3, 3) [Pa] at the last evaluation; F (owned, 3, 3): its deformation gradients.
 
-    def classical_stresses(self, laws: Any) -> np.ndarray:
-        """Stress (owned, 3, 3) [Pa] of the classical solid with the same constants under the gradient of the
-        displacement.
+        Before it is pushed forward it is the stress of the classical solid with the same constants at small strain.
         """
-        result, d, nu = np.zeros((self.owned, 3, 3)), self.dimension, POISSONS_RATIO[self.state]
-        gradient = self.displacement_gradients()
-        strain = 0.5 * (gradient + gradient.swapaxes(1, 2))
+        d, nu, result = self.d, POISSONS_RATIO[self.state], np.zeros((self.owned, 3, 3))
+        strain = 0.5 * (F + F.swapaxes(1, 2)) - np.eye(3)
         trace = np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-        for first, last, law in laws:
+        for first, last, law in self.laws:
             G = law.youngs_modulus / (2.0 * (1.0 + nu))
             lame = 2.0 * G * nu / (1.0 - nu if self.state == "plane-stress" else 1.0 - 2.0 * nu)
-            result[first:last, :d, :d] = 2.0 * G * strain[first:last]
+            result[first:last, :d, :d] = 2.0 * G * strain[first:last, :d, :d]
             result[first:last] += lame * trace[first:last]
         if self.state in ("plane-stress", "bar"):
             result[:, 2, 2] = 0.0
-        return result
+        return pushed_forward(result, F)
 
 
-class BondBasedHistory(ViscoelasticHistory):
-    """A history of nothing, with the energy of the bonds."""
+@inlined
+def length(x):
+    """|x|."""
+    return (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) ** 0.5
 
-    def stored_energy(self) -> float:
-        """Energy [J] of the bonds."""
-        return self.engine.stored_energy()
+
+@kernel
+def add_bond_forces(bonds, images, receivers, linear, motion, micromodulus, force):
+    """Add the forces [N] of a list's bonds, or with `linear` those to first order in the field of the motion.
+
+    micromodulus (n,); force (owned, 4) [N].
+    """
+    for a in range(bonds.start.shape[0] - 1):
+        f0, f1, f2 = 0.0, 0.0, 0.0
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            b, Q, R, T = bonds.neighbour[k], ONE, ONE, ZERO
+            if images is not None:
+                c = images.code[k]
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
+                )
+            x, u = bond_vectors(motion, Q, R, T, a, b)
+            reference = length(x)
+            if linear:
+                y, s = x, (x[0] * u[0] + x[1] * u[1] + x[2] * u[2]) / (reference * reference * reference)
+            else:
+                y = (x[0] + u[0], x[1] + u[1], x[2] + u[2])
+                s = (length(y) - reference) / (reference * length(y))
+            s *= 0.5 * bonds.weight[k] * (micromodulus[a] + micromodulus[b])
+            f0, f1, f2 = f0 + s * y[0], f1 + s * y[1], f2 + s * y[2]
+            if b < receivers:
+                force[b, 0] -= s * y[0]
+                force[b, 1] -= s * y[1]
+                force[b, 2] -= s * y[2]
+        force[a, 0] += f0
+        force[a, 1] += f1
+        force[a, 2] += f2
+
+
+@kernel
+def bond_energy(bonds, images, receivers, motion, micromodulus, share):
+    """Energy [J] of a list's bonds, half for each end that receives, times that particle's share (owned,)."""
+    total = 0.0
+    for a in range(bonds.start.shape[0] - 1):
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            b, Q, R, T = bonds.neighbour[k], ONE, ONE, ZERO
+            if images is not None:
+                c = images.code[k]
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
+                )
+            x, u = bond_vectors(motion, Q, R, T, a, b)
+            reference = length(x)
+            stretch = (length((x[0] + u[0], x[1] + u[1], x[2] + u[2])) - reference) / reference
+            parts = share[a] + (share[b] if b < receivers else 0.0)
+            modulus = micromodulus[a] + micromodulus[b]
+            total += 0.125 * parts * bonds.weight[k] * modulus * stretch * stretch * reference
+    return total

@@ -1,69 +1,287 @@
-"""Bonds of a scalar-weighted pair list: the vector of a bond in the reference and its change (see `pairs` for the
-arrays).
+"""Bonds of a rank's particles: lists, weights, shape tensors, and the two sweeps with the messages they need.
 
-A weight of 0.0 is a broken bond. Vectors have three components, the third 0 in the plane. The vectors of a bond seen
-from its two ends differ by their sign alone, to the bit, so that two ranks decide alike about a bond across their
-border. That does not hold for a bond with a mirror image; whoever decides about one looks at both, (a, b') and (b, a').
+A bond joins particles closer than the horizon delta, that of the mean of 1/delta^2 of both. With the influence w(q),
+q = |xi|/delta, its weight is w V_a V_b, and the shape tensor K_a = sum_b w V_b xi (x) xi. All arrays have ghosts behind
+the owned particles. A bar lies in the plane, with K_11 alone.
 """
 
-from decomposition.deferred import register_jitable
-from parsolid.numerics.dispatch import generic
-from parsolid.numerics.layout import Plane
-from parsolid.pairs.terms import kinematic_columns
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from decomposition.halo import Halo
+from parsolid.collective import maximum, raise_together
+from parsolid.kernels import kernel
+from parsolid.methods.peridynamics import sweeps
+from parsolid.methods.peridynamics.sweeps import BondList, Images, fill_columns
+from parsolid.pairs.candidates import bonded_only, coincident, mirror_candidates, plain_candidates, reach_of
+from parsolid.pairs.lattice_convolution import LatticeConvolution, aligned_zeros, lattice_convolution
+from parsolid.particles.declaration import Columns, Field, Rows
+from parsolid.tensors import determinant_symmetric, inverse_symmetric
+
+# w(q), at most 1
+INFLUENCES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "constant": np.ones_like,
+    "linear": lambda q: 1.0 - q,
+    "cubic-spline": lambda q: np.where(q < 0.5, 1.0 - 6.0 * q * q * (1.0 - q), 2.0 * (1.0 - q) ** 3),
+}
+# the determinant of a shape tensor over that of a multiple of 1 below which its bonds do not span space
+_FLAT = 1e-9
+# numbers in the row of a matrix, see `sweeps`
+MATRIX_ROW = {2: 4, 3: 12}
 
 
-@generic
-def place(space, images, k, kinematics, b):
-    """X of particle b, or of its image in pair k [m]; images None for the particle itself."""
+class Bonds:
+    """All bonds of a rank's particles; d = 2 or 3, 2 for bars, too.
 
+    inner: bonds of owned particles, each once; rim: those with ghosts; mirror: those with the images of particles and
+    ghosts; positions (n, d) [m], volume (n,) [m^3]; horizon (owned,) [m]; determinant (owned,) of K [m^10, in the plane
+    m^8]; lattice: a convolution that has the same sums without the lists, or None.
 
-@place.of(Plane)
-def _place_in_plane(space, images, k, kinematics, b):
-    X = kinematic_columns(space).reference
-    x, y = kinematics[b, X], kinematics[b, X + 1]
-    if images is not None:
-        row = images.table[images.code[k]]
-        x, y = row[4] * x + row[6], row[5] * y + row[7]
-    return x, y, 0.0
-
-
-@place.otherwise
-def _place_in_space(space, images, k, kinematics, b):
-    X = kinematic_columns(space).reference
-    x, y, z = kinematics[b, X], kinematics[b, X + 1], kinematics[b, X + 2]
-    if images is not None:
-        row = images.table[images.code[k]]
-        x, y, z = row[4] * x + row[8], row[5] * y + row[9], row[6] * z + row[10]
-    return x, y, z
-
-
-@register_jitable
-def reference_bond(space, images, k, kinematics, a, b):
-    """xi = X_b - X_a [m], with b the particle or its image in pair k."""
-    A, B = place(space, None, k, kinematics, a), place(space, images, k, kinematics, b)
-    return B[0] - A[0], B[1] - A[1], B[2] - A[2]
-
-
-@generic
-def field_jump(space, images, k, kinematics, column, a, b):
-    """v_b - v_a of the vector field in columns `column`... of the kinematics, with b the particle or its image in pair
-    k.
+    It declares inverse_shape, K^-1 as 11, 22, 33, 12, 13, 23, zero where the bonds do not span space or bear no stress;
+    and bond_stress, the rows of M, which ghosts have with the message "record".
     """
 
+    def __init__(self, comm: Any, particles: Any, settings: Any, particle_set: Any, conditions: Any) -> None:
+        """conditions: with the reflections of mirror planes, and the part of each particle on this side of these, whose
+        whole counts in the sums. Collective. Raises SolverError, on all ranks, for
+        coincident particles and for one whose bonds do not span space.
+        """
+        self.comm, self.particles, self.codes = comm, particles, conditions.codes
+        self.bar, self.owned = particle_set.position.shape[1] == 1, len(particle_set)
+        self.d = d = max(2, particle_set.position.shape[1])
+        self.influence = settings.influence
+        self.lattice: LatticeConvolution | None = None
+        self.horizon = horizons(settings, particle_set)
+        columns: dict[str, Any] = {"layout": Columns()}
+        particles.declare(Field("inverse_shape", 6, "1/m^5", carried=False, **columns))
+        self._find(particle_set, conditions.share, conditions.scene.unbonded)
+        row = MATRIX_ROW[d]
+        told: dict[str, Any] = {"ghosts": "forward", "message": "record"}
+        particles.declare(Field("bond_stress", row, "", layout=Rows(row), carried=False, **told))
+        particles.update("reference")
+        if d == 3:
+            self._add_gradients, self._add_forces = sweeps.add_gradients_in_space, sweeps.add_forces_in_space
+        else:
+            self._add_gradients, self._add_forces = sweeps.add_gradients_in_plane, sweeps.add_forces_in_plane
+        self.motion: dict[str, np.ndarray] = {}
+        self.sums = aligned_zeros(self.owned, row)
+        self.determinant = np.zeros(self.owned)
+        self.refresh_shapes(np.ones(self.owned, bool))
+        raise_together(comm, self._unsupported())
 
-@field_jump.of(Plane)
-def _jump_in_plane(space, images, k, kinematics, column, a, b):
-    x, y = kinematics[b, column], kinematics[b, column + 1]
-    if images is not None:
-        row = images.table[images.code[k]]
-        x, y = row[0] * x, row[1] * y
-    return x - kinematics[a, column], y - kinematics[a, column + 1], 0.0
+    # --- lists ------------------------------------------------------------------------------------------------
+
+    def _find(self, particle_set: Any, share: np.ndarray, unbonded: np.ndarray | None) -> None:
+        """Plan ghosts and make every list."""
+        X = np.pad(particle_set.position, ((0, 0), (0, self.d - particle_set.position.shape[1])))
+        metric = np.zeros((self.owned, 6))
+        metric[:, :3] = 1.0 / self.horizon[:, None] ** 2
+        reach = reach_of(self.comm, metric, 1.0, self.d)
+        if self.codes is not None:
+            raise_together(self.comm, self.codes.too_close(reach.scale))
+        self.halo = Halo.plan(self.comm, np.ascontiguousarray(X / reach.scale), reach.distance)
+        self.particles.attach(self.halo)
+        self.positions, self.volume = self.halo.with_ghosts(X), self.halo.with_ghosts(particle_set.volume / share)
+        inverse_square = self.halo.with_ghosts(metric[:, 0].copy())
+        owned, local = self.owned, len(self.positions)
+        self.rim: BondList | None = None
+        self.mirror: BondList | None = None
+        self.images: Images | None = None
+        fault: list[str] = []
+        body = self.halo.with_ghosts(particle_set.body.astype(np.int64))
+
+        def bonded(candidates: Any, first: int, last: int, R: np.ndarray, T: np.ndarray) -> tuple[BondList, np.ndarray]:
+            """Candidates in reach whose neighbours have rows first .. last - 1, and their codes."""
+            start, neighbour, code = candidates if unbonded is None else bonded_only(candidates, body, unbonded)
+            neighbour = neighbour.astype(np.uint32)
+            q = np.empty(len(neighbour))
+            measure(start, neighbour, code, self.positions, inverse_square, R, T, q)
+            kept = (q < 1.0) & (neighbour >= first) & (neighbour < last)
+            same = (q < 1e-9) & kept & (neighbour != np.repeat(np.arange(owned), np.diff(start)))
+            if same.any():
+                fault.append(coincident(self.positions, start, int(np.argmax(same))))
+            before = np.concatenate(([0], np.cumsum(kept)))
+            start, neighbour, code, q = before[start].astype(np.int64), neighbour[kept], code[kept], q[kept]
+            row = np.repeat(np.arange(owned), np.diff(start))
+            weight = INFLUENCES[self.influence](q) * self.volume[row] * self.volume[neighbour]
+            return BondList(start, neighbour, weight), code
+
+        as_they_stand = np.ones((1, 4)), np.zeros((1, 4))
+        candidates = plain_candidates(self.positions, owned, reach)
+        self.inner, _ = bonded(candidates, 0, owned, *as_they_stand)
+        if maximum(self.comm, self.halo.ghosts):
+            self.rim, _ = bonded(candidates, owned, local, *as_they_stand)
+        if self.codes is not None:
+            codes = self.codes
+            Q, R, T = (rows_in(array, self.d) for array in (codes.signs, codes.reflections, codes.shifts))
+            candidates = mirror_candidates(self.positions, body, owned, self.codes, reach)
+            self.mirror, code = bonded(candidates, 0, local, R, T)
+            self.images = Images(code, Q, R, T)
+        raise_together(self.comm, fault[0] if fault else None)
+
+    @property
+    def lists(self) -> list[tuple[BondList, Images | None, int]]:
+        """Every list, its images or None, and the row below which neighbours receive, too."""
+        every = [(self.inner, None, self.owned), (self.rim, None, 0), (self.mirror, self.images, 0)]
+        return [one for one in every if one[0] is not None]
+
+    @property
+    def directed_pairs(self) -> int:
+        """Interactions counted once a particle."""
+        return sum((2 if receivers else 1) * len(bonds.neighbour) for bonds, _, receivers in self.lists)
+
+    def arrays(self) -> list[np.ndarray]:
+        """What counts as memory besides the particles."""
+        kept = [array for bonds, images, _ in self.lists for array in (*bonds, *(images or ()))]
+        return [*kept, self.sums, *self.motion.values(), *(self.lattice.arrays() if self.lattice else ())]
+
+    # --- shape tensors ----------------------------------------------------------------------------------------
+
+    def refresh_shapes(self, chosen: np.ndarray) -> None:
+        """K^-1 and det K of chosen (owned,) particles from the bonds that are left, summed in an order that never
+        changes."""
+        shape = np.zeros((len(self.positions), 6))
+        mask = np.concatenate((chosen, np.zeros(len(self.positions) - self.owned, bool)))
+        for bonds, images, receivers in self.lists:
+            add_shapes(mask, bonds, images, receivers, self.positions, shape)
+        spans = 1 if self.bar else self.d
+        inverse = self.particles.storage("inverse_shape")
+        invert_shapes(chosen, spans, self.volume, shape, inverse, self.determinant)
+
+    def inverse_shapes(self) -> np.ndarray:
+        """K^-1 (owned, d, d)."""
+        six = self.particles.owned_rows("inverse_shape")
+        return np.stack([six[:, (0, 3, 4)], six[:, (3, 1, 5)], six[:, (4, 5, 2)]], axis=1)[:, : self.d, : self.d]
+
+    def _unsupported(self) -> str | None:
+        """Names the first particle whose bonds do not span space."""
+        flat = ~self.particles.owned_rows("inverse_shape").any(axis=1)
+        if not flat.any():
+            return None
+        place = ", ".join(f"{x:.6g}" for x in self.positions[np.argmax(flat)])
+        return f"method.horizon_ratio: expected bonds in every direction at every particle, found too few at ({place})"
+
+    def use_convolution(self) -> None:
+        """No bond ever breaks, and forces have one control at most: on a lattice sums may do without the lists."""
+        self.lattice = lattice_convolution(self)
+
+    # --- sweeps -----------------------------------------------------------------------------------------------
+
+    def motion_of(self, name: str) -> np.ndarray:
+        """Rows of X and of a vector field of the particles, see `sweeps`; filled by `fill`."""
+        if name not in self.motion:
+            rows = self.motion[name] = aligned_zeros(len(self.positions), 4 * (self.d - 1))
+            rows[:, : self.d] = self.positions
+        return self.motion[name]
+
+    def fill(self, name: str, first: int, last: int) -> None:
+        """Bring the field in the rows of some particles up to date."""
+        fill_columns(first, last, self.particles.storage(name), 2 * (self.d - 1), self.motion_of(name))
+
+    def gradients(self, name: str, message: str | None = None) -> np.ndarray:
+        """Sums (owned, 12 or 4) of the gradient of a field; message: with which ghosts get it first, or None."""
+        owned, local, motion = self.owned, len(self.positions), self.motion_of(name)
+        self.fill(name, 0, owned)
+        self.sums[:] = 0.0
+        if message is not None:
+            self.particles.send(message)
+        if self.lattice is None:
+            self._add_gradients(self.inner, None, owned, motion, self.sums)
+        if message is not None:
+            self.particles.receive(message)
+        self.fill(name, owned, local)
+        if self.lattice is not None:
+            self.lattice.gradients(motion, self.sums)
+            return self.sums
+        for bonds, images, receivers in self.lists[1:]:
+            self._add_gradients(bonds, images, receivers, motion, self.sums)
+        return self.sums
+
+    def divergence(self, name: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
+        """Fill force (owned, 4) [N] with that of the rows of `bond_stress`, which ghosts get first, and of a control on
+        a field, of which gradients were taken; control (n, 12 or 4): rows of C, ghosts behind, or None."""
+        motion, M = self.motion_of(name), self.particles.storage("bond_stress")
+        force[:] = 0.0
+        self.particles.send("record")
+        if self.lattice is None:
+            self._add_forces(self.inner, None, self.owned, motion, M, control, force)
+        self.particles.receive("record")
+        if self.lattice is not None:
+            self.lattice.forces(motion, M, control, force)
+            return force
+        for bonds, images, receivers in self.lists[1:]:
+            self._add_forces(bonds, images, receivers, motion, M, control, force)
+        if self.d == 2:
+            sweeps.fold_rows(force)
+        return force
 
 
-@field_jump.otherwise
-def _jump_in_space(space, images, k, kinematics, column, a, b):
-    x, y, z = kinematics[b, column], kinematics[b, column + 1], kinematics[b, column + 2]
-    if images is not None:
-        row = images.table[images.code[k]]
-        x, y, z = row[0] * x, row[1] * y, row[2] * z
-    return x - kinematics[a, column], y - kinematics[a, column + 1], z - kinematics[a, column + 2]
+def horizons(settings: Any, particle_set: Any) -> np.ndarray:
+    """Horizon (owned,) [m] of each particle."""
+    return np.array([settings.horizon(spacing) for spacing in particle_set.spacing.max(axis=1)])
+
+
+def rows_in(array: np.ndarray, d: int) -> np.ndarray:
+    """The first d columns of an array, padded to four with zeros."""
+    return np.pad(array[:, :d], ((0, 0), (0, 4 - d)))
+
+
+@kernel
+def measure(start, neighbour, code, positions, inverse_square, R, T, q):
+    """Fill q (m,) = |xi|/delta of candidate pairs; inverse_square (n,): 1/delta^2; R, T: rows of images by code."""
+    for a in range(start.shape[0] - 1):
+        for k in range(start[a], start[a + 1]):
+            b, c, square = neighbour[k], code[k], 0.0
+            for i in range(positions.shape[1]):
+                x = positions[a, i] - (R[c, i] * positions[b, i] + T[c, i])
+                square += x * x
+            q[k] = (square * 0.5 * (inverse_square[a] + inverse_square[b])) ** 0.5
+
+
+@kernel
+def add_shapes(chosen, bonds, images, receivers, positions, shape):
+    """Add V_a K_a of chosen (n,) particles that receive to shape (n, 6), as 11, 22, 33, 12, 13, 23."""
+    d = positions.shape[1]
+    for a in range(bonds.start.shape[0] - 1):
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            b, w = bonds.neighbour[k], bonds.weight[k]
+            if not (chosen[a] or (b < receivers and chosen[b])):
+                continue
+            x, y, z = positions[b, 0], positions[b, 1], positions[b, 2] if d == 3 else 0.0
+            if images is not None:
+                R, T = images.reflections[images.code[k]], images.shifts[images.code[k]]
+                x, y, z = R[0] * x + T[0], R[1] * y + T[1], R[2] * z + T[2]
+            x, y, z = x - positions[a, 0], y - positions[a, 1], z - positions[a, 2] if d == 3 else 0.0
+            terms = (w * x * x, w * y * y, w * z * z, w * x * y, w * x * z, w * y * z)
+            for c in range(6):
+                if chosen[a]:
+                    shape[a, c] += terms[c]
+                if b < receivers and chosen[b]:
+                    shape[b, c] += terms[c]
+
+
+@kernel
+def invert_shapes(chosen, spans, volume, shape, inverse, determinant):
+    """K^-1 into inverse (6, n) and det K of chosen (owned,) particles, K of which the first `spans` axes count.
+
+    The inverse is zero where bonds do not span space: where det K is small beside the mean diagonal's power.
+    """
+    for a in range(chosen.shape[0]):
+        if not chosen[a]:
+            continue
+        K = (shape[a, 0] / volume[a], shape[a, 1] / volume[a] if spans > 1 else 1.0,
+             shape[a, 2] / volume[a] if spans > 2 else 1.0, shape[a, 3] / volume[a] if spans > 1 else 0.0,
+             shape[a, 4] / volume[a] if spans > 2 else 0.0, shape[a, 5] / volume[a] if spans > 2 else 0.0)  # fmt: skip
+        mean = (K[0] + (K[1] if spans > 1 else 0.0) + (K[2] if spans > 2 else 0.0)) / spans
+        determinant[a] = determinant_symmetric(K)
+        for c in range(6):
+            inverse[c, a] = 0.0
+        if determinant[a] > _FLAT * mean**spans:
+            L = inverse_symmetric(K)
+            inverse[0, a] = L[0]
+            if spans > 1:
+                inverse[1, a], inverse[3, a] = L[1], L[3]
+            if spans > 2:
+                inverse[2, a], inverse[4, a], inverse[5, a] = L[2], L[4], L[5]

@@ -1,107 +1,479 @@
-"""Particle kernels of correspondence peridynamics: what a particle tells its neighbours, from gradients of the fields.
+"""Forces of correspondence peridynamics: from displacements to gradients, stresses and forces (see `sweeps`).
 
-Four particles at a time (`numerics.lanes.Lanes`); a range first..last-1 shares one law. With the
-sums of the gradient pass,
-    G = [sum_b w V_a V_b (f_b - f_a) (x) xi] K_a^{-1} / V_a,   S = P K_a^{-1},   M = S - C1 G  (see `pairs.passes`).
+At a particle G = (sum of the gradient sweep) K^-1 / V, the stress P follows from G and a history, and M = P K^-1 - C G'
+goes into the divergence sweep. G' is the gradient of the relaxing displacement f, on which the control of zero-energy
+modes acts: C = coefficient G (tr K^-1 1 + 2 K^-1), after Wan et al. with the shear modulus alone as its scale.
+
+Where all laws are linear and all their moduli relax alike, the stress follows from the gradient of f, too, and one
+sweep of each kind does. Else it follows from the gradient of u and histories of tensors (`solids`), and control and
+stress have sweeps of their own. Bodies with different Prony series have one relaxing displacement for each series. The
+energy is a sum over particles, each of which knows the f of its own series at both ends of its bonds; so the force is a
+sum over the series, in each of which only the particles of the series have M and C.
 """
 
-from typing import NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
-from parsolid.materials.viscoelastic.prony_lanes import small_strain, stress
-from parsolid.numerics.dispatch import generic
-from parsolid.numerics.lanes import WIDTH, broadcast, load
-from parsolid.numerics.layout import Plane, load_correction, load_gradient, load_six, store_matrix
-from parsolid.numerics.tensors import SymmetricPlane, Tensor, lane_of_symmetric
-from parsolid.pairs.terms import AlongBonds, ShearScaled, record_columns
+from parsolid.kernels import exact, inlined, kernel
+from parsolid.materials.viscoelastic.prony import Prony, branch_weights, linear_stress
+from parsolid.methods.peridynamics.bonds import MATRIX_ROW, Bonds
+from parsolid.methods.peridynamics.relaxing_displacement import RelaxingDisplacement
+from parsolid.methods.peridynamics.solids import (
+    NO_STRESS,
+    end_of_step,
+    has_tensor_history,
+    initial_history,
+    is_small_strain,
+    kernel_law,
+    series_of,
+    step_weights,
+    stress_after,
+    undeformed_wave_modulus,
+)
+from parsolid.methods.peridynamics.sweeps import copy_to_columns
+from parsolid.pairs.lattice_convolution import aligned_zeros
+from parsolid.particles.declaration import Columns, Field, Rows
+from parsolid.tensors import IDENTITY, combine, determinant, general, matmul, plus, symmetric_part
 
 
-class BondedBody(NamedTuple):
-    """Arrays of a rank's particles, columns over particles, see `numerics.layout`.
+class BondForces:
+    """What forces of correspondence and bond-based laws have in common.
 
-    inverse_shape: K^{-1}, (9 or 4, capacity); stiffness: C1 of `ShearScaled`, as 11, 22, 33, 12, 13, 23 or 11, 22, 12,
-    else one row of c for `AlongBonds`, else None; volume: (1, capacity), the volume in the pair sums.
+    evaluations: of the forces so far; laws: (first, last, law) of the rank's particles; plane: True in the plane, else
+    None; d: dimension of the scene, 1 of bars, that of `bonds` being 2; share (owned,): the part of a particle on this
+    side of mirror planes. sound: whether every settled Jacobian is positive; stiffens: whether stiffness depends on the
+    state; growth: bound of the largest to come over that at rest. It declares internal_force (d, n) [N], that of the
+    last evaluation, of the whole particle where it lies on a mirror plane.
     """
 
-    inverse_shape: np.ndarray
-    stiffness: np.ndarray | None
-    volume: np.ndarray
+    sound, stiffens, growth = True, False, 1.0
+
+    def __init__(self, bonds: Bonds, blocks: list[Any], fixed: np.ndarray) -> None:
+        """blocks: this rank's particles by law; fixed (owned, d) bool: normals of fixed planes a particle lies on."""
+        self.bonds, self.particles = bonds, bonds.particles
+        self.owned, self.plane = bonds.owned, True if bonds.d == 2 else None
+        self.d = self.particles.fields["displacement"].components
+        self.laws = [(block.first, block.last, block.law) for block in blocks]
+        self.evaluations, self.rows = 0, aligned_zeros(self.owned, 4)
+        self.projected = np.flatnonzero(fixed.any(axis=1))
+        # factors of rows of M that leave (M + Q M R)/2, Q = -1, of particles on fixed planes
+        factors = np.ones((len(self.projected), bonds.d))
+        for axis in range(bonds.d):
+            factors[np.ix_(fixed[self.projected, axis], np.arange(bonds.d) != axis)] = 0.0
+        self.projection = np.repeat(factors, MATRIX_ROW[bonds.d] // bonds.d, axis=1)
+        told: dict[str, Any] = {"ghosts": "forward", "message": "trial", "layout": Columns(), "carried": False}
+        self.particles.declare(Field("trial_displacement", self.d, "m", mirror="vector", **told))
+        self.particles.declare(Field("internal_force", self.d, "N", mirror="vector", layout=Columns()))
+
+    @property
+    def force(self) -> np.ndarray:
+        """Force (owned, d) [N] of the last evaluation, a view."""
+        return self.particles.owned_rows("internal_force")
+
+    def store(self, rows: np.ndarray) -> np.ndarray:
+        """Let rows (owned, 4) [N] be the force of the last evaluation, (owned, d)."""
+        copy_to_columns(rows, self.particles.storage("internal_force"))
+        return self.force
+
+    @property
+    def share(self) -> np.ndarray:
+        """The part (owned,) of a particle on this side of mirror planes."""
+        return self.particles.owned_rows("share")
+
+    def divergence(self, field: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
+        """Fill force (owned, 4) [N] with that of the rows of M, see `Bonds.divergence`."""
+        if len(self.projected):
+            self.particles.storage("bond_stress")[self.projected] *= self.projection
+        return self.bonds.divergence(field, control, force)
+
+    def of_stress(self, stress: np.ndarray) -> np.ndarray:
+        """Force (owned, d) [N] of given stresses (owned, d, d) [Pa] without control; what balances a consistent
+        load."""
+        d = self.bonds.d
+        rows = self.particles.storage("bond_stress")[: self.owned].reshape(self.owned, d, -1)
+        rows[:, :, :d] = (stress @ self.bonds.inverse_shapes()).swapaxes(1, 2)
+        return self.divergence("displacement", None, self.rows)[:, : self.d].copy()
+
+    def displacement_gradients(self) -> np.ndarray:
+        """grad u (owned, d, d) with the ghosts' displacements of the last evaluation."""
+        return gradient_matrices(self.bonds, self.bonds.gradients("displacement"))
+
+    def bytes_sent(self) -> int:
+        """Bytes this rank sends in one evaluation."""
+        return int(self.particles.bytes_sent("motion") + self.particles.bytes_sent("record"))
 
 
-@generic
-def load_symmetric(space, array, i):
-    """A symmetric tensor of particles i..i+3, without a 33 in the plane."""
+class CorrespondenceForces(BondForces):
+    """Forces and memory of a rank's particles.
+
+    memories: one `RelaxingDisplacement` for each Prony series; controls: rows of C of each, or None; tensors:
+    `TensorHistories` or None.
+    """
+
+    def __init__(self, bonds: Bonds, blocks: list[Any], laws: list[Any], settings: Any, scale: Any, fixed: Any):
+        """laws: of all bodies of the scene, the same on all ranks; scale (owned,): coefficient times shear modulus [Pa]
+        of the control, or None; blocks, fixed: see `BondForces`. Collective.
+        """
+        super().__init__(bonds, blocks, fixed)
+        self.tensors = None
+        series = list(dict.fromkeys(map(series_of, laws)))
+        if any(map(has_tensor_history, laws)):
+            terms = max(len(ratios) for ratios, _ in series)
+            self.tensors = TensorHistories(bonds, self.laws, terms, self.share)
+        self.stiffens = not all(is_small_strain(law) for _, _, law in self.laws)
+        if not settings.stabilisation.relaxes:
+            series = [((), ())]
+        self.memories = []
+        for number, one in enumerate(series):
+            mine = [law for law in self.laws if len(series) == 1 or series_of(law[2]) == one]
+            mark = "" if len(series) == 1 else f"_{number}"
+            self.memories.append(RelaxingDisplacement(self.particles, mine, one, mark))
+        self.controls = [None] * len(self.memories) if scale is None else self._controls(scale)
+        # sums over a lattice know one control
+        if settings.damage is None and not settings.pre_cracks and len(self.memories) == 1:
+            bonds.use_convolution()
+
+    def _controls(self, scale: np.ndarray) -> list[np.ndarray]:
+        """Rows of C (n, 12 or 4) for each series, 0 of particles that have another, ghosts behind.
+
+        Of laws of finite strain C is a multiple of 1, that of a whole neighbourhood: what a body has in its surface
+        does not turn with it, and only what is along the jump of a bond has no moment.
+        """
+        bonds, d = self.bonds, self.bonds.d
+        K = bonds.inverse_shapes()
+        C = scale[:, None, None] * (np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(d) + 2.0 * K)
+        for first, last, law in self.laws:
+            if not is_small_strain(law):
+                C[first:last] = np.trace(C[first:last], axis1=1, axis2=2)[:, None, None] * np.eye(d) / d
+        row, told = MATRIX_ROW[d], {"ghosts": "forward", "message": "stiffness"}
+        self.particles.declare(Field("control", row, "Pa/m^5", layout=Rows(row), carried=False, **told))
+        self.particles.owned_rows("control").reshape(self.owned, d, -1)[:, :, :d] = C
+        self.particles.update("stiffness")
+        whole = self.particles.storage("control")
+        if len(self.memories) == 1:
+            return [whole]
+        number = np.full(self.owned, -1, np.int64)
+        for i, memory in enumerate(self.memories):
+            number[memory.rows] = i
+        number = np.pad(bonds.halo.with_ghosts(number), (0, len(whole)))[: len(whole)]
+        return [np.where(number[:, None] == i, whole, 0.0) for i in range(len(self.memories))]
+
+    # --- a step -----------------------------------------------------------------------------------------------
+
+    def internal_force(self, step: float) -> np.ndarray:
+        """Force (owned, d) [N] after a step [s] from the settled state to the displacement of the particles."""
+        for memory in self.memories:
+            memory.propose(step)
+        return self._evaluate(step)
+
+    def _evaluate(self, step: float) -> np.ndarray:
+        """Force (owned, d) [N] of the fields of the memories, and of the displacement at the end of a step [s]."""
+        self.evaluations += 1
+        message: str | None = "motion"
+        for memory in self.memories:
+            if self.tensors is None or self.controls[0] is not None:
+                self._evaluate_memory(memory, message)
+                message = None
+        total = self.memories[0].force
+        for memory in self.memories[1:]:
+            total = total + memory.force
+        if self.tensors is not None:
+            sums = self.bonds.gradients("displacement", message)
+            self.tensors.store_stresses(step, sums, self.particles.storage("bond_stress"))
+            total = total + self.divergence("displacement", None, self.rows)
+        return self.store(total)
+
+    def _evaluate_memory(self, memory: RelaxingDisplacement, message: str | None) -> np.ndarray:
+        """What of the force (owned, 4) [N] is linear in the field of a memory: all of it, or the control's."""
+        laws = memory.laws
+        if self.tensors is not None:
+            laws = [(first, last, None) for first, last, _ in laws]
+        control = self.controls[self.memories.index(memory)]
+        return self._linear_force(memory.field, laws, control, message, memory.force)
+
+    def _linear_force(
+        self, field: str, laws: list[Any], control: np.ndarray | None, message: str | None, force: np.ndarray
+    ) -> np.ndarray:
+        """Fill force (owned, 4) [N] with that of a field by linear laws, of which None has no stress, and a control."""
+        sums, M = self.bonds.gradients(field, message), self.particles.storage("bond_stress")
+        if len(self.memories) > 1:
+            M[: self.owned] = 0.0
+        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
+        for first, last, law in laws:
+            law = NO_STRESS if law is None else kernel_law(law)
+            store_linear_stresses(self.plane, first, last, law, inverse, volume, control, sums, M)
+        return self.divergence(field, control, force)
+
+    def settle(self, step: float) -> float:
+        """End a step [s] at the displacement of the last evaluation; the energy dissipated over it [J]."""
+        lost = sum(memory.settle(step, self.share) for memory in self.memories)
+        return lost + (self.tensors.settle(step, self.bonds.sums) if self.tensors is not None else 0.0)
+
+    def start(self, instantaneous: bool) -> None:
+        """Memory and forces of the displacement at time 0: reached in a jump, or held for ever."""
+        for memory in self.memories:
+            memory.start(partial(self._evaluate_memory, memory, "motion"), instantaneous)
+        if self.tensors is not None:
+            self.tensors.settle(0.0, self.bonds.gradients("displacement", "motion"))
+            if not instantaneous:
+                self.tensors.relax_fully()
+        self.resume()
+
+    def resume(self) -> None:
+        """Forces of a settled state that was put back."""
+        for memory in self.memories:
+            memory.compose()
+        self._evaluate(0.0)
+        for memory in self.memories:
+            memory.resume()
+        if self.tensors is not None:
+            self.tensors.settle(0.0, self.bonds.sums)
+
+    def evaluate_anew(self) -> None:
+        """Forces of the settled state and of each part of its memory, after bonds were broken; tensors take what
+        changes in the gradients as a jump."""
+        for memory in self.memories:
+            memory.evaluate_anew(partial(self._evaluate_memory, memory, "motion"))
+        self._evaluate(0.0)
+        if self.tensors is not None:
+            self.tensors.settle(0.0, self.bonds.sums)
+
+    # --- stiffness, energy and stress -------------------------------------------------------------------------
+
+    def factor(self, step: float) -> np.ndarray:
+        """1 + sum gamma_j A_j (owned,) of each particle over a step [s]."""
+        result = np.ones(self.owned)
+        for first, last, law in self.laws:
+            ratios, times = series_of(law)
+            result[first:last] += sum(ratio * branch_weights(step, tau)[1] for ratio, tau in zip(ratios, times))
+        return result
+
+    def stiffness_force(self, laws: list[Any], change: np.ndarray, step: float) -> np.ndarray:
+        """-K du (owned, 4) [N] of a displacement du (owned, d) [m] of the undeformed body over a step [s].
+
+        laws: (first, last, law), elastic ones that the factors of the particles multiply (`tangent.algorithmic_law`).
+        """
+        total, trial = np.zeros((self.owned, 4)), self.particles.owned_rows("trial_displacement")
+        for memory, control in zip(self.memories, self.controls):
+            memory.begin(step)
+            factor = self.factor(step)[:, None] if len(self.memories) == 1 else memory.factor
+            np.multiply(change, factor, out=trial)
+            # a rank without particles of a series has an empty block, which begins where the next one does
+            mine = [one for one in laws if any(one[:2] == other[:2] for other in memory.laws)]
+            total += self._linear_force("trial_displacement", mine, control, "trial", self.rows)
+            self.evaluations += 1
+        return total
+
+    def stored_energy(self) -> float:
+        """Of the settled state [J], the control's included."""
+        stored = sum(memory.stored_energy(self.share) for memory in self.memories)
+        return stored + (self.tensors.stored if self.tensors is not None else 0.0)
+
+    @property
+    def sound(self) -> bool:  # type: ignore[override]
+        """Whether every settled Jacobian is positive; of small strain there is none to look at."""
+        return self.tensors is None or self.tensors.sound
+
+    @property
+    def growth(self) -> float:  # type: ignore[override]
+        """Bound of the stiffness to come over that at rest."""
+        return 1.0 if self.tensors is None else self.tensors.growth
+
+    def cauchy_stresses(self, F: np.ndarray) -> np.ndarray:
+        """sigma (owned, 3, 3) [Pa] of the settled state; F (owned, 3, 3): its deformation gradients."""
+        P, inverse, volume = np.zeros((self.owned, 9)), self.particles.storage("inverse_shape"), self.bonds.volume
+        if self.tensors is not None:
+            self.tensors.nominal_stresses(self.bonds.gradients("displacement"), P)
+        else:
+            for memory in self.memories:
+                sums = self.bonds.gradients(memory.field)
+                for first, last, law in memory.laws:
+                    linear_stresses(self.plane, first, last, kernel_law(law), inverse, volume, sums, P)
+        P = P.reshape(-1, 3, 3)
+        return pushed_forward(P, F) if self.stiffens else P
 
 
-@load_symmetric.of(Plane)
-def _plane_symmetric(space, array, i):
-    return SymmetricPlane(load(array, 0, i), load(array, 1, i), broadcast(0.0), load(array, 2, i))
+class TensorHistories:
+    """Histories of laws whose stress follows from the gradient of u, see `solids`. It declares
+
+    tensor_history    (6 + 6 terms, n), with rows for as many branches as any law has
+
+    stored [J]: energy of the settled states, without the control's; sound, growth: see `CorrespondenceForces`.
+    """
+
+    def __init__(self, bonds: Bonds, laws: list[Any], terms: int, share: np.ndarray) -> None:
+        """laws: (first, last, law) of the rank's particles; terms: most branches of any law of the scene."""
+        self.bonds, self.particles, self.plane = bonds, bonds.particles, True if bonds.d == 2 else None
+        self.laws = laws
+        self.tributary_volume = bonds.volume[: bonds.owned] * share
+        self.stored, self.sound, self.growth = 0.0, True, 1.0
+        columns = Field("tensor_history", 6 * (1 + terms), "1", checkpointed=True, mirror="tensor", layout=Columns())
+        self.particles.declare(columns)
+        for first, last, law in laws:
+            fresh = initial_history(law)
+            self.history[: len(fresh), first:last] = fresh[:, None]
+
+    @property
+    def history(self) -> np.ndarray:
+        """The histories (rows, n)."""
+        return self.particles.storage("tensor_history")
+
+    def store_stresses(self, step: float, sums: np.ndarray, M: np.ndarray) -> None:
+        """M = P K^-1 of all particles after a step [s], from the sums of the gradient of u."""
+        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
+        for first, last, law in self.laws:
+            given = first, last, kernel_law(law), step_weights(law, step)
+            store_stresses(self.plane, *given, inverse, volume, self.history, sums, M)
+
+    def settle(self, step: float, sums: np.ndarray) -> float:
+        """Take all histories through a step [s] to the displacement whose gradient has these sums; the energy
+        dissipated [J]."""
+        self.stored, lost, self.sound, self.growth = 0.0, 0.0, True, 1.0
+        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
+        for first, last, law in self.laws:
+            given = first, last, kernel_law(law), step_weights(law, step)
+            stored, loss, sound, waves = settle_histories(
+                self.plane, *given, inverse, volume, self.tributary_volume, self.history, sums
+            )
+            self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
+            self.growth = max(self.growth, waves / undeformed_wave_modulus(law))
+        return lost
+
+    def relax_fully(self) -> None:
+        """Let all branches relax, as after an infinite time at the settled deformation."""
+        for first, last, law in self.laws:
+            mine = self.history[:, first:last]
+            mine[6:] = 0.0 if isinstance(law, Prony) else np.tile(mine[:6], (len(mine) // 6 - 1, 1))
+
+    def nominal_stresses(self, sums: np.ndarray, result: np.ndarray) -> None:
+        """First Piola-Kirchhoff stress (owned, 9) [Pa] of the settled state from the sums of the gradient of u."""
+        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
+        for first, last, law in self.laws:
+            given = first, last, kernel_law(law), step_weights(law, 0.0)
+            nominal_stresses(self.plane, *given, inverse, volume, self.history, sums, result)
 
 
-@load_symmetric.otherwise
-def _space_symmetric(space, array, i):
-    return load_six(array, 0, i)
+def pushed_forward(P: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """sigma = P F^T / J (n, 3, 3) [Pa]."""
+    return P @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
 
 
-@generic(on="stabiliser")
-def store_record(space, stabiliser, body, record, i, S: Tensor, G: Tensor):
-    """What neighbours read of particles i..i+3: M, and c G of `AlongBonds`; C1 and c stand there since the start."""
+def gradient_matrices(bonds: Bonds, sums: np.ndarray) -> np.ndarray:
+    """Gradients (owned, d, d) of a field from the sums of the sweep."""
+    columns = sums.reshape(bonds.owned, bonds.d, -1)[:, :, : bonds.d].swapaxes(1, 2)
+    return columns @ bonds.inverse_shapes() / bonds.volume[: bonds.owned, None, None]
 
 
-@store_record.of(ShearScaled)
-def _store_shear_scaled(space, stabiliser, body, record, i, S, G):
-    C = load_symmetric(space, body.stiffness, i)
-    store_matrix(space, record, i, record_columns(space, stabiliser).stress, S - C @ G)
+# --- a particle's tensors, from rows of the sweeps and to them -----------------------------------------------------
 
 
-@store_record.of(AlongBonds)
-def _store_along_bonds(space, stabiliser, body, record, i, S, G):
-    columns = record_columns(space, stabiliser)
-    store_matrix(space, record, i, columns.stress, S)
-    store_matrix(space, record, i, columns.gradient, load(body.stiffness, 0, i) * G)
+@inlined
+def gradient_at(plane, sums, inverse, volume, a):
+    """G = (sums K^-1) / V of a particle, nine numbers."""
+    r = 1.0 / volume[a]
+    K0, K1, K3 = r * inverse[0, a], r * inverse[1, a], r * inverse[3, a]
+    if plane is not None:
+        s0, s1, s2, s3 = sums[a, 0], sums[a, 1], sums[a, 2], sums[a, 3]
+        return (s0 * K0 + s2 * K3, s0 * K3 + s2 * K1, 0.0, s1 * K0 + s3 * K3, s1 * K3 + s3 * K1, 0.0, 0.0, 0.0, 0.0)
+    K = (K0, K1, r * inverse[2, a], K3, r * inverse[4, a], r * inverse[5, a])
+    s = (sums[a, 0], sums[a, 4], sums[a, 8], sums[a, 1], sums[a, 5], sums[a, 9], sums[a, 2], sums[a, 6], sums[a, 10])
+    return matmul(s, general(K))
 
 
-@store_record.of(None)
-def _store_stress(space, stabiliser, body, record, i, S, G):
-    store_matrix(space, record, i, record_columns(space, stabiliser).stress, S)
+@inlined
+def matmul_in(plane, A, B):
+    """A B; in the plane, of tensors without components out of it."""
+    if plane is not None:
+        return (A[0] * B[0] + A[1] * B[3], A[0] * B[1] + A[1] * B[4], 0.0,
+                A[3] * B[0] + A[4] * B[3], A[3] * B[1] + A[4] * B[4], 0.0, 0.0, 0.0, 0.0)  # fmt: skip
+    return matmul(A, B)
 
 
-@register_jitable
-def gradient_of(space, body, sums, i):
-    """G of particles i..i+3, a general tensor, from the sums of a gradient pass."""
-    L = load_correction(space, body.inverse_shape, i)
-    return 1.0 / load(body.volume, 0, i) * (load_gradient(space, sums, i) @ L.T)
+@inlined
+def inverse_at(inverse, a):
+    """K^-1 of a particle, nine numbers."""
+    return general((inverse[0, a], inverse[1, a], inverse[2, a], inverse[3, a], inverse[4, a], inverse[5, a]))
 
 
-@compiled(fastmath={"contract"}, error_model="numpy")
-def relaxing_records(space, first, last, law, stabiliser, body, gradient, record):
-    """Records of a small-strain law whose moduli all relax alike: its stress follows from the gradient of f alone."""
-    for i in range(first, last, WIDTH):
-        G = gradient_of(space, body, gradient, i)
-        S = stress(law, None, small_strain(G)) @ load_correction(space, body.inverse_shape, i)
-        store_record(space, stabiliser, body, record, i, S, G)
+@inlined
+def store_rows(plane, M, a, S):
+    """Store a tensor as a row of the sweeps, column by column."""
+    if plane is not None:
+        M[a, 0], M[a, 1], M[a, 2], M[a, 3] = S[0], S[3], S[1], S[4]
+    else:
+        M[a, 0], M[a, 1], M[a, 2], M[a, 3] = S[0], S[3], S[6], 0.0
+        M[a, 4], M[a, 5], M[a, 6], M[a, 7] = S[1], S[4], S[7], 0.0
+        M[a, 8], M[a, 9], M[a, 10], M[a, 11] = S[2], S[5], S[8], 0.0
 
 
-@compiled(fastmath={"contract"}, error_model="numpy")
-def stabiliser_records(space, first, last, stabiliser, body, gradient, record):
-    """Records of the stabiliser alone."""
-    for i in range(first, last, WIDTH):
-        G = gradient_of(space, body, gradient, i)
-        store_record(space, stabiliser, body, record, i, 0.0 * G, G)
+@inlined
+def control_at(plane, C, a):
+    """A symmetric C of a particle from its row, nine numbers."""
+    if plane is not None:
+        return (C[a, 0], C[a, 2], 0.0, C[a, 1], C[a, 3], 0.0, 0.0, 0.0, 0.0)
+    return (C[a, 0], C[a, 4], C[a, 8], C[a, 1], C[a, 5], C[a, 9], C[a, 2], C[a, 6], C[a, 10])
 
 
-@compiled(error_model="numpy")
-def stresses(space, first, last, law, body, gradient, result):
-    """Stress (n, 3, 3) [Pa] of particles first..last-1 from the sums of the last gradient pass."""
-    for i in range(first, last, WIDTH):
-        G = gradient_of(space, body, gradient, i)
-        sigma = stress(law, None, small_strain(G))
-        for k in range(min(WIDTH, last - i)):
-            s = lane_of_symmetric(sigma, k)
-            result[i + k, 0, 0], result[i + k, 1, 1], result[i + k, 2, 2] = s[0], s[1], s[2]
-            result[i + k, 0, 1] = result[i + k, 1, 0] = s[3]
-            result[i + k, 0, 2] = result[i + k, 2, 0] = s[4]
-            result[i + k, 1, 2] = result[i + k, 2, 1] = s[5]
+@kernel
+def store_linear_stresses(plane, first, last, law, inverse, volume, control, sums, M):
+    """M = sigma K^-1 - C G of particles first..last-1 from the sums of the gradient of f; control: rows of C or
+    None."""
+    for a in range(first, last):
+        G = gradient_at(plane, sums, inverse, volume, a)
+        e = symmetric_part(G)
+        S = matmul_in(plane, general(linear_stress(law, e, e)), inverse_at(inverse, a))
+        if control is not None:
+            S = combine(1.0, S, -1.0, matmul_in(plane, control_at(plane, control, a), G))
+        store_rows(plane, M, a, S)
+
+
+@kernel
+def linear_stresses(plane, first, last, law, inverse, volume, sums, result):
+    """Stress (n, 9) [Pa] of particles first..last-1 from the sums of the gradient of f."""
+    for a in range(first, last):
+        e = symmetric_part(gradient_at(plane, sums, inverse, volume, a))
+        P = general(linear_stress(law, e, e))
+        for c in range(9):
+            result[a, c] = P[c]
+
+
+# without contraction, so that stresses before and after a restart have the same bits: one of these kernels stores the
+# histories, and others read them
+@exact
+def store_stresses(plane, first, last, law, weights, inverse, volume, history, sums, M):
+    """M = P K^-1 of particles first..last-1 after a step with the weights of `step_weights`."""
+    for a in range(first, last):
+        G = gradient_at(plane, sums, inverse, volume, a)
+        store_rows(plane, M, a, matmul_in(plane, stress_after(law, weights, history, a, G), inverse_at(inverse, a)))
+
+
+@exact
+def settle_histories(plane, first, last, law, weights, inverse, volume, tributary_volume, history, sums):
+    """Take histories of particles first..last-1 through a step.
+
+    tributary_volume (owned,) [m^3]: on this side of mirror planes. Returns (stored energy after it, dissipated over it
+    [J], are all Jacobians positive, the bound of rho c^2 [Pa] of waves to come: that after the step times (J_old/J)^4
+    where a particle has shrunk, for what shrinks goes on shrinking).
+    """
+    stored, lost, sound, largest = 0.0, 0.0, True, 0.0
+    for a in range(first, last):
+        G = gradient_at(plane, sums, inverse, volume, a)
+        energy, loss, waves, ratio = end_of_step(law, weights, history, a, G, plane)
+        stored += tributary_volume[a] * energy
+        lost += tributary_volume[a] * loss
+        # of each particle: greatest of both apart would depend on which rank has which
+        largest = max(largest, waves * max(ratio, 1.0) ** 2)
+        if not determinant(plus(IDENTITY, G)) > 0.0:
+            sound = False
+    return stored, lost, sound, largest
+
+
+@exact
+def nominal_stresses(plane, first, last, law, weights, inverse, volume, history, sums, result):
+    """First Piola-Kirchhoff stress (n, 9) [Pa] of particles first..last-1."""
+    for a in range(first, last):
+        P = stress_after(law, weights, history, a, gradient_at(plane, sums, inverse, volume, a))
+        for c in range(9):
+            result[a, c] = P[c]

@@ -49,7 +49,7 @@ class Equilibrium:
     """
 
     def __init__(self, comm: Any, operator: Any, settings: Any, coarse: Any = None) -> None:
-        """operator: see `operator.Operator`; settings: `settings.QuasiStatic`; coarse: `coarse_grid.CoarseGrid`, or
+        """operator: see `tangent.Operator`; settings: `settings.QuasiStatic`; coarse: `coarse_space.CoarseSpace`, or
         None.
         """
         self.comm, self.operator, self.settings = comm, operator, settings

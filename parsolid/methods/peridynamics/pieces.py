@@ -10,23 +10,22 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.collective import anywhere
-from parsolid.pairs.lists import images_of
 from parsolid.solvers import motions_without
 
 # pieces are looked at as many at most, the largest first
 _MOST = 50
 
 
-def pieces_of(bond_system: Any) -> np.ndarray:
+def pieces_of(bonds: Any) -> np.ndarray:
     """Of each owned particle (owned,) the least number of a particle, by rank and row, of its piece. Collective."""
     from scipy import sparse
 
-    owned, comm, halo = bond_system.owned, bond_system.comm, bond_system.halo
+    owned, comm, halo = bonds.owned, bonds.comm, bonds.halo
     first = sum(comm.allgather(owned)[: comm.rank])
     labels = halo.with_ghosts(first + np.arange(owned, dtype=np.int64))
     ends = []
-    for pairs, _ in bond_system.lists():
-        if images_of(pairs) is None:
+    for pairs, images, _ in bonds.lists:
+        if images is None:
             a = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start))
             ends.append((a[pairs.weight != 0.0], pairs.neighbour[pairs.weight != 0.0]))
     a, b = (np.concatenate(one) for one in zip(*ends))
@@ -46,14 +45,14 @@ def unbalanced_piece(
 ) -> str:
     """Which piece moves as a whole under more of a residual (n, d) [N] than the target [N], in words; or nothing.
 
-    motions (k, n, d): rigid ones of all particles; restraint(motions, mask): see `coarse_grid`. Collective.
+    motions (k, n, d): rigid ones of all particles; restraint(motions, mask): see `coarse_space`. Collective.
     """
-    comm, labels = operator.comm, pieces_of(operator.engine.bond_system)
+    comm, labels = operator.comm, pieces_of(operator.forces.bonds)
     known: dict[int, int] = {}
     for numbers, counts in comm.allgather(np.unique(labels, return_counts=True)):
         for number, count in zip(numbers.tolist(), counts.tolist()):
             known[number] = known.get(number, 0) + count
-    places = operator.engine.particles.owned_rows("reference_position")
+    places = operator.particles.owned_rows("reference_position")
     for number in sorted(known, key=lambda one: -known[one])[:_MOST]:
         mask = labels == number
         piece = motions * mask[:, None]

@@ -7,38 +7,45 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.methods.peridynamics.coarse_grid import coarse_grid
+from parsolid.boundary.reporting import Reaction
+from parsolid.methods.peridynamics.coarse_space import coarse_space
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
-from parsolid.methods.peridynamics.operator import Work
-from parsolid.methods.peridynamics.time_solver import TimeSolver
-from parsolid.particles.declaration import Field
+from parsolid.methods.peridynamics.tangent import Settled, Work
+from parsolid.particles.declaration import Columns, Field
 
 
-class QuasiStatic(TimeSolver):
-    """Takes one rank's particles from balance to balance; all methods are collective."""
+class QuasiStatic:
+    """Takes one rank's particles from balance to balance; all methods are collective.
 
-    setting = "step"
+    jumps, landings, setting: see `velocity_verlet.VelocityVerlet`.
+    """
+
+    setting, landings = "step", ()
 
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
         self.body, self.operator, self.settings = body, body.operator, settings
         plain = settings.solver != "conjugate-gradients" or settings.preconditioner == "none"
-        coarse = None if plain else coarse_grid(body.operator, body.loads.planes)
+        coarse = None if plain else coarse_space(body.operator, body.conditions.planes)
         self.equilibrium = Equilibrium(body.comm, body.operator, settings, coarse)
         # what has not moved yet meets its loads in a jump
-        self.jumps = tuple(sorted({0.0, *body.loads.jumps}))
+        self.jumps = (0.0, *body.conditions.times)
         self.balance: Balance | None = None
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
+        kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         self.names = [f"earlier_displacement_{k + 1}" for k in range(settings.extrapolation + 1)]
         for name in self.names:
-            body.particles.declare(Field(name, body.operator.free.shape[1], "m", checkpointed=True, mirror="vector"))
+            body.particles.declare(Field(name, body.operator.free.shape[1], "m", **kept))
         self.steps = 0
 
     @property
     def earlier(self) -> list[np.ndarray]:
         """Displacements (owned, d) [m] of earlier states."""
         return [self.body.particles.owned_rows(name) for name in self.names]
+
+    def begin(self) -> None:
+        """The first balance moves what is guided."""
 
     def stable_step(self) -> float:
         """The material step [s]."""
@@ -51,37 +58,42 @@ class QuasiStatic(TimeSolver):
 
     # --- a step ------------------------------------------------------------------------------------------------
 
-    def advance(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """Nothing: a balance is one with the positions at the end of its step."""
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One material step [s] from a time [s]; False, with a `fault`, when balance was lost on the way."""
         sound = self.material_step(time, step, ledger, announce)
-        while sound and self.body.fracture.ranks_find():
-            self.body.fracture.break_bonds(ledger)
+        fracture = self.body.fracture
+        while sound and fracture is not None and fracture.ranks_find():
+            fracture.break_bonds(ledger)
             sound = self.balance_anew(time + step, ledger)
         self.body.place()
-        return sound and self.body.engine.sound
+        self.body.conditions.report(step, ledger)
+        return sound and self.body.forces.sound
 
     def material_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """Balance at the end of a step, with the bonds as they are, and the histories through it."""
         # what held the bodies' start lets go as the first loads come
         first = time == step == 0.0
-        before = -self.operator.settled_force() if first else self.body.loads.external(time, step == 0.0)
+        before = -self.operator.settled_force() if first else self.operator.external(time, step == 0.0)
         self.step_from(before, time, step, ledger, announce)
         assert self.balance is not None
         return self.balance.reached
 
     def step_from(self, before: np.ndarray, time: float, step: float, ledger: Any, announce: Any) -> Work:
         """As `material_step`, with the loads (owned, d) [N] at its start; what was done."""
-        loads, start = self.body.loads, self.operator.settled_state()
+        conditions, start = self.body.conditions, self.operator.settled_state()
         guess = self.extrapolated(start.displacement, time, step)
         # a step ends before a jump of that time, one of length 0 after it
-        loads.move(time, step, guess)
-        after = loads.external(time + step, step > 0.0)
+        if conditions.motion.there:
+            conditions.motion.displace(time, step, guess.T)
+        after = self.operator.external(time + step, step > 0.0)
         self.balance = balance = self.equilibrium.solve(guess, after, step)
         announce(balance.reached, self.settings.step)
         lost = self.operator.commit(balance.displacement, step)
         work = self.operator.work_since(start, before, after)
-        if self.body.reactions is not None:
-            self.body.reactions.balance(start, (before, after), time, step)
+        self._react(start, before, after, time, step)
         # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it
         # should be
         ledger.add(1.0, lost, work.internal - lost - work.stored if step > 0.0 else 0.0, work.external)
@@ -89,12 +101,36 @@ class QuasiStatic(TimeSolver):
         self.remember(balance.displacement, time + step, step)
         return work
 
+    def _react(self, start: Settled, before: np.ndarray, after: np.ndarray, time: float, step: float) -> None:
+        """Forces of conditions at the end of a step [s] from a time [s], and their work; before, after (owned, d) [N]:
+        all loads at its start and end."""
+        operator, conditions = self.operator, self.body.conditions
+        change, force = operator.displacement - start.displacement, operator.settled_force()
+        places = (operator.particles.owned_rows("reference_position") + operator.displacement).T
+        work = -0.5 * (start.force + force + before + after) * change
+        for holder in conditions.holders:
+            rows, components = holder.find()
+            needed = np.where(components, -(force[rows] + after[rows]), 0.0)
+            holder.reaction.set(places[:, rows], needed.T, float(np.sum(components * work[rows])))
+        of_loads: dict[Reaction, np.ndarray] = {}
+        for load, reaction in conditions.loads_of:
+            if reaction is not None:
+                ends = of_loads.setdefault(reaction, np.zeros((2, *places.shape)))
+                for end, (moment, before_jump) in zip(ends, ((time, step == 0.0), (time + step, step > 0.0))):
+                    rows, values = load.forces(moment, before_jump)
+                    end[: len(values), rows] += values
+        for reaction, (first, last) in of_loads.items():
+            if time == step == 0.0:
+                # what held the bodies' start lets go as the first loads come
+                first[:] = 0.0
+            reaction.set(places, last, float(np.sum(0.5 * (first + last) * change.T)))
+
     def balance_anew(self, time: float, ledger: Any) -> bool:
         """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces,
         cracks take.
         """
         self.equilibrium.stiffness_changed()
-        before = self.body.loads.external(time)
+        before = self.operator.external(time)
         work = self.step_from(before, time, 0.0, ledger, lambda *announced: None)
         # loads do more work than the forces that were out of balance take up: cracks run by it
         ledger.add_term("dissipation_fracture", work.external - work.internal)

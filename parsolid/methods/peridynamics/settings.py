@@ -21,24 +21,19 @@ class Stabilisation(SceneModel):
     """Control of the zero-energy modes of the correspondence force.
 
     shear-scaled  self-adjoint, in multiples of the equilibrium shear modulus, on the relaxing displacement
-    paper         eq (39) of Galadima et al. as printed, in multiples of the bond constant; not the derivative of an
-    energy
     none          nothing; static solutions are then not unique
     """
 
-    kind: Literal["shear-scaled", "paper", "none"] = "shear-scaled"
-    coefficient: Positive | None = Field(
-        None, description="factor of the control: 0.35 (shear-scaled; 0.125 in contact) or 1 (paper) unless given"
-    )
-    modulus: Positive | None = Field(None, description="Young's modulus in eq (39), at equilibrium unless given [Pa]")
+    kind: Literal["shear-scaled", "none"] = "shear-scaled"
+    coefficient: Positive | None = Field(None, description="factor of the control: 0.35 unless given, 0.125 in contact")
     relaxes: bool = Field(
-        True, description="whether shear-scaled control relaxes with the body; false keeps angular momentum to rounding"
+        True, description="whether the control relaxes with the body; false keeps angular momentum to rounding"
     )
 
     @property
     def factor(self) -> float:
         """The coefficient, with its default."""
-        return self.coefficient or {"shear-scaled": 0.35, "paper": 1.0, "none": 0.0}[self.kind]
+        return self.coefficient or {"shear-scaled": 0.35, "none": 0.0}[self.kind]
 
     @property
     def is_open(self) -> bool:
@@ -50,10 +45,8 @@ class Stabilisation(SceneModel):
         details: list[Any] = []
         if self.kind == "none" and self.coefficient is not None:
             details.append((("coefficient",), "no such key without control", self.coefficient))
-        if self.kind != "paper" and self.modulus is not None:
-            details.append((("modulus",), "no such key but with kind = 'paper'", self.modulus))
-        if self.kind != "shear-scaled" and not self.relaxes:
-            details.append((("relaxes",), "no such key but with kind = 'shear-scaled'", self.relaxes))
+        if self.kind == "none" and not self.relaxes:
+            details.append((("relaxes",), "no such key without control", self.relaxes))
         reject(*details)
         return self
 
@@ -186,7 +179,7 @@ class Peridynamics(MethodSettings):
                    on the particles at the face; "horizon", spread evenly over the horizon beneath it
     damage         bonds that break; the particle field damage is the share of a family's volume that bonds were lost
                    to, the quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see
-                   `methods.peridynamics.fracture`) follow cracks
+                   `methods.peridynamics.damage`) follow cracks
     initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing
                    relaxed yet, or "relaxed", held for ever
     """

@@ -1,8 +1,9 @@
 """Non-ordinary state-based (correspondence) peridynamics (Galadima et al.; checked in docs/peridynamics.md), on one
 rank.
 
-State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`viscoelastic_history`). A time
-solver, `velocity_verlet` or `quasi_static`, takes it from step to step; `fracture` breaks bonds.
+State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`relaxing_displacement`). A time
+solver, `velocity_verlet` or `quasi_static`, takes it from step to step with the `forces` of its laws; `damage` breaks
+bonds.
 """
 
 from typing import Any
@@ -10,29 +11,29 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums
+from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import SolverError, maximum
-from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.registry import laws_of
-from parsolid.materials.viscoelastic.prony_lanes import Prony
+from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.pair_method import PairMethod
+from parsolid.methods.peridynamics.damage import fracture_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
-from parsolid.methods.peridynamics.fracture import fracture_of
-from parsolid.methods.peridynamics.loads import PeridynamicLoads
-from parsolid.methods.peridynamics.operator import Operator, instantaneous_wave_modulus
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
-from parsolid.methods.peridynamics.reactions import reactions_of
-from parsolid.methods.peridynamics.tensor_history import is_small_strain
+from parsolid.methods.peridynamics.solids import is_small_strain
+from parsolid.methods.peridynamics.tangent import Operator, instantaneous_wave_modulus
+from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
-from parsolid.methods.peridynamics.velocity_verlet_kernels import kinetic_energy
 from parsolid.methods.previous_state import take_state
 from parsolid.methods.protocol import BrokenPairs
-from parsolid.particles.declaration import Field, Rows
+from parsolid.particles.declaration import Columns, Field
 from parsolid.scene import initial_displacement, initial_velocity
+from parsolid.scene.boundaries.surface import Pressure
+from parsolid.scene.boundaries.traction import Traction
 
 # small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
 _TURN, _TURNED = 0.14, 0.05
-TIME_SOLVERS = {"explicit": VelocityVerlet, "quasi-static": QuasiStatic}
 
 
 class Peridynamics(PairMethod):
@@ -45,23 +46,26 @@ class Peridynamics(PairMethod):
         bonded. Collective.
         """
         self.comm, self.settings, self.laws_of_bodies = comm, scene.method, laws_of(scene)
-        self.loads = PeridynamicLoads(comm, scene, particle_set, particles_of(scene, particle_set))
-        forces = build_forces(comm, scene, particle_set, self.loads)
-        self.particles, self.bond_system, self.engine, self.history = forces.particles, *forces[2:]
-        self.pairs = self.bond_system
         self.owned, self.dimension = particle_set.position.shape
-        self.laws = self.history.laws
-        self.loads.install_tractions(self.engine, forces.horizon)
-        self.reactions = reactions_of(comm, self, particle_set)
-        self.told = () if self.reactions is None else self.reactions.told
-        self.fracture = fracture_of(comm, scene, particle_set, forces)
-        self.operator = Operator(self.engine, self.history, self.loads)
-        motion: dict[str, Any] = {"shown": True, "mirror": "vector"}
-        self.particles.declare(Field("position", self.dimension, "m", mirror="vector"), particle_set.position)
-        self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, layout=Rows(4), **motion))
-        self.solver = TIME_SOLVERS[self.settings.solution.kind](self, self.settings.solution)
+        self.particles = particles_of(scene, particle_set)
+        self.conditions = Conditions(comm, scene, particle_set, self.particles, others=(Traction, Pressure))
+        explicit = self.settings.solution.kind == "explicit"
+        if self.conditions.rollers and not explicit:
+            raise SolverError(
+                'method.solution.kind: expected "explicit" for a normal that is held, found "quasi-static"'
+            )
+        self.forces = build_forces(comm, scene, particle_set, self.conditions)
+        self.pairs, self.laws = self.forces.bonds, self.forces.laws
+        Tractions(self.conditions, self.forces)
+        self.told = self.conditions.reactions
+        self.fracture = fracture_of(comm, scene, particle_set, self.forces)
+        self.operator = Operator(self.forces, self.conditions)
+        columns: dict[str, Any] = {"mirror": "vector", "layout": Columns()}
+        self.particles.declare(Field("position", self.dimension, "m", **columns), particle_set.position)
+        self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, shown=True, **columns))
+        self.solver: Any = (VelocityVerlet if explicit else QuasiStatic)(self, self.settings.solution)
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
-        self._gradients: Any = None
+        self._shown: dict[str, np.ndarray] = {}
         self._evaluation = -1
 
     # --- state -------------------------------------------------------------------------------------------------
@@ -74,31 +78,35 @@ class Peridynamics(PairMethod):
         if displacement is not None:
             self.particles.owned_rows("displacement")[:] = displacement
         self._hold()
-        self.history.start(self.settings.initial_state == "instantaneous")
+        self.forces.start(self.settings.initial_state == "instantaneous")
         if take_state(self.comm, scene, self, particle_set):
             self._hold()
-            self.fracture.take_over()
-            self.history.evaluate_anew()
-        self.fracture.look()
+            if self.fracture is not None:
+                self.fracture.take_over()
+            self.forces.evaluate_anew()
+        if self.fracture is not None:
+            self.fracture.look()
 
     def _hold(self) -> None:
         """Displacement and velocity at time 0 as supports and what is driven have them."""
-        self.loads.stop(self.velocity)
-        self.displacement[self.loads.held] = 0.0
+        self.velocity[self.conditions.held] = 0.0
+        self.displacement[self.conditions.held] = 0.0
         self.solver.begin()
         self.place()
 
     def resume(self) -> None:
         """The forces of a state that was put back into the table; collective."""
         self.place()
-        self.fracture.resume()
-        self.history.resume()
-        self.fracture.look()
+        if self.fracture is not None:
+            self.fracture.damage.unpack()
+        self.forces.resume()
+        if self.fracture is not None:
+            self.fracture.look()
 
     @property
     def velocity(self) -> np.ndarray:
-        """Velocity (owned, 4) [m/s] as kernels take it."""
-        return self.particles.storage("velocity")[: self.owned]
+        """Velocity (owned, d) [m/s], a view."""
+        return self.particles.owned_rows("velocity")
 
     @property
     def displacement(self) -> np.ndarray:
@@ -112,11 +120,12 @@ class Peridynamics(PairMethod):
 
     def bring_state_up_to_date(self) -> None:
         """The bits of broken bonds."""
-        self.fracture.pack()
+        if self.fracture is not None:
+            self.fracture.damage.pack()
 
     def state(self) -> dict[str, Any]:
         """What the time solver remembers."""
-        self.fracture.pack()
+        self.bring_state_up_to_date()
         return self.solver.state()
 
     def set_state(self, state: dict[str, Any]) -> None:
@@ -128,59 +137,52 @@ class Peridynamics(PairMethod):
     @property
     def news(self) -> bool:  # type: ignore[override]
         """Whether this rank has found bonds that fail."""
-        return self.fracture.found
+        return self.fracture is not None and self.fracture.found
 
     @property
     def news_anywhere(self) -> bool:
         """Whether any rank had found some."""
-        return self.fracture.found_anywhere
+        return self.fracture is not None and self.fracture.found_anywhere
 
     @news_anywhere.setter
     def news_anywhere(self, found: bool) -> None:
-        self.fracture.found_anywhere = found
+        if self.fracture is not None:
+            self.fracture.found_anywhere = found
 
     def stable_step(self) -> float:
         """The time solver's step [s]; the first call is collective."""
         return self.solver.stable_step()
 
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:
-        """See `ParticleSystem`."""
-        if hasattr(self.solver, "advance_positions"):
-            self.solver.advance_positions(time, step, ledger)
+        """The first part of a step of the time solver."""
+        self.solver.advance_positions(time, step, ledger)
 
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One step of the time solver."""
-        advance = self.solver.complete_step if hasattr(self.solver, "complete_step") else self.solver.advance
-        sound = advance(time, step, ledger, announce)
-        for told in self.told:
-            told.finish(step, ledger)
-        return sound
+        """The second part."""
+        return bool(self.solver.complete_step(time, step, ledger, announce))
 
     @property
     def placements(self) -> int:  # type: ignore[override]
         """Bonds break."""
-        return self.fracture.breaks
+        return 0 if self.fracture is None else self.fracture.breaks
 
     def broken_pairs(self) -> BrokenPairs | None:
         """Bonds of pre-cracks and failed ones."""
-        return self.fracture.broken_pairs()
+        return None if self.fracture is None else self.fracture.damage.broken_pairs()
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         """Rollers."""
-        return symmetry_planes(self.loads.planes)
+        return symmetry_planes(self.conditions.planes)
 
     def wave_modulus(self, body: int) -> tuple[float, float]:
-        """Of the instantaneous solid; of a bond-based one by its Young's modulus and Poisson's ratio of 1/4."""
+        """Of the instantaneous solid."""
         law = self.laws_of_bodies[body]
-        if isinstance(law, BondBased):
-            return 1.2 * law.youngs_modulus, law.density
         return instantaneous_wave_modulus(law), law.density
 
     def held_components(self) -> np.ndarray | None:
-        """Those of supports and of guided motion."""
-        free = self.loads.free
-        return None if free.all() else ~free
+        """Those of supports and of prescribed motion."""
+        return self.conditions.constrained
 
     def take_external_forces(self, keep_rows: bool) -> None:
         """See `ParticleSystem`; raises SolverError where there is no motion that forces could change."""
@@ -192,47 +194,51 @@ class Peridynamics(PairMethod):
 
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""
-        kinetic = kinetic_energy(self.dimension, self.velocity, self.mass, self.share)
-        return kinetic, self.history.stored_energy()
+        storage = self.particles.storage
+        kinetic = kinetic_energy(self.owned, storage("velocity"), storage("mass"), storage("share"))
+        return kinetic, self.forces.stored_energy()
 
     # --- what the output and the reports ask -------------------------------------------------------------------
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Deformation gradient and Cauchy stress (n, 3, 3); damage (n,)."""
         if name == "damage":
-            return self.fracture.damage_of(first, last)
+            return np.zeros(last - first) if self.fracture is None else self.fracture.damage.damage[first:last]
         if name not in ("deformation_gradient", "stress"):
             return None
-        F = np.tile(np.eye(3), (last - first, 1, 1))
-        d = self.engine.dimension
-        F[:, :d, :d] += self._displacement_gradients()[first:last]
-        return F if name == "deformation_gradient" else self.engine.cauchy_stresses(self.laws, first, last, F)
+        return self._tensors(name)[first:last]
+
+    def _tensors(self, name: str) -> np.ndarray:
+        """Deformation gradients or Cauchy stresses (owned, 3, 3), kept until the next evaluation of forces."""
+        if self._evaluation != self.forces.evaluations:
+            self._shown, self._evaluation = {}, self.forces.evaluations
+        if name not in self._shown and name == "stress":
+            self._shown[name] = self.forces.cauchy_stresses(self._tensors("deformation_gradient"))
+        elif name not in self._shown:
+            gradients = self.forces.displacement_gradients()
+            d = gradients.shape[1]
+            F = self._shown[name] = np.tile(np.eye(3), (self.owned, 1, 1))
+            F[:, :d, :d] += gradients
+        return self._shown[name]
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """Broken bonds, and the place of the crack's tip; collective."""
         if name == "broken_bonds":
-            return "sum", np.array(self.fracture.broken_bonds())
+            return "sum", np.array(0.0 if self.fracture is None else self.fracture.broken_bonds())
         # the same on all ranks
-        return "maximum", self.fracture.tip()
-
-    def _displacement_gradients(self) -> np.ndarray:
-        """grad u (owned, d, d); ghosts' displacements are those of the last evaluation."""
-        if self._evaluation != self.engine.evaluations:
-            self._gradients, self._evaluation = self.engine.displacement_gradients(), self.engine.evaluations
-        return self._gradients
+        return "maximum", np.full(self.dimension, np.nan) if self.fracture is None else self.fracture.tip()
 
     def unsound(self) -> tuple[int, str] | None:
         """The first particle that is inside out or whose velocity is not finite, or the one farthest from balance."""
-        if not self.engine.sound:
-            gradients: Any = self.shown("deformation_gradient", 0, self.owned)
-            jacobian = np.linalg.det(gradients)
+        if not self.forces.sound:
+            jacobian = np.linalg.det(self._tensors("deformation_gradient"))
             index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
             return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
         return self.solver.unsound()
 
     def doubt(self) -> str | None:
         """Whether more than a little of what has small strain has turned so far that this is strain; collective."""
-        G = self._displacement_gradients()
+        G = self._tensors("deformation_gradient")
         angle = np.linalg.norm(G - G.swapaxes(1, 2), axis=(1, 2)) / np.sqrt(8.0)
         small = np.zeros(self.owned, bool)
         for first, last, law in self.laws:
@@ -252,7 +258,7 @@ class Peridynamics(PairMethod):
         if self.solver.unheld:
             return "a support of the piece, or loads on it that balance"
         hints = []
-        if self.settings.stabilisation.kind != "shear-scaled":
+        if self.settings.stabilisation.kind == "none":
             hints.append('method.stabilisation.kind = "shear-scaled"')
         if any(isinstance(law, Prony) and law.finite_strain is not None for _, _, law in self.laws):
             hints.append("a hyperelastic law (St. Venant and Kirchhoff's gives way when compressed to 0.58)")
@@ -267,17 +273,9 @@ class Peridynamics(PairMethod):
         return self.solver.summary()
 
     def exchanged_records(self) -> dict[str, int]:
-        """The record of the second pass and the relaxing displacement."""
-        return {"second-pass record": self.engine.record.shape[1], "relaxing displacement": self.dimension}
+        """The rows of the divergence sweep."""
+        return {"bond stress": self.particles.fields["bond_stress"].components}
 
     def bytes_a_step(self) -> int:
         """Fields and records."""
-        return self.engine.bytes_sent()
-
-    def arrays(self) -> list[np.ndarray]:
-        """Pair lists, and what passes without them keep."""
-        return super().arrays() + self.engine.arrays()
-
-    def warm(self) -> None:
-        """Lists of ghosts have no images."""
-        self.bond_system.warm()
+        return self.forces.bytes_sent()

@@ -1,4 +1,4 @@
-"""Tractions on peridynamic bodies.
+"""Tractions and pressures on peridynamic bodies, whose forces a face alone cannot take up.
 
 A traction t on a plane with normal n acts as the forces that balance a uniform stress, f = -f_int(t (x) n), kept near
 the plane ("consistent"): then a uniform stress is an exact solution on a lattice, which it is not under forces on the
@@ -16,36 +16,71 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from decomposition.reduction import ordered_sum
-from parsolid.boundary.declarations import Declarations, RegionTraction, SurfacePressure, SurfaceTraction
-from parsolid.boundary.loads import BeyondMean, Course, Load, MeanOverFace, area_along
-from parsolid.boundary.rows import keep
-from parsolid.boundary.supports import Supports
-from parsolid.boundary.surfaces import Surface
+from parsolid.boundary.conditions import Conditions
+from parsolid.boundary.forces import Course, DistributedLoad, TractionLoad
+from parsolid.boundary.surface import Surface
 from parsolid.collective import SolverError, maximum, minimum
-from parsolid.particles.container import Particles
-from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.base_model import Plane
+from parsolid.scene.boundaries.surface import Pressure
+from parsolid.scene.boundaries.traction import Traction
 from parsolid.scene.regions import selected
 from parsolid.solvers import start_vector
 
 # of a face's particles, so many give the mean of its traction
 _SAMPLE = 256
+# what is left inside a regular body of the force of a uniform stress is rounding
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Along:
-    """The first component of a course along one axis of d."""
+class DerivedCourse:
+    """What follows from a course in time."""
 
-    course: Course
-    axis: int
-    dimension: int
+    course: Any
 
     @property
     def depends_on_time(self) -> bool:
         """Whether it changes."""
-        return self.course.depends_on_time
+        return bool(self.course.depends_on_time)
+
+    @property
+    def jump_times(self) -> tuple[float, ...]:
+        """Times [s] at which it jumps."""
+        return tuple(getattr(self.course, "jump_times", ()))
+
+
+@dataclass(frozen=True)
+class MeanOverFace(DerivedCourse):
+    """The mean of a course at places (k, d) [m] of a face, by their areas (k,) [m^2], the same at all points."""
+
+    places: np.ndarray
+    area: np.ndarray
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """(n, components) at points (n, d) [m] and a time [s]."""
+        mean = self.area @ self.course.evaluate(self.places, time, before) / self.area.sum()
+        return np.broadcast_to(mean, (len(points), len(mean)))
+
+
+@dataclass(frozen=True)
+class BeyondMean(DerivedCourse):
+    """What a course has beyond its mean over a face."""
+
+    mean: MeanOverFace
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """(n, components) at points (n, d) [m] and a time [s]."""
+        return np.asarray(self.course.evaluate(points, time, before) - self.mean.evaluate(points, time, before))
+
+
+@dataclass(frozen=True)
+class AlongAxis(DerivedCourse):
+    """The first component of a course along one axis of d."""
+
+    axis: int
+    dimension: int
 
     def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
         """(n, d), all but one column 0."""
@@ -55,150 +90,118 @@ class Along:
 
 
 class Tractions:
-    """Makes the forces of a scene's tractions on a rank's particles; all methods are collective."""
+    """Adds the loads of a scene's tractions and pressures to the conditions of a rank's particles, which have made none
+    of them; all methods are collective. A peridynamic particle keeps its row."""
 
-    def __init__(
-        self,
-        comm: MPI.Comm,
-        declared: Declarations,
-        supports: Supports,
-        particle_set: ParticleSet,
-        particles: Particles,
-    ):
-        """particles: those of the particle_set."""
-        self.comm, self.declared, self.supports = comm, declared, supports
-        self.particle_set, self.particles = particle_set, particles
+    def __init__(self, conditions: Conditions, forces: Any) -> None:
+        """forces: of `forces.build_forces`, with all bonds whole. Raises SolverError on all ranks."""
+        self.conditions, self.comm, self.scene = conditions, conditions.comm, conditions.scene
+        self.particles, self.particle_set = conditions.particles, conditions.particle_set
+        kind, tractions = self.scene.method.traction, conditions.of(Traction)
+        self.horizon = maximum(self.comm, float(forces.bonds.horizon.max(initial=0.0)))
+        # force (owned, d) [m^2] of a uniform unit stress, 1
+        self.unit = np.zeros_like(self.particle_set.position)
+        if conditions.of(Pressure) or (tractions and kind.startswith("consistent")):
+            unit_stress = np.tile(np.eye(forces.bonds.d), (len(self.particle_set), 1, 1))
+            self.unit = forces.of_stress(unit_stress) * conditions.share[:, None]
+        self.least = _ROUNDING * maximum(self.comm, np.abs(self.unit).max(axis=0, initial=0.0))
+        for key, one in tractions:
+            if one.plane is None:
+                self._add_in_region(key, one)
+            elif kind == "horizon":
+                self._add_spread(one, one.plane)
+            elif kind == "single-layer":
+                self._add_at_face(one, one.plane, one.course)
+            else:
+                mean = self._mean(one, one.plane)
+                self._add_consistent(one, one.plane, mean, 2.0 * self.horizon if kind == "consistent" else np.inf)
+                self._add_at_face(one, one.plane, BeyondMean(one.course, mean))
+        for key, pressure in conditions.of(Pressure):
+            self._add_pressure(key, pressure)
 
-    def forces(self, engine: Any, horizon: np.ndarray) -> list[tuple[str, Load]]:
-        """Keys of conditions and forces [N] on the particles, several of one; engine: `BondForce` with all bonds whole;
-        horizon (owned,) [m]."""
-        return self._of_planes(engine, horizon) + self._pressures(engine)
+    def _add(self, one: Traction | Pressure, here: np.ndarray, scale: np.ndarray, course: Course, plane: Any) -> None:
+        """Add scale (owned,) [m^2] times a course on particles (owned,) bool."""
+        selection = self.particles.selection(here)
+        self.conditions.add_load(DistributedLoad(self.particles, selection, scale.__getitem__, course, plane), one)
 
-    def _pressures(self, engine: Any) -> list[tuple[str, Load]]:
-        """The forces that balance a uniform pressure, in the region of each pressure."""
-        pressures, d, loads = self.declared.of(SurfacePressure), self.particle_set.position.shape[1], []
-        if not pressures:
-            return []
-        unit = self._unit(engine)
-        # what is left inside a regular body is rounding
-        least = 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
-        known = self.declared.scene.named_regions
-        for one in pressures:
-            name = one.where.region_name
-            if name is not None and known[name].groups(known):
-                expected = "a region in space, with what lies within two horizons of the surface"
-                raise SolverError(f"{one.key}.where: expected {expected}, found a group of a mesh in {name!r}")
-            within = selected(self.declared.scene, one.where, self.particle_set, self.comm)
-            for axis in range(d):
-                chosen = within & (np.abs(unit[:, axis]) > least)
-                scale = keep(self.particles, f"force_per_pressure_{one.key}_{axis}", unit[:, axis])
-                load = Load(self.particles, self.particles.selection(chosen), scale, Along(one.course, axis, d))
-                loads.append((one.key, load))
-        return loads
+    def _add_pressure(self, key: str, one: Pressure) -> None:
+        """The forces that balance a uniform pressure, in the region of the pressure."""
+        known, name, d = self.scene.named_regions, one.region_name, self.scene.dimension
+        if name is not None and known[name].groups(known):
+            expected = "a region in space, with what lies within two horizons of the surface"
+            raise SolverError(f"{key}.where: expected {expected}, found a group of a mesh in {name!r}")
+        within = selected(self.scene, one, self.particle_set, self.comm)
+        for axis in range(d):
+            here = within & (np.abs(self.unit[:, axis]) > self.least.max())
+            self._add(one, here, self.unit[:, axis].copy(), AlongAxis(one.course, axis, d), None)
 
-    def _unit(self, engine: Any) -> np.ndarray:
-        """Force (owned, d) [m^2] of a uniform unit stress, 1."""
-        unit_stress = np.tile(np.eye(engine.dimension), (len(self.particle_set), 1, 1))
-        unit: np.ndarray = engine.of_stress(unit_stress) * self.supports.share[:, None]
-        return unit
-
-    def _of_planes(self, engine: Any, horizon: np.ndarray) -> list[tuple[str, Load]]:
-        tractions = self.declared.of(SurfaceTraction)
-        reach = maximum(self.comm, float(horizon.max(initial=0.0)))
-        kind = self.declared.scene.method.traction
-        there = [(one.key, self._in_region(one, kind)) for one in self.declared.of(RegionTraction)]
-        return [*self._on_planes(tractions, kind, reach, engine), *there]
-
-    def _in_region(self, one: RegionTraction, kind: str) -> Load:
-        """Traction times area on the particles of a surface; raises SolverError on all ranks for the ways that spread
-        it along a normal."""
+    def _add_in_region(self, key: str, one: Traction) -> None:
+        """Traction times area on the particles of a surface; refused where it would have to spread along a normal."""
+        kind = self.scene.method.traction
         if kind != "single-layer":
             expected = 'a plane, or method.traction = "single-layer" for a surface without one normal'
-            raise SolverError(f"{one.key}.where: expected {expected}, found {one.where.region_name!r} and {kind!r}")
-        surface = Surface(self.comm, self.declared, one, self.particle_set, self.particles)
-        return Load(self.particles, surface.chosen, surface.areas, one.course)
+            raise SolverError(f"{key}.where: expected {expected}, found {one.region_name!r} and {kind!r}")
+        surface = Surface(self.comm, self.scene, key, one, self.particle_set, self.particles)
+        self.conditions.add_load(TractionLoad(one, surface), one)
 
-    def _on_planes(
-        self, tractions: list[SurfaceTraction], kind: str, reach: float, engine: Any
-    ) -> list[tuple[str, Load]]:
-        if kind == "horizon":
-            return [(one.key, self._spread(one, reach)) for one in tractions]
-        if not kind.startswith("consistent"):
-            return [(one.key, self._at_face(one, one.course)) for one in tractions]
-        if not tractions:
-            return []
-        unit = self._unit(engine)
-        depth = 2.0 * reach if kind == "consistent" else np.inf
-        means = [self._mean(one) for one in tractions]
-        pairs, keys = list(zip(tractions, means)), [one.key for one in tractions]
-        inside = [self._consistent(one, mean, unit[:, one.plane.axis], depth) for one, mean in pairs]
-        beyond = [self._at_face(one, BeyondMean(one.course, mean)) for one, mean in pairs]
-        return [*zip(keys, inside), *zip(keys, beyond)]
+    def _add_at_face(self, one: Traction, plane: Plane, course: Course) -> None:
+        """Traction times area on the particles of the face."""
+        area = np.abs(self.particle_set.area[:, plane.axis])
+        self._add(one, self._face(one), area, course, plane)
 
-    def _mean(self, one: SurfaceTraction) -> MeanOverFace:
+    def _add_spread(self, one: Traction, plane: Plane) -> None:
+        """The face's force on the volume within the horizon."""
+        volume, beneath = self.particle_set.volume, self._beneath(one, plane)[0] <= self.horizon
+        depth = ordered_sum(self.comm, volume[beneath]) / self._area(one, plane)
+        self._add(one, beneath, volume / depth, one.course, plane)
+
+    def _add_consistent(self, one: Traction, plane: Plane, mean: MeanOverFace, depth: float) -> None:
+        """Forces that balance the uniform stress t (x) n of the mean traction down to a depth [m]."""
+        unit = self.unit[:, plane.axis]
+        distance, outward = self._beneath(one, plane)
+        middle = self._middle(plane, distance)
+        within = (distance <= min(depth, middle)) & (np.abs(unit) > self.least[plane.axis])
+        scale = -outward * unit
+        if depth < min(maximum(self.comm, float(distance[np.isfinite(distance)].max(initial=0.0))), middle):
+            # where particles are irregular the force of the face's area is not quite met
+            scale *= self._area(one, plane) / ordered_sum(self.comm, scale[within])
+        self._add(one, within, scale, mean, None)
+
+    def _mean(self, one: Traction, plane: Plane) -> MeanOverFace:
         """The mean of a traction over its face, or over some particles of a large one, the same on any number of
         ranks."""
         mine, particles = self._face(one), self.particle_set
         places = particles.position[mine].copy()
-        places[:, one.plane.axis] = one.plane.offset
-        area = np.abs(particles.area[mine, one.plane.axis])
+        places[:, plane.axis] = plane.offset
+        area = np.abs(particles.area[mine, plane.axis])
         lot = start_vector(particles.identifier[mine], 1)[:, 0]
         rows = sorted(zip(lot, area, *places.T))[:_SAMPLE]
         found = sorted(row for piece in self.comm.allgather(rows) for row in piece)[:_SAMPLE]
         sample = np.array(found).reshape(-1, 2 + places.shape[1])
         return MeanOverFace(one.course, np.ascontiguousarray(sample[:, 2:]), sample[:, 1])
 
-    def _face(self, one: SurfaceTraction) -> np.ndarray:
+    def _face(self, one: Traction) -> np.ndarray:
         """Which particles (owned,) bool are those of the face."""
-        return selected(self.declared.scene, one.where, self.particle_set, self.comm)
+        return selected(self.scene, one, self.particle_set, self.comm)
 
-    def _at_face(self, one: SurfaceTraction, course: Course) -> Load:
-        """Traction times area on the particles of the face."""
-        area = area_along(self.particles, one.plane.axis)
-        return Load(self.particles, self.particles.selection(self._face(one)), area, course, one.plane)
-
-    def _area(self, one: SurfaceTraction) -> float:
+    def _area(self, one: Traction, plane: Plane) -> float:
         """Area [m^2] of the face on all ranks."""
-        face = self._face(one)
-        return float(ordered_sum(self.comm, np.abs(self.particle_set.area[face, one.plane.axis])))
+        return float(ordered_sum(self.comm, np.abs(self.particle_set.area[self._face(one), plane.axis])))
 
-    def _spread(self, one: SurfaceTraction, reach: float) -> Load:
-        """The face's force on the volume within the horizon."""
-        particles, beneath = self.particles, self._beneath(one)[0] <= reach
-        depth = ordered_sum(self.comm, self.particle_set.volume[beneath]) / self._area(one)
-        chosen = particles.selection(beneath)
-        return Load(particles, chosen, lambda rows: particles.owned_rows("volume")[rows] / depth, one.course, one.plane)
-
-    def _consistent(self, one: SurfaceTraction, mean: MeanOverFace, unit: np.ndarray, depth: float) -> Load:
-        """Forces that balance the uniform stress t (x) n of the mean traction down to a depth [m]; unit (owned,): those
-        of n (x) n."""
-        distance, outward = self._beneath(one)
-        within = distance <= min(depth, self._middle(one, distance))
-        # what is left inside a regular body is rounding
-        within &= np.abs(unit) > 1e-12 * maximum(self.comm, float(np.abs(unit).max(initial=0.0)))
-        scale = -outward * unit
-        farthest = maximum(self.comm, float(distance[np.isfinite(distance)].max(initial=0.0)))
-        if depth < min(farthest, self._middle(one, distance)):
-            # where particles are irregular the force of the face's area is not quite met
-            scale *= self._area(one) / ordered_sum(self.comm, scale[within])
-        kept = keep(self.particles, f"force_per_traction_{one.key}", scale)
-        return Load(self.particles, self.particles.selection(within), kept, mean)
-
-    def _beneath(self, one: SurfaceTraction) -> tuple[np.ndarray, float]:
+    def _beneath(self, one: Traction, plane: Plane) -> tuple[np.ndarray, float]:
         """Distance (owned,) [m] of particles meant from the face, infinite for others; sign of its normal."""
-        particle_set, plane = self.particle_set, one.plane
-        meant = np.ones(len(particle_set), bool)
-        if one.where.body is not None:
-            meant = particle_set.body == self.declared.bodies[one.where.body]
-        offset = particle_set.position[:, plane.axis] - plane.offset
+        meant = np.ones(len(self.particle_set), bool)
+        if one.body is not None:
+            meant = self.particle_set.body == [body.name for body in self.scene.bodies].index(one.body)
+        offset = self.particle_set.position[:, plane.axis] - plane.offset
         low = minimum(self.comm, float(offset[meant].min(initial=np.inf)))
         high = maximum(self.comm, float(offset[meant].max(initial=-np.inf)))
         return np.where(meant, np.abs(offset), np.inf), 1.0 if abs(high) < abs(low) else -1.0
 
-    def _middle(self, one: SurfaceTraction, distance: np.ndarray) -> float:
+    def _middle(self, plane: Plane, distance: np.ndarray) -> float:
         """How deep consistent forces may go: to the middle of a body, beyond which they belong to the face across."""
-        axis, offset = one.plane.axis, one.plane.offset
-        if any(plane.axis == axis and plane.coordinate != offset for plane in self.supports.planes):
+        planes = self.conditions.planes
+        if any(one.axis == plane.axis and one.coordinate != plane.offset for one in planes):
             return np.inf
         inside = distance[np.isfinite(distance)]
         nearest = minimum(self.comm, float(inside.min(initial=np.inf)))

@@ -18,7 +18,7 @@ class PyParsolid(PythonPackage):
 
     variant("plot", default=False, description="Pictures, pages that turn")
 
-    depends_on("python@3.10:", type=("build", "run"))
+    depends_on("python@3.11:", type=("build", "run"))
     depends_on("py-setuptools@68:", type="build")
     # setuptools before 70.1 makes no wheel by itself
     depends_on("py-wheel", type="build")
@@ -31,7 +31,6 @@ class PyParsolid(PythonPackage):
     depends_on("py-meshio@5.3:", type=("build", "run"))
     depends_on("py-pydantic@2.6:", type=("build", "run"))
     depends_on("py-numexpr@2.10:", type=("build", "run"))
-    depends_on("py-tomli@2:", type=("build", "run"), when="^python@:3.10")
     depends_on("py-tomli-w@1:", type=("build", "run"))
     depends_on("py-rich@13:", type=("build", "run"))
     depends_on("py-scipy@1.11:", type=("build", "run"))

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from parsolid.commands.checkerboard import checkerboard_content
+from checkerboard import checkerboard_content
 
 
 def lattice(*counts):

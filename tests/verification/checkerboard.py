@@ -1,6 +1,6 @@
 """How much of a field alternates from particle to particle: the sign of a method that lacks stabilisation.
 
-`python -m parsolid.commands.checkerboard DIR...` prints the number for the pressure of runs at their times.
+`python tests/verification/checkerboard.py DIR...` prints the number for the pressure of runs at their times.
 """
 
 import sys
@@ -63,20 +63,8 @@ def checkerboard_of_run(directory: Path | str, field: str = "pressure") -> list[
     ]
 
 
-def main(arguments: list[str]) -> int:
-    """Print the numbers of runs, a row for each time; exit status 2 for a folder that will not do."""
-    from parsolid.scene import SceneError
-
-    try:
-        for directory in arguments:
-            print(directory)
-            for time, content in checkerboard_of_run(directory):
-                print(f"  t = {time:<10.6g} s  {content:.5f}")
-    except (SceneError, ValueError) as error:
-        print(f"parsolid: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    for directory in sys.argv[1:]:
+        print(directory)
+        for time, content in checkerboard_of_run(directory):
+            print(f"  t = {time:<10.6g} s  {content:.5f}")

@@ -9,9 +9,9 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.collective import maximum
 from parsolid.materials.damage.bond_based import BondBased
-from parsolid.methods.peridynamics.divergence import divergence_of_components
-from parsolid.methods.peridynamics.operator import Operator, algorithmic_law
+from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.pieces import unbalanced_piece
+from parsolid.methods.peridynamics.tangent import Operator, algorithmic_law
 from parsolid.solvers import Grid, StiffVolumes, TwoLevel, start_vector
 
 # width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
@@ -29,7 +29,7 @@ _MOST_FACTORISED = {2: 10_000, 3: 5_000}
 _ITERATIONS = {2: 11, 3: 16}
 
 
-class CoarseGrid:
+class CoarseSpace:
     """Makes the preconditioners of steps; all methods are collective.
 
     Of a stiffness that changes with the displacement it is that of the undeformed body, of a cracked one that of the
@@ -39,7 +39,7 @@ class CoarseGrid:
     def __init__(self, operator: Operator, planes: Any) -> None:
         """planes: the `boundary.mirror_planes.MirrorPlane`s of the scene."""
         self.operator, self.comm, self.planes = operator, operator.comm, planes
-        particles = operator.engine.particles
+        particles = operator.particles
         places = np.ascontiguousarray(particles.owned_rows("reference_position"))
         self.volume, d = particles.owned_rows("volume"), places.shape[1]
         self.length = (self.volume / operator.share) ** (1.0 / d)
@@ -63,25 +63,25 @@ class CoarseGrid:
 
     def preconditioner(self, step: float) -> TwoLevel | StiffVolumes:
         """The preconditioner of a step of a length [s]."""
-        solver, history = copy(self.bare), self.operator.history
-        history.begin(step)
+        solver, forces = copy(self.bare), self.operator.forces
         lame, shear, laws = np.zeros(len(self.volume)), np.zeros(len(self.volume)), []
-        for first, last, law in history.laws:
+        for first, last, law in forces.laws:
             elastic = algorithmic_law(law, step)
             lame[first:last], shear[first:last] = elastic.first_lame, elastic.shear_modulus
             laws.append((first, last, elastic._replace(first_lame=0.0)))
         stiff = self._has_stiff_volumes(lame, shear)
-        lame, shear = lame * history.factor, shear * history.factor
+        factor = forces.factor(step)
+        lame, shear = lame * factor, shear * factor
         resisted = np.maximum(lame, _LEAST * shear) * self.volume
         if stiff:
             lame = np.zeros_like(lame)
         solver.of_moduli(lame, shear, self.volume, self._diagonal(lame + 2.0 * shear, laws if stiff else None, step))
-        motions = self._rigid_motions(self.operator.engine.particles.owned_rows("reference_position"))
+        motions = self._rigid_motions(self.operator.particles.owned_rows("reference_position"))
         solver.leave_out(motions, self._restraint(motions))
         if not stiff:
             return solver
         if self.divergence is None:
-            self.divergence = divergence_of_components(self.operator.engine.bond_system, self.operator.dimension)
+            self.divergence = divergence_of_components(forces.bonds, self.operator.dimension)
         return StiffVolumes(solver, self.divergence, 1.0 / np.concatenate(self.comm.allgather(resisted)))
 
     def _has_stiff_volumes(self, lame: np.ndarray, shear: np.ndarray) -> bool:
@@ -93,7 +93,7 @@ class CoarseGrid:
         """What volumes cost that are stiff in a body too large to factorise their pressures, in words; nothing where
         they are not. steps [s]: lengths of steps. Collective.
         """
-        laws = [algorithmic_law(law, step) for _, _, law in self.operator.history.laws for step in steps]
+        laws = [algorithmic_law(law, step) for _, _, law in self.operator.forces.laws for step in steps]
         ratios = [(law.first_lame or 0.0) / law.shear_modulus for law in laws]
         ratio = maximum(self.comm, max(ratios, default=0.0))
         count, dimension = self.comm.allreduce(len(self.volume)), self.operator.dimension
@@ -133,7 +133,7 @@ class CoarseGrid:
 
     def unbalanced_piece(self, residual: np.ndarray, target: float) -> str:
         """See `pieces.unbalanced_piece`."""
-        motions = self._rigid_motions(self.operator.engine.particles.owned_rows("reference_position"))
+        motions = self._rigid_motions(self.operator.particles.owned_rows("reference_position"))
         return unbalanced_piece(self.operator, motions, self._restraint, residual, target)
 
     def _restraint(self, motions: np.ndarray, piece: np.ndarray | None = None) -> np.ndarray:
@@ -142,7 +142,7 @@ class CoarseGrid:
 
         piece (n,) bool: the particles that move; of them those with images in a plane feel it.
         """
-        particles = self.operator.engine.particles
+        particles = self.operator.particles
         parts = [motions * ~self.operator.free]
         for plane in self.planes:
             concerned = plane.concerns(particles.owned_rows("body"))
@@ -157,7 +157,40 @@ class CoarseGrid:
         return sums(self.comm, sum(np.tensordot(one, one, ((1, 2), (1, 2))) for one in parts))
 
 
-def coarse_grid(operator: Any, planes: Any) -> CoarseGrid | None:
+def coarse_space(operator: Any, planes: Any) -> CoarseSpace | None:
     """The preconditioner's maker, None for bond-based laws, whose moduli it does not know."""
-    bond_based = any(isinstance(law, BondBased) for _, _, law in operator.history.laws)
-    return None if maximum(operator.comm, bond_based) else CoarseGrid(operator, planes)
+    bond_based = any(isinstance(law, BondBased) for _, _, law in operator.forces.laws)
+    return None if maximum(operator.comm, bond_based) else CoarseSpace(operator, planes)
+
+
+def divergence_of_components(bonds: Bonds, dimension: int) -> Any:
+    """D (particles of all ranks, owned d) [1/m] of this rank's components: (D u)_a = tr G_a.
+
+    Particles are numbered by rank, then row. Collective.
+    """
+    from scipy import sparse
+
+    comm, owned, X = bonds.comm, bonds.owned, bonds.positions[:, :dimension]
+    counts = np.array(comm.allgather(owned))
+    first, count = int(counts[: comm.rank].sum()), int(counts.sum())
+    numbers = bonds.halo.with_ghosts(first + np.arange(owned, dtype=np.int64))
+    inverse = bonds.inverse_shapes()[:, :dimension, :dimension] / bonds.volume[:owned, None, None]
+    parts = []
+    for pairs, images, receivers in bonds.lists:
+        a, b = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start)), pairs.neighbour.astype(np.int64)
+        end, Q = X[b], np.ones((len(b), dimension))
+        if images is not None:
+            R, T, Q = (array[images.code, :dimension] for array in (images.reflections, images.shifts, images.signs))
+            end = R * end + T
+        g = pairs.weight[:, None] * (end - X[a])
+        parts.append((a, b, np.einsum("kij,kj->ki", inverse[a], g), Q))
+        if receivers:
+            parts.append((b, a, np.einsum("kij,kj->ki", inverse[b], -g), Q))
+    a, b, g, Q = (np.concatenate(arrays) for arrays in zip(*parts))
+    rows, across = np.repeat(first + a, dimension), np.arange(dimension)
+    there, here = numbers[b][:, None] * dimension + across, (first + a)[:, None] * dimension + across
+    entries = np.concatenate(((Q * g).ravel(), -g.ravel()))
+    places_of = (np.concatenate((rows, rows)), np.concatenate((there.ravel(), here.ravel())))
+    mine = sparse.coo_array((entries, places_of), (count, count * dimension)).tocsr()
+    whole = sum(comm.allgather(mine), start=sparse.csr_array(mine.shape))
+    return whole[:, first * dimension : (first + owned) * dimension]

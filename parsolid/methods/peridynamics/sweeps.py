@@ -1,0 +1,213 @@
+"""Sums over bonds of correspondence peridynamics, in space and in the plane.
+
+With the weight w_ab = w(|xi|) V_a V_b of a bond xi = X_b - X_a, the two sweeps are
+
+    gradient      sum_b w_ab (f_b - f_a) (x) xi                                  = V_a G_a K_a of a field f
+    divergence    sum_b w_ab [(M_a + M_b) xi + (C_a + C_b) (f_b - f_a)]          force [N]
+
+The divergence with M = P K^-1 - C G is the adjoint of the gradient, so that it is the derivative of an energy. A bond
+is stored at one of its ends, and both receive; a ghost and a mirror image receive nothing. The image of a particle
+stands at R X + T and has the field Q f and the matrices Q M R and Q C Q, with which the sweeps are adjoint at every
+kind of plane.
+
+Every particle has one row of each array. In space, vectors and columns of matrices are padded to four numbers, so that
+LLVM makes one vector instruction of each:
+
+    motion (n, 8)   X 0 f 0          sums, M, C (n, 12)   the three columns of a matrix          force (owned, 4)
+
+In the plane they are motion (n, 4) = X f, a matrix (n, 4) column by column, and force (owned, 4) in two halves.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from parsolid.kernels import inlined, kernel
+from parsolid.pairs.rows_of_four import add, add_scaled, load_row, multiply, scale, store_row, subtract
+
+
+class BondList(NamedTuple):
+    """Bonds of particle a in rows start[a] : start[a + 1], (n + 1,) int64.
+
+    neighbour (m,) uint32, of which no sign need be tested; weight (m,): w(|xi|) V_a V_b [m^6, in the plane m^4], 0 of a
+    broken bond.
+    """
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    weight: np.ndarray
+
+
+class Images(NamedTuple):
+    """Mirror images of the neighbours: code (m,) int8 of each bond, a row of signs Q, reflections R (+-1) and shifts T
+    [m], each (codes, 4)."""
+
+    code: np.ndarray
+    signs: np.ndarray
+    reflections: np.ndarray
+    shifts: np.ndarray
+
+
+@inlined
+def add_to_row(A, i, k, u):
+    """Add to numbers k .. k + 3 of row i."""
+    store_row(A, i, k, add(load_row(A, i, k), u))
+
+
+# what a particle itself is beside its images
+ONE, ZERO = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
+
+
+@inlined
+def bond_vectors(motion, Q, R, T, a, b):
+    """xi and f_b - f_a of a bond, of which b is seen as an image, in the plane with a third component 0.
+
+    Seen from its other end a bond without an image has the negatives, to the bit, so that two ranks decide alike about
+    one across their border. That does not hold with an image: whoever decides looks at both (a, b') and (b, a').
+    """
+    # in the plane the third component is a number times 0
+    f = motion.shape[1] // 2
+    last, third = f // 2 + f // 4 - 1, f // 4 * 1.0
+    xi = (R[0] * motion[b, 0] + T[0] - motion[a, 0], R[1] * motion[b, 1] + T[1] - motion[a, 1],
+          third * (R[2] * motion[b, last] + T[2] - motion[a, last]))  # fmt: skip
+    jump = (Q[0] * motion[b, f] - motion[a, f], Q[1] * motion[b, f + 1] - motion[a, f + 1],
+            third * (Q[2] * motion[b, f + last] - motion[a, f + last]))  # fmt: skip
+    return xi, jump
+
+
+@kernel
+def add_gradients_in_space(bonds, images, receivers, motion, sums):
+    """Add sum_b w_ab (f_b - f_a) (x) xi to sums; neighbours below row `receivers` receive, too."""
+    for a in range(bonds.start.shape[0] - 1):
+        X, f = load_row(motion, a, 0), load_row(motion, a, 4)
+        s0, s1, s2 = load_row(sums, a, 0), load_row(sums, a, 4), load_row(sums, a, 8)
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            b = bonds.neighbour[k]
+            X_b, f_b = load_row(motion, b, 0), load_row(motion, b, 4)
+            if images is not None:
+                c = images.code[k]
+                X_b = add(multiply(load_row(images.reflections, c, 0), X_b), load_row(images.shifts, c, 0))
+                f_b = multiply(load_row(images.signs, c, 0), f_b)
+            xi, jump = subtract(X_b, X), scale(bonds.weight[k], subtract(f_b, f))
+            d0, d1, d2 = scale(xi[0], jump), scale(xi[1], jump), scale(xi[2], jump)
+            s0, s1, s2 = add(s0, d0), add(s1, d1), add(s2, d2)
+            if b < receivers:
+                add_to_row(sums, b, 0, d0)
+                add_to_row(sums, b, 4, d1)
+                add_to_row(sums, b, 8, d2)
+        store_row(sums, a, 0, s0)
+        store_row(sums, a, 4, s1)
+        store_row(sums, a, 8, s2)
+
+
+@kernel
+def add_gradients_in_plane(bonds, images, receivers, motion, sums):
+    """As `add_gradients_in_space`."""
+    for a in range(bonds.start.shape[0] - 1):
+        own, s = load_row(motion, a, 0), load_row(sums, a, 0)
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            b = bonds.neighbour[k]
+            other = load_row(motion, b, 0)
+            if images is not None:
+                c = images.code[k]
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
+                )
+                other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
+            step = subtract(other, own)
+            g0, g1 = bonds.weight[k] * step[0], bonds.weight[k] * step[1]
+            d = multiply((step[2], step[3], step[2], step[3]), (g0, g0, g1, g1))
+            s = add(s, d)
+            if b < receivers:
+                add_to_row(sums, b, 0, d)
+        store_row(sums, a, 0, s)
+
+
+@kernel
+def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
+    """Add the forces of the bonds [N]; C None: without control; neighbours below row `receivers` receive, too."""
+    for a in range(bonds.start.shape[0] - 1):
+        X, f, total = load_row(motion, a, 0), load_row(motion, a, 4), load_row(force, a, 0)
+        M0, M1, M2 = load_row(M, a, 0), load_row(M, a, 4), load_row(M, a, 8)
+        if C is not None:
+            C0, C1, C2 = load_row(C, a, 0), load_row(C, a, 4), load_row(C, a, 8)
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            b, w = bonds.neighbour[k], bonds.weight[k]
+            X_b, m0, m1, m2 = load_row(motion, b, 0), load_row(M, b, 0), load_row(M, b, 4), load_row(M, b, 8)
+            if images is not None:
+                Q, R = load_row(images.signs, images.code[k], 0), load_row(images.reflections, images.code[k], 0)
+                X_b = add(multiply(R, X_b), load_row(images.shifts, images.code[k], 0))
+                m0, m1, m2 = scale(R[0], multiply(Q, m0)), scale(R[1], multiply(Q, m1)), scale(R[2], multiply(Q, m2))
+            xi = scale(w, subtract(X_b, X))
+            t = add_scaled(scale(xi[0], add(M0, m0)), xi[1], add(M1, m1))
+            t = add_scaled(t, xi[2], add(M2, m2))
+            if C is not None:
+                f_b, c0, c1, c2 = load_row(motion, b, 4), load_row(C, b, 0), load_row(C, b, 4), load_row(C, b, 8)
+                if images is not None:
+                    f_b, c0 = multiply(Q, f_b), scale(Q[0], multiply(Q, c0))
+                    c1, c2 = scale(Q[1], multiply(Q, c1)), scale(Q[2], multiply(Q, c2))
+                jump = scale(w, subtract(f_b, f))
+                t = add_scaled(t, jump[0], add(C0, c0))
+                t = add_scaled(add_scaled(t, jump[1], add(C1, c1)), jump[2], add(C2, c2))
+            total = add(total, t)
+            if b < receivers:
+                add_to_row(force, b, 0, scale(-1.0, t))
+        store_row(force, a, 0, total)
+
+
+@kernel
+def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
+    """As `add_forces_in_space`; forces are (f0 + f2, f1 + f3) of their rows, see `fold_rows`."""
+    for a in range(bonds.start.shape[0] - 1):
+        own, M_a, total = load_row(motion, a, 0), load_row(M, a, 0), load_row(force, a, 0)
+        if C is not None:
+            C_a = load_row(C, a, 0)
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            b = bonds.neighbour[k]
+            other, M_b = load_row(motion, b, 0), load_row(M, b, 0)
+            if images is not None:
+                c = images.code[k]
+                Q, R, T = (
+                    load_row(images.signs, c, 0),
+                    load_row(images.reflections, c, 0),
+                    load_row(images.shifts, c, 0),
+                )
+                other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
+                M_b = multiply((Q[0] * R[0], Q[1] * R[0], Q[0] * R[1], Q[1] * R[1]), M_b)
+            s, m = scale(bonds.weight[k], subtract(other, own)), add(M_a, M_b)
+            t = (m[0] * s[0], m[1] * s[0], m[2] * s[1], m[3] * s[1])
+            if C is not None:
+                C_b = load_row(C, b, 0)
+                if images is not None:
+                    C_b = multiply((1.0, Q[0] * Q[1], Q[0] * Q[1], 1.0), C_b)
+                m = add(C_a, C_b)
+                t = (t[0] + m[0] * s[2], t[1] + m[1] * s[2], t[2] + m[2] * s[3], t[3] + m[3] * s[3])
+            total = add(total, t)
+            if b < receivers:
+                store_row(force, b, 0, subtract(load_row(force, b, 0), t))
+        store_row(force, a, 0, total)
+
+
+@kernel
+def fold_rows(force):
+    """Forces (f0 + f2, f1 + f3, 0, 0) from rows of the plane."""
+    for a in range(force.shape[0]):
+        store_row(force, a, 0, (force[a, 0] + force[a, 2], force[a, 1] + force[a, 3], 0.0, 0.0))
+
+
+@kernel
+def fill_columns(first, last, vectors, column, rows):
+    """Copy vectors (d, n) of some particles into rows from a column on."""
+    for i in range(vectors.shape[0]):
+        for a in range(first, last):
+            rows[a, column + i] = vectors[i, a]
+
+
+@kernel
+def copy_to_columns(rows, vectors):
+    """Copy rows (n, 4) into vectors (d, n or more)."""
+    for i in range(vectors.shape[0]):
+        for a in range(rows.shape[0]):
+            vectors[i, a] = rows[a, i]
