@@ -9,8 +9,7 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.peridynamics.forces import particles_of
-from parsolid.methods.ulsph.boundaries import BoundarySet
-from parsolid.methods.ulsph.fields import declare_motion
+from parsolid.methods.ulsph.state import declare_motion
 from parsolid.particles.container import Particles
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.generation import generate
@@ -74,6 +73,6 @@ def translated(comm, data: dict):
     if scene.method.kind == "ulsph":
         particles = Particles(particle_set.body)
         declare_generated(particles, particle_set)
-        declare_motion(particles, particle_set.position, None, None, False)
-        return BoundarySet(comm, scene, particle_set, particles)
+        declare_motion(particles, particle_set.position)
+        return Conditions(comm, scene, particle_set, particles)
     return GridConditions(comm, scene, particle_set, MaterialPoints(scene, particle_set))
