@@ -74,7 +74,7 @@ def test_the_cross_product_is_the_derivative_of_the_cofactor():
     np.testing.assert_allclose(t.cross(nine(a), nine(b)), slope, atol=1e-8)
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1.0, 1e150])
+@pytest.mark.parametrize("scale", [1e-60, 1.0, 1e60])
 def test_the_largest_eigenvalue_and_its_bound(scale):
     for seed in range(20):
         s = scale * general_and_symmetric(seed)[2]
