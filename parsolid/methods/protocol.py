@@ -94,6 +94,11 @@ class ParticleSystem:
         """Order (n,) in which the constructor wants this rank's particles; collective."""
         return sort_for_speed(comm, particle_set, laws_of(scene))
 
+    @staticmethod
+    def owners(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray | None:
+        """Ranks (n,) int32 of particles that must have them, -1 of others; None where any will do for all; collective."""
+        return None
+
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """Everything but the state; particle_set: this rank's particles, sorted. Collective.
 

@@ -1,7 +1,7 @@
 """Weights (g_ab, k_ab) of pair lists, and the corrections L_a that make gradients of linear fields exact.
 
 g_ab = V_a V_b grad_a W(X_a - X_b) of a smoothing kernel [m^5 in space, m^3 in the plane], or, between nodes of a
-lattice, in closed form (`lattice_stencils`), or changed until they close (`closure`). L_a = [sum_b g_ab (x)
+lattice of cells, in closed form (`cell_weights`), or changed until they close (`closure`). L_a = [sum_b g_ab (x)
 (X_b - X_a) / V_a]^-1, eq (71) of Lee et al. k_ab scales the Riemann dissipation: S/2 |C_skew| with C_skew = (L_a + L_b)
 g_ab and a factor S, eq (75), over |g_ab| where impedances depend on the direction of g_ab.
 """
@@ -12,9 +12,8 @@ import numpy as np
 
 from parsolid.collective import raise_together
 from parsolid.kernels import kernel
+from parsolid.pairs.cell_weights import NodesOfCells
 from parsolid.pairs.closure import close
-from parsolid.pairs.lattice_pairs import Lattices
-from parsolid.pairs.lattice_stencils import WIDEST
 from parsolid.pairs.pair_list import Neighbours, distance_in_support
 from parsolid.pairs.smoothing.gradient import gradient_factor
 
@@ -27,7 +26,7 @@ class ListWeights:
 
     kernel: of `smoothing.smoothing_kernel`. dissipation: the factor S. directional: whether impedances depend on the
     direction of g_ab. surface: area vectors (owned, d) [m^2], shares (owned,) and which particles (owned,) are to have
-    closed weights, see `closure.Closure`, or None. lattices: of owned particles, or None; pairs of two lattices, or of
+    closed weights, see `closure.Closure`, or None. cells: of owned particles, or None; pairs of two lattices, or of
     one and a particle on none, have no weight. rounded: whether weights of the kernel are rounded to float32.
     """
 
@@ -37,24 +36,24 @@ class ListWeights:
         dissipation: float = 1.0,
         directional: bool = False,
         surface: Any = None,
-        lattices: Lattices | None = None,
+        cells: NodesOfCells | None = None,
         rounded: bool = False,
     ) -> None:
         self.kernel, self.support, self.dissipation = kernel, kernel.support, dissipation
-        self.directional, self.surface, self.lattices, self.rounded = directional, surface, lattices, rounded
+        self.directional, self.surface, self.cells, self.rounded = directional, surface, cells, rounded
 
     def fill(self, near: Neighbours) -> np.ndarray:
         """Fill the weights of both lists; the corrections L (owned, d, d). Collective.
 
         Raises SolverError on all ranks for a particle without neighbours and for weights that cannot be closed.
         """
-        if self.lattices is not None:
-            number = near.with_ghosts_and_images(self.lattices.number, "number")
-            near.inner, near.outer = (_on_lattices(one, self.lattices, number, near.even) for one in near.lists)
+        if self.cells is not None:
+            number = near.with_ghosts_and_images(self.cells.number, "number")
+            near.inner, near.outer = (_on_lattices(one, self.cells, number, near.positions) for one in near.lists)
         for pairs in near.lists:
             kernel_weights(self.kernel, pairs, near.positions, near.metric, near.volume)
-            if self.lattices is not None:
-                fill_lattice_weights(self.lattices, pairs, near.even)
+            if self.cells is not None:
+                fill_cell_weights(self.cells, pairs, near.positions)
             if self.rounded:
                 # before corrections are found: gradients of linear fields stay exact
                 pairs.weight[:] = pairs.weight.astype(np.float32)
@@ -64,8 +63,6 @@ class ListWeights:
         everywhere = near.with_ghosts_and_images(correction, "tensor")
         for pairs in near.lists:
             jump_factors(pairs, everywhere, self.dissipation, self.directional)
-            if self.lattices is not None:
-                keep_near_jumps(self.lattices, pairs, near.even)
             if self.rounded:
                 d = correction.shape[1]
                 pairs.weight[:, d] = pairs.weight[:, d].astype(np.float32)
@@ -149,25 +146,25 @@ def jump_factors(pairs, correction, factor, directional):
                 pairs.weight[k, d] = 0.5 * factor * (skew / length) ** 0.5 if length > 0.0 else 0.0
 
 
-# --- nodes of lattices -------------------------------------------------------------------------------------------
+# --- nodes of cells ----------------------------------------------------------------------------------------------
 
 
 @kernel
-def lattice_weight(lattices, positions, a, b):
+def cell_weight(cells, positions, a, b):
     """(axis, weight) of owned particle a and particle b on its lattice; weight 0.0 where they are no pair."""
     axis, steps = -1, 0
     for i in range(positions.shape[1]):
-        distance = (positions[b, i] - positions[a, i]) / lattices.spacing[a, i]
+        distance = (positions[b, i] - positions[a, i]) / cells.spacing[a, i]
         offset = round(distance)
-        if abs(distance - offset) > _ASTRAY or abs(offset) > WIDEST or (offset != 0 and axis >= 0):
+        if abs(distance - offset) > _ASTRAY or abs(offset) > 1 or (offset != 0 and axis >= 0):
             return 0, 0.0
         if offset != 0:
             axis, steps = i, offset
-    return max(axis, 0), lattices.weight[a, max(axis, 0), WIDEST + steps] if axis >= 0 else 0.0
+    return max(axis, 0), cells.weight[a, max(axis, 0), (steps + 1) // 2] if axis >= 0 else 0.0
 
 
 @kernel
-def _with_weights(pairs, lattices, number, positions):
+def _with_weights(pairs, cells, number, positions):
     kept, count = np.empty(pairs.neighbour.size, np.bool_), np.zeros(pairs.start.size, np.int64)
     for a in range(pairs.start.size - 1):
         count[a + 1] = count[a]
@@ -175,43 +172,24 @@ def _with_weights(pairs, lattices, number, positions):
             b = pairs.neighbour[k]
             kept[k] = number[a] == number[b]
             if kept[k] and number[a] >= 0:
-                kept[k] = lattice_weight(lattices, positions, a, b)[1] != 0.0
+                kept[k] = cell_weight(cells, positions, a, b)[1] != 0.0
             count[a + 1] += kept[k]
     return count, pairs.neighbour[kept]
 
 
-def _on_lattices(pairs: Any, lattices: Lattices, number: np.ndarray, positions: np.ndarray) -> Any:
+def _on_lattices(pairs: Any, cells: NodesOfCells, number: np.ndarray, positions: np.ndarray) -> Any:
     """The pairs whose particles are on one lattice and have a weight, or both on none; number (rows,)."""
-    start, neighbour = _with_weights(pairs, lattices, number, positions)
+    start, neighbour = _with_weights(pairs, cells, number, positions)
     return type(pairs)(start, neighbour, np.zeros((len(neighbour), 4)))
 
 
 @kernel
-def fill_lattice_weights(lattices, pairs, positions):
+def fill_cell_weights(cells, pairs, positions):
     """Put g_ab [m^2] of pairs on lattices over what is there."""
     for a in range(pairs.start.size - 1):
-        if lattices.number[a] < 0:
+        if cells.number[a] < 0:
             continue
         for k in range(pairs.start[a], pairs.start[a + 1]):
-            axis, weight = lattice_weight(lattices, positions, a, pairs.neighbour[k])
+            axis, weight = cell_weight(cells, positions, a, pairs.neighbour[k])
             for i in range(positions.shape[1]):
                 pairs.weight[k, i] = weight if i == axis else 0.0
-
-
-@kernel
-def keep_near_jumps(lattices, pairs, positions):
-    """Set k_ab of pairs on lattices to 0 but of nearest neighbours that are not `undamped`.
-
-    The jump of a pair over two spacings, reconstructed, is no positive form: with it waves of short length grow.
-    """
-    d = positions.shape[1]
-    for a in range(pairs.start.size - 1):
-        if lattices.number[a] < 0:
-            continue
-        for k in range(pairs.start[a], pairs.start[a + 1]):
-            b = pairs.neighbour[k]
-            for i in range(d):
-                steps = (positions[b, i] - positions[a, i]) / lattices.spacing[a, i]
-                none = (steps < -0.5 and lattices.undamped[a, i, 0]) or (steps > 0.5 and lattices.undamped[a, i, 1])
-                if abs(steps) > 1.5 or none:
-                    pairs.weight[k, d] = 0.0

@@ -98,8 +98,7 @@ class Neighbours:
 
     halo: ghosts; owned, local, rows: numbers of particles, with ghosts, with images. inner, outer: lists of pairs of
     owned particles, and of those with ghosts and images, with weights still to be filled. Of all rows: positions (rows,
-    d) [m], volume (rows,) [m^3] that counts in sums, metric (rows or 1, 6) [1/m^2]; even (rows, d): places by which
-    pairs are found.
+    d) [m], volume (rows,) [m^3] that counts in sums, metric (rows or 1, 6) [1/m^2].
     """
 
     def __init__(
@@ -112,22 +111,20 @@ class Neighbours:
         metric: np.ndarray,
         volume: np.ndarray,
         unbonded: np.ndarray | None = None,
-        even: np.ndarray | None = None,
     ) -> None:
-        """codes: `boundary.mirror_planes.MirrorCodes` or None; positions, body, metric, volume, even: of owned
-        particles; unbonded (bodies, bodies): bodies that have no pairs. Collective.
+        """codes: `boundary.mirror_planes.MirrorCodes` or None; positions, body, metric, volume: of owned particles;
+        unbonded (bodies, bodies): bodies that have no pairs. Collective.
 
         Raises SolverError on all ranks for two particles at one place, and for planes too close to one another.
         """
-        found_by = positions if even is None else even
         metric, uniform = common_metric(comm, metric)
         reach = reach_of(comm, metric, support, positions.shape[1])
         if codes is not None:
             raise_together(comm, codes.too_close(reach.scale * support))
         self.comm = comm
-        self.halo = halo = Halo.plan(comm, np.ascontiguousarray(found_by / reach.scale), reach.distance)
+        self.halo = halo = Halo.plan(comm, np.ascontiguousarray(positions / reach.scale), reach.distance)
         self.owned, self.local = halo.owned, halo.owned + halo.ghosts
-        places = halo.with_ghosts(np.ascontiguousarray(found_by))
+        places = halo.with_ghosts(np.ascontiguousarray(positions))
         start, neighbour, code = plain_candidates(places, self.owned, reach)
         bodies: Any = None
         if unbonded is not None or codes is not None:
@@ -147,10 +144,7 @@ class Neighbours:
             metric = _metric_of_images(np.broadcast_to(metric, (self.local, 6)), self.images)
         self.metric = np.ascontiguousarray(metric)
         self.volume = self.images.of_numbers(halo.with_ghosts(volume))
-        self.even = self.images.of_places(places)
-        self.positions = self.even
-        if even is not None:
-            self.positions = self.images.of_places(halo.with_ghosts(np.ascontiguousarray(positions)))
+        self.positions = self.images.of_places(places)
         self.inner, fault = self._select(start, neighbour, 0, self.owned, support)
         both = _merged((start, neighbour), (images[0], at_images))
         self.outer, other = self._select(*both, self.owned, self.rows, support)
@@ -159,7 +153,7 @@ class Neighbours:
     def _select(
         self, start: np.ndarray, neighbour: np.ndarray, first: int, last: int, support: float
     ) -> tuple[PairList, str | None]:
-        kept, found, same = within_support(start, neighbour, first, last, self.even, self.metric, support)
+        kept, found, same = within_support(start, neighbour, first, last, self.positions, self.metric, support)
         fault = coincident(self.positions, start, same) if same >= 0 else None
         return PairList(kept, found, np.zeros((len(found), 4))), fault
 

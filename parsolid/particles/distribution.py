@@ -11,8 +11,12 @@ from parsolid.collective import anywhere
 from parsolid.materials.blocks import block_numbers
 
 
-def distribute(comm: Any, particle_set: Any, values: dict[str, Any] | None = None) -> Any:
+def distribute(
+    comm: Any, particle_set: Any, values: dict[str, Any] | None = None, owner: np.ndarray | None = None
+) -> Any:
     """Give each rank a compact part of all particles with the same number of them; collective.
+
+    owner (n,) int32: ranks of particles that are known, -1 of others; the same on all ranks whether it is given.
 
     With values, further arrays (n, ...) of the particles by name, returns (particle_set, values), else the
     particle_set.
@@ -22,7 +26,12 @@ def distribute(comm: Any, particle_set: Any, values: dict[str, Any] | None = Non
             particle_set, axes=np.tile(np.eye(particle_set.position.shape[1]), (len(particle_set.position), 1, 1))
         )
     # in units of the spacing, so that parts have few interactions across their cuts
-    owner = bisect(comm, np.ascontiguousarray(particle_set.position / _typical_spacing(comm, particle_set)))
+    places = particle_set.position / _typical_spacing(comm, particle_set)
+    rest = np.ones(len(places), bool) if owner is None else owner < 0
+    found = np.zeros(len(places), np.int32) if owner is None else owner
+    if anywhere(comm, bool(rest.any())):
+        found[rest] = bisect(comm, np.ascontiguousarray(places[rest]))
+    owner = found
     moved = dataclasses.replace(particle_set, **migrate(comm, owner, columns(particle_set)))
     return moved if values is None else (moved, migrate(comm, owner, values))
 

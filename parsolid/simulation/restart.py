@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from parsolid.collective import SolverError
+from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.checkpoint import numbered, previous_name, read_checkpoint
 from parsolid.output.errors import OutputError, together
@@ -44,9 +45,14 @@ class Restart:
             raise OutputError(f"{path}: expected the checkpoint of a run, found one without {', '.join(missing)}")
         self.same_ranks = self.header["ranks"] == comm.size
         self.particle_sets = [_particle_set(values) for values in self.values]
-        if not self.same_ranks:
-            moved = [distribute(comm, *one) for one in zip(self.particle_sets, self.values)]
-            self.particle_sets, self.values = [one[0] for one in moved], [one[1] for one in moved]
+
+    def distribute(self, scene: Scene) -> None:
+        """Partition the particles anew, for another number of ranks; collective."""
+        for number, plan in enumerate(scene.systems):
+            particle_set, values = self.particle_sets[number], self.values[number]
+            owner = method_class(plan.settings).owners(self.comm, scene.part(plan), particle_set)
+            moved = distribute(self.comm, particle_set, values, owner)
+            self.particle_sets[number], self.values[number] = moved
 
     def check(self, scene: Scene) -> None:
         """Compare the scene with that of the checkpoint; `notes` tell of what was accepted. Collective.

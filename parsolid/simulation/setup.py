@@ -29,6 +29,8 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
     Raises SceneError or SolverError on all ranks when the scene cannot be set up.
     """
     plans = scene.systems
+    if restart and not restart.same_ranks:
+        restart.distribute(scene)
     drawn = restart.particle_sets if restart else _generated(comm, scene, plans)
     systems: list[ParticleSystem] = []
     particle_sets, orders = [], []
@@ -70,12 +72,14 @@ def _keys_of(scene: Scene, plan: SystemOfScene) -> Iterator[None]:
 def _generated(comm: Any, scene: Scene, plans: tuple[SystemOfScene, ...]) -> list[ParticleSet]:
     """This rank's particles of each system, whose bodies are numbered anew from 0; collective."""
     whole = generate(scene, comm)
-    if len(plans) == 1:
-        return [distribute(comm, whole)]
     pieces = []
     for plan in plans:
-        piece = take(whole, np.flatnonzero(np.isin(whole.body, plan.bodies)))
-        number = np.zeros(len(scene.bodies), whole.body.dtype)
-        number[list(plan.bodies)] = np.arange(len(plan.bodies))
-        pieces.append(distribute(comm, dataclasses.replace(piece, body=number[piece.body])))
+        piece = whole
+        if len(plans) > 1:
+            piece = take(whole, np.flatnonzero(np.isin(whole.body, plan.bodies)))
+            number = np.zeros(len(scene.bodies), whole.body.dtype)
+            number[list(plan.bodies)] = np.arange(len(plan.bodies))
+            piece = dataclasses.replace(piece, body=number[piece.body])
+        owner = method_class(plan.settings).owners(comm, scene.part(plan), piece)
+        pieces.append(distribute(comm, piece, owner=owner))
     return pieces

@@ -5,12 +5,12 @@ from itertools import product
 
 import numpy as np
 
-from parsolid.pairs.axis_waves import Lattice
+from parsolid.pairs.box_stable_step import BoxWaves
 
 
-def growth_rate(lattice: Lattice, parts: list[tuple[np.ndarray, ...]], pressure: float, shear: float) -> float:
+def growth_rate(lattice: BoxWaves, parts: list[tuple[np.ndarray, ...]], pressure: float, shear: float) -> float:
     """Of the motion that grows most in short steps of a free box with axes that are the same from both ends; parts: of
-    each axis norm, gradient and jumps as `test_axis_waves.gradient_and_jumps` has them."""
+    each axis norm, gradient and jumps as `test_box_stable_step.gradient_and_jumps` has them."""
     d, found = len(parts), []
     speeds = np.full((d, d), shear) + (pressure - shear) * np.eye(d)
     lame, mu = pressure**2 - 2.0 * shear**2, shear**2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from solids import evaluate, gathered, random_of, run_steps, simulation, tables
 
-from parsolid.materials.hyperelastic.law import elastic_moduli
+from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.observables.declared import field_of
 from parsolid.scene import SceneError, parse_scene
 

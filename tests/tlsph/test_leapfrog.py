@@ -101,7 +101,7 @@ def test_strain_is_the_gradient_of_the_motion_and_its_minors(scene):
     system, d = sim.systems[0], sim.systems[0].dimension
     F = np.array(system.particles.owned_rows("deformation_gradient"))
     assert np.abs(F - np.eye(d).ravel()).max() > 0.05
-    gradient = system.lists.displacement_gradient().reshape(-1, d * d)
+    gradient = system.displacement_gradient().reshape(-1, d * d)
     np.testing.assert_allclose(F - np.eye(d).ravel(), gradient, rtol=0.0, atol=1e-13)
     J = np.linalg.det(F.reshape(-1, d, d))
     np.testing.assert_allclose(system.particles.owned_rows("jacobian"), J, rtol=1e-14)

@@ -172,6 +172,3 @@ def _neo_hookean_moduli(law):
 @elastic_moduli.of(MooneyRivlin)
 def _moduli(law):
     return 2.0 * (law.xi + law.zeta), law.lambda_hat + 4.0 * law.zeta
-
-
-from parsolid.materials.hyperelastic import mooney_rivlin_lanes  # noqa: E402, F401  (its functions)

@@ -13,17 +13,24 @@ gamma_j/(4 tau_j) (C - C_j) : 4 d2W/dC2(C_j) : (C - C_j): neither is negative wh
 past C, so that it stays positive definite.
 """
 
-import math
 from typing import NamedTuple
 
-from decomposition.deferred import register_jitable
+from parsolid.elementary import log
+from parsolid.kernels import inlined
 from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
-from parsolid.numerics.dispatch import none_without
-from parsolid.numerics.tensors import I, contract, determinant, expand, inverse_symmetric, trace
+from parsolid.tensors import (
+    add_spherical,
+    combine_symmetric,
+    contract_symmetric,
+    determinant_symmetric,
+    inverse_symmetric,
+    trace_symmetric,
+)
 
 
 class HyperelasticSeries(NamedTuple):
-    """solid: that of equilibrium, without branches; ratios gamma_j and relaxation_times [s]: tuples of equal length."""
+    """solid: that of equilibrium, without branches, its zeta a number; ratios gamma_j and relaxation_times [s]: tuples
+    of equal length."""
 
     density: float
     solid: MooneyRivlin
@@ -31,38 +38,28 @@ class HyperelasticSeries(NamedTuple):
     relaxation_times: tuple
 
 
-@register_jitable
-def second_piola_kirchhoff_stress(solid, C):
-    """S0 [Pa] of a symmetric C: 2 xi I + 2 zeta (tr C I - C) + [lambda_hat (J - 1) - 2 (xi + 2 zeta)/J] J C^-1."""
-    J = math.sqrt(determinant(expand(C)))
-    inverse = inverse_symmetric(C)
-    S = 2.0 * solid.xi * I + (solid.lambda_hat * (J - 1.0) * J - 2.0 * solid.xi) * inverse
-    return _with_area(solid.zeta, C, inverse, S)
+@inlined
+def second_stress(solid, C):
+    """S0 [Pa] of a symmetric C: 2 xi 1 + 2 zeta (tr C 1 - C) + [lambda_hat (J - 1) J - 2 xi - 4 zeta] C^-1."""
+    J = determinant_symmetric(C) ** 0.5
+    spherical = 2.0 * solid.xi + 2.0 * solid.zeta * trace_symmetric(C)
+    along = solid.lambda_hat * (J - 1.0) * J - 2.0 * solid.xi - 4.0 * solid.zeta
+    return add_spherical(combine_symmetric(along, inverse_symmetric(C), -2.0 * solid.zeta, C), spherical)
 
 
-@none_without("zeta", returns="S")
-def _with_area(zeta, C, inverse, S):
-    return S + 2.0 * zeta * (trace(C) * I - C) + (-4.0 * zeta) * inverse
-
-
-@register_jitable
+@inlined
 def solid_energy(solid, C):
-    """W [J/m^3] of a symmetric C of floats."""
-    J = math.sqrt(determinant(expand(C)))
-    W = solid.xi * (trace(C) - 3.0) - 2.0 * solid.xi * math.log(J) + 0.5 * solid.lambda_hat * (J - 1.0) * (J - 1.0)
-    return _with_area_energy(solid.zeta, C, J, W)
+    """W [J/m^3] of a symmetric C; tr cof C = J^2 tr C^-1."""
+    J = determinant_symmetric(C) ** 0.5
+    area = J * J * trace_symmetric(inverse_symmetric(C)) - 3.0
+    chains = solid.xi * (trace_symmetric(C) - 3.0) + solid.zeta * area
+    return chains - 2.0 * (solid.xi + 2.0 * solid.zeta) * log(J) + 0.5 * solid.lambda_hat * (J - 1.0) * (J - 1.0)
 
 
-@none_without("zeta", returns="W")
-def _with_area_energy(zeta, C, J, W):
-    # tr cof C = J^2 tr C^-1
-    return W + zeta * (J * J * trace(inverse_symmetric(C)) - 3.0 - 4.0 * math.log(J))
-
-
-@register_jitable
+@inlined
 def branch_energy(solid, C, relaxed):
-    """W(C) - W(C_j) - 1/2 S0(C_j) : (C - C_j) [J/m^3], over gamma_j."""
-    tangent = 0.5 * contract(second_piola_kirchhoff_stress(solid, relaxed), C - relaxed)
+    """W(C) - W(C_j) - 1/2 S0(C_j) : (C - C_j) [J/m^3], over gamma_j: how far W lies above its tangent at C_j."""
+    tangent = 0.5 * contract_symmetric(second_stress(solid, relaxed), combine_symmetric(1.0, C, -1.0, relaxed))
     return solid_energy(solid, C) - solid_energy(solid, relaxed) - tangent
 
 
@@ -72,7 +69,7 @@ def of_material(material) -> HyperelasticSeries:
     G, lame = constants.shear_modulus, constants.bulk_modulus - 2.0 / 3.0 * constants.shear_modulus
     zeta = 0.5 * G * (material.area_share or 0.0)
     solid = MooneyRivlin(
-        float(material.density), float(0.5 * G - zeta), float(zeta) or None, float(lame - 4.0 * zeta), None, None
+        float(material.density), float(0.5 * G - zeta), float(zeta), float(lame - 4.0 * zeta), None, None
     )
     stated = material.youngs_modulus or material.shear_modulus
     ratios = tuple(float(modulus / stated) for modulus in material.term_moduli)

@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.elementary import log
 from parsolid.kernels import inlined
 from parsolid.materials.hyperelastic import functions as hyperelastic
 from parsolid.materials.law_functions import law_function
 from parsolid.materials.viscoelastic import maxwell
-from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries, second_stress, solid_energy
 from parsolid.materials.viscoelastic.prony import (
     LinearSolid,
     Prony,
@@ -220,25 +219,6 @@ def _maxwell_end_of_step(law, weights, history, a, G, plane):
 
 
 @inlined
-def second_stress(solid, C):
-    """S = 2 dW/dC [Pa] of a Mooney-Rivlin solid: 2 xi 1 + 2 zeta (tr C 1 - C) + [lambda_hat (J - 1) J - 2 xi - 4 zeta]
-    C^-1."""
-    J = determinant_symmetric(C) ** 0.5
-    spherical = 2.0 * solid.xi + 2.0 * solid.zeta * trace_symmetric(C)
-    along = solid.lambda_hat * (J - 1.0) * J - 2.0 * solid.xi - 4.0 * solid.zeta
-    return add_spherical(combine_symmetric(along, inverse_symmetric(C), -2.0 * solid.zeta, C), spherical)
-
-
-@inlined
-def energy_of(solid, C):
-    """W(C) [J/m^3] of a Mooney-Rivlin solid; tr cof C = J^2 tr C^-1."""
-    J = determinant_symmetric(C) ** 0.5
-    area = J * J * trace_symmetric(inverse_symmetric(C)) - 3.0
-    chains = solid.xi * (trace_symmetric(C) - 3.0) + solid.zeta * area
-    return chains - 2.0 * (solid.xi + 2.0 * solid.zeta) * log(J) + 0.5 * solid.lambda_hat * (J - 1.0) ** 2
-
-
-@inlined
 def relaxed_stress(law, weights, history, a, C):
     """sum gamma_j S(C_j) [Pa] after a step to C."""
     old, total = tensor_at(history, 0, a), NOTHING
@@ -266,7 +246,7 @@ def _series_end_of_step(law, weights, history, a, G, plane):
     )
     # N . S N of what has relaxed goes off
     waves += largest_principal_value(times_symmetric(-1.0, total), plane)
-    energy = energy_of(law.solid, C)
+    energy = solid_energy(law.solid, C)
     stored, lost = energy, 0.0
     for j in range(weights.shape[0]):
         before = tensor_at(history, 1 + j, a)
@@ -278,7 +258,7 @@ def _series_end_of_step(law, weights, history, a, G, plane):
         lost += 0.25 * weights[j, 0] * contract_symmetric(change, strain)
         # W lies above its tangent at C_j
         tangent = 0.5 * contract_symmetric(S, combine_symmetric(1.0, C, -1.0, after))
-        stored += weights[j, 0] * (energy - energy_of(law.solid, after) - tangent)
+        stored += weights[j, 0] * (energy - solid_energy(law.solid, after) - tangent)
         store_tensor(history, 1 + j, a, after)
     store_tensor(history, 0, a, C)
     return stored, lost, waves, determinant_symmetric(old) / (J * J)
@@ -289,8 +269,6 @@ def _series_end_of_step(law, weights, history, a, G, plane):
 
 def kernel_law(law: Any) -> Any:
     """A law as kernels take it."""
-    if isinstance(law, HyperelasticSeries):
-        return law._replace(solid=law.solid._replace(zeta=law.solid.zeta or 0.0))
     return linear_solid(law) if isinstance(law, Prony) else law
 
 

@@ -1,19 +1,20 @@
-"""Bodies whose particles are the nodes of a lattice: their pair weights in closed form, with their own volumes and
-areas."""
+"""Bodies whose particles are the nodes of a lattice: boxes, whose sums run along their axes (`pairs.box_sweeps`), and
+perforated boxes, whose cells give weights to pair lists (`pairs.cell_weights`)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from decomposition.boxes import BoxOfNodes, cut_boxes, owners
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
-from parsolid.methods.tlsph.body_weights import ON_LATTICES
-from parsolid.pairs.axis_waves import Lattice, feeds_waves, feeds_waves_of_volume, most_change, signal
-from parsolid.pairs.lattice_pairs import Lattices
-from parsolid.pairs.lattice_stencils import WIDEST, Axis, Stencils, box_stencils, cell_stencils, lengths_of
+from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
+from parsolid.pairs.box_stable_step import BoxWaves, feeds_waves, feeds_waves_of_volume, most_change
+from parsolid.pairs.box_weights import REACH, Axis, lengths_of, shares_of
+from parsolid.pairs.cell_weights import Cells, cells_around
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.fillings import filling_of
 
@@ -23,97 +24,124 @@ _RK3_FREQUENCY, _RK3_DAMPING = 1.7320, 2.5127
 _LEAPFROG = 0.56
 # part of a bound that is used
 _SAFETY = 0.95
-# highest frequency of cells along an axis with steps of 1 m and waves of 1 m/s: of one cell, which bounds any union of
-# them, and of two or more in a row
-_ONE_CELL, _MORE_CELLS = 2.0, 1.5
+# highest frequency of one cell with steps of 1 m and waves of 1 m/s, along an axis: it bounds any union of cells
+_ONE_CELL = 2.0
 # damping of the wave that alternates from node to node along an axis, over that of cells: twice the largest weight
-_DAMPING = {"cells": 1.0, "fourth-order": 4.0 / 3.0}
+_DAMPING = {False: 1.0, True: 4.0 / 3.0}
 # least length of a node over the least distance of nodes of a graded axis: 17/48 at the ends of even ones
 _THINNEST = 0.2
 # of axes of fourth order, which alone have it
 _FED = "with them method.dissipation would feed waves; more particles change slower, or less of it"
-_NO_EDGES = "method.clamp_edges: expected 0 unless a fixed plane meets a free face of a box on a lattice, found {:g}"
 # a hair more than the offset of the farthest neighbour
 _HAIR = 1.02
+_NO_EDGES = "method.clamp_edges: expected 0 unless a fixed plane meets a free face of a box on a lattice, found {:g}"
+# least planes of a rank's part at the end of a box: of fourth order its nodes reach three planes, and stand together
+_END_PLANES = {"fourth-order": 4, "cells": 2}
 
 
-class LatticeBodies(NamedTuple):
-    """lattices: those of a rank's particles; reach (n,): distance of the farthest neighbour in spacings, 0 on none.
+class LatticeBody(NamedTuple):
+    """A body of nodes: its number, its axes in space, whether those with room are of fourth order, whether it is a box,
+    the number of its first particle, rows (k,) of this rank's nodes where a clamp meets a free face, which do without a
+    part of their volume, and the cells around this rank's nodes of a body that is no box."""
 
-    frequency, damping: greatest of all bodies, of pressure waves and of the dissipation, in units of the spacing, the
-    wave speed and, for the damping, of that of cells. signals: of each body the speed that takes a spacing in the
-    largest step of leapfrog, by those of pressure and shear waves. even (n, d): places [m] with even steps in bodies
-    whose steps are graded, None where no body's are.
-    """
+    body: int
+    axes: tuple[Axis, ...]
+    fourth_order: bool
+    box: bool
+    first_identifier: int
+    clamp_edges: np.ndarray
+    cells: Cells | None
 
-    lattices: Lattices
-    reach: np.ndarray
-    frequency: float
-    damping: float
-    signals: list[Callable[[float, float], float]]
-    even: np.ndarray | None = None
+    @property
+    def reach(self) -> float:
+        """Distance of the farthest neighbour in spacings, and a hair more."""
+        return _HAIR * (REACH if self.fourth_order else 1)
 
-    def largest_step(self, pressure: float, shear: float, dissipation: float) -> float:
-        """Largest step, in spacings, of SSP-RK3 for waves of these speeds and a factor on the dissipation.
+    @property
+    def frequency(self) -> float:
+        """Bound on that of pressure waves [1/s] times the least spacing over their speed."""
+        if self.box:
+            return BoxWaves(self.axes, self.fourth_order, 1.0, False).highest_frequency()
+        least = min(axis.step for axis in self.axes)
+        return float(np.linalg.norm([_ONE_CELL * least / axis.step for axis in self.axes]))
 
-        The dissipation acts on nearest neighbours with the impedances of both waves: a velocity that alternates from
-        node to node along every axis decays at the rate 2 [c_p + (d - 1) c_s] times `damping`. Less dissipation than
-        the usual does not make the step longer.
+    @property
+    def damping(self) -> float:
+        """Of the wave that alternates from node to node, over that of cells."""
+        return _DAMPING[self.fourth_order]
+
+    def signal_speed(self, settings: Any) -> Callable[[float, float], float]:
+        """Least spacing over the largest step of leapfrog [m/s], by the speeds of pressure and of shear waves [m/s].
+
+        Of any union of cells w^2 dt^2 + 2 b dt = 4 with the highest frequency, which has a little damping, and that of
+        the wave that alternates from node to node.
         """
-        decay = 2.0 * self.damping * max(1.0, dissipation) * (pressure + (self.lattices.spacing.shape[1] - 1) * shear)
-        return _SAFETY * min(_RK3_FREQUENCY / (self.frequency * pressure), _RK3_DAMPING / decay)
+        if self.box:
+            return BoxWaves(
+                self.axes, self.fourth_order, float(settings.dissipation), settings.reconstruction
+            ).signal_speed
+        # less dissipation than the usual does not make the step longer
+        most, d = max(1.0, float(settings.dissipation)), len(self.axes)
+        fast, slow = max(self.damping, _LEAPFROG * self.frequency), self.damping * (d - 1)
+        return partial(_weighted, most * fast, most * slow)
 
 
-def put_on_lattices(
-    comm: Any, scene: Any, particle_set: ParticleSet, boundaries: Any, kinds: list[str], laws: Any
-) -> LatticeBodies | None:
-    """Weights of the bodies that are on lattices by their kinds (`body_weights`), None where no body is; collective.
+def _weighted(fast: float, slow: float, pressure: float, shear: float) -> float:
+    return fast * pressure + slow * shear
 
-    boundaries: those with planes that have images, and with what is held; laws: of the bodies. Sets volume and
-    area of the bodies' particles in the particle_set.
-    Raises SolverError on all ranks where a mirror plane lies beside the nodes, for boxes without room, and
-    for `clamp_edges` without any.
+
+def largest_staged_step(bodies: list[LatticeBody], pressure: float, shear: float, dissipation: float) -> float:
+    """Largest step of SSP-RK3, in spacings, for waves of these speeds [m/s] and a factor on the dissipation.
+
+    The dissipation acts on nearest neighbours with the impedances of both waves: a velocity that alternates from node
+    to node along every axis decays at the rate 2 [c_p + (d - 1) c_s] times `damping`. Less dissipation than the usual
+    does not make the step longer.
     """
-    if not set(kinds) & set(ON_LATTICES):
-        return None
-    n, d = particle_set.position.shape
-    weight, undamped = np.zeros((n, d, 2 * WIDEST + 1)), np.zeros((n, d, 2), bool)
-    lattices = Lattices(np.full(n, -1), particle_set.spacing.copy(), weight, undamped)
-    reach, frequency, damping, signals = np.zeros(n), 0.0, 0.0, []
-    even = particle_set.position.copy() if any(body.grading is not None for body in scene.bodies) else None
-    first = _first_identifiers(comm, len(kinds), particle_set)
-    fault, edges = None, scene.method.clamp_edges == 0.0
-    for body, kind in enumerate(kinds):
-        if kind not in ON_LATTICES:
-            continue
+    frequency, damping = (max(getattr(body, name) for body in bodies) for name in ("frequency", "damping"))
+    decay = 2.0 * damping * max(1.0, dissipation) * (pressure + (len(bodies[0].axes) - 1) * shear)
+    return _SAFETY * min(_RK3_FREQUENCY / (frequency * pressure), _RK3_DAMPING / decay)
+
+
+def find_lattice_bodies(
+    comm: Any, scene: Any, particle_set: ParticleSet, kinds: list[str], planes: Any, held: np.ndarray, laws: Any
+) -> list[LatticeBody]:
+    """The bodies with weights of lattices by their kinds (`body_weights`); collective.
+
+    planes: mirror planes; held (n, d): components of the particles that supports hold; laws: of the bodies. Sets volume
+    and area of the bodies' particles in the particle_set.
+    Raises SolverError on all ranks where a mirror plane lies beside the nodes, for boxes without room, for gradings
+    that the dissipation does not bear, and for `clamp_edges` without any.
+    """
+    settings, d = scene.method, particle_set.position.shape[1]
+    first, found, fault = _first_identifiers(comm, len(kinds), particle_set), [], None
+    for body in (i for i, kind in enumerate(kinds) if kind in ON_LATTICES):
         rows = np.flatnonzero(particle_set.body == body)
         filling: Any = filling_of(scene.bodies[body], d)
         try:
-            axes = _axes(filling, [plane for plane in boundaries.planes if plane.body in (None, body)])
-            wide = kind == "fourth-order" and any(axis.wide for axis in axes)
-            if scene.method.weights == kind == "fourth-order" and not wide:
+            axes = _axes(filling, [plane for plane in planes if plane.body in (None, body)])
+            fourth_order = kinds[body] == "fourth-order" and any(axis.has_room for axis in axes)
+            if settings.weights == kinds[body] == "fourth-order" and not fourth_order:
                 raise SolverError(_no_room(body, axes))
             index = filling.nodes(particle_set.identifier[rows] - int(first[body]))
-            axes = _with_held_ends(comm, axes, index, boundaries.held, rows)
-            _check_grading(body, axes, wide, scene.method, float(np.sqrt(speed_ratio(laws[body]))))
+            axes = _with_held_ends(comm, axes, index, held[rows])
+            _check_grading(body, axes, fourth_order, settings, float(np.sqrt(speed_ratio(laws[body]))))
         except SolverError as error:
             # on all ranks
             fault = fault or str(error)
             continue
-        stencils = _stencils(filling, index, axes, wide, scene.method.clamp_edges)
-        if even is not None:
-            even[rows] = np.stack([line.coordinate(i) for line, i in zip(filling.lines, index)], axis=1)
-        lattices.number[rows], weight[rows] = body, stencils.weight
-        undamped[rows] = stencils.undamped & scene.method.reconstruction
-        particle_set.volume[rows], particle_set.area[rows] = stencils.volume, stencils.area
-        reach[rows] = _HAIR * (WIDEST if wide else 1)
-        box, most = scene.bodies[body].shape.kind == "box", _DAMPING["fourth-order" if wide else "cells"]
-        edges = edges or (box and _have_clamp_edges(axes))
-        frequency, damping = max(frequency, _frequency(axes, wide, box)), max(damping, most)
-        signals.append(_signal(axes, wide, box, scene.method))
-    raise_together(comm, fault or (None if edges else _NO_EDGES.format(scene.method.clamp_edges)))
-    lattices = lattices._replace(graded=even is not None)
-    return LatticeBodies(lattices, reach, frequency, damping, signals, even)
+        cells, edges, box = None, np.zeros(len(rows), bool), scene.bodies[body].shape.kind == "box"
+        if box:
+            particle_set.volume[rows], particle_set.area[rows] = _volume_and_area(index, axes, fourth_order)
+            edges = on_clamp_edges(axes, index) & bool(settings.clamp_edges)
+            particle_set.volume[rows[edges]] *= 1.0 - settings.clamp_edges
+        else:
+            cells = cells_around(index, axes, filling.holds_cells)
+            particle_set.volume[rows], particle_set.area[rows] = cells.volume, cells.area
+        found.append(LatticeBody(body, tuple(axes), fourth_order, box, int(first[body]), rows[edges], cells))
+    edges_anywhere = settings.clamp_edges == 0.0 or any(one.box and _have_clamp_edges(one.axes) for one in found)
+    if kinds and set(kinds) & set(ON_LATTICES):
+        raise_together(comm, fault or (None if edges_anywhere else _NO_EDGES.format(settings.clamp_edges)))
+    return found
 
 
 def _first_identifiers(comm: Any, bodies: int, particle_set: ParticleSet) -> np.ndarray:
@@ -122,10 +150,41 @@ def _first_identifiers(comm: Any, bodies: int, particle_set: ParticleSet) -> np.
     return minimum(comm, first)
 
 
-def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], held: Any, rows: np.ndarray) -> list[Axis]:
-    """Axes that know which of their ends stand still; index: d arrays (n,) of the particles at rows; held (n, d):
-    components of all particles; collective."""
-    free = ~held[rows].all(axis=1)
+def _volume_and_area(index: list[np.ndarray], axes: list[Axis], fourth_order: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Volumes (n,) and outward area vectors (n, d) of nodes of a box, of its part on this side of mirror planes; index:
+    d arrays (n,)."""
+    own = [(lengths_of(axis, fourth_order and axis.has_room) * shares_of(axis))[i] for axis, i in zip(axes, index)]
+    sides = [(i == axis.nodes - 1).astype(float) - (i == 0) for axis, i in zip(axes, index)]
+    area = np.zeros((len(index[0]), len(axes)))
+    for k, side in enumerate(sides):
+        area[:, k] = side * np.prod([length for j, length in enumerate(own) if j != k], axis=0)
+    return np.prod(own, axis=0), area
+
+
+def _axes(filling: Any, planes: list[Any]) -> list[Axis]:
+    """The axes of a body with the mirror planes at their ends; planes: those meant for it."""
+    result = []
+    for k, line in enumerate(filling.lines):
+        mirrors = ["", ""]
+        for plane in planes:
+            if plane.axis != k:
+                continue
+            distance = np.abs(np.array([line.lower, line.upper]) - plane.coordinate) / line.step
+            for end in (0, 1):
+                mirrors[end] = plane.kind if distance[end] <= 1e-6 else mirrors[end]
+            if 1e-6 < distance.min() < REACH:
+                raise SolverError(
+                    f"boundaries: expected mirror planes through nodes of bodies on lattices or far from them, found "
+                    f"{'XYZ'[k]} = {plane.coordinate:g} at {distance.min():.3g} spacings from the nearest end"
+                )
+        places = () if line.shares is None else tuple((line.shares * (line.count - 1)).tolist())
+        result.append(Axis(line.count, line.step, (mirrors[0], mirrors[1]), places))
+    return result
+
+
+def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], held: np.ndarray) -> list[Axis]:
+    """Axes that know which of their ends stand still; index: d arrays (n,); held (n, d); collective."""
+    free = ~held.all(axis=1)
     ends = [(i == end) & free for axis, i in zip(axes, index) for end in (0, axis.nodes - 1)]
     moves = maximum(comm, np.array([float(end.any()) for end in ends])).reshape(-1, 2)
     return [axis._replace(held=(not low, not high)) for axis, (low, high) in zip(axes, moves)]
@@ -133,41 +192,20 @@ def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], held: 
 
 def on_clamp_edges(axes: list[Axis], index: list[np.ndarray]) -> np.ndarray:
     """Which nodes (n,) of a box are where an end that stands still meets a free one; index: d arrays (n,)."""
-    held, free = np.zeros(len(index[0]), bool), np.zeros(len(index[0]), bool)
+    still, free = np.zeros(len(index[0]), bool), np.zeros(len(index[0]), bool)
     for axis, i in zip(axes, index):
         for end in (0, 1):
             there = i == (axis.nodes - 1) * end
-            held |= there & axis.held[end]
-            free |= there & (not axis.held[end] and not axis.mirrored[end])
-    return held & free
+            still |= there & axis.held[end]
+            free |= there & (not axis.held[end] and not axis.mirrors[end])
+    return still & free
 
 
-def _have_clamp_edges(axes: list[Axis]) -> bool:
+def _have_clamp_edges(axes: tuple[Axis, ...]) -> bool:
     """Whether any node of a box is on such an edge."""
     held = [any(axis.held) for axis in axes]
-    free = [any(not still and not image for still, image in zip(axis.held, axis.mirrored)) for axis in axes]
+    free = [any(not still and not mirror for still, mirror in zip(axis.held, axis.mirrors)) for axis in axes]
     return any(held[i] and free[j] for i in range(len(axes)) for j in range(len(axes)) if i != j)
-
-
-def _signal(axes: list[Axis], wide: bool, box: bool, settings: Any) -> Callable[[float, float], float]:
-    """Of `pairs.axis_waves` for boxes; of any union of cells w^2 dt^2 + 2 b dt = 4 with the highest frequency, which
-    has a little damping, and that of the wave that alternates from node to node."""
-    if box:
-        return partial(signal, Lattice(tuple(axes), wide, float(settings.dissipation), settings.reconstruction))
-    # less dissipation than the usual does not make the step longer
-    most, damping = max(1.0, float(settings.dissipation)), _DAMPING["cells"]
-    fast, slow = max(damping, _LEAPFROG * _frequency(axes, wide, box)), damping * (len(axes) - 1)
-    return lambda pressure, shear: most * (fast * pressure + slow * shear)
-
-
-def _frequency(axes: list[Axis], wide: bool, box: bool) -> float:
-    """Of pressure waves along all axes at once, times the least step."""
-    least, found = min(axis.step for axis in axes), []
-    for axis in axes:
-        single = not box or (axis.nodes == 2 and not any(axis.mirrored))
-        cells = _ONE_CELL if single else _MORE_CELLS
-        found.append((axis.highest_frequency if wide else cells) * least / axis.step)
-    return float(np.linalg.norm(found))
 
 
 def _no_room(body: int, axes: list[Axis]) -> str:
@@ -178,18 +216,19 @@ def _no_room(body: int, axes: list[Axis]) -> str:
     )
 
 
-def _check_grading(body: int, axes: list[Axis], wide: bool, settings: Any, ratio: float) -> None:
+def _check_grading(body: int, axes: list[Axis], fourth_order: bool, settings: Any, ratio: float) -> None:
     """Raise SolverError where distances change so fast that a node would have no volume, or waves would grow; ratio:
     of the speeds of shear and pressure waves."""
-    fed, dissipation = wide and settings.reconstruction, float(settings.dissipation)
+    fed, dissipation = fourth_order and settings.reconstruction, float(settings.dissipation)
     for k, axis in enumerate(axes):
         if not axis.places:
             continue
-        if (lengths_of(axis, wide and axis.wide) < _THINNEST * axis.step * np.diff(axis.places).min()).any():
+        length = lengths_of(axis, fourth_order and axis.has_room)
+        if (length < _THINNEST * axis.step * np.diff(axis.places).min()).any():
             raise SolverError(_too_fast(body, k, axis, "more particles change slower"))
-        if fed and axis.wide and feeds_waves(axis, True, dissipation):
+        if fed and axis.has_room and feeds_waves(axis, True, dissipation):
             raise SolverError(_too_fast(body, k, axis, _FED))
-        if fed and axis.wide and feeds_waves_of_volume(axis, dissipation, ratio):
+        if fed and axis.has_room and feeds_waves_of_volume(axis, dissipation, ratio):
             raise SolverError(_too_fast(body, k, axis, f"where volume hardly changes, {_FED}"))
 
 
@@ -207,34 +246,52 @@ def speed_ratio(law: Any) -> float:
     return float(shear / (lame + 2.0 * shear))
 
 
-def _stencils(filling: Any, index: list[np.ndarray], axes: list[Axis], wide: bool, part: float) -> Stencils:
-    """index: d arrays (n,); part: of their volume that nodes on the edges of a clamp of a box do without. Corrections
-    L_a follow the volume, so that gradients stay exact and the force of the stress there is less by that part."""
-    if wide or any(axis.places for axis in axes):
-        result = box_stencils(index, axes, wide)
-    else:
-        result = cell_stencils(index, axes, filling.holds_cells)
-    if filling.body.shape.kind == "box":
-        result.volume[on_clamp_edges(axes, index)] *= 1.0 - part
-    return result
+# --- boxes on many ranks --------------------------------------------------------------------------------------------
 
 
-def _axes(filling: Any, planes: list[Any]) -> list[Axis]:
-    """The lattice of a body, and which of its ends are mirrored; planes: those meant for it."""
-    result = []
-    for k, line in enumerate(filling.lines):
-        ends = [False, False]
-        for plane in planes:
-            if plane.axis != k:
-                continue
-            distance = np.abs(np.array([line.lower, line.upper]) - plane.coordinate) / line.step
-            for end in (0, 1):
-                ends[end] = ends[end] or bool(distance[end] <= 1e-6)
-            if 1e-6 < distance.min() < WIDEST:
-                raise SolverError(
-                    f"boundaries: expected mirror planes through nodes of bodies on lattices or far from them, found "
-                    f"{'XYZ'[k]} = {plane.coordinate:g} at {distance.min():.3g} spacings from the nearest end"
-                )
-        places = () if line.shares is None else tuple((line.shares * (line.count - 1)).tolist())
-        result.append(Axis(line.count, line.step, (ends[0], ends[1]), places))
-    return result
+class BoxCuts:
+    """The boxes of a scene and the parts of them that ranks have; every rank computes the same.
+
+    bodies: their numbers; nodes: `BoxOfNodes` of each; parts (boxes, ranks, 2, d).
+    """
+
+    def __init__(self, scene: Any, ranks: int) -> None:
+        kinds = weights_of_bodies(scene.method.pair_weights, scene)
+        self.bodies, self._every = boxes_of(scene, kinds), len(kinds)
+        self.nodes = [_box_of_nodes(filling_of(scene.bodies[i], scene.dimension), kinds[i]) for i in self.bodies]
+        self.parts = cut_boxes(self.nodes, ranks)
+
+    def owners(self, comm: Any, particle_set: ParticleSet) -> np.ndarray:
+        """Rank (n,) int32 of the nodes of boxes, -1 of other particles; collective."""
+        owner = np.full(len(particle_set), -1, np.int32)
+        for rows, index, nodes, parts in self._places(comm, particle_set):
+            owner[rows] = owners(parts, nodes.axes, index)
+        return owner
+
+    def order(self, comm: Any, particle_set: ParticleSet, order: np.ndarray, group: np.ndarray) -> np.ndarray:
+        """Order (n,) by group, and within it along the memory axes of a box, else as in `order`; group (n,): every box
+        has one of its own; collective."""
+        within = np.empty(len(order), np.int64)
+        within[order] = np.arange(len(order))
+        for rows, index, nodes, _ in self._places(comm, particle_set):
+            within[rows] = np.ravel_multi_index([index[axis] for axis in nodes.axes], nodes.shape)
+        return np.lexsort((within, group))
+
+    def _places(self, comm: Any, particle_set: ParticleSet) -> Iterator[tuple[Any, ...]]:
+        """Of each box: rows (n,) of the particles here, their d indices (n,) along the axes in space, nodes, parts."""
+        first = _first_identifiers(comm, self._every, particle_set)
+        for body, nodes, parts in zip(self.bodies, self.nodes, self.parts):
+            rows = np.flatnonzero(particle_set.body == body)
+            shape = tuple(len(places) for places in nodes.places)
+            yield rows, list(np.unravel_index(particle_set.identifier[rows] - int(first[body]), shape)), nodes, parts
+
+
+def boxes_of(scene: Any, kinds: list[str]) -> list[int]:
+    """Bodies that are boxes with weights of lattices."""
+    return [i for i, kind in enumerate(kinds) if kind in ON_LATTICES and scene.bodies[i].shape.kind == "box"]
+
+
+def _box_of_nodes(filling: Any, kind: str) -> BoxOfNodes:
+    places = tuple(line.place(np.arange(line.count)) for line in filling.lines)
+    slowest_first = tuple(int(k) for k in np.argsort([-len(one) for one in places], kind="stable"))
+    return BoxOfNodes(places, slowest_first, ((_END_PLANES[kind],) * 2,) * len(places))

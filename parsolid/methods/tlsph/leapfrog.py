@@ -17,7 +17,7 @@ from parsolid.methods import leapfrog
 from parsolid.methods.leapfrog import drift
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
 from parsolid.methods.tlsph.lattice_bodies import speed_ratio
-from parsolid.pairs.axis_waves import wave_forms
+from parsolid.pairs.box_stable_step import chords
 from parsolid.scene.method_settings import KINETIC_OFFSET
 
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
@@ -54,14 +54,14 @@ class Leapfrog:
         pressure, shear = wave_weights(system.dimension, settings.smoothing)
         # D grows with the factor on it; without any, waves alone would allow more
         most = max(1.0, settings.dissipation)
-        if system.on_lattices is None:
+        if not system.lattice_bodies:
             return (pressure, shear) * 3, settings.safety / most
-        signals = list(system.on_lattices.signals)
+        signals = [one.signal_speed(settings) for one in system.lattice_bodies]
         if any(kind not in ON_LATTICES for kind in system.body_weights):
             signals.append(lambda fast, slow: most * (pressure * fast + shear * slow))
         # at rest, the mean of all laws: there the bound is sharpest
         middle = float(np.sqrt(np.mean([speed_ratio(law) for law in system.laws])))
-        forms = wave_forms(signals, min(max(middle, 0.05), 0.95))
+        forms = chords(signals, min(max(middle, 0.05), 0.95))
         return tuple(float(number) for form in forms for number in form), settings.safety
 
     def step_of(self, density: float, signal: float) -> float:

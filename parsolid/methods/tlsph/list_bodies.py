@@ -20,6 +20,7 @@ from parsolid.pairs.list_sweeps import (
 )
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
+from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.runge_kutta import Stage
 
 
@@ -33,26 +34,29 @@ class ListBodies:
 
     near: Neighbours
 
-    def __init__(self, system: Any, weights: ListWeights, waves: int, unbonded: Any) -> None:
-        """system: `system.TotalLagrangianSPH` with its fields declared; unbonded: see `Neighbours`."""
-        self.system, self.weights, self.waves, self.unbonded = system, weights, waves, unbonded
+    def __init__(self, system: Any, blocks: list[Any], weights: ListWeights, waves: int, unbonded: Any) -> None:
+        """system: `system.TotalLagrangianSPH` with its fields declared; blocks: the `state.LawBlock` of these
+        particles, which are the first ones; unbonded: see `Neighbours`."""
+        self.system, self.blocks, self.weights, self.waves, self.unbonded = system, blocks, weights, waves, unbonded
+        self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
+        columns = {"layout": Columns(), "carried": False}
+        self.particles.declare(Field("correction", self.dimension**2, "", **columns))
+        self.particles.declare(Field("pair_volume", 1, "m^3", **columns), 1.0)
         self.columns = ROWS[self.dimension]
         self.half = 0.5 if system.settings.reconstruction else 0.0
         # half of rho c_s, where shear waves have one speed in a law
-        moduli = {one: isotropic_shear_modulus(one.law) or 0.0 for one in system.blocks}
+        moduli = {one: isotropic_shear_modulus(one.law) or 0.0 for one in blocks}
         self.isotropic = {one: 0.5 * float(np.sqrt(one.law.density * modulus)) for one, modulus in moduli.items()}
         self._exchanges: list[Any] = []
 
-    def rebuild(
-        self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray, even: Any = None
-    ) -> np.ndarray:
+    def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> np.ndarray:
         """Find pairs and their weights; the corrections (owned, d, d). Arguments as in `Neighbours`; collective."""
         for exchange in self._exchanges:
             exchange.free()
         self.particles.detach()
         near = Neighbours(
-            self.system.comm, self.codes, self.weights.support, positions, body, metric, volume, self.unbonded, even
+            self.system.comm, self.codes, self.weights.support, positions, body, metric, volume, self.unbonded
         )
         self.near = near
         self.particles.attach(near.halo)
@@ -69,6 +73,11 @@ class ListBodies:
         self._record = near.halo.exchange(told)
         self._exchanges = [self._motion, self._record]
         return correction
+
+    @property
+    def ghosts(self) -> int:
+        """Particles of other ranks that this one knows."""
+        return int(self.near.halo.ghosts)
 
     @property
     def directed_pairs(self) -> int:
@@ -89,7 +98,7 @@ class ListBodies:
         branches have dissipated, the stable step [s] of the new state)."""
         self._sweep_gradients()
         leapfrog, sound, dissipated, stable = self.system.leapfrog, True, 0.0, np.inf
-        for block in self.system.blocks:
+        for block in self.blocks:
             positive, lost, signal = advance_step(
                 block.solid, step, self.dimension, leapfrog.signals, block.branches(step), self.half,
                 block.first, block.last, block.places, *self._fields(block), self.sums, self.record,
@@ -107,7 +116,7 @@ class ListBodies:
         stored = self.particles.storage
         start = [stored(f"{name}_at_start") for name in ("deformation_gradient", "jacobian")]
         cofactors = (stored("cofactor"), stored("cofactor_at_start")) if self.dimension == 3 else (None, None)
-        for block in self.system.blocks:
+        for block in self.blocks:
             gradient, jacobian, *fields = self._fields(block)
             positive, rate, modulus = advance_stage(
                 block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
@@ -149,26 +158,26 @@ class ListBodies:
                     mirror_waves(near.local, near.images, waves)
         self._sweep_forces(near.outer)
         T, D = stored("stress_force"), stored("dissipative_force")
-        for block in self.system.blocks:
+        for block in self.blocks:
             scatter_forces(block.first, block.last, self.force, T, D, at.force // 2)
         clear_rows(near.owned, near.rows, self.force)
 
-    def displacement_gradient(self) -> np.ndarray:
-        """grad u (owned, d, d) by the scheme's own operator; collective."""
-        d, of = self.dimension, self.particles.owned_rows
+    def displacement_gradient(self, result: np.ndarray) -> None:
+        """Fill grad u of these particles into result (owned, d, d) by the scheme's own operator; collective."""
+        near, d, of = self.near, self.dimension, self.particles.owned_rows
         velocity = of("velocity").copy()
         of("velocity")[:] = of("position") - of("reference_position")
         self._sweep_gradients()
         of("velocity")[:] = velocity
-        columns = self.sums[: self.near.owned].reshape(self.near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
-        clear_rows(0, self.near.owned, self.sums)
-        L = of("correction").reshape(-1, d, d)
-        return np.asarray(columns @ L.swapaxes(1, 2) / of("pair_volume")[:, None, None])
+        columns = self.sums[: near.owned].reshape(near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
+        clear_rows(0, near.owned, self.sums)
+        L, volume = of("correction")[: near.owned].reshape(-1, d, d), of("pair_volume")[: near.owned, None, None]
+        result[: near.owned] = columns @ L.swapaxes(1, 2) / volume
 
     def _sweep_gradients(self) -> None:
         near, at, stored = self.near, self.columns, self.particles.storage
         sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
-        for block in self.system.blocks:
+        for block in self.blocks:
             gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
         with TALKING:
             self._motion.start()

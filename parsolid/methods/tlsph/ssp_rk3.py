@@ -11,6 +11,7 @@ import numpy as np
 from parsolid.kernels import reduction
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
+from parsolid.methods.tlsph.lattice_bodies import largest_staged_step
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
@@ -27,11 +28,11 @@ class StagedStep:
         if not modulus > 0.0:
             return 0.0
         step = system.settings.cfl * system.spacing * np.sqrt(law.density / modulus)
-        if system.on_lattices is None:
+        if not system.lattice_bodies:
             return float(step)
         shear = elastic_moduli(law)[0] + total_modulus(law.branch_moduli)
         pressure, shear = np.sqrt(modulus / law.density), np.sqrt(shear / law.density)
-        largest = system.on_lattices.largest_step(pressure, shear, system.settings.dissipation)
+        largest = largest_staged_step(system.lattice_bodies, pressure, shear, system.settings.dissipation)
         return float(min(step, system.spacing * largest))
 
     def stable_step(self) -> float:

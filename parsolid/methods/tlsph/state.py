@@ -54,8 +54,6 @@ def declare_fields(particles: Particles, particle_set: Any, branches: int, stage
             particles.declare(start)
     for name in ("stress_force", "dissipative_force"):
         particles.declare(Field(name, d, "N", checkpointed=not staged, mirror="vector", layout=columns))
-    particles.declare(Field("correction", d * d, "", layout=columns, carried=False))
-    particles.declare(Field("pair_volume", 1, "m^3", layout=columns, carried=False), 1.0)
 
 
 class LawBlock:

@@ -1,13 +1,14 @@
 """Upwind total-Lagrangian SPH (Lee et al., sections 5 and 6): state {v, x, F, H, J, A_alpha} of each particle."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.collective import anywhere, maximum, minimum
-from parsolid.materials.blocks import block_numbers, material_blocks
+from parsolid.collective import anywhere, minimum
+from parsolid.materials.blocks import block_numbers
 from parsolid.materials.hyperelastic.functions import elastic_moduli, isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
 from parsolid.materials.viscoelastic.maxwell import total_modulus
@@ -15,53 +16,60 @@ from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_are_rounded, weights_of_bodies
+from parsolid.methods.tlsph.box_bodies import BoxBodies
 from parsolid.methods.tlsph.fixed_walls import fixed_walls_of
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
-from parsolid.methods.tlsph.lattice_bodies import put_on_lattices
+from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.list_bodies import ListBodies
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
 from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
 from parsolid.methods.tlsph.updated_reference import UpdatedReference
 from parsolid.pairs.candidates import metrics
+from parsolid.pairs.cell_weights import NodesOfCells
 from parsolid.pairs.closure import surface_area
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
+from parsolid.particles.distribution import sort_for_speed
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
 
 
 class TotalLagrangianSPH(ParticleSystem):
     """The method on one rank.
 
-    blocks: ranges of particles that share a law; branches: most of any law. sweeps: what finds velocity gradients and
-    forces, each for its bodies: advance_step(step), advance_stage(stage, step), find_forces(), displacement_gradient(),
-    see `ListBodies`. leapfrog or staged_step: the integrator, the other is None.
+    blocks: ranges of particles that share a law, first those of bodies with pair lists, then every box for itself;
+    branches: most of any law. lists, boxes: `ListBodies` and `BoxBodies`, None where the scene has no such bodies;
+    sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
+    advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator,
+    the other is None.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
-        """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when particles cannot be
-        paired. Collective."""
+        """particle_set: this rank's particles in the order of `sort`. Raises SolverError on all ranks when particles
+        cannot be paired. Collective."""
         self.comm, self.settings = comm, scene.method
         self.owned, self.dimension = particle_set.position.shape
         self.laws = laws_of(scene)
-        blocks, density = material_blocks(self.laws, particle_set.body)
-        self.particles = Particles(particle_set.body, block_numbers(self.laws, np.arange(len(self.laws)))[1])
-        staged = self.settings.integrator == "ssp-rk3"
-        self.branches = maximum(comm, max((len(one.law.branch_moduli or ()) for one in blocks), default=0))
-        declare_fields(self.particles, particle_set, self.branches, staged)
-        self.blocks = [LawBlock(self.particles, one.first, one.last, one.law) for one in blocks]
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
-        closed = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
-        self.conditions = Conditions(comm, scene, particle_set, self.particles, closed)
-        self.on_lattices = put_on_lattices(comm, scene, particle_set, self.conditions, self.body_weights, self.laws)
-        if self.on_lattices is not None:
-            self.farthest = float((self.on_lattices.reach * particle_set.spacing.T).max(initial=0.0))
-            # lattices have volumes and areas of their own
-            self.particles.owned_rows("volume")[:] = particle_set.volume
-            self.particles.owned_rows("area")[:] = particle_set.area
-        share = self.conditions.share
+        groups = _groups_of(self.laws, boxes_of(scene, self.body_weights))
+        self.particles = Particles(particle_set.body, groups)
+        staged = self.settings.integrator == "ssp-rk3"
+        self.branches = max(len(law.branch_moduli or ()) for law in self.laws)
+        declare_fields(self.particles, particle_set, self.branches, staged)
+        ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
+        found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
+        self.blocks = [LawBlock(self.particles, *one) for one in found]
+        without_images = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
+        self.conditions = Conditions(comm, scene, particle_set, self.particles, without_images)
+        held = (self.conditions.planes, self.conditions.held)
+        self.lattice_bodies = find_lattice_bodies(comm, scene, particle_set, self.body_weights, *held, self.laws)
+        # lattices have volumes and areas of their own
+        self.particles.owned_rows("volume")[:] = particle_set.volume
+        self.particles.owned_rows("area")[:] = particle_set.area
+        density, share = np.array([law.density for law in self.laws])[particle_set.body], self.conditions.share
         self.particles.declare(Field("mass", 1, "kg"), particle_set.volume / share * density)
         self.particles.declare(Field("share", 1, "1"), share)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
@@ -70,20 +78,49 @@ class TotalLagrangianSPH(ParticleSystem):
         self.staged_step = StagedStep(self, scene) if staged else None
         self.evaluations, self.landings = (3, ()) if staged else (1, self.conditions.times)
         self.initial_stress = initial_stress_of(self, scene)
+        self.boxes = self._box_bodies(scene)
         self.lists = self._list_bodies(scene, particle_set)
-        self.sweeps = [self.lists]
-        self.fixed_walls = fixed_walls_of(self, self.lists)
+        self.sweeps = [one for one in (self.lists, self.boxes) if one is not None]
+        self.fixed_walls = None if self.lists is None else fixed_walls_of(self, self.lists)
         fixed = self.settings.reference == "fixed"
         self.reference = None if fixed else UpdatedReference(self, particle_set.position)
-        metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing())
-        even = getattr(self.on_lattices, "even", None)
-        self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share, even)
+        if self.lists is not None:
+            metric = metrics(particle_set.spacing, particle_set.axes, self._smoothing(particle_set))
+            self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share)
 
-    def _list_bodies(self, scene: Any, particle_set: Any) -> ListBodies:
+    @staticmethod
+    def sort(comm: Any, scene: Any, particle_set: ParticleSet) -> np.ndarray:
+        """Order (n,) of a rank's particles: those with pair lists by law and along cells, then box by box, the nodes of
+        each by its memory axes; collective."""
+        laws, cuts = laws_of(scene), BoxCuts(scene, comm.size)
+        order = sort_for_speed(comm, particle_set, laws)
+        return cuts.order(comm, particle_set, order, _groups_of(laws, cuts.bodies)[particle_set.body])
+
+    @staticmethod
+    def owners(comm: Any, scene: Any, particle_set: ParticleSet) -> np.ndarray | None:
+        """Ranks (n,) of nodes of boxes, which are cut along their planes, -1 of other particles; collective."""
+        cuts = BoxCuts(scene, comm.size)
+        return cuts.owners(comm, particle_set) if cuts.bodies else None
+
+    def _box_bodies(self, scene: Any) -> BoxBodies | None:
+        cuts = BoxCuts(scene, self.comm.size)
+        if not cuts.bodies:
+            return None
+        body, first = self.particles.owned_rows("body"), {block.first: block for block in self.blocks}
+        rows = {number: np.flatnonzero(body == number) for number in cuts.bodies}
+        blocks = {number: first[int(own[0])] for number, own in rows.items() if len(own)}
+        return BoxBodies(self, cuts, [one for one in self.lattice_bodies if one.box], blocks)
+
+    def _list_bodies(self, scene: Any, particle_set: Any) -> ListBodies | None:
         settings, conditions, surface = self.settings, self.conditions, None
+        boxes = boxes_of(scene, self.body_weights)
+        if len(boxes) == len(self.body_weights):
+            return None
+        rows = slice(0, int(np.sum(~np.isin(particle_set.body, boxes))))
         if "closure" in self.body_weights:
             here = np.array(self.body_weights)[particle_set.body] == "closure"
-            surface = (surface_area(self.comm, particle_set, conditions.planes, here), conditions.share, here)
+            area = surface_area(self.comm, particle_set, conditions.planes, here)
+            surface = (area[rows], conditions.share[rows], here[rows])
         # where the reference moves, shear that does not depend on the original direction depends on the moved one
         directional = settings.reference == "updated" or anywhere(
             self.comm, any(isotropic_shear_modulus(block.law) is None for block in self.blocks)
@@ -91,25 +128,31 @@ class TotalLagrangianSPH(ParticleSystem):
         waves = 0
         if settings.dissipation > 0.0:
             waves = 1 if self.staged_step is None else 3 if directional else 2
-        lattices = getattr(self.on_lattices, "lattices", None)
-        rounded = weights_are_rounded(scene) and surface is None and lattices is None
+        cells = None
+        if any(one.cells is not None for one in self.lattice_bodies):
+            meant = [one for one in self.lattice_bodies if one.cells is not None]
+            found = [(one.body, np.flatnonzero(particle_set.body == one.body), one.cells) for one in meant]
+            cells = NodesOfCells.of(particle_set.spacing[rows], found)
+        rounded = weights_are_rounded(scene) and surface is None and not self.lattice_bodies
         kernel, factor = smoothing_kernel(settings.kernel), float(settings.dissipation)
-        return ListBodies(
-            self, ListWeights(kernel, factor, waves >= 2, surface, lattices, rounded), waves, scene.unbonded
-        )
+        weights = ListWeights(kernel, factor, waves >= 2, surface, cells, rounded)
+        blocks = [block for block in self.blocks if block.last <= rows.stop]
+        return ListBodies(self, blocks, weights, waves, scene.unbonded)
 
-    def _smoothing(self) -> Any:
-        """h/dx, (n, 1) where bodies on lattices have their own."""
-        if self.on_lattices is None:
-            return self.settings.smoothing
-        own = self.on_lattices.reach / smoothing_kernel(self.settings.kernel).support
-        return np.where(own > 0.0, own, self.settings.smoothing)[:, None]
+    def _smoothing(self, particle_set: Any) -> Any:
+        """h/dx, (n, 1) where bodies of cells have their own, by which neighbours are found."""
+        result = np.full((len(particle_set), 1), float(self.settings.smoothing))
+        for one in self.lattice_bodies:
+            result[particle_set.body == one.body] = one.reach / smoothing_kernel(self.settings.kernel).support
+        return result if self.lattice_bodies else self.settings.smoothing
 
-    def find_pairs(self, positions: Any, body: Any, metric: Any, volume: Any, even: Any = None) -> None:
-        """Lists, weights and corrections at some places; see `pair_list.Neighbours`. Collective."""
-        correction = self.lists.rebuild(positions, body, metric, volume, even)
-        self.particles.owned_rows("correction")[:] = correction.reshape(self.owned, -1)
-        self.particles.owned_rows("pair_volume")[:] = volume
+    def find_pairs(self, positions: Any, body: Any, metric: Any, volume: Any) -> None:
+        """Lists, weights and corrections at some places (owned, d), see `pair_list.Neighbours`. Collective."""
+        rows = slice(0, self.lists.last)
+        metric = metric if len(metric) == 1 else metric[rows]
+        correction = self.lists.rebuild(positions[rows], body[rows], metric, volume[rows])
+        self.particles.owned_rows("correction")[rows] = correction.reshape(self.lists.last, -1)
+        self.particles.owned_rows("pair_volume")[rows] = volume[rows]
 
     # --- state ------------------------------------------------------------------------------------------------
 
@@ -139,14 +182,18 @@ class TotalLagrangianSPH(ParticleSystem):
         gradient. Collective."""
         rows, d, owned = self.particles.owned_rows, self.dimension, self.owned
         if anywhere(self.comm, bool(derived.any())):
-            gradient = np.zeros((owned, d, d))
-            for bodies in self.sweeps:
-                gradient += bodies.displacement_gradient()
-            rows("deformation_gradient")[derived] += gradient.reshape(owned, d * d)[derived]
+            rows("deformation_gradient")[derived] += self.displacement_gradient().reshape(owned, d * d)[derived]
         F = deformation_gradients(self.particles, 0, owned)
         rows("jacobian")[:] = np.linalg.det(F)
         if "cofactor" in self.particles:
             rows("cofactor")[:] = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)]).reshape(owned, 9)
+
+    def displacement_gradient(self) -> np.ndarray:
+        """grad u (owned, d, d) by the scheme's own operators; collective."""
+        result = np.zeros((self.owned, self.dimension, self.dimension))
+        for bodies in self.sweeps:
+            bodies.displacement_gradient(result)
+        return result
 
     @property
     def reference_updates(self) -> int:
@@ -278,16 +325,31 @@ class TotalLagrangianSPH(ParticleSystem):
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
         """Interactions counted once a particle."""
-        return self.lists.directed_pairs
+        return sum(bodies.directed_pairs for bodies in self.sweeps)
+
+    @property
+    def farthest(self) -> float:  # type: ignore[override]
+        """Distance of the farthest neighbour of nodes of lattices [m]."""
+        return max((one.reach * max(axis.step for axis in one.axes) for one in self.lattice_bodies), default=0.0)
 
     def numbers(self) -> dict[str, int]:
         """Ghosts and interactions."""
-        return {"ghosts": self.particles.ghosts, "interactions": self.directed_pairs}
+        return {"ghosts": sum(bodies.ghosts for bodies in self.sweeps), "interactions": self.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
-        """Pair lists, and the rows of their sweeps."""
-        return self.lists.arrays()
+        """Pair lists, and what sweeps read and write."""
+        return [array for bodies in self.sweeps for array in bodies.arrays()]
 
     def bytes_a_step(self) -> int:
-        """Motion and records, in every evaluation."""
-        return self.evaluations * self.lists.bytes_a_step()
+        """Motion, stresses and impedances, in every evaluation."""
+        return self.evaluations * sum(bodies.bytes_a_step() for bodies in self.sweeps)
+
+
+def _groups_of(laws: list[Any], boxes: list[int]) -> np.ndarray:
+    """A number for each body: the same for bodies with pair lists that share a law, and one for every box behind."""
+    _, numbers = block_numbers(laws, np.arange(len(laws)))
+    others = [i for i in range(len(laws)) if i not in boxes]
+    found = np.unique(numbers[others])
+    groups = np.searchsorted(found, numbers)
+    groups[boxes] = len(found) + np.arange(len(boxes))
+    return groups

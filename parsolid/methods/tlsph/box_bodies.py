@@ -1,0 +1,147 @@
+"""Boxes of a rank: the sums of a step along their axes, with the messages between ranks."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.kernels import kernel
+from parsolid.methods.tlsph.box_update import advance_box, advance_box_stage
+from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
+from parsolid.pairs.box_sweeps import BoxOnRank, BoxSweeps, copy_from_box
+from parsolid.pairs.box_weights import REACH, axis_tables
+from parsolid.solvers.runge_kutta import Stage
+
+
+class BoxBodies:
+    """The boxes of a system on one rank, with what `list_bodies.ListBodies` offers for other bodies.
+
+    blocks: the `state.LawBlock` of each box with particles here, in the order of the boxes; sweeps: `BoxSweeps`.
+    """
+
+    def __init__(self, system: Any, cuts: BoxCuts, bodies: list[LatticeBody], blocks: dict[int, Any]) -> None:
+        """system: `system.TotalLagrangianSPH` with its fields declared; bodies: the boxes among the lattice bodies;
+        blocks: by number of the body. Collective."""
+        self.system, self.particles, self.dimension = system, system.particles, system.dimension
+        settings = system.settings
+        dissipation, staged = float(settings.dissipation), settings.integrator == "ssp-rk3"
+        boxes = []
+        for one, nodes, parts in zip(bodies, cuts.nodes, cuts.parts):
+            tables = [
+                axis_tables(axis, one.fourth_order and axis.has_room, dissipation, settings.reconstruction)
+                for axis in one.axes
+            ]
+            first = blocks[one.body].first if one.body in blocks else 0
+            boxes.append(BoxOnRank(nodes, parts, tables, first))
+        self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, staged, dissipation > 0.0)
+        self.parts = [(box, blocks[one.body]) for one, box in zip(bodies, self.sweeps.boxes) if box is not None]
+        self.blocks = [block for _, block in self.parts]
+        self._edges = self._edges_of(bodies)
+        self._left = 1.0 - settings.clamp_edges
+
+    def _edges_of(self, bodies: list[LatticeBody]) -> np.ndarray:
+        """Places in box arrays of nodes on edges of clamps, whose stresses count as their volumes."""
+        found = [np.zeros(0, np.int64)]
+        for one, box in zip(bodies, self.sweeps.boxes):
+            if box is not None:
+                plane, node = np.divmod(one.clamp_edges - box.first, box.last_node - box.first_node)
+                found.append(box.start + (plane + box.first_plane) * box.nodes + box.first_node + node)
+        return np.concatenate(found)
+
+    def advance_step(self, step: float) -> tuple[bool, float, float]:
+        """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
+        branches have dissipated, the stable step [s] of the new state)."""
+        stored, sweeps, leapfrog = self.particles.storage, self.sweeps, self.system.leapfrog
+        sweeps.exchange_motion(stored("velocity"), stored("position"))
+        sound, dissipated, stable = True, 0.0, np.inf
+        initial = stored("initial_stress") if "initial_stress" in self.particles else None
+        for box, block in self.parts:
+            positive, lost, signal = advance_box(
+                box, block.solid, step, self.dimension, leapfrog.signals, block.branches(step), block.places, sweeps.v,
+                stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
+                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
+            )  # fmt: skip
+            sound, dissipated = sound and positive, dissipated + lost
+            stable = min(stable, leapfrog.step_of(block.law.density, signal))
+        self._reduce_edges()
+        return sound, dissipated, stable
+
+    def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
+        """Deformation after a stage of SSP-RK3 and stress before it: (whether all Jacobians are positive, dissipation
+        rate [W] of branches, after the last stage the stable step [s])."""
+        stored, sweeps, staged = self.particles.storage, self.sweeps, self.system.staged_step
+        sweeps.exchange_motion(stored("velocity"), stored("position"))
+        sound, dissipated, stable = True, 0.0, np.inf
+        initial = stored("initial_stress") if "initial_stress" in self.particles else None
+        names = ("deformation_gradient", "cofactor", "jacobian")
+        F, H, J = (stored(name) if name in self.particles else None for name in names)
+        F0, H0, J0 = (stored(f"{name}_at_start") if name in self.particles else None for name in names)
+        for box, block in self.parts:
+            positive, rate, modulus = advance_box_stage(
+                box, block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
+                block.branches_at_stage(stage.time, step), block.places, sweeps.v,
+                F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
+                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
+            )  # fmt: skip
+            sound, dissipated = sound and positive, dissipated + rate
+            stable = min(stable, staged.step_of(block.law, modulus))
+        self._reduce_edges()
+        return sound, dissipated, stable
+
+    def _reduce_edges(self) -> None:
+        if len(self._edges):
+            scale_places(self._edges, self._left, self.sweeps.P)
+            if self.sweeps.Z is not None:
+                scale_places(self._edges, self._left, self.sweeps.Z)
+
+    def find_forces(self) -> None:
+        """T and D [N] in the fields stress_force and dissipative_force."""
+        self.sweeps.exchange_stress()
+        self.sweeps.divergence(self.particles.storage("stress_force"), self.particles.storage("dissipative_force"))
+
+    def displacement_gradient(self, result: np.ndarray) -> None:
+        """Fill grad u of the nodes of boxes into result (owned, d, d) by the scheme's own operator; collective."""
+        stored, of = self.particles.storage, self.particles.owned_rows
+        displacement = np.zeros_like(stored("velocity"))
+        displacement[:, : self.particles.owned] = (of("position") - of("reference_position")).T
+        self.sweeps.exchange_motion(displacement, stored("position"))
+        self.sweeps.gradient()
+        field = np.zeros((self.dimension**2, self.particles.owned))
+        for box, block in self.parts:
+            copy_from_box(box, self.sweeps.G, field)
+            rows = slice(block.first, block.last)
+            result[rows] = field[:, rows].T.reshape(-1, self.dimension, self.dimension)
+
+    @property
+    def ghosts(self) -> int:
+        """Nodes of other ranks that this one knows, corners included."""
+        own = sum(block.last - block.first for block in self.blocks)
+        return sum(box.planes * box.nodes for box, _ in self.parts) - own
+
+    @property
+    def directed_pairs(self) -> int:
+        """Interactions counted once a particle: nodes that have a weight in the gradient of another one."""
+        total = 0
+        for box, _ in self.parts:
+            for axis, table in enumerate(box.gradient):
+                own, times = slice(box.first_plane, box.last_plane), box.last_node - box.first_node
+                if axis > 0:
+                    own, times = slice(box.first_node, box.last_node), box.last_plane - box.first_plane
+                others = np.delete(table[0][:, own], REACH, axis=0)
+                total += times * int(np.count_nonzero(others))
+        return total
+
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays that count as memory."""
+        return self.sweeps.arrays()
+
+    def bytes_a_step(self) -> int:
+        """Bytes that this rank sends in one evaluation."""
+        return self.sweeps.bytes_sent
+
+
+@kernel
+def scale_places(places, factor, array):
+    """Multiply columns `places` (k,) of an array (c, n)."""
+    for c in range(array.shape[0]):
+        for p in places:
+            array[c, p] *= factor

@@ -1,0 +1,149 @@
+"""Deformation and stress of boxes: velocity gradients along the axes and the new state, plane by plane while the plane
+is in the cache."""
+
+import numpy as np
+
+from parsolid.kernels import kernel
+from parsolid.methods.tlsph.list_update import add_initial_stress, load_start, store_deformation
+from parsolid.methods.tlsph.point_update import (
+    TILE,
+    largest_modulus,
+    load,
+    relax_over_step,
+    stage_tile,
+    store,
+    update_tile,
+    waves_tile,
+)
+from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
+from parsolid.pairs.box_sweeps import copy, gradient_in_plane
+
+
+@kernel
+def take_extremes(J, signal, least, most):
+    """Least J and greatest signal so far, place by place of tiles, which vectorises; what is not a number stays."""
+    for p in range(J.size):
+        least[p] = least[p] if (least[p] <= J[p]) | (least[p] != least[p]) else J[p]
+        most[p] = most[p] if (most[p] >= signal[p]) | (most[p] != most[p]) else signal[p]
+
+
+@kernel
+def add_products(total, a, b):
+    """total (n,) += a b."""
+    for p in range(a.size):
+        total[p] += a[p] * b[p]
+
+
+@kernel
+def advance_box(
+    box, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
+    tiles, A, branch_sum,
+):  # fmt: skip
+    """Leapfrog: state of the nodes of a box after a step [s] with their velocity gradients in its middle.
+
+    Fields (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,)
+    [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. Otherwise as
+    in `list_update.advance_step`, as is what is returned.
+    """
+    row, least, most, dissipated = box.first, np.ones(TILE), np.zeros(TILE), np.zeros(TILE)
+    # out of their tuples once: each time costs a count of references
+    tensor, symmetric, tile_F, tile_G, tile_P, tile_J, tile_Z = (
+        places.tensor, places.symmetric, tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
+    )  # fmt: skip
+    signal, lost, stress = tiles.signal, tiles.lost, tiles.initial
+    if d == 2:
+        tile_G[:] = 0.0
+    for i in range(box.first_plane, box.last_plane):
+        gradient_in_plane(box, i, v, G)
+        for a in range(box.first_node, box.last_node, TILE):
+            n, place = min(TILE, box.last_node - a), box.start + i * box.nodes + a
+            copy_in(tile_G, tensor, G, place, n)
+            copy_in(tile_F, tensor, gradient, row, n)
+            if A is not None:
+                copy_branches_in(A, symmetric, field_A, row, n)
+            update_tile(
+                law, step, d == 2, signals, branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
+                signal, lost,
+            )  # fmt: skip
+            if initial is not None:
+                copy_in(stress, tensor, initial, row, n)
+                add_initial_stress(tile_F, stress, tile_P)
+            copy_out(gradient, row, n, tile_F, tensor)
+            copy_out(P, place, n, tile_P, tensor)
+            if Z is not None:
+                copy(Z[0, place : place + n], tile_Z[:n])
+                copy(Z[1, place : place + n], tile_Z[TILE : TILE + n])
+            if A is not None:
+                copy_branches_out(field_A, row, n, A, symmetric)
+                add_products(dissipated[:n], lost[:n], volume[row : row + n])
+            copy(jacobian[row : row + n], tile_J[:n])
+            take_extremes(tile_J[:n], signal[:n], least, most)
+            row += n
+    sound, total, greatest = True, 0.0, 0.0
+    for p in range(TILE):
+        sound = sound and least[p] > 0.0
+        total += dissipated[p]
+        # max gives its second argument where either is not a number
+        greatest = max(greatest, most[p])
+    return sound, total, greatest
+
+
+@kernel
+def advance_box_stage(
+    box, law, keep, take, step, at_start, at_end, d, branches, places,
+    v, gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
+    volume, initial, G, P, Z, tiles, A, branch_sum,
+):  # fmt: skip
+    """SSP-RK3: one stage of the nodes of a box; box arrays and fields as in `advance_box`, else as in
+    `list_update.advance_stage`. Z (2 d, places): halves of the density times the moduli of pressure and shear waves
+    along each axis."""
+    sound, rate, largest, row = True, 0.0, 0.0, box.first
+    tensor, symmetric, tile_F, tile_H, tile_J, F_start, H_start, J_start = (
+        places.tensor, places.symmetric, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start
+    )  # fmt: skip
+    tile_G, tile_P, fast, slow, bound = tiles.G, tiles.P, tiles.fast, tiles.slow, tiles.bound
+    lost, F_before, stress = tiles.lost, tiles.initial, tiles.S
+    if d == 2:
+        tile_G[:] = 0.0
+    for i in range(box.first_plane, box.last_plane):
+        gradient_in_plane(box, i, v, G)
+        for a in range(box.first_node, box.last_node, TILE):
+            n, place = min(TILE, box.last_node - a), box.start + i * box.nodes + a
+            copy_in(tile_G, tensor, G, place, n)
+            load_deformation(tile_F, tile_H, tile_J, tensor, gradient, cofactors, jacobian, row, n)
+            if at_start:
+                store_deformation(
+                    tile_F, tile_H, tile_J, tensor, gradient_start, cofactors_start, jacobian_start, row, n
+                )
+            load_start(F_start, H_start, J_start, tensor, gradient_start, cofactors_start, jacobian_start, row, n)
+            if A is not None:
+                copy_branches_in(A, symmetric, field_A, row, n)
+            if initial is not None:
+                for p in range(TILE):
+                    store(F_before, p, load(tile_F, p))
+            stage_tile(
+                law, keep, take, step, branches, tile_F, tile_H, tile_J, F_start, H_start, J_start, tile_G,
+                A, branch_sum, None, tile_P, fast, slow, lost,
+            )  # fmt: skip
+            if initial is not None:
+                copy_in(stress, tensor, initial, row, n)
+                add_initial_stress(F_before, stress, tile_P)
+            store_deformation(tile_F, tile_H, tile_J, tensor, gradient, cofactors, jacobian, row, n)
+            copy_out(P, place, n, tile_P, tensor)
+            if Z is not None:
+                for k in range(d):
+                    copy(Z[k, place : place + n], fast[k * TILE : k * TILE + n])
+                    copy(Z[d + k, place : place + n], slow[k * TILE : k * TILE + n])
+            for p in range(n):
+                sound = sound and tile_J[p] > 0.0
+            if A is not None:
+                for p in range(n):
+                    rate += lost[p] * volume[row + p]
+                if at_end:
+                    relax_over_step(branches, tile_F, F_start, A)
+                    copy_branches_out(field_A, row, n, A, symmetric)
+            if at_end:
+                waves_tile(law, d == 2, branches, tile_F, tile_H, tile_J, A, branch_sum, fast, slow, bound)
+                largest = largest_modulus(largest, fast, bound, n)
+            row += n
+    return sound, rate, largest
