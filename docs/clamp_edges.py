@@ -3,7 +3,7 @@
     python docs/clamp_edges.py parts            # the part at which two lattices have one frequency
     python docs/clamp_edges.py orders           # errors of frequencies with the clamp, without one, and with that part
 
-A block 1 wide and 2 long in plane strain with the operators of `parsolid/pairs/lattice_stencils.py`, linear, so that
+A block 1 wide and 2 long in plane strain with the operators of `parsolid/pairs/box_weights.py`, linear, so that
 errors are those in space alone: lowest frequency of bending of K = sum of D^T V C D with the lumped mass. It is held at
 Y = 0; without a clamp Y = 0 is a plane of symmetry there, with the same end of the operator and smooth stress.
 """
@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.sparse import bmat, csr_matrix, diags, identity, kron
 from scipy.sparse.linalg import eigsh
 
-from parsolid.pairs.lattice_stencils import WIDEST, Axis, norms_of, operator_of
+from parsolid.pairs.box_weights import REACH, Axis, norms_of, operator_of
 
 LENGTH = 2.0
 POISSONS_RATIOS = (0.0, 0.2, 0.3, 0.4, 0.45, 0.47, 0.49)
@@ -37,13 +37,13 @@ class Block(NamedTuple):
 
 def slopes(nodes: int, length: float, wide: bool) -> tuple[csr_matrix, np.ndarray]:
     """Derivative (nodes, nodes) [1/m] and lengths (nodes,) [m] of an axis of even steps."""
-    axis = Axis(nodes, length / (nodes - 1), (False, False))
+    axis = Axis(nodes, length / (nodes - 1))
     operator, own = operator_of(axis, wide), norms_of(axis, wide) * axis.step
-    result = np.zeros((nodes, nodes + 2 * WIDEST))
+    result = np.zeros((nodes, nodes + 2 * REACH))
     for i in range(nodes):
-        result[i, i : i + 2 * WIDEST + 1] = operator[i]
-        result[i, i + WIDEST] = -operator[i].sum()
-    return csr_matrix(result[:, WIDEST:-WIDEST] / own[:, None]), own
+        result[i, i : i + 2 * REACH + 1] = operator[i]
+        result[i, i + REACH] = -operator[i].sum()
+    return csr_matrix(result[:, REACH:-REACH] / own[:, None]), own
 
 
 def frequency(block: Block, poissons_ratio: float, part: float) -> float:

@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import cg
 from scipy.spatial import Delaunay, cKDTree
 
-from parsolid.pairs.lattice_stencils import Axis, lengths_of, operator_of
+from parsolid.pairs.box_weights import Axis, lengths_of, operator_of
 
 NU, LENGTH, SMOOTHING = 0.3, 3.0, 0.85
 
@@ -117,7 +117,7 @@ def exact(X, V, A, a, b, g, spacing: float):
 
 def reference(cells: int) -> float:
     """Of a lattice of fourth order."""
-    axes = [Axis(k, 1.0 / cells, (False, False)) for k in (cells + 1, round(LENGTH * cells) + 1)]
+    axes = [Axis(k, 1.0 / cells) for k in (cells + 1, round(LENGTH * cells) + 1)]
     norms, slopes = [lengths_of(axis, True) for axis in axes], []
     for axis, norm in zip(axes, norms):
         q, n = operator_of(axis, True), axis.nodes
