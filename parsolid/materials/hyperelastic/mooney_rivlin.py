@@ -56,18 +56,20 @@ class StatedMooneyRivlin:
     density: Density
     youngs_modulus: Annotated[float | None, Parameter("Pa", "Young's modulus", above=0.0, default=None)]
     poissons_ratio: Annotated[float | None, Parameter("1", "Poisson's ratio", above=-1.0, below=0.5, default=None)]
-    xi: Annotated[Any, Parameter("Pa", "the factor of F:F - 3", at_least=0.0, default=None)]
+    xi: Annotated[float | None, Parameter("Pa", "the factor of F:F - 3", at_least=0.0, default=None)]
     zeta: Annotated[float, Parameter("Pa", "the factor of H:H - 3", at_least=0.0, default=0.0)]
-    lambda_hat: Annotated[Any, Parameter("Pa", "twice the factor of (J - 1)^2", at_least=0.0, default=None)]
+    lambda_hat: Annotated[float | None, Parameter("Pa", "twice the factor of (J - 1)^2", at_least=0.0, default=None)]
 
     @property
     def moduli(self) -> Moduli:
         """xi, zeta, lambda_hat and the linear elastic constants [Pa]."""
+        # of the two ways one is given as a whole
+        stated: Any = self
         if self.youngs_modulus is None:
-            shear, lame = 2.0 * (self.xi + self.zeta), self.lambda_hat + 4.0 * self.zeta
-            xi, lambda_hat = self.xi, self.lambda_hat
+            shear, lame = 2.0 * (stated.xi + self.zeta), stated.lambda_hat + 4.0 * self.zeta
+            xi, lambda_hat = stated.xi, stated.lambda_hat
         else:
-            E, nu = self.youngs_modulus, float(self.poissons_ratio or 0.0)
+            E, nu = stated.youngs_modulus, stated.poissons_ratio
             shear, lame = E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
             xi, lambda_hat = 0.5 * shear - self.zeta, lame - 4.0 * self.zeta
         return Moduli(xi, self.zeta, lambda_hat, shear, lame, lame + 2.0 / 3.0 * shear)
