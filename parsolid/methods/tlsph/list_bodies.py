@@ -39,7 +39,7 @@ class ListBodies:
         self.system, self.blocks, self.weights, self.waves, self.unbonded = system, blocks, weights, waves, unbonded
         self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
-        columns = {"layout": Columns(), "carried": False}
+        columns: dict[str, Any] = {"layout": Columns(), "carried": False}
         self.particles.declare(Field("correction", self.dimension**2, "", **columns))
         self.particles.declare(Field("pair_volume", 1, "m^3", **columns), 1.0)
         self.columns = ROWS[self.dimension]
