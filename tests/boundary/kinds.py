@@ -8,15 +8,12 @@ from solids import SOFT, tables
 from parsolid.boundary.conditions import Conditions
 from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.mpm.points import MaterialPoints
-from parsolid.methods.peridynamics.forces import particles_of
-from parsolid.methods.ulsph.boundaries import BoundarySet
-from parsolid.methods.ulsph.fields import declare_motion
+from parsolid.methods.peridynamics.loads import PeridynamicLoads
+from parsolid.methods.ulsph.state import declare_motion
 from parsolid.particles.container import Particles
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.generation import generate
 from parsolid.scene import parse_scene
-from parsolid.scene.boundaries.surface import Pressure
-from parsolid.scene.boundaries.traction import Traction
 
 KINDS = {
     "fixed": {"plane": "X = 0"},
@@ -70,10 +67,10 @@ def translated(comm, data: dict):
         declare_generated(particles, particle_set)
         return Conditions(comm, scene, particle_set, particles)
     if scene.method.kind == "peridynamics":
-        return Conditions(comm, scene, particle_set, particles_of(scene, particle_set), others=(Traction, Pressure))
+        return PeridynamicLoads(comm, scene, particle_set, Particles(particle_set.body))
     if scene.method.kind == "ulsph":
         particles = Particles(particle_set.body)
         declare_generated(particles, particle_set)
-        declare_motion(particles, particle_set.position, None, None, False)
-        return BoundarySet(comm, scene, particle_set, particles)
+        declare_motion(particles, particle_set.position)
+        return Conditions(comm, scene, particle_set, particles)
     return GridConditions(comm, scene, particle_set, MaterialPoints(scene, particle_set))

@@ -139,7 +139,9 @@ def test_compilation_is_told_at_once_and_then_every_five_seconds(passing_time):
         "compiling kernel 11, kernel_10, after 10 s",
     ]
     Compilations("/tmp/kernels", "/home/kernels", log)("kernel")
-    assert log.getvalue().endswith("they are kept in /tmp/kernels, as /home/kernels cannot be written, or not by you alone\n")
+    assert log.getvalue().endswith(
+        "they are kept in /tmp/kernels, as /home/kernels cannot be written, or not by you alone\n"
+    )
 
 
 def test_the_first_step_says_nothing_of_the_time_left(passing_time):
