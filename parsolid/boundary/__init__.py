@@ -7,7 +7,4 @@ motion              prescribed velocity, displacement and rotation
 constraints         supports, mirror planes (`mirror_planes`), inclined rollers
 walls               rigid walls; heating: sources of heat and heat through planes
 reporting           force, moment and work of a condition
-
-declarations, loads, surface_loads, surfaces, prescribed, supports, slides, rows, reactions and heat are what these
-replace; each goes when no method imports it any more.
 """

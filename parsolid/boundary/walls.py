@@ -3,9 +3,9 @@
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.boundary.loads_on_particles import Loads
 from parsolid.boundary.reporting import Reaction
 from parsolid.collective import raise_together
-from parsolid.particles.container import Particles
 from parsolid.scene.boundaries.wall import Wall
 
 # of a spacing: a particle in the middle of a cell on the wall touches it
@@ -37,11 +37,14 @@ class Walls:
     """All walls of a scene, as particles meet them: one is caught where half of its spacing reaches the wall, and
     leaves freely."""
 
-    def __init__(self, comm: MPI.Comm, walls: list[tuple[str, Wall]], particles: Particles):
-        """Raises SolverError on all ranks where a particle stands beyond a wall. Collective."""
-        self.particles = particles
-        self.all = [RigidWall(wall, particles.owned_rows("position").shape[1]) for _, wall in walls]
+    def __init__(self, comm: MPI.Comm, conditions: Loads):
+        """conditions: those of the scene, which report the forces of walls. Raises SolverError on all ranks where a
+        particle stands beyond a wall. Collective."""
+        self.particles = particles = conditions.particles
+        walls = conditions.of(Wall)
+        self.all = [RigidWall(wall, conditions.dimension) for _, wall in walls]
         for (key, wall), rigid in zip(walls, self.all):
+            rigid.reaction = conditions.reaction_of(wall)
             beyond = self._gap(rigid, 0.0) < -_TOUCHING * particles.owned_rows("spacing")[:, rigid.axis]
             fault = f"{key}: expected all bodies {wall.side} the wall, found particles that it cuts"
             raise_together(comm, fault if beyond.any() else None)
@@ -62,12 +65,13 @@ class Walls:
         """Let particles that have reached a wall at a time [s] move with it, after a half kick of a step.
 
         before (d, n): velocities before the kick over `half` [s]; acting: internal and dissipative forces and loads
-        (d, n) [N] of the kick. Returns what to add [J] to the kick's external work, dissipation, and kinetic offset,
-        with the wall's work on the bodies in the first and the energy lost to particles that are caught in the second.
+        (d, n) [N] of the kick. Returns what to add to the kick's energies [J]: external work, with the wall's on the
+        bodies; loss to dissipative forces, on the mean of the velocities before and after; kinetic offset of all other
+        forces; and the loss to particles that are caught.
         """
         velocity, mass = self.particles.owned_rows("velocity").T, self.particles.owned_rows("mass")
         force, damping, loads = acting
-        energies = np.zeros(3)
+        energies = np.zeros(4)
         for wall in self.all:
             reach = _TOUCHING * self.particles.owned_rows("spacing")[:, wall.axis]
             approaching = wall.sign * (velocity[wall.axis] - wall.velocity[wall.axis]) < 0.0
@@ -77,12 +81,14 @@ class Walls:
                 change *= np.abs(wall.normal)[:, None]
             impulse = mass[rows] * change
             of_loads = np.zeros_like(change) if loads is None else loads[:, rows]
-            total = force[:, rows] + damping[:, rows] + of_loads
-            lost = -0.5 * np.sum(impulse * (before[:, rows] - wall.velocity[:, None]))
-            energies += np.sum(impulse, axis=1) @ wall.velocity, lost, 0.5 * half * np.sum(total * change)
+            work = np.sum(impulse, axis=1) @ wall.velocity
             if opening:
-                # the work of forces is that on the velocity in the middle of the step, which the wall has changed
-                energies += half * np.sum(of_loads * change), -half * np.sum(damping[:, rows] * change), 0.0
+                # the work of loads is that on the velocity in the middle of the step, which the wall has changed
+                work += half * np.sum(of_loads * change)
+            dissipated = -0.5 * half * np.sum(damping[:, rows] * change)
+            offset = 0.5 * half * np.sum((force[:, rows] + of_loads) * change)
+            lost = -0.5 * np.sum(impulse * (before[:, rows] - wall.velocity[:, None]))
+            energies += work, dissipated, offset, lost
             velocity[:, rows] += change
             if wall.reaction is not None:
                 places = self.particles.owned_rows("position").T[:, rows]

@@ -1,23 +1,26 @@
-"""How far particles may move before pairs that are not listed come within the support.
+"""How far particles may move before a pair that is not listed comes within the support.
 
-A pair that is not listed was at least support (h_a + h_b)/2 (1 + skin) apart when the lists were made. It is beyond the
-support as long as both have moved less than skin/2 support h, measured in any frame common to both. Within a body that
-is the body's mean motion; for particles of two bodies it is the mean of the two motions, and it only counts where one
-stands within reach of the box that the other body moves along with. An image behind a mirror plane is a body of its
-own.
+A pair that is not listed was at least support (h_a + h_b)/2 (1 + skin) apart when the list was made. It is beyond the
+support as long as both particles have moved less than skin/2 support h, measured in any frame common to both. Within a
+body that frame moves with the body's mean velocity. For particles of two bodies it moves with the mean of the two, and
+it only counts where one of them stands within reach of the box that moves along with the other body. An image behind a
+mirror plane counts as a body of its own.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
+from parsolid.kernels import kernel, scalar
+
+# what `skin_use` finds
+SAFE, EXPIRES, LATE = 0, 1, 2
 
 
 class BodyMotions(NamedTuple):
-    """Mean velocities (bodies, d) [m/s], and the partners of body A, rows start[A] .. start[A + 1] - 1: boxes lower,
-    upper (p, d) [m] when the lists were made, their velocities and those of the frames shared with A (p, d) [m/s].
+    """Mean velocities (bodies, d) [m/s], and what body A may meet, rows start[A] .. start[A + 1] - 1: boxes lower,
+    upper (p, d) [m] when the list was made, their velocities `partner` and those of the frames shared with A, `frame`
+    (p, d) [m/s].
     """
 
     velocity: np.ndarray
@@ -29,8 +32,8 @@ class BodyMotions(NamedTuple):
 
 
 class Allowance(NamedTuple):
-    """Displacement allowed a smoothing length, the widest reach of a pair [m], time since the build and time ahead that
-    is asked about [s]."""
+    """Displacement allowed over smoothing length, the widest reach of a pair [m], the time since the list was made and
+    the time to come that is asked about [s]."""
 
     share: float
     reach: float
@@ -39,34 +42,29 @@ class Allowance(NamedTuple):
 
 
 def body_motions(velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray, codes: Any) -> BodyMotions:
-    """velocity, lower, upper (bodies, d): mean velocity [m/s] and box [m] of each, an empty one upside down.
-
-    codes: `MirrorCodes` or None.
-    """
-    d = velocity.shape[1]
+    """The motions of bodies with mean velocities (bodies, d) [m/s] in boxes lower, upper (bodies, d) [m], an empty
+    one with lower > upper; codes: `MirrorCodes` or None."""
+    bodies, d = velocity.shape
     filled = (lower <= upper).all(axis=1)
-    whole: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
-    everywhere = np.ones(len(velocity), bool)
-    for body in np.flatnonzero(filled):
-        others = everywhere.copy()
-        others[body] = False
-        whole.append((others, lower[body], upper[body], velocity[body]))
+    # whom a box concerns (bodies,), its corners and its velocity
+    boxes = [(np.arange(bodies) != A, lower[A], upper[A], velocity[A]) for A in np.flatnonzero(filled)]
     for code in range(0 if codes is None else len(codes.signs)):
-        concerned = np.all([plane.concerns(np.arange(len(velocity))) for plane in codes.planes[code]], axis=0)
+        concerned = np.all([plane.concerns(np.arange(bodies)) for plane in codes.planes[code]], axis=0)
         R, T = codes.reflections[code, :d], codes.shifts[code, :d]
         for body in np.flatnonzero(filled & concerned):
             corners = np.stack((lower[body], upper[body])) * R + T
-            whole.append((concerned, corners.min(axis=0), corners.max(axis=0), velocity[body] * R))
-    rows = [[one for one in whole if one[0][body]] for body in range(len(velocity))]
-    start = np.concatenate(([0], np.cumsum([len(row) for row in rows]))).astype(np.int64)
-    listed = [(*one[1:], 0.5 * (velocity[body] + one[3])) for body, row in enumerate(rows) for one in row]
-    columns = [np.array([one[k] for one in listed]).reshape(-1, d) for k in range(4)]
-    return BodyMotions(velocity, start, *columns)
+            boxes.append((concerned, corners.min(axis=0), corners.max(axis=0), velocity[body] * R))
+    met = [[box for box in boxes if box[0][body]] for body in range(bodies)]
+    start = np.concatenate(([0], np.cumsum([len(row) for row in met]))).astype(np.int64)
+    columns = [np.array([box[k] for row in met for box in row]).reshape(-1, d) for k in (1, 2, 3)]
+    own = np.repeat(velocity, np.diff(start), axis=0)
+    return BodyMotions(velocity, start, *columns, 0.5 * (own + columns[2]))
 
 
-@compiled
+@kernel
 def body_bounds(position: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarray:
-    """Negated lower and upper corner [m] of each body's particles, (bodies, 2, d), -inf without any."""
+    """Negated lower corner and upper corner [m] of each body's particles at position (n, d), as (bodies, 2, d); -inf
+    without any."""
     d = position.shape[1]
     result = np.full((bodies, 2, d), -np.inf)
     for a in range(len(position)):
@@ -76,55 +74,46 @@ def body_bounds(position: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarr
     return result
 
 
-@register_jitable
-def _use(moved: float, faster: float, allowed: float, ahead: float) -> int:
-    """What `skin_use` says of one particle in one frame, by its squared displacement and relative speed."""
+@scalar
+def _use(moved, faster, allowed, ahead):
+    """What `skin_use` finds of one particle in one frame, by its squared displacement and relative speed."""
     # (p + q)^2 <= 2 p^2 + 2 q^2 spares most particles the roots
     if 2.0 * (moved + faster * ahead * ahead) <= allowed * allowed:
         return 0
-    moved = np.sqrt(moved)
-    if moved > allowed:
+    if moved**0.5 > allowed:
         return 2
-    return 1 if moved + np.sqrt(faster) * ahead > allowed else 0
+    return 1 if moved**0.5 + faster**0.5 * ahead > allowed else 0
 
 
-@compiled(error_model="numpy")
-def skin_use(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    listed: np.ndarray,
-    smoothing_length: np.ndarray,
-    body: np.ndarray,
-    motions: BodyMotions,
-    allowance: Allowance,
-) -> int:
-    """0 where the lists are safe for the time ahead, 1 where they may not be, 2 where they are no longer.
+@kernel
+def skin_use(owned, position, velocity, listed, smoothing_length, body, motions, allowance):
+    """SAFE where the list is safe for the time ahead, EXPIRES where it may not be, LATE where it is used already.
 
-    Of owned particles: position, velocity, listed (the position at the build) (n, d), smoothing_length, body (n,).
-    In one function, because arrays handed to another cost more than the rest.
+    Of the owned particles: position, velocity and listed, the position when the list was made (d, rows);
+    smoothing_length (1, rows); body (rows,).
     """
-    d, elapsed, ahead, result = position.shape[1], allowance.elapsed, allowance.ahead, 0
-    for a in range(len(position)):
-        A, allowed = body[a], allowance.share * smoothing_length[a]
+    d, elapsed, ahead, result = len(position), allowance.elapsed, allowance.ahead, 0
+    for a in range(owned):
+        A, allowed = body[a], allowance.share * smoothing_length[0, a]
         moved, faster = 0.0, 0.0
         for k in range(d):
-            u = position[a, k] - listed[a, k] - motions.velocity[A, k] * elapsed
-            w = velocity[a, k] - motions.velocity[A, k]
+            u = position[k, a] - listed[k, a] - motions.velocity[A, k] * elapsed
+            w = velocity[k, a] - motions.velocity[A, k]
             moved, faster = moved + u * u, faster + w * w
         result = max(result, _use(moved, faster, allowed, ahead))
         for p in range(motions.start[A], motions.start[A + 1]):
             gap, faster = 0.0, 0.0
             for k in range(d):
-                at = position[a, k] - motions.partner[p, k] * elapsed
+                at = position[k, a] - motions.partner[p, k] * elapsed
                 outside = max(motions.lower[p, k] - at, at - motions.upper[p, k], 0.0)
-                w = velocity[a, k] - motions.partner[p, k]
+                w = velocity[k, a] - motions.partner[p, k]
                 gap, faster = gap + outside * outside, faster + w * w
             # within reach of the partner's box in the time ahead? (p + q)^2 <= 1.1 p^2 + 11 q^2
             if gap < 1.1 * allowance.reach**2 + 11.0 * faster * ahead**2:
                 moved, faster = 0.0, 0.0
                 for k in range(d):
-                    u = position[a, k] - listed[a, k] - motions.frame[p, k] * elapsed
-                    w = velocity[a, k] - motions.frame[p, k]
+                    u = position[k, a] - listed[k, a] - motions.frame[p, k] * elapsed
+                    w = velocity[k, a] - motions.frame[p, k]
                     moved, faster = moved + u * u, faster + w * w
                 result = max(result, _use(moved, faster, allowed, ahead))
     return result

@@ -8,7 +8,7 @@ from test_methods_meet import CLOSING, SPEED, bars, momenta
 
 from decomposition.measured_load import shares_of
 from parsolid.methods.mpm import cells
-from parsolid.pairs import moving_pairs
+from parsolid.pairs import verlet_list
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 
@@ -45,7 +45,7 @@ def test_shares_even_out_what_ranks_are_busy_with():
 
 @pytest.mark.parametrize("kind", ["points", "flow"])
 def test_a_rank_that_is_busy_with_another_method_gets_fewer_points_and_the_motion_stays(comm, monkeypatch, kind):
-    for module in (cells, moving_pairs):
+    for module in (cells, verlet_list):
         monkeypatch.setattr(module, "_LOOKS", 1)
     data = bars("sph", kind, end_time=10.0 / SPEED)
     for body in data["bodies"]:

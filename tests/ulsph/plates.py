@@ -52,7 +52,7 @@ def impact(across=21, along=71, speed=208.0, material=STEEL, **keys) -> dict:
 
 def randomized(data, comm, seed=0):
     """A simulation with random stress, density, velocity, fluxes, micro-velocity and temperature of every particle,
-    the same on any number of ranks, with B of its places and all records told.
+    the same on any number of ranks, with B of its places and all that neighbours read.
     """
     sim = simulation(data, comm)
     system = sim.systems[0]
@@ -79,10 +79,10 @@ def randomized(data, comm, seed=0):
 
 
 def evaluate(system) -> None:
-    """B, records, forces and gradients of the present state, which a step of length 0 leaves as it is."""
+    """B, stresses, forces and gradients of the present state, which a step of length 0 leaves as it is."""
     for _ in range(2):
-        system.first_pass(0.0)
+        system.find_rates(0.0)
         system.advance_state(0.0, 0.0)
-        system.sweeps.forces()
-        system.advance_gradients(0.0)
-    system.first_pass(0.0)
+        system.neighbours.find_forces()
+        system.advance_fluxes(0.0)
+    system.find_rates(0.0)

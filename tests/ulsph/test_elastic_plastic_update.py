@@ -10,12 +10,10 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
+from parsolid.materials.plastic.tile_update import new_tile
 from parsolid.materials.registry import law_of
 from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
-from parsolid.methods.ulsph.fields import Body
-from parsolid.methods.ulsph.plastic_update import advance_state
-from parsolid.methods.ulsph.terms import GradientCorrection
-from parsolid.numerics.layout import LAYOUT
+from parsolid.methods.ulsph.elastic_plastic import State, advance_state
 from parsolid.scene.plasticity import library
 
 COPPER = MieGrueneisen(8930.0, 3940.0, 1.489, 2.02)
@@ -34,38 +32,39 @@ class Particles:
     """Four particles of one law with neighbours in perfect order, driven by a velocity gradient (3, 3)."""
 
     def __init__(self, law, dimension=3, temperature=300.0):
-        self.law, self.dimension = law, dimension
-        one, rows = (lambda value: np.full((1, 8), value)), {2: 4, 3: 6}[dimension]
-        arrays = dict.fromkeys(Body._fields) | {
-            "kinematics": np.zeros((8, 8)),
-            "mass": one(2.0),
-            "record": np.zeros((12, 12)),
-            "rate_sums": np.zeros((12, 20)),
-            "force_sums": np.zeros((12, 8)),
-            "correction": np.zeros((6, 8)),
-            "density": one(law.density),
-            "deviator": np.zeros((rows, 8)),
-            "temperature": one(temperature),
-            "plastic_strain": one(0.0),
-            "energy": one(law.internal_energy(temperature)),
-        }
-        self.body = Body(**arrays)
+        self.law, self.dimension, self.tile = law, dimension, new_tile()
+        one, d = (lambda value: np.full((1, 4), value)), dimension
+        self.rates = np.zeros((4, 4 * d + 4))
+        self.body = State(
+            mass=one(2.0),
+            density=one(law.density),
+            correction=np.zeros((6, 4)),
+            deviator=np.zeros((6, 4)),
+            plastic_strain=one(0.0),
+            energy=one(law.internal_energy(temperature)),
+            temperature=one(temperature),
+            pair_stress=np.zeros((d * d, 4)),
+            sound_speed=one(0.0),
+        )
 
     def advance(self, step, gradient):
         """One step; plastic work over the volume at rest."""
-        body, d = self.body, self.dimension
-        weight = body.mass[0, :4] * body.density[0, :4]
-        body.rate_sums[:] = 0.0
-        for k in range(4):
-            place = 4 if d == 3 else 2
-            for i in range(d):
-                body.rate_sums[k, place * i : place * i + d] = weight[k] * gradient[:d, i]
-            first = {2: 4, 3: 12}[d]
-            body.rate_sums[k, first : first + d] = weight[k]
-        kept = None, None, GradientCorrection(6.0)
-        sound, work, heat, freed = advance_state(LAYOUT[d], 0, 4, self.law, step, step, *kept, body)
-        assert sound and heat == 0.0 and freed == 0.0
+        d, weight = self.dimension, self.body.mass[0] * self.body.density[0]
+        self.rates[:] = 0.0
+        stride = 4 if d == 3 else 2
+        for j in range(d):
+            self.rates[:, stride * j : stride * j + d] = weight[:, None] * gradient[:d, j]
+        # the moment of perfect order: 11, 22, 33
+        for place in (3, 12, 13) if d == 3 else (4, 5):
+            self.rates[:, place] = weight
+        sound, work, heat, released = self.update(step)
+        assert sound and heat == 0.0 and released == 0.0
         return work / (4 * 2.0 / self.law.density)
+
+    def update(self, step):
+        """The kernel, with the sums of `rates`."""
+        how = step, step, 6.0, None, True if self.dimension == 2 else None
+        return advance_state(0, 4, self.law, None, *how, self.rates, None, self.body, None, None, None, None, self.tile)
 
     def deviator(self):
         """S (3, 3) [Pa] of the first particle."""
@@ -188,9 +187,8 @@ def test_energy_is_the_work_of_the_stress():
 def test_a_particle_without_neighbours_keeps_its_state(dimension):
     """Its moment is 0, which has no inverse."""
     particles = driven(FLOWING, np.diag([-1e4, 0.0, 0.0]), 1e-5, 20, dimension=dimension)
-    before, body = particles.scalars(), particles.body
-    body.rate_sums[:] = 0.0
-    law, correction = particles.law, GradientCorrection(6.0)
-    assert advance_state(dimension, 0, 4, law, 1e-8, 1e-8, None, None, correction, body)[0]
+    before = particles.scalars()
+    particles.rates[:] = 0.0
+    assert particles.update(1e-8)[0]
     np.testing.assert_allclose(particles.scalars(), before, rtol=1e-12)
-    assert np.isfinite(body.correction).all()
+    assert np.isfinite(particles.body.correction).all()

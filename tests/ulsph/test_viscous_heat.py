@@ -28,9 +28,9 @@ def test_heat_is_the_work_of_both_kicks_however_long_their_steps(dimension):
     system, taken = sim.systems[0], []
     book = system.book
 
-    def watched(ledger, step, state, kicks):
-        taken.append(kicks[0][1] + kicks[1][1])
-        book(ledger, step, state, kicks)
+    def watched(step, ledger, plastic, lost, opening, closing):
+        taken.append(opening.viscous + closing.viscous)
+        book(step, ledger, plastic, lost, opening, closing)
 
     system.book = watched
     whole = sim.take_step(0.0)

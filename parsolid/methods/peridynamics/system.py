@@ -57,7 +57,7 @@ class Peridynamics(PairMethod):
         self.forces = build_forces(comm, scene, particle_set, self.conditions)
         self.pairs, self.laws = self.forces.bonds, self.forces.laws
         Tractions(self.conditions, self.forces)
-        self.told = self.conditions.reactions
+        self.reactions = self.conditions.reactions
         self.fracture = fracture_of(comm, scene, particle_set, self.forces)
         self.operator = Operator(self.forces, self.conditions)
         columns: dict[str, Any] = {"mirror": "vector", "layout": Columns()}

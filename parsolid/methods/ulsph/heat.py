@@ -1,32 +1,38 @@
-"""Heat that comes from outside: prescribed temperatures, and the friction of bodies that meet."""
+"""Heat from outside and from the artificial viscosity in updated-Lagrangian SPH: temperatures that a scene prescribes,
+friction of contact, and when the viscous heat of a step comes."""
 
 from typing import Any
 
 import numpy as np
 
-from parsolid.methods.ulsph.kinematics import second_vector
+from parsolid.particles.container import Particles
+from parsolid.scene import Scene
+from parsolid.scene.boundaries.thermal import PrescribedTemperature
+from parsolid.scene.regions import selected
 
 
-class HalfSteps:
-    """Viscous forces act for half of the step before their time and half of that after it, and warm in the latter.
+class ViscousHeat:
+    """When laws take up the heat of the artificial viscosity, whose forces act for half of the step before their time
+    and for half of that after it: in the latter.
 
-    step: the last one [s], 0 before the first; goes_on: whether the first step goes on from another run's forces, whose
-    last step is taken to be as long; to_come: what they took in its second kick, which stored energies have
-    after the next step [J], of this rank.
+    step: the last one [s], 0 before the first; continues: whether the first step goes on from another run's forces,
+    whose last step is taken to be as long; to_come: what the viscosity took in the last closing kick from particles
+    whose stored energy has it after the next step [J], of this rank.
     """
 
     def __init__(self) -> None:
         self.step = self.to_come = 0.0
-        self.goes_on = False
+        self.continues = False
 
-    def mean(self, step: float) -> float:
+    def mean_step(self, step: float) -> float:
         """Of the step before and this one [s]."""
-        return step if self.goes_on else 0.5 * (self.step + step)
+        return step if self.continues else 0.5 * (self.step + step)
 
-    def follow(self, taken: float) -> float:
-        """The second kick of a step has taken energy [J]; by how much more is to come than before [J]."""
+    def finish(self, step: float, taken: float) -> float:
+        """A step [s] ends with energy [J] taken in its closing kick; by how much more is to come than before [J]."""
         change = float(taken - self.to_come)
-        self.to_come = float(taken)
+        self.step, self.to_come = step, float(taken)
+        self.continues = self.continues and step == 0.0
         return change
 
     def state(self, comm: Any) -> dict[str, Any]:
@@ -39,65 +45,52 @@ class HalfSteps:
         self.to_come = heat[comm.rank] if len(heat) == comm.size else sum(heat) * (comm.rank == 0)
 
 
-def heat_to_come(system: Any, step: float, taken: float) -> float:
-    """What the viscosity took [J] in the second kick of a step [s] from particles whose stored energies have it after
-    the next one; taken: from all. Beside others their part is that of their forces, loads left aside.
+class Temperatures:
+    """Temperatures of particles: those that a scene prescribes, and heat that comes from outside.
+
+    supplied, stored: heat [J] that prescribed temperatures took or brought in the last step, and the part of it that
+    stored energies hold.
     """
-    if all(system.updates.storing):
-        return taken
-    d, sums, found = system.dimension, system.particles.storage("force_sums"), 0.0
-    for update, block, _ in system.updates.each():
-        if update.stores_heat:
-            rows = slice(block.first, block.last)
-            change = 0.5 * step * sums[rows, :d] / system.mass[rows, None]
-            velocity = system.particles.owned_rows("velocity")[rows]
-            viscous = sums[rows, second_vector(d) : second_vector(d) + d]
-            found -= 0.25 * step * float(np.sum(viscous * (2.0 * velocity - change)))
-    return found
 
+    supplied = stored = 0.0
 
-def prescribe_temperatures(system: Any, time: float) -> tuple[float, float]:
-    """The heat [J] that prescribed temperatures supply at a time [s], and the part of it that goes into stored energy;
-    system: `system.UpdatedLagrangianSPH`."""
-    supplied, stored, temperature = 0.0, 0.0, system.particles.owned_rows("temperature")
-    record, column = system.particles.storage("record"), 6 if system.dimension == 2 else 11
-    capacity, kept = _of_bodies(system)
-    for rows, values in system.boundaries.temperatures(time):
-        body = system.particles.owned_rows("body")[rows]
-        change = capacity[body] * (values - temperature[rows])
-        supplied += float(change @ system.mass[rows])
-        stored += float(change @ (system.mass[rows] * (kept[body] > 0.0)))
-        if kept.any():
-            system.particles.owned_rows("energy")[rows] += kept[body] * change
-        temperature[rows] = record[rows, column] = values
-    return supplied, stored
+    def __init__(self, comm: Any, scene: Scene, particle_set: Any, particles: Particles, solids: list[Any]):
+        """solids: with their law, and whether its stored energy holds heat; collective."""
+        self.particles = particles
+        law_of_body = particles.law_of_body
+        # of each body [J/(kg K)]; density [kg/m^3] of its law where it stores heat, else 0
+        self._capacity = np.array([solid.law.specific_heat for solid in solids])[law_of_body]
+        storing = [solid.law.density if solid.stores_heat else 0.0 for solid in solids]
+        self._storing = np.array(storing)[law_of_body]
+        self._prescribed = []
+        for one in scene.boundaries:
+            if isinstance(one, PrescribedTemperature):
+                self._prescribed.append((particles.selection(selected(scene, one, particle_set, comm)), one.course))
 
+    def prescribe(self, time: float) -> None:
+        """Give particles their prescribed temperatures at a time [s]."""
+        self.supplied = self.stored = 0.0
+        of = self.particles.owned_rows
+        for chosen, course in self._prescribed:
+            rows = chosen.rows
+            values = course.evaluate(np.ascontiguousarray(of("reference_position")[rows]), time)[:, 0]
+            heat = self._capacity[of("body")[rows]] * (values - of("temperature")[rows]) * of("mass")[rows]
+            of("temperature")[rows] = values
+            self.supplied += float(heat.sum())
+            self.stored += self._store(rows, heat)
 
-def take_heat(system: Any, heat: np.ndarray, rows: np.ndarray) -> float:
-    """Warm rows (n,) by heat (n,) [J]; what of it their stored energy holds [J]. Deleted particles take none."""
-    rows, heat = rows[system.mass[rows] > 0.0], heat[system.mass[rows] > 0.0]
-    capacity, kept = (values[system.particles.owned_rows("body")[rows]] for values in _of_bodies(system))
-    change = heat / system.mass[rows]
-    system.particles.owned_rows("temperature")[rows] += change / capacity
-    if kept.any():
-        system.particles.owned_rows("energy")[rows] += kept * change
-    return float(heat[kept > 0.0].sum())
+    def take(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """Warm rows (n,) by heat (n,) [J], but those that were deleted; what of it stored energies hold [J]."""
+        of = self.particles.owned_rows
+        here = of("mass")[rows] > 0.0
+        rows, heat = rows[here], heat[here]
+        of("temperature")[rows] += heat / (of("mass")[rows] * self._capacity[of("body")[rows]])
+        return self._store(rows, heat)
 
-
-def follow_kick(system: Any, before: np.ndarray, rows: np.ndarray) -> None:
-    """Add what a kick between two steps has changed of rows' velocities, which were `before` (n, d), times the viscous
-    forces [W], to a column of the sums that the passes leave zero: of the two halves of these forces only the second
-    one acts after it, see `viscous_heat.centred_heat`.
-    """
-    d, sums = system.dimension, system.particles.storage("force_sums")
-    first, column = second_vector(d), sums.shape[1] - 3 if d == 2 else 7
-    change = system.particles.owned_rows("velocity")[rows] - before
-    sums[rows, column] += np.sum(sums[rows, first : first + d] * change, axis=1)
-
-
-def _of_bodies(system: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Specific heat [J/(kg K)] of each body's law, and its density [kg/m^3] where it stores heat, else 0."""
-    law_of_body = system.particles.law_of_body
-    capacity = np.array([law.specific_heat for law in system.laws])[law_of_body]
-    kept = [law.density * storing for law, storing in zip(system.laws, system.updates.storing)]
-    return capacity, np.array(kept)[law_of_body]
+    def _store(self, rows: np.ndarray, heat: np.ndarray) -> float:
+        """Add heat (n,) [J] to the internal energy of those rows whose law has one; how much that is [J]."""
+        of = self.particles.owned_rows
+        density = self._storing[of("body")[rows]]
+        if self._storing.any():
+            of("energy")[rows] += heat * density / of("mass")[rows]
+        return float(heat[density > 0.0].sum())

@@ -1,69 +1,147 @@
-"""Kernels that move particles: half kicks, drifts, and the energies of motion."""
+"""Velocity gradients of 32 particles at a time, from the sums of the first sweep, and what follows from them alone:
+the correction B of gradients, the density, the deviator turned with the spin, the strain increment.
 
-import math
+A tile is a flat array (rows * TILE,) with row r of particle p at r * TILE + p, as in `materials.plastic.tile_update`.
+"""
 
-from decomposition.compiled import compiled
-from decomposition.deferred import register_jitable
-from parsolid.numerics.optional import free_of, load_of
+from parsolid.elementary import exp
+from parsolid.kernels import inlined, kernel
+from parsolid.materials.plastic.jaumann_rate import deviatoric_strain
+from parsolid.materials.plastic.tile_update import (
+    DEVIATOR,
+    STRAIN,
+    TILE,
+    load_general,
+    load_symmetric,
+    store_general,
+    store_symmetric,
+)
+from parsolid.tensors import (
+    add_spherical,
+    combine_symmetric,
+    congruence,
+    contract_symmetric,
+    general,
+    inverse_symmetric,
+    matmul,
+    spin_rotation,
+    times,
+    times_symmetric,
+    trace,
+)
+
+# rows of the tile: L m rho, then L [1/s]; moment m rho, then B; B for the forces; B of the last step;
+# 1/(m rho); growth of the density over half a step
+GRADIENT, CORRECTION, CARRIED, LAST, INVERSE, GROWTH, ROWS = 0, 9, 15, 21, 27, 28, 29
+# of the moment, below the rounding of its sum, so that it has an inverse
+_NEGLIGIBLE = 1e-14
+# by how much of its norm B is carried on at most
+_MOST_CHANGE = 0.25
 
 
-@register_jitable
-def second_vector(dimension):
-    """First column of the second vector of `kinematics` and of `force_sums`: of the places, of the viscous forces."""
-    return 2 if dimension == 2 else 4
+@inlined
+def symmetric_times(B, u):
+    """B u of a symmetric tensor and a vector of three components."""
+    return (B[0] * u[0] + B[3] * u[1] + B[4] * u[2], B[3] * u[0] + B[1] * u[1] + B[5] * u[2],
+            B[4] * u[0] + B[5] * u[1] + B[2] * u[2])  # fmt: skip
 
 
-@compiled(fastmath={"contract"}, error_model="numpy")
-def kick(owned, dimension, step, kinematics, forces, mass, loads, clamp):
-    """v += F/m step and the loads' [m/s^2], but for held components.
+@kernel
+def load_columns(field, components, first, count, tile, row):
+    """Components of particles first .. first + count - 1 into rows of a tile."""
+    for c in range(components):
+        for p in range(count):
+            tile[(row + c) * TILE + p] = field[c, first + p]
 
-    Returns the work of the loads and that of the artificial viscosity [J], exact for this change of the velocity, and
-    leapfrog's oscillation, step/2 sum F . dv [J] of the other forces.
+
+@kernel
+def store_columns(field, components, first, count, tile, row):
+    """Rows of a tile into components of particles first .. first + count - 1."""
+    for c in range(components):
+        for p in range(count):
+            field[c, first + p] = tile[(row + c) * TILE + p]
+
+
+@kernel
+def load_rates(rates, mass, density, in_plane, deleted, first, count, tile):
+    """Sums of the first sweep into a tile; gradients are 0 of particles that were deleted, None where none ever is."""
+    tile[:] = 0.0
+    for p in range(TILE):
+        tile[INVERSE * TILE + p] = 1.0
+    for p in range(count):
+        a, there = first + p, 1.0
+        if deleted is not None:
+            there = 1.0 if deleted[0, a] <= 0.0 else 0.0
+        tile[INVERSE * TILE + p] = 1.0 / (mass[0, a] * density[0, a])
+        if in_plane is not None:
+            for c in range(4):
+                tile[(GRADIENT + 3 * (c % 2) + c // 2) * TILE + p] = there * rates[a, c]
+            store_symmetric(tile, CORRECTION, p, (rates[a, 4], rates[a, 5], 0.0, rates[a, 6], 0.0, 0.0))
+        else:
+            for j in range(3):
+                for i in range(3):
+                    tile[(GRADIENT + 3 * i + j) * TILE + p] = there * rates[a, 4 * j + i]
+            moment = (rates[a, 3], rates[a, 12], rates[a, 13], rates[a, 7], rates[a, 11], rates[a, 14])
+            store_symmetric(tile, CORRECTION, p, moment)
+
+
+@kernel
+def find_gradients(step, most, in_plane, tile):
+    """B, L and the growth of the density over half a step [s].
+
+    B is the inverse of the moment, scaled so that its norm is at most `most`, None where gradients are not corrected.
+    Scaled, not replaced: sigma B A stays symmetric, so that angular momentum is kept where neighbours are few, and B
+    stays bounded where they are in a line or a plane. It is of the middle of the step, and so is its density.
     """
-    work, viscous, swing, first = 0.0, 0.0, 0.0, second_vector(dimension)
-    for a in range(owned):
-        inverse = 1.0 / mass[0, a]
-        for i in range(dimension):
-            old, load = kinematics[a, i], load_of(loads, a, i)
-            new = free_of(clamp, a, i) * (old + step * (forces[a, i] * inverse + load))
-            work += mass[0, a] * load * (old + new)
-            viscous += forces[a, first + i] * (old + new)
-            swing += (forces[a, i] - forces[a, first + i]) * (new - old)
-            kinematics[a, i] = new
-    return 0.5 * step * work, 0.5 * step * viscous, 0.5 * step * swing
+    for p in range(TILE):
+        inverse = tile[INVERSE * TILE + p]
+        B = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+        if most is not None:
+            A = add_spherical(times_symmetric(inverse, load_symmetric(tile, CORRECTION, p)), _NEGLIGIBLE)
+            if in_plane is not None:
+                A = (A[0], A[1], 1.0, A[3], A[4], A[5])
+            B = inverse_symmetric(A)
+            B = times_symmetric(min(most / contract_symmetric(B, B) ** 0.5, 1.0), B)
+        L = matmul(times(inverse, load_general(tile, GRADIENT, p)), general(B))
+        growth = exp(-0.5 * step * trace(L))
+        store_general(tile, GRADIENT, p, L)
+        store_symmetric(tile, CORRECTION, p, times_symmetric(growth, B))
+        tile[GROWTH * TILE + p] = growth
 
 
-@compiled(fastmath={"contract"}, error_model="numpy")
-def drift(first, last, dimension, step, kinematics):
-    """x += v step, the same arithmetic for particles and for their ghosts on other ranks."""
-    place = second_vector(dimension)
-    for a in range(first, last):
-        for i in range(dimension):
-            kinematics[a, place + i] += step * kinematics[a, i]
+@kernel
+def carry_on_correction(after, since, tile):
+    """B for forces that act a time `after` [s] after its own, from that of a time `since` before, linearly."""
+    for p in range(TILE):
+        B, last = load_symmetric(tile, CORRECTION, p), load_symmetric(tile, LAST, p)
+        change = combine_symmetric(1.0, B, -1.0, last)
+        # neighbours that come or go change it at once
+        most = _MOST_CHANGE * (contract_symmetric(B, B) / max(contract_symmetric(change, change), 1e-300)) ** 0.5
+        factor = min(after / max(since, 1e-300), most)
+        store_symmetric(tile, CARRIED, p, combine_symmetric(1.0, B, factor, change))
 
 
-@compiled(error_model="numpy")
-def kinetic_energy(owned, dimension, kinematics, mass):
-    """Sum of 1/2 m v^2 [J]."""
-    energy = 0.0
-    for a in range(owned):
-        square = 0.0
-        for i in range(dimension):
-            square += kinematics[a, i] * kinematics[a, i]
-        energy += mass[0, a] * square
-    return 0.5 * energy
+@kernel
+def turn_deviator(step, tile, state):
+    """DEVIATOR and STRAIN of a tile of `tile_update` after a step [s] in Jaumann's rate: S turned with the spin, half
+    of dev D dt before the turn and half after it."""
+    for p in range(TILE):
+        L = load_general(tile, GRADIENT, p)
+        turn = spin_rotation(L, step)
+        store_symmetric(state, STRAIN, p, deviatoric_strain(turn, L, step))
+        store_symmetric(state, DEVIATOR, p, congruence(turn, load_symmetric(state, DEVIATOR, p)))
 
 
-@compiled(error_model="numpy")
-def least_transit(owned, dimension, kinematics, speed, smoothing_length):
-    """The least h / (c + |v|) [s]; speed (rows,) [m/s]."""
-    least = math.inf
-    for a in range(owned):
-        square = 0.0
-        for i in range(dimension):
-            square += kinematics[a, i] * kinematics[a, i]
-        transit = smoothing_length[0, a] / (speed[a] + math.sqrt(square))
-        # also where it is not a number
-        if not transit >= least:
-            least = transit
-    return least
+@kernel
+def store_pair_stress(state, pressure_row, tile, correction_row, density, in_plane, first, count, pair_stress):
+    """sigma B/rho^2 of a tile, with DEVIATOR, a row of pressures and rows of B, into the particles' columns."""
+    for p in range(count):
+        a = first + p
+        S = general(add_spherical(load_symmetric(state, DEVIATOR, p), -state[pressure_row * TILE + p]))
+        factor = 1.0 / (density[0, a] * density[0, a])
+        P = matmul(S, general(times_symmetric(factor, load_symmetric(tile, correction_row, p))))
+        if in_plane is not None:
+            pair_stress[0, a], pair_stress[1, a], pair_stress[2, a], pair_stress[3, a] = P[0], P[3], P[1], P[4]
+        else:
+            for c in range(3):
+                pair_stress[3 * c, a], pair_stress[3 * c + 1, a], pair_stress[3 * c + 2, a] = P[c], P[3 + c], P[6 + c]

@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from parsolid.methods.failure_fields import DAMAGE
-from parsolid.methods.ulsph.state_fields import MICRO_STATE, STATE
+from parsolid.methods.ulsph.state import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel, TableOr
 from parsolid.scene.failure import QUANTITIES, faults_of_names
@@ -55,7 +55,9 @@ class UpdatedLagrangianSPH(MethodSettings):
         *("energetic_flux", "dissipative_flux", "heat_flux"),
     )
     evolved_of_particles: ClassVar = ("deleted_*",)
-    evolved_forces: ClassVar = ("record", "force_sums", "flux", "correction", "micro_curl", "micro_gradient")
+    evolved_forces: ClassVar = (
+        *("pair_*", "force", "viscous_force", "viscous_heat", "correction", "micro_curl", "micro_gradient"),
+    )
     refused: ClassVar = {
         "antisymmetric": "images of a solid that moves against it are not made",
         "displacement": "motion is prescribed as a velocity or a rotation",

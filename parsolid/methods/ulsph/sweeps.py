@@ -1,84 +1,254 @@
-"""Both passes over the lists of a rank: what they take, and what ghosts are told before."""
+"""The two sweeps over pairs at their present places, each the adjoint of the other (Rahaman et al., (3.6)-(3.10), with
+the corrections of docs/microinertia.md).
 
-from collections.abc import Callable
-from typing import Any
+With the kernel's weights k_ab = k_ba, grad_a W = k_ab r, r = x_b - x_a, g_ab = m_a m_b k_ab r and B symmetric:
 
-from decomposition.recalled import RecalledEach
-from parsolid.methods.ulsph import passes
-from parsolid.methods.ulsph.contact import PairsOfBodies
-from parsolid.methods.ulsph.terms import Arrays, ManyLengths, OneLength
-from parsolid.pairs.moving_pairs import MovingPairs
-from parsolid.particles.container import Particles
+    rates    grad v_a  = sum_b (v_b - v_a) (x) g_ab B_a / (m_a rho_a)
+             div xi_a  = rho_a/m_a sum_b [xi_a B_a/rho_a^2 + xi_b B_b/rho_b^2] . g_ab
+    forces   m_a v'_a  = sum_b [sigma_a B_a/rho_a^2 + sigma_b B_b/rho_b^2 - Pi_ab] g_ab
+             grad f_a  = sum_b (f_b - f_a) B_a g_ab / (m_a rho_a),   f = v^p, T
+             q_a       = 1/2 sum_b Pi_ab (v_a - v_b) . g_ab           heat of the artificial viscosity, alike for both
+
+so that the power of stresses and fluxes on velocities equals that on gradients, to round-off. B is the inverse of the
+moment sum_b r (x) g_ab/(m_a rho_a), see `update`.
+
+Kernels read rows of particles: owned ones, ghosts of other ranks, mirror images. P = sigma B/rho^2.
+    motion   space [v m | x h]; plane [v x | m h 0 0]
+    record   space [P_1 0 | P_2 0 | P_3 0 | rho c v^p T] with the columns of P; plane [P_1 P_2 | rho c v^p T]
+    flux     space [X 0 | Y 0], plane [X Y]: X = xi B/rho^2 and Y = q B/rho^2, None where neither flows
+and add to rows of owned particles:
+    rates    sums of (v_b - v_a) (x) g and r (x) g:
+             space [dv g_1, r_1 g_1 | dv g_2, r_1 g_2 | dv g_3, r_1 g_3 | r_2 g_2, r_3 g_3, r_2 g_3, .]
+             plane [dv g_1, dv g_2 | r_1 g_1, r_2 g_2, r_1 g_2, .]
+    flows    [m div xi/rho, m div q/rho, . .]
+    forces   of stresses F and of the artificial viscosity V: space [F . | V .]; plane [F V]
+    heating  q
+    slopes   sums of (v^p_b - v^p_a) g and of (T_b - T_a) g: space [micro . | heat .]; plane [micro heat]
+pressing is None but for pairs of two bodies that exert no tension on one another.
+"""
+
+from typing import NamedTuple
+
+from parsolid.kernels import inlined, kernel
+from parsolid.pairs.rows_of_four import add, add_scaled, dot, load_row, scale, store_row, subtract
+from parsolid.pairs.smoothing.gradient import gradient_factor
 
 
-class Sweeps:
-    """The passes; what they take is gathered when lists are made anew, with which arrays may change.
+class ArtificialViscosity(NamedTuple):
+    """Pi_ab = (-linear c mu + quadratic mu^2)/rho in approach, mu = h v.r/(r^2 + softening h^2) (Monaghan, J. Comput.
+    Phys. 82, 1989)."""
 
-    carried: what flows between particles of a body, by type; viscosity, heating: `terms.ArtificialViscosity` and
-    `terms.Warming`, or None; one_length: the smoothing length [m] of all particles, None where they differ.
-    """
+    linear: float
+    quadratic: float
+    softening: float
 
-    def __init__(
-        self,
-        space: Any,
-        kernel: Any,
-        pairs: MovingPairs,
-        particles: Particles,
-        carried: Any,
-        viscosity: Any,
-        heating: Any,
-        contact: Any,
-        one_length: float | None,
-    ) -> None:
-        self.space, self.kernel, self.pairs, self.particles = space, kernel, pairs, particles
-        self.carried, self.viscosity, self.heating, self.one_length = carried, viscosity, heating, one_length
-        self.of_bodies = PairsOfBodies(contact)
 
-    def follow(self) -> None:
-        """Gather what the passes take anew, after lists were made."""
-        storage, pairs = self.particles.storage, self.pairs
-        self.of_bodies.follow(pairs, self.particles)
-        flux = storage("flux") if self.carried is not None else None
-        arrays = Arrays(storage("kinematics"), storage("mass"), storage("record"), flux)
-        # nothing flows from body to body
-        self._flows = {False: (self.carried, arrays), True: (None, arrays._replace(flux=None))}
-        lengths: Any = None
-        if self.one_length is not None:
-            inverse = 1.0 / self.one_length
-            lengths = OneLength(self.one_length, inverse, inverse ** (self.space.dimension + 2))
-        else:
-            lengths = ManyLengths(storage("smoothing_length"))
-        self._first = self.space, self.kernel, lengths
-        self._rates, self._forces = RecalledEach(passes.add_rates), RecalledEach(passes.add_forces)
+@inlined
+def viscous_pressure(viscosity, h, approach, square, N):
+    """Pi_ab [Pa m^6/kg^2] of a pair with v.r = approach, |r|^2 = square and N = the sum of both rows rho, c, v^p, T."""
+    mu = h * min(approach, 0.0)
+    s = square + viscosity.softening * h * h
+    # with the means rho = N[0]/2, c = N[1]/2
+    return mu * (2.0 * viscosity.quadratic * mu - viscosity.linear * N[1] * s) / (s * s * N[0])
 
-    def _each(self, pairs: Any) -> list[tuple[Any, tuple[Any, ...], Arrays]]:
-        """The pieces of a list: (pairs, what flows and how they meet, arrays)."""
-        result = []
-        for piece, contact in self.of_bodies.of(pairs):
-            carried, arrays = self._flows[contact is not None]
-            result.append((piece, (carried, contact), arrays))
-        return result
 
-    def rates(self, received: Callable[[], None]) -> None:
-        """Velocity gradients, moments and divergences; `received` is called when ghosts have their velocities."""
-        sums = self.particles.storage("rate_sums")
-        sums[: self.particles.owned] = 0.0
+@inlined
+def weight_in_space(smoothing, h, square):
+    """k_ab [1/m^5] at the squared distance."""
+    inverse = 1.0 / h
+    return -gradient_factor(smoothing, square**0.5 * inverse, 3) * inverse**5
 
-        def add(pairs: Any) -> None:
-            if pairs is self.pairs.rim:
-                received()
-            for piece, terms, arrays in self._each(pairs):
-                self._rates(id(piece), *self._first, *terms, piece, arrays, sums)
 
-        self.pairs.sweep(add, "motion")
+@inlined
+def weight_in_plane(smoothing, h, square):
+    """k_ab [1/m^4] at the squared distance."""
+    inverse = 1.0 / h
+    return -gradient_factor(smoothing, square**0.5 * inverse, 2) * inverse**4
 
-    def forces(self) -> None:
-        """Forces, viscous heat and gradients of numbers."""
-        sums = self.particles.storage("force_sums")
-        sums[: self.particles.owned] = 0.0
 
-        def add(pairs: Any) -> None:
-            for piece, terms, arrays in self._each(pairs):
-                self._forces(id(piece), *self._first, *terms, self.viscosity, self.heating, piece, arrays, sums)
+@inlined
+def traction_in_space(record, a, b, r):
+    """(P_a + P_b) r."""
+    u = scale(r[0], add(load_row(record, a, 0), load_row(record, b, 0)))
+    u = add_scaled(u, r[1], add(load_row(record, a, 4), load_row(record, b, 4)))
+    return add_scaled(u, r[2], add(load_row(record, a, 8), load_row(record, b, 8)))
 
-        self.pairs.sweep(add, "record")
+
+@kernel
+def add_rates_in_space(smoothing, pairs, both, pressing, flux, motion, record, rates, flows):
+    """Add what pairs have of rates and flows; both: whether the neighbours receive it, too."""
+    start, neighbour = pairs
+    for a in range(start.shape[0] - 1):
+        if start[a] == start[a + 1]:
+            continue
+        v_a, x_a = load_row(motion, a, 0), load_row(motion, a, 4)
+        sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
+        sum_2, sum_3 = load_row(rates, a, 8), load_row(rates, a, 12)
+        for k in range(start[a], start[a + 1]):
+            b = neighbour[k]
+            x_b = load_row(motion, b, 4)
+            r, h = subtract(x_b, x_a), 0.5 * (x_a[3] + x_b[3])
+            square = dot(r, r)
+            if not square < (smoothing.support * h) ** 2:
+                continue
+            v_b = load_row(motion, b, 0)
+            dv = subtract(v_b, v_a)
+            if pressing is not None and not (dot(dv, r) < 0.0 or dot(traction_in_space(record, a, b, r), r) < 0.0):
+                continue
+            g = scale(v_a[3] * v_b[3] * weight_in_space(smoothing, h, square), r)
+            dv_r = (dv[0], dv[1], dv[2], r[0])
+            to_0, to_1, to_2 = scale(g[0], dv_r), scale(g[1], dv_r), scale(g[2], dv_r)
+            to_3 = (r[1] * g[1], r[2] * g[2], r[1] * g[2], 0.0)
+            sum_0, sum_1, sum_2, sum_3 = add(sum_0, to_0), add(sum_1, to_1), add(sum_2, to_2), add(sum_3, to_3)
+            if both:
+                store_row(rates, b, 0, add(load_row(rates, b, 0), to_0))
+                store_row(rates, b, 4, add(load_row(rates, b, 4), to_1))
+                store_row(rates, b, 8, add(load_row(rates, b, 8), to_2))
+                store_row(rates, b, 12, add(load_row(rates, b, 12), to_3))
+            if flux is not None:
+                X, Y = add(load_row(flux, a, 0), load_row(flux, b, 0)), add(load_row(flux, a, 4), load_row(flux, b, 4))
+                to_flow = (dot(X, g), dot(Y, g), 0.0, 0.0)
+                sum_flow = add(sum_flow, to_flow)
+                if both:
+                    store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))
+        store_row(rates, a, 0, sum_0)
+        store_row(rates, a, 4, sum_1)
+        store_row(rates, a, 8, sum_2)
+        store_row(rates, a, 12, sum_3)
+        store_row(flows, a, 0, sum_flow)
+
+
+@kernel
+def add_forces_in_space(smoothing, pairs, both, pressing, flux, viscosity, motion, record, forces, heating, slopes):
+    """Add what pairs have of forces, heating and slopes; both: whether the neighbours receive it, too."""
+    start, neighbour = pairs
+    for a in range(start.shape[0] - 1):
+        if start[a] == start[a + 1]:
+            continue
+        v_a, x_a, N_a = load_row(motion, a, 0), load_row(motion, a, 4), load_row(record, a, 12)
+        sum_F, sum_V, sum_q = load_row(forces, a, 0), load_row(forces, a, 4), heating[a]
+        slope_micro, slope_heat = load_row(slopes, a, 0), load_row(slopes, a, 4)
+        for k in range(start[a], start[a + 1]):
+            b = neighbour[k]
+            x_b = load_row(motion, b, 4)
+            r, h = subtract(x_b, x_a), 0.5 * (x_a[3] + x_b[3])
+            square = dot(r, r)
+            if not square < (smoothing.support * h) ** 2:
+                continue
+            v_b, N_b = load_row(motion, b, 0), load_row(record, b, 12)
+            product = v_a[3] * v_b[3] * weight_in_space(smoothing, h, square)
+            g = scale(product, r)
+            F = traction_in_space(record, a, b, g)
+            if pressing is not None and not dot(F, r) < 0.0:
+                F = (0.0, 0.0, 0.0, 0.0)
+            sum_F = add(sum_F, F)
+            if both:
+                store_row(forces, b, 0, subtract(load_row(forces, b, 0), F))
+            if viscosity is not None:
+                approach = dot(subtract(v_b, v_a), r)
+                Pi = viscous_pressure(viscosity, h, approach, square, add(N_a, N_b))
+                V, q = scale(-Pi, g), -0.5 * Pi * product * approach
+                sum_V, sum_q = add(sum_V, V), sum_q + q
+                if both:
+                    store_row(forces, b, 4, subtract(load_row(forces, b, 4), V))
+                    heating[b] += q
+            if flux is not None:
+                to_micro, to_heat = scale(N_b[2] - N_a[2], g), scale(N_b[3] - N_a[3], g)
+                slope_micro, slope_heat = add(slope_micro, to_micro), add(slope_heat, to_heat)
+                if both:
+                    store_row(slopes, b, 0, add(load_row(slopes, b, 0), to_micro))
+                    store_row(slopes, b, 4, add(load_row(slopes, b, 4), to_heat))
+        store_row(forces, a, 0, sum_F)
+        store_row(forces, a, 4, sum_V)
+        heating[a] = sum_q
+        store_row(slopes, a, 0, slope_micro)
+        store_row(slopes, a, 4, slope_heat)
+
+
+@inlined
+def traction_in_plane(record, a, b, x, y):
+    """(P_a + P_b) r of r = (x, y)."""
+    P = add(load_row(record, a, 0), load_row(record, b, 0))
+    return (P[0] * x + P[2] * y, P[1] * x + P[3] * y)
+
+
+@kernel
+def add_rates_in_plane(smoothing, pairs, both, pressing, flux, motion, record, rates, flows):
+    """As `add_rates_in_space`."""
+    start, neighbour = pairs
+    for a in range(start.shape[0] - 1):
+        if start[a] == start[a + 1]:
+            continue
+        here, m_a, h_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5]
+        sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
+        for k in range(start[a], start[a + 1]):
+            b = neighbour[k]
+            step, h = subtract(load_row(motion, b, 0), here), 0.5 * (h_a + motion[b, 5])
+            u, v, x, y = step
+            square = x * x + y * y
+            if not square < (smoothing.support * h) ** 2:
+                continue
+            if pressing is not None:
+                S = traction_in_plane(record, a, b, x, y)
+                if not (u * x + v * y < 0.0 or S[0] * x + S[1] * y < 0.0):
+                    continue
+            product = m_a * motion[b, 4] * weight_in_plane(smoothing, h, square)
+            g_x, g_y = product * x, product * y
+            to_0, to_1 = (u * g_x, v * g_x, u * g_y, v * g_y), (x * g_x, y * g_y, x * g_y, 0.0)
+            sum_0, sum_1 = add(sum_0, to_0), add(sum_1, to_1)
+            if both:
+                store_row(rates, b, 0, add(load_row(rates, b, 0), to_0))
+                store_row(rates, b, 4, add(load_row(rates, b, 4), to_1))
+            if flux is not None:
+                X = add(load_row(flux, a, 0), load_row(flux, b, 0))
+                to_flow = (X[0] * g_x + X[1] * g_y, X[2] * g_x + X[3] * g_y, 0.0, 0.0)
+                sum_flow = add(sum_flow, to_flow)
+                if both:
+                    store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))
+        store_row(rates, a, 0, sum_0)
+        store_row(rates, a, 4, sum_1)
+        store_row(flows, a, 0, sum_flow)
+
+
+@kernel
+def add_forces_in_plane(smoothing, pairs, both, pressing, flux, viscosity, motion, record, forces, heating, slopes):
+    """As `add_forces_in_space`."""
+    start, neighbour = pairs
+    for a in range(start.shape[0] - 1):
+        if start[a] == start[a + 1]:
+            continue
+        here, m_a, h_a, N_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5], load_row(record, a, 4)
+        sum_F, sum_q, slope = load_row(forces, a, 0), heating[a], load_row(slopes, a, 0)
+        for k in range(start[a], start[a + 1]):
+            b = neighbour[k]
+            step, h = subtract(load_row(motion, b, 0), here), 0.5 * (h_a + motion[b, 5])
+            u, v, x, y = step
+            square = x * x + y * y
+            if not square < (smoothing.support * h) ** 2:
+                continue
+            product, N_b = m_a * motion[b, 4] * weight_in_plane(smoothing, h, square), load_row(record, b, 4)
+            g_x, g_y = product * x, product * y
+            F_x, F_y = traction_in_plane(record, a, b, g_x, g_y)
+            if pressing is not None and not F_x * x + F_y * y < 0.0:
+                F_x, F_y = 0.0, 0.0
+            V_x, V_y = 0.0, 0.0
+            if viscosity is not None:
+                Pi = viscous_pressure(viscosity, h, u * x + v * y, square, add(N_a, N_b))
+                V_x, V_y = -Pi * g_x, -Pi * g_y
+                q = 0.5 * (V_x * u + V_y * v)
+                sum_q += q
+                if both:
+                    heating[b] += q
+            F = (F_x, F_y, V_x, V_y)
+            sum_F = add(sum_F, F)
+            if both:
+                store_row(forces, b, 0, subtract(load_row(forces, b, 0), F))
+            if flux is not None:
+                micro, heat = N_b[2] - N_a[2], N_b[3] - N_a[3]
+                to_slope = (micro * g_x, micro * g_y, heat * g_x, heat * g_y)
+                slope = add(slope, to_slope)
+                if both:
+                    store_row(slopes, b, 0, add(load_row(slopes, b, 0), to_slope))
+        store_row(forces, a, 0, sum_F)
+        heating[a] = sum_q
+        store_row(slopes, a, 0, slope)

@@ -7,10 +7,9 @@ import pytest
 
 from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane
 from parsolid.collective import SolverError
-from parsolid.numerics.layout import LAYOUT
-from parsolid.pairs.moving_pairs import MovingPairs
+from parsolid.pairs.verlet_list import VerletList
 from parsolid.particles.container import Particles
-from parsolid.particles.declaration import Field, Rows
+from parsolid.particles.declaration import Columns, Field
 
 SUPPORT, SKIN = 2.0, 0.25
 # where the bodies' particles are at a time, by their place at time 0 and their body
@@ -53,10 +52,10 @@ class Scene:
             Field("name", 1, "1", checkpointed=True, whole=True, ghosts="forward", message="reference"), rows
         )
         reference = {"ghosts": "forward", "message": "reference"}
-        particles.declare(Field("position", dimension, "m", checkpointed=True, layout=Rows(4), **reference))
-        particles.declare(Field("velocity", dimension, "m/s", checkpointed=True, layout=Rows(4)))
-        particles.declare(Field("smoothing_length", 1, "m", checkpointed=True), self.length[rows])
-        self.pairs = MovingPairs(comm, particles, LAYOUT[dimension], SUPPORT, SKIN, codes, **options)
+        particles.declare(Field("position", dimension, "m", checkpointed=True, layout=Columns(), **reference))
+        particles.declare(Field("velocity", dimension, "m/s", checkpointed=True, layout=Columns()))
+        particles.declare(Field("smoothing_length", 1, "m", checkpointed=True, layout=Columns()), self.length[rows])
+        self.pairs = VerletList(comm, particles, dimension, SUPPORT, SKIN, codes, **options)
         self.codes = codes
         self.move(0.0)
 
@@ -76,18 +75,17 @@ class Scene:
         """Pairs of all ranks by name, (name, name, times counted by receivers), and those with images by code."""
         names = self.particles["name"]
         found = []
-        for pairs in (self.pairs.inner, self.pairs.rim):
+        for pairs in (self.pairs.inner, self.pairs.outer):
             if pairs is not None:
-                row = np.repeat(np.arange(self.pairs.owned), np.diff(pairs.start))
-                found.append(np.stack((names[row], names[pairs.neighbour])))
+                found.append(np.stack((names[pairs.particle], names[pairs.neighbour])))
                 if pairs is self.pairs.inner:
                     found.append(found[0][::-1])
         directed = np.concatenate(found, axis=1).T
         imaged = np.empty((0, 3), np.int64)
         if self.pairs.mirror is not None:
-            mirror = self.pairs.mirror
-            row = np.repeat(np.arange(self.pairs.owned), np.diff(mirror.start))
-            imaged = np.stack((names[row], names[mirror.neighbour], mirror.images.code)).T
+            mirror, images = self.pairs.mirror, self.pairs.images
+            image = mirror.neighbour - self.particles.owned - self.particles.ghosts
+            imaged = np.stack((names[mirror.particle], names[images.source[image]], images.code[image])).T
         together = [np.concatenate(self.comm.allgather(part)) for part in (directed, imaged)]
         return [part[np.lexsort(part.T[::-1])] for part in together]
 
@@ -151,7 +149,7 @@ def test_no_pair_within_the_support_is_ever_missing(comm, dimension, motion, cod
     scene.pairs.rebuild(0.0)
     for number in range(1, steps + 1):
         # as in a run: asked at the end of a step, acted on before the next one uses lists
-        wanted = comm.allreduce(scene.pairs.due(scene.time, step))
+        wanted = comm.allreduce(scene.pairs.expires(scene.time, step))
         if wanted:
             scene.pairs.rebuild(scene.time)
         scene.move(number * step)
@@ -164,8 +162,8 @@ def test_no_pair_within_the_support_is_ever_missing(comm, dimension, motion, cod
             assert not len(missing), (scene.time, len(missing), missing[:5])
     assert comm.allreduce(scene.pairs.late) == 0
     # and not by making lists in every step, nor where all move alike and meet no image
-    assert scene.pairs.rebuilds < 0.7 * steps
-    assert (scene.pairs.rebuilds == 1) == (motion == "falling" and codes is None)
+    assert scene.pairs.builds < 0.7 * steps
+    assert (scene.pairs.builds == 1) == (motion == "falling" and codes is None)
 
 
 @every_dimension
@@ -178,9 +176,9 @@ def test_bodies_in_flight_need_no_lists_until_they_meet(comm, dimension):
     meeting = (gap - scene.pairs.reach) / 3.5
     for time in (0.1, 0.5 * meeting, 0.99 * meeting):
         scene.move(time)
-        assert not comm.allreduce(scene.pairs.due(time, 1e-3))
+        assert not comm.allreduce(scene.pairs.expires(time, 1e-3))
     scene.move(1.001 * meeting)
-    assert comm.allreduce(scene.pairs.due(scene.time, 1e-3))
+    assert comm.allreduce(scene.pairs.expires(scene.time, 1e-3))
 
 
 def test_a_body_at_constant_velocity_needs_no_lists(comm):
@@ -189,7 +187,7 @@ def test_a_body_at_constant_velocity_needs_no_lists(comm):
     scene.move(0.0)
     scene.pairs.rebuild(0.0)
     scene.move(100.0)
-    assert not comm.allreduce(scene.pairs.due(100.0, 0.1))
+    assert not comm.allreduce(scene.pairs.expires(100.0, 0.1))
     # but towards its own image it does
     scene = Scene(comm, 2, "passing", corner(2))
     scene.motion = lambda x, body, t: x - 0.02 * t
@@ -197,9 +195,9 @@ def test_a_body_at_constant_velocity_needs_no_lists(comm):
     scene.pairs.rebuild(0.0)
     allowed = 0.5 * SKIN * SUPPORT * scene.length.min()
     scene.move(0.5 * allowed / 0.02)
-    assert not comm.allreduce(scene.pairs.due(scene.time, 0.1))
+    assert not comm.allreduce(scene.pairs.expires(scene.time, 0.1))
     scene.move(2.0 * allowed / 0.02)
-    assert comm.allreduce(scene.pairs.due(scene.time, 0.1))
+    assert comm.allreduce(scene.pairs.expires(scene.time, 0.1))
 
 
 @every_dimension
@@ -223,7 +221,7 @@ def test_ranks_without_particles(comm):
     scene.pairs.rebuild(0.0)
     assert len(scene.listed()[0]) == 2
     scene.move(0.1)
-    scene.pairs.due(0.1, 0.01)
+    scene.pairs.expires(0.1, 0.01)
     scene.pairs.rebuild(0.1)
     assert len(scene.listed()[0]) == 2
 
@@ -247,7 +245,7 @@ def test_a_restart_goes_on_with_the_same_lists(comm, dimension, codes):
 
     def go_on(one, first, last):
         for number in range(first, last):
-            if comm.allreduce(one.pairs.due(one.time, 0.02)):
+            if comm.allreduce(one.pairs.expires(one.time, 0.02)):
                 one.pairs.rebuild(one.time)
             one.move(0.02 * (number + 1))
 
@@ -255,9 +253,9 @@ def test_a_restart_goes_on_with_the_same_lists(comm, dimension, codes):
     go_on(scene, 0, 25)
     fields = {name: array.copy() for name, array in scene.particles.checkpointed().items()}
     again = restarted(scene, scene.pairs.state(), fields, scene.time)
-    before = scene.pairs.rebuilds
+    before = scene.pairs.builds
     for turn in range(2):
-        for name in ("inner", "rim", "mirror"):
+        for name in ("inner", "outer", "mirror", "images"):
             for one, other in zip(getattr(scene.pairs, name) or (), getattr(again.pairs, name) or ()):
                 np.testing.assert_equal(one, other)
         local = scene.pairs.halo.owned + scene.pairs.halo.ghosts
@@ -266,8 +264,8 @@ def test_a_restart_goes_on_with_the_same_lists(comm, dimension, codes):
         if turn == 0:
             go_on(scene, 25, 50)
             go_on(again, 25, 50)
-    assert scene.pairs.rebuilds > before
-    assert comm.size == 1 or scene.pairs.dealt > 1
+    assert scene.pairs.builds > before
+    assert comm.size == 1 or scene.pairs.distributions > 1
 
 
 def test_a_restart_on_other_ranks_makes_lists_anew(comm):
@@ -289,15 +287,15 @@ def test_forces_along_pairs_keep_momentum(comm, dimension):
         position, owned = scene.particles["position"], scene.pairs.owned
         force = np.zeros((owned + scene.pairs.halo.ghosts, dimension))
 
-        def add(pairs):
-            row = np.repeat(np.arange(owned), np.diff(pairs.start))
+        def add(pairs, both):
+            row = pairs.particle
             apart = position[row] - position[pairs.neighbour]
             term = apart * np.exp(-(apart**2).sum(axis=1))[:, None]
             np.add.at(force, row, term)
-            if pairs is scene.pairs.inner:
+            if both:
                 np.add.at(force, pairs.neighbour, -term)
 
-        scene.pairs.sweep(add, "reference")
+        scene.pairs.sweep(add, "reference", lambda: None)
         total, scale = comm.allreduce(force[:owned].sum(axis=0)), comm.allreduce(np.abs(force[:owned]).sum())
         assert np.abs(total).max() < 1e-13 * scale
         # the same forces as of all pairs at once
@@ -314,7 +312,7 @@ def test_storage_is_sorted_in_space(comm):
     scene = Scene(comm, 2, "random")
     scene.pairs.rebuild(0.0)
     pairs = scene.pairs.inner
-    row = np.repeat(np.arange(scene.pairs.owned), np.diff(pairs.start))
+    row = pairs.particle
     # shuffled, neighbours would be a third of all particles apart
     if comm.size == 1:
         assert np.abs(pairs.neighbour - row).mean() < 0.12 * scene.pairs.owned
@@ -323,7 +321,7 @@ def test_storage_is_sorted_in_space(comm):
 @pytest.mark.parametrize("support, skin", [(0.0, 0.25), (2.0, 0.0), (2.0, -1.0)])
 def test_a_skin_is_positive(support, skin):
     with pytest.raises(ValueError, match="support, skin: expected positive"):
-        MovingPairs(None, None, LAYOUT[2], support, skin)
+        VerletList(None, None, 2, support, skin)
 
 
 def test_particles_at_one_place_are_refused(comm):

@@ -8,8 +8,8 @@ from parsolid.methods import failed_matter
 
 
 def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
-    """Cauchy stress (n, 3, 3) [Pa] Jacobian rho_0/rho (n,), internal energy per reference
-    volume (n,) [J/m^3] of particles first..last-1; None for other names."""
+    """Cauchy stress (n, 3, 3) [Pa], Jacobian rho_0/rho (n,), internal energy per reference volume (n,) [J/m^3] of
+    particles first..last-1; None for other names."""
     rows = system.particles.owned_rows
     if name == "jacobian":
         density = np.array([law.density for law in system.laws])[system.particles.law_of_body]
@@ -23,17 +23,17 @@ def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
     places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     for (i, j), values in zip(places, components):
         result[:, i, j] = result[:, j, i] = values
-    for update, block, body in system.updates.each():
-        a, b = max(first, block.first), min(last, block.last)
+    for solid, here in system.parts():
+        a, b = max(first, here.start), min(last, here.stop)
         if a < b:
-            pressure = update.pressures(block, body, a, b)
+            pressure = solid.pressures(system.particles, slice(a, b))
             result[a - first : b - first, (0, 1, 2), (0, 1, 2)] -= pressure[:, None]
     return result
 
 
 def measure(system: Any, name: str) -> tuple[str, np.ndarray]:
     """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' quantities."""
-    rows, mass = system.particles.owned_rows, system.mass[: system.owned]
+    rows, mass = system.particles.owned_rows, system.mass
     failed = failed_matter.measure(system.particles, mass, name)
     if failed is not None:
         return failed
@@ -46,7 +46,7 @@ def measure(system: Any, name: str) -> tuple[str, np.ndarray]:
     if name == "mean_plastic_strain":
         return "sum", np.array([float(mass @ rows("plastic_strain")) / system.whole_mass])
     if name == "micro_kinetic":
-        return "sum", np.array([sum(update.energies(b, body)[0] for update, b, body in system.updates.each())])
+        return "sum", np.array([sum(solid.energies(system.particles, here)[0] for solid, here in system.parts())])
     if name == "heat":
         capacity = np.array([law.specific_heat for law in system.laws])[system.particles.law_of_body]
         return "sum", np.array([float((capacity[rows("body")] * mass) @ rows("temperature"))])
@@ -65,20 +65,20 @@ def unsound(system: Any) -> tuple[int, str] | None:
         finite &= np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     bad = ~finite | ~(density > 0.0)
     if not bad.any():
-        return beyond_its_law(system)
+        return _beyond_its_law(system)
     index = int(np.argmax(bad))
     if not finite[index]:
         return index, "a number is no longer finite"
     return index, f"the density is {density[index]:.4g} kg/m^3, not positive"
 
 
-def beyond_its_law(system: Any) -> tuple[int, str] | None:
-    """The first particle beyond what its law knows, and what is wrong with it."""
-    for update, block, body in system.updates.each():
-        room = update.room(block, body)
+def _beyond_its_law(system: Any) -> tuple[int, str] | None:
+    """The first particle beyond what its law describes, and what is wrong with it."""
+    for solid, here in system.parts():
+        room = solid.room(system.particles, here)
         if room is not None and not (room > 0.0).all():
-            index = block.first + int(np.argmin(room))
-            ratio = block.law.density / body.density[0, index]
+            index = here.start + int(np.argmin(room))
+            ratio = solid.law.density / system.particles.owned_rows("density")[index]
             return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
     return None
 

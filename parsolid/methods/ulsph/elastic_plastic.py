@@ -1,0 +1,311 @@
+"""Elastic-plastic solids with an equation of state in updated-Lagrangian SPH: the state between the two sweeps.
+
+The deviator is a Cauchy stress in Jaumann's rate; `materials.plastic.tile_update` returns it to the flow stress. Stored
+energies hold the heat of plastic flow, of the artificial viscosity, and what conduction brings.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.boundary.conditions import EXTERNAL_FORCE
+from parsolid.kernels import kernel
+from parsolid.materials.failure.failure import count_of
+from parsolid.materials.plastic import plastic_evaluation
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.tile_update import (
+    CRITERIA,
+    DAMAGE,
+    DEVIATOR,
+    ENERGY,
+    HEAT,
+    JACOBIAN,
+    MIDDLE_JACOBIAN,
+    NEW_JACOBIAN,
+    PLASTIC_STRAIN,
+    PLASTIC_WORK,
+    PRESSURE,
+    RELEASED,
+    ROOM,
+    SPEED,
+    STRENGTH,
+    TEMPERATURE,
+    TILE,
+    fill_idle,
+    finish_step,
+    flow,
+    new_tile,
+    start_step,
+)
+from parsolid.methods.failure_fields import FAILURE_DISSIPATION
+from parsolid.methods.ulsph.kinematics import (
+    CARRIED,
+    CORRECTION,
+    GROWTH,
+    LAST,
+    ROWS,
+    carry_on_correction,
+    find_gradients,
+    load_columns,
+    load_rates,
+    store_columns,
+    store_pair_stress,
+    symmetric_times,
+    turn_deviator,
+)
+from parsolid.particles.container import Particles
+from parsolid.scene import Scene, initial_zero_energy_temperature
+
+
+class State(NamedTuple):
+    """Fields (components, particles) that every law has, see `state`."""
+
+    mass: np.ndarray
+    density: np.ndarray
+    correction: np.ndarray
+    deviator: np.ndarray
+    plastic_strain: np.ndarray
+    energy: np.ndarray
+    temperature: np.ndarray
+    pair_stress: np.ndarray
+    sound_speed: np.ndarray
+
+
+@kernel
+def load_state(state, failing, strength, first, count, tile):
+    """Rows of `tile_update` from the particles' fields."""
+    load_columns(state.deviator, 6, first, count, tile, DEVIATOR)
+    load_columns(state.plastic_strain, 1, first, count, tile, PLASTIC_STRAIN)
+    load_columns(state.energy, 1, first, count, tile, ENERGY)
+    load_columns(state.temperature, 1, first, count, tile, TEMPERATURE)
+    if failing is not None:
+        load_columns(failing[0], 1, first, count, tile, DAMAGE)
+        load_columns(failing[1], failing[1].shape[0], first, count, tile, CRITERIA)
+    if strength is not None:
+        load_columns(strength, 1, first, count, tile, STRENGTH)
+
+
+@kernel
+def store_state(state, failing, first, count, tile):
+    """The particles' fields from rows of `tile_update`."""
+    store_columns(state.deviator, 6, first, count, tile, DEVIATOR)
+    store_columns(state.plastic_strain, 1, first, count, tile, PLASTIC_STRAIN)
+    store_columns(state.energy, 1, first, count, tile, ENERGY)
+    store_columns(state.temperature, 1, first, count, tile, TEMPERATURE)
+    store_columns(state.sound_speed, 1, first, count, tile, SPEED)
+    if failing is not None:
+        store_columns(failing[0], 1, first, count, tile, DAMAGE)
+        store_columns(failing[1], failing[1].shape[0], first, count, tile, CRITERIA)
+
+
+@kernel
+def advance_density(density, reference, first, count, kinematics, tile):
+    """Densities after a step, and Jacobians of its start, middle and end."""
+    for p in range(count):
+        a = first + p
+        J, growth = reference / density[0, a], kinematics[GROWTH * TILE + p]
+        tile[JACOBIAN * TILE + p] = J
+        tile[MIDDLE_JACOBIAN * TILE + p] = J / growth
+        tile[NEW_JACOBIAN * TILE + p] = J / (growth * growth)
+        density[0, a] *= growth * growth
+
+
+@kernel
+def viscous_losses(step, mean_step, mass, force, viscous_force, heat, impulse_power, external, first, count, tile):
+    """HEAT [J] of the artificial viscosity: the loss that its forces V are in both half kicks around their time, the
+    halves of the step before and of this one, together mean_step [s].
+
+    The sums q = -V.v are of velocities v half a step before these kicks, d and d' of which change v by d F/2m and
+    d' F/2m with all forces F: -V.dv of both is h q - h^2 V.F/2m with h = (d + d')/2, also where d is 0. What impulses
+    of contact change between them, w = V.dv, meets the second one alone. external: forces of contact, None without.
+    """
+    for p in range(count):
+        a = first + p
+        power = 0.0
+        for c in range(force.shape[0]):
+            acting = force[c, a] + viscous_force[c, a]
+            if external is not None:
+                acting += external[c, a]
+            power += viscous_force[c, a] * acting
+        loss = heat[0, a] - 0.5 * mean_step / mass[0, a] * power
+        tile[HEAT * TILE + p] = mean_step * loss - 0.5 * step * impulse_power[0, a]
+
+
+@kernel
+def advance_state(
+    first,
+    last,
+    law,
+    failure,
+    step,
+    mean_step,
+    most,
+    centred,
+    in_plane,
+    rates,
+    flows,
+    state,
+    viscosity,
+    external,
+    failing,
+    strength,
+    deleted,
+    tile,
+):
+    """State of particles first..last-1 after a step [s] from the sums of the first sweep.
+
+    most, in_plane: see `kinematics`; centred: not None where B is carried on from the middle of the step. None where
+    there is no such thing: flows, of heat; viscosity: force, viscous_force, viscous_heat, impulse_power; external:
+    forces of contact; failing: damage, criterion_damage; strength, its factors; deleted, masses. tile: of
+    `tile_update`, for the law. Returns (sound, plastic work, viscous heat, energy that failure released) [J]; sound: no
+    particle is compressed beyond its equation of state, and all are numbers.
+    """
+    sound, plastic, viscous, released = True, 0.0, 0.0, 0.0
+    kinematics = np.zeros(ROWS * TILE)
+    for i in range(first, last, TILE):
+        count = min(TILE, last - i)
+        load_rates(rates, state.mass, state.density, in_plane, deleted, i, count, kinematics)
+        load_columns(state.correction, 6, i, count, kinematics, LAST)
+        load_state(state, failing, strength, i, count, tile)
+        fill_idle(law, tile, count)
+        find_gradients(step, most, in_plane, kinematics)
+        carry_on_correction(0.5 * step if centred is not None else 0.0, mean_step, kinematics)
+        turn_deviator(step, kinematics, tile)
+        advance_density(state.density, law.density, i, count, kinematics, tile)
+        start_step(law, failure, tile)
+        tile[HEAT * TILE : (HEAT + 1) * TILE] = 0.0
+        if viscosity is not None:
+            viscous_losses(step, mean_step, state.mass, *viscosity, external, i, count, tile)
+        for p in range(count):
+            per_volume = law.density / state.mass[0, i + p]
+            if deleted is None or deleted[0, i + p] <= 0.0:
+                viscous += tile[HEAT * TILE + p]
+            if flows is not None:
+                tile[HEAT * TILE + p] -= step * flows[i + p, 1]
+            tile[HEAT * TILE + p] *= per_volume
+        flow(law, failure, step, tile)
+        finish_step(law, failure, step, tile)
+        store_state(state, failing, i, count, tile)
+        store_columns(state.correction, 6, i, count, kinematics, CORRECTION)
+        store_pair_stress(tile, PRESSURE, kinematics, CARRIED, state.density, in_plane, i, count, state.pair_stress)
+        for p in range(count):
+            volume = state.mass[0, i + p] / law.density
+            if deleted is None or deleted[0, i + p] <= 0.0:
+                plastic += volume * tile[PLASTIC_WORK * TILE + p]
+                released += volume * tile[RELEASED * TILE + p]
+                sound = sound and tile[ROOM * TILE + p] > 0.0
+    return sound, plastic, viscous, released
+
+
+@kernel
+def advance_heat_flux(first, last, conductivity, in_plane, stride, slopes, mass, density, correction, heat_flux, told):
+    """Heat fluxes q = -conductivity grad T (Fourier) from the sums of the second sweep; told: q B/rho^2."""
+    for a in range(first, last):
+        inverse = 1.0 / (mass[0, a] * density[0, a])
+        x, y, z = slopes[a, stride], slopes[a, stride + 1], 0.0
+        if in_plane is None:
+            z = slopes[a, stride + 2]
+        B = (correction[0, a], correction[1, a], correction[2, a], correction[3, a], correction[4, a], correction[5, a])
+        gradient = symmetric_times(B, (inverse * x, inverse * y, inverse * z))
+        q = (-conductivity * gradient[0], -conductivity * gradient[1], -conductivity * gradient[2])
+        Y = symmetric_times(B, q)
+        factor = 1.0 / (density[0, a] * density[0, a])
+        heat_flux[0, a], told[0, a] = q[0], factor * Y[0]
+        heat_flux[1, a], told[1, a] = q[1], factor * Y[1]
+        if in_plane is None:
+            heat_flux[2, a], told[2, a] = q[2], factor * Y[2]
+
+
+class ElasticPlasticSolid:
+    """Particles of one elastic-plastic law on a rank.
+
+    stores_heat: stored energies hold heat, that of the viscosity too; speeds_change: speeds of sound follow the state;
+    plastic_work, viscous_heat, released (by failure) [J]: since `take_energies`.
+    """
+
+    stores_heat = speeds_change = True
+
+    def __init__(self, law: ElasticPlastic):
+        self.law = law
+        self.flows = frozenset() if law.conductivity is None else frozenset({"heat"})
+        self.fields = frozenset({"energy"} if law.conductivity is None else {"energy", "heat_flux"})
+        self.plastic_work = self.viscous_heat = self.released = 0.0
+        self._tile = new_tile(count_of(law.failure))
+
+    def begin(self, scene: Scene, particles: Particles, here: slice) -> None:
+        """The internal energy that belongs to the temperatures at time 0."""
+        of = particles.owned_rows
+        warm = of("temperature")[here]
+        cold = initial_zero_energy_temperature(scene, of("body")[here], warm, self.law.reference_temperature)
+        of("energy")[here] = self.law.internal_energy(warm, cold)
+
+    def advance(self, system: Any, here: slice, step: float) -> tuple[bool, float, float]:
+        """The state after a step [s] from the sums of the first sweep: whether it is sound; heat of plastic flow and
+        numerical loss [J] outside of stored energies, which are none."""
+        particles, law, rates = system.particles, self.law, system.neighbours
+        of = particles.storage
+        state = State(*(of(name) for name in State._fields))
+        viscosity = failing = strength = deleted = None
+        external = of(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
+        if system.viscosity is not None:
+            viscosity = of("force"), of("viscous_force"), of("viscous_heat"), of("impulse_power")
+        if law.failure is not None:
+            failing = of("damage"), of("criterion_damage")[: count_of(law.failure)]
+            strength = of("strength_factor") if "strength_factor" in particles else None
+            deleted = of("deleted_mass") if "deleted_mass" in particles else None
+        flows = rates.flows if "heat" in self.flows else None
+        how = step, system.viscous_heat.mean_step(step), system.most_correction, system.centred, system.in_plane
+        sound, plastic, viscous, released = advance_state(
+            here.start, here.stop, law, law.failure, *how, rates.rates, flows,
+            state, viscosity, external, failing, strength, deleted, self._tile,
+        )  # fmt: skip
+        self.plastic_work += plastic
+        self.viscous_heat += viscous
+        self.released += released
+        return sound, 0.0, 0.0
+
+    def advance_fluxes(self, system: Any, here: slice, step: float) -> float:
+        """The heat flux from the sums of the second sweep; nothing is dissipated outside of stored energies."""
+        if "heat" in self.flows:
+            of = system.particles.storage
+            fields = (of(name) for name in ("mass", "density", "correction", "heat_flux", "pair_heat_flux"))
+            slopes, stride = system.neighbours.slopes, system.neighbours.stride
+            advance_heat_flux(here.start, here.stop, self.law.conductivity, system.in_plane, stride, slopes, *fields)
+        return 0.0
+
+    def energies(self, particles: Particles, here: slice) -> tuple[float, float]:
+        """No other kinetic energy than that of the velocity, and internal energy [J]."""
+        of = particles.owned_rows
+        return 0.0, float(of("energy")[here] @ of("mass")[here]) / self.law.density
+
+    def stable_step(self, particles: Particles, here: slice) -> float:
+        """rho C_v h^2/(2 kappa) [s] of conduction by Fourier; infinite without it."""
+        if self.law.conductivity is None:
+            return float(np.inf)
+        of = particles.owned_rows
+        least = float((of("density")[here] * of("smoothing_length")[here] ** 2).min())
+        return float(0.5 * self.law.specific_heat * least / self.law.conductivity)
+
+    def pressures(self, particles: Particles, here: slice) -> np.ndarray:
+        """P (n,) [Pa]."""
+        of = particles.owned_rows
+        return plastic_evaluation.pressure(self.law, self.law.density / of("density")[here], of("energy")[here])
+
+    def room(self, particles: Particles, here: slice) -> np.ndarray | None:
+        """Room (n,) that the equation of state leaves to compress particles, see `room_to_compress`."""
+        return plastic_evaluation.room_to_compress(self.law, self.law.density / particles.owned_rows("density")[here])
+
+    @property
+    def sound_speed(self) -> float:
+        """c_L [m/s] of the undeformed solid at the reference temperature."""
+        mu = plastic_evaluation.shear_modulus(self.law, 1.0, 0.0, self.law.reference_temperature)
+        bulk = plastic_evaluation.isentropic_bulk_modulus(self.law, 1.0, 0.0)
+        return float(np.sqrt((bulk + 4.0 / 3.0 * mu) / self.law.density))
+
+    def take_energies(self) -> dict[str, float]:
+        """Plastic work, viscous heat and what failure released [J], all in stored energies, since this was asked."""
+        result = {"plastic_work": self.plastic_work, "viscous_heat": self.viscous_heat}
+        if self.law.failure is not None:
+            result[FAILURE_DISSIPATION] = self.released
+        self.plastic_work = self.viscous_heat = self.released = 0.0
+        return result

@@ -1,0 +1,186 @@
+"""What neighbours read of particles, and the two sweeps over a rank's pairs.
+
+Fields of particles are kept component by component; sweeps read rows of four, which are filled from them before each
+sweep: those of owned particles while a message travels, those of ghosts after it, those of mirror images from the rows
+that they mirror.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from parsolid.kernels import kernel
+from parsolid.methods.ulsph import sweeps
+from parsolid.pairs.verlet_list import Pairs, VerletList
+from parsolid.particles.container import Particles
+
+# which components of a field stand in which columns of a row: name, first component, components, column
+Places = list[tuple[str, int, int, int]]
+
+
+@kernel
+def fill_rows(first, last, field, component, components, rows, column):
+    """Copy components of a field (components, particles) of particles first..last-1 into columns of rows."""
+    for a in range(first, last):
+        for c in range(components):
+            rows[a, column + c] = field[component + c, a]
+
+
+@kernel
+def collect_forces(owned, stride, forces, heating, force, viscous_force, viscous_heat):
+    """Rows of forces and heat, as `sweeps` finds them, into fields (components, particles)."""
+    for a in range(owned):
+        for c in range(force.shape[0]):
+            force[c, a], viscous_force[c, a] = forces[a, c], forces[a, stride + c]
+        viscous_heat[0, a] = heating[a]
+
+
+class Neighbours:
+    """The sweeps of a rank, with the rows that they read and write as `sweeps` says.
+
+    stride: from a vector to the next one in a row; rates, flows, slopes: what was found last. Forces are fields.
+    """
+
+    def __init__(
+        self,
+        particles: Particles,
+        pairs: VerletList,
+        dimension: int,
+        smoothing: Any,
+        viscosity: sweeps.ArtificialViscosity | None,
+        welded: bool,
+    ) -> None:
+        """particles: with all their fields; welded: whether bodies stick together, rather than press on one another."""
+        self.particles, self.pairs, self.dimension, self.smoothing = particles, pairs, dimension, smoothing
+        self.viscosity, self._pressing = viscosity, None if welded else True
+        if dimension == 2:
+            self.stride, mass, length = 2, 4, 5
+            self._add_rates, self._add_forces = sweeps.add_rates_in_plane, sweeps.add_forces_in_plane
+        else:
+            self.stride, mass, length = 4, 3, 7
+            self._add_rates, self._add_forces = sweeps.add_rates_in_space, sweeps.add_forces_in_space
+        d, stride = dimension, self.stride
+        self._motion: Places = [("velocity", 0, d, 0), ("position", 0, d, stride)]
+        self._motion += [("mass", 0, 1, mass), ("smoothing_length", 0, 1, length)]
+        numbers = ("density", "sound_speed", "micro_rate", "temperature")
+        stress = [("pair_stress", d * j, d, stride * j) for j in range(d)]
+        self._record = self._there([*stress, *((name, 0, 1, stride * d + k) for k, name in enumerate(numbers))])
+        self._flux = self._there([("pair_micro_flux", 0, d, 0), ("pair_heat_flux", 0, d, stride)])
+
+    def _there(self, places: Places) -> Places:
+        """Fields that ghosts know."""
+        fields = self.particles.fields
+        return [one for one in places if one[0] in fields and fields[one[0]].ghosts is not None]
+
+    def follow(self) -> None:
+        """Make room for the particles and pairs of a list that was just made."""
+        particles, pairs, stride, n = self.particles, self.pairs, self.stride, self.particles.owned
+        known = n + particles.ghosts
+        rows = known if pairs.images is None else known + len(pairs.images.source)
+        self._rows_of_motion, self._rows_of_record = np.zeros((rows, 8)), np.zeros((rows, 4 * stride))
+        self._rows_of_flux = np.zeros((rows, 2 * stride)) if self._flux else None
+        self.rates, self.flows, self.slopes = np.zeros((n, 4 * stride)), np.zeros((n, 4)), np.zeros((n, 2 * stride))
+        self._forces, self._heating = np.zeros((n, 2 * stride)), np.zeros(n)
+        if pairs.images is not None:
+            self._follow_images(pairs.images, pairs.codes)
+        lists = [one for one in (pairs.inner, pairs.outer, pairs.mirror) if one is not None]
+        self._parts = {id(one): self._by_bodies(one) for one in lists}
+        particles.update("record")
+        self._fill(0, known, self._record, self._rows_of_record)
+        self._mirror_record()
+
+    def _follow_images(self, images: Any, codes: Any) -> None:
+        """Factors and shifts that make rows of images of the rows that they mirror: v' = Q v, x' = R x + T,
+        sigma' = s Q sigma Q; fluxes are reflected."""
+        d, stride, m = self.dimension, self.stride, len(images.source)
+        Q, R, T = (array[images.code, :d] for array in (codes.signs, codes.reflections, codes.shifts))
+        sign = codes.stress_signs[images.code, None]
+        self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
+        self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, R
+        self._shift[:, stride : stride + d] = T
+        self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
+        for j in range(d):
+            self._record_factor[:, stride * j : stride * j + d] = sign * Q[:, j : j + 1] * Q
+        self._flux_factor[:, :d] = self._flux_factor[:, stride : stride + d] = R
+
+    def _by_bodies(self, pairs: Pairs) -> list[tuple[Pairs, bool]]:
+        """A list as that of pairs within bodies and that of pairs between two, with whether it is the latter."""
+        if "contact_body" not in self.particles:
+            return [(pairs, False)]
+        body = self.particles["contact_body"]
+        if self.pairs.images is not None:
+            known = self.particles.owned + self.particles.ghosts
+            body = np.concatenate((body[:known], body[self.pairs.images.source]))
+        between = body[pairs.particle] != body[pairs.neighbour]
+        return [(pairs.where(~between), False), (pairs.where(between), True)] if between.any() else [(pairs, False)]
+
+    def find_rates(self, drift_ghosts: Callable[[], None]) -> None:
+        """Sums of velocity gradients, moments and flows; drift_ghosts() is called when ghosts have their velocities."""
+        owned, known = self.particles.owned, self.particles.owned + self.particles.ghosts
+        motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
+        self._fill(0, owned, self._motion, motion)
+        self._fill(0, owned, self._flux, flux)
+        self.rates[:], self.flows[:] = 0.0, 0.0
+
+        def received() -> None:
+            drift_ghosts()
+            self._fill(owned, known, self._motion, motion)
+            self._fill(owned, known, self._flux, flux)
+            self._mirror_motion()
+
+        def add(pairs: Pairs, both: bool) -> None:
+            for part, between in self._parts[id(pairs)]:
+                options = (self._pressing, None) if between else (None, flux)
+                self._add_rates(self.smoothing, part, both, *options, motion, record, self.rates, self.flows)
+
+        self.pairs.sweep(add, "motion", received)
+
+    def find_forces(self) -> None:
+        """Forces, viscous heat, and sums of gradients of v^p and T; ghosts have drifted."""
+        owned, known = self.particles.owned, self.particles.owned + self.particles.ghosts
+        motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
+        self._fill(0, known, self._motion, motion)
+        self._mirror_motion()
+        self._fill(0, owned, self._record, record)
+        self._forces[:], self._heating[:], self.slopes[:] = 0.0, 0.0, 0.0
+
+        def received() -> None:
+            self._fill(owned, known, self._record, record)
+            self._mirror_record()
+
+        def add(pairs: Pairs, both: bool) -> None:
+            sums = self._forces, self._heating, self.slopes
+            for part, between in self._parts[id(pairs)]:
+                options = (self._pressing, None) if between else (None, flux)
+                self._add_forces(self.smoothing, part, both, *options, self.viscosity, motion, record, *sums)
+
+        self.pairs.sweep(add, "record", received)
+        of = self.particles.storage
+        fields = of("force"), of("viscous_force"), of("viscous_heat")
+        collect_forces(owned, self.stride, self._forces, self._heating, *fields)
+
+    def _fill(self, first: int, last: int, places: Places, rows: Any) -> None:
+        """Rows first..last-1 from the particles' fields."""
+        for name, component, components, column in places:
+            fill_rows(first, last, self.particles.storage(name), component, components, rows, column)
+
+    def _mirror_motion(self) -> None:
+        """Rows of motion and fluxes of mirror images."""
+        if self.pairs.images is not None:
+            first, source = self.particles.owned + self.particles.ghosts, self.pairs.images.source
+            self._rows_of_motion[first:] = self._motion_factor * self._rows_of_motion[source] + self._shift
+            if self._rows_of_flux is not None:
+                self._rows_of_flux[first:] = self._flux_factor * self._rows_of_flux[source]
+
+    def _mirror_record(self) -> None:
+        """Rows of stresses of mirror images."""
+        if self.pairs.images is not None:
+            first, source = self.particles.owned + self.particles.ghosts, self.pairs.images.source
+            self._rows_of_record[first:] = self._record_factor * self._rows_of_record[source]
+
+    def arrays(self) -> list[np.ndarray]:
+        """All rows, for what counts memory."""
+        rows = [self._rows_of_motion, self._rows_of_record, self.rates, self.flows, self.slopes]
+        rows += [self._forces, self._heating]
+        return rows if self._rows_of_flux is None else [*rows, self._rows_of_flux]

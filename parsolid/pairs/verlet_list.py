@@ -1,0 +1,328 @@
+"""Verlet lists: the pairs of particles that move, listed with a skin and made anew when the skin is used up.
+
+L. Verlet, Physical Review 159 (1967). A particle stays with its rank until the number of ghosts has grown; then all
+particles are distributed anew.
+"""
+
+import time as clock
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from decomposition.cells import checked_bounds
+from decomposition.close_pairs import ClosePairs, strips_of
+from decomposition.halo import Halo
+from decomposition.measured_load import MeasuredLoad
+from decomposition.migration import migrate
+from decomposition.partition import bisect
+from parsolid.collective import maximum, raise_together
+from parsolid.pairs.candidates import coincident, images_near
+from parsolid.pairs.displacement import LATE, Allowance, body_bounds, body_motions, skin_use
+from parsolid.particles.declaration import Columns, Field
+
+# list builds after which particles are distributed anew in any case, and between looks at what steps have cost
+_MOST_BUILDS, _LOOKS = 16, 4
+# particles are sorted anew when this share of them has its successor in space so many rows away
+_DISORDER, _FAR = 0.1, 64
+# ghosts reach this much farther than pairs, whose distances are rounded in another way
+_HAIR = 1.0 + 1e-9
+
+
+class Pairs(NamedTuple):
+    """Particle a and its neighbours, rows neighbour[start[a]] .. neighbour[start[a + 1] - 1]."""
+
+    start: np.ndarray
+    neighbour: np.ndarray
+
+    @property
+    def particle(self) -> np.ndarray:
+        """Particle a of every pair."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+    def where(self, chosen: np.ndarray) -> "Pairs":
+        """The pairs that a mask (pairs,) chooses."""
+        before = np.concatenate(([0], np.cumsum(chosen)))
+        return Pairs(before[self.start].astype(np.int64), self.neighbour[chosen])
+
+
+class Images(NamedTuple):
+    """Mirror images that pairs have, rows behind the ghosts: of which particle or ghost each is one, and by which of
+    `MirrorCodes`."""
+
+    source: np.ndarray
+    code: np.ndarray
+
+
+class VerletList:
+    """Pairs closer than support (h_a + h_b)/2 (1 + skin) when the list was made.
+
+    inner: each pair of owned particles once; outer: pairs of owned particles and ghosts, None on one rank; mirror:
+    owned particles and mirror images, which are rows behind the ghosts, None without mirror planes; images: those rows.
+    unbonded: bodies (bodies, bodies) that make no pairs with one another, None where all may; set before `rebuild`.
+    load: by which ranks get unlike shares of the particles, None where they get equal ones.
+    builds, distributions: how often the list was made and particles were distributed; migrated: particles that this
+    rank gave away; seconds: processor time of all that [s]; late: how often the list was used too long, which a smaller
+    step or a wider skin cures.
+
+    It reads the fields position, velocity, body and smoothing_length, and declares listed_position. Smoothing lengths
+    change just before a rebuild only.
+    """
+
+    inner: Pairs
+    outer: Pairs | None = None
+    mirror: Pairs | None = None
+    images: Images | None = None
+    halo: Halo
+
+    def __init__(
+        self,
+        comm: Any,
+        particles: Any,
+        dimension: int,
+        support: float,
+        skin: float,
+        codes: Any = None,
+        rebalance: float = 1.1,
+    ) -> None:
+        """support: of the kernel, over the smoothing length; skin: part of it that is listed besides; codes:
+        `MirrorCodes` or None; rebalance: growth of the busiest rank's owned particles and ghosts after which all are
+        distributed anew.
+
+        Raises ValueError for a support or a skin that is not positive.
+        """
+        if not (support > 0.0 and skin > 0.0):
+            raise ValueError(f"support, skin: expected positive numbers, found {support}, {skin}")
+        self.comm, self.particles = comm, particles
+        self.support, self.skin, self.codes, self.rebalance = support, skin, codes, rebalance
+        self.unbonded: np.ndarray | None = None
+        self.load: MeasuredLoad | None = None
+        self._shares: np.ndarray | None = None
+        self.builds = self.distributions = self.migrated = self.late = 0
+        self.seconds, self.built_at = 0.0, 0.0
+        self._search = ClosePairs()
+        # load of the busiest rank after the last distribution, and builds since then
+        self._load_then, self._builds_since = 0, 0
+        particles.declare(Field("listed_position", dimension, "m", checkpointed=True, layout=Columns()))
+
+    @property
+    def owned(self) -> int:
+        """Particles of this rank."""
+        return self.halo.owned
+
+    def expires(self, time: float, next_step: float) -> bool:
+        """Whether this rank wants a new list at a time [s], because this one is not safe for twice a next step [s]."""
+        allowance = Allowance(0.5 * self.skin * self.support, self.reach, time - self.built_at, 2.0 * next_step)
+        names = ("position", "velocity", "listed_position", "smoothing_length", "body")
+        arrays = (self.particles.storage(name) for name in names)
+        use = skin_use(self.particles.owned, *arrays, self.motions, allowance)
+        self.late += use == LATE
+        return bool(use)
+
+    def sweep(self, apply: Callable[[Pairs, bool], None], message: str, received: Callable[[], None]) -> None:
+        """apply(pairs, both): to the inner pairs, of which both particles receive, while a message of the particles
+        travels; then received(), and to the other pairs, of which the owned particle alone receives."""
+        self.particles.send(message)
+        apply(self.inner, True)
+        self.particles.receive(message)
+        received()
+        for pairs in (self.outer, self.mirror):
+            if pairs is not None:
+                apply(pairs, False)
+
+    # --- making the list --------------------------------------------------------------------------------------
+
+    def rebuild(self, time: float) -> None:
+        """Distribute particles where it pays, sort them where they are out of order, find ghosts and pairs.
+
+        Collective. Particles change their rows. The message "reference" is sent. Raises SolverError, on all ranks, in
+        the first rebuild, for particles at one place and for mirror planes too close to one another.
+        """
+        began = clock.process_time()
+        particles = self.particles
+        load, boxes = self._survey(particles.owned_rows("position"))
+        if self.comm.size > 1 and (self._load_has_grown(load) | self._measured_unlike()):
+            self._distribute()
+        self._sort()
+        self.built_at = time
+        particles.owned_rows("listed_position")[:] = particles.owned_rows("position")
+        self.motions = body_motions(self._mean_velocities(), *boxes, self.codes)
+        self._find_pairs()
+        if self.builds == 0:
+            self._check()
+        particles.update("reference")
+        self.builds += 1
+        self._builds_since += 1
+        self.seconds += clock.process_time() - began
+
+    def _survey(self, positions: np.ndarray) -> tuple[int, tuple[np.ndarray, np.ndarray]]:
+        """The busiest rank's load, and the boxes (bodies, d) of bodies at positions (owned, d); sets the reach."""
+        particles, length = self.particles, self.particles.owned_rows("smoothing_length")
+        mine = body_bounds(positions, particles.owned_rows("body"), len(particles.law_of_body))
+        load = particles.owned + particles.ghosts
+        together = maximum(self.comm, np.concatenate(([load, length.max(initial=0.0)], mine.ravel())))
+        self.reach = float(self.support * (1.0 + self.skin) * together[1])
+        boxes = together[2:].reshape(mine.shape)
+        return int(together[0]), (-boxes[:, 0], boxes[:, 1])
+
+    def _mean_velocities(self) -> np.ndarray:
+        """Of every body (bodies, d) [m/s]; collective."""
+        particles = self.particles
+        velocity, body = particles.owned_rows("velocity"), particles.owned_rows("body")
+        bodies, d = len(particles.law_of_body), velocity.shape[1]
+        sums = np.empty((d + 1, bodies))
+        for k in range(d):
+            sums[k] = np.bincount(body, velocity[:, k], minlength=bodies)
+        sums[d] = np.bincount(body, minlength=bodies)
+        self.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+        return np.ascontiguousarray((sums[:d] / np.maximum(sums[d], 1.0)).T)
+
+    def _load_has_grown(self, load: int) -> bool:
+        if self._builds_since == 1:
+            self._load_then = load
+        return self.builds == 0 or self._builds_since >= _MOST_BUILDS or load > self.rebalance * self._load_then
+
+    def _measured_unlike(self) -> bool:
+        """Whether steps have cost ranks so unlike times that other shares are worth their price; collective."""
+        if self.load is None or self.builds == 0 or self.builds % _LOOKS != 0:
+            return False
+        shares = self.load.look(self.particles.owned)
+        if shares is not None:
+            self._shares = shares
+        return shares is not None
+
+    def _distribute(self) -> None:
+        """Every rank gets a compact part of all particles, its share; collective."""
+        particles = self.particles
+        owner = bisect(self.comm, np.ascontiguousarray(particles.owned_rows("position")), shares=self._shares)
+        leaving = np.flatnonzero(owner != self.comm.rank)
+        moved = migrate(self.comm, owner[leaving], {"rows": particles.packed(leaving)})["rows"]
+        particles.detach()
+        particles.remove(leaving)
+        particles.insert(moved)
+        self.distributions, self.migrated = self.distributions + 1, self.migrated + len(leaving)
+        self._builds_since = 0
+
+    def _sort(self) -> None:
+        """Bring particles into the order in space in which pairs are looked for, if they are far from it."""
+        points = np.ascontiguousarray(self.particles.owned_rows("position"))
+        if len(points) == 0:
+            return
+        order, _ = strips_of(*checked_bounds(points), self.reach).order(points)
+        if (np.abs(np.diff(order)) > _FAR).sum() > _DISORDER * len(points):
+            self.particles.reorder(order)
+
+    def _find_pairs(self) -> None:
+        """Ghosts and pairs of the listed positions; collective."""
+        particles = self.particles
+        points = np.ascontiguousarray(particles.owned_rows("listed_position"))
+        self.halo = Halo.plan(self.comm, points, self.reach * _HAIR)
+        particles.attach(self.halo)
+        half_reach = 0.5 * self.support * (1.0 + self.skin) * particles.owned_rows("smoothing_length")
+        whole = self.halo.with_ghosts(np.column_stack((points, half_reach, particles.owned_rows("body"))))
+        positions, radius = np.ascontiguousarray(whole[:, :-2]), np.ascontiguousarray(whole[:, -2])
+        body = whole[:, -1].astype(np.int64)
+        start, neighbour, outer_start, ghost = self._search.find(positions, radius, self.owned)
+        self.inner = self._bonded(Pairs(start, neighbour), body)
+        if self.comm.size > 1:
+            self.outer = self._bonded(Pairs(outer_start, ghost), body)
+        if self.codes is not None:
+            mirror, images = self._find_images(positions, radius, body)
+            body = np.concatenate((body, body[images.source]))
+            self.mirror, self.images = self._bonded(mirror, body), images
+
+    def _bonded(self, pairs: Pairs, body: np.ndarray) -> Pairs:
+        """Without those of bodies (rows,) that make no pairs with one another."""
+        if self.unbonded is None:
+            return pairs
+        return pairs.where(~self.unbonded[body[pairs.particle], body[pairs.neighbour]])
+
+    def _find_images(self, positions: np.ndarray, radius: np.ndarray, body: np.ndarray) -> tuple[Pairs, Images]:
+        """Pairs of owned particles with images behind mirror planes of particles at positions (rows, d), and those
+        images."""
+        particles, sources, codes, images = ([np.zeros(0, np.int64)] for _ in range(4))
+        reach, found = np.full(positions.shape[1], self.reach * _HAIR), 0
+        for code, receivers, givers, places in images_near(positions, body, self.owned, self.codes, reach):
+            start, image = self._search.across(positions[receivers], radius[receivers], places, radius[givers])
+            used, number = np.unique(image, return_inverse=True)
+            particles.append(np.repeat(receivers, np.diff(start)))
+            images.append(len(positions) + found + number)
+            sources.append(givers[used])
+            codes.append(np.full(len(used), code))
+            found += len(used)
+        row, image = np.concatenate(particles), np.concatenate(images)
+        order = np.lexsort((image, row))
+        start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned))))
+        pairs = Pairs(start.astype(np.int64), image[order].astype(np.int32))
+        return pairs, Images(np.concatenate(sources), np.concatenate(codes))
+
+    def _check(self) -> None:
+        """Raise SolverError on all ranks for what no list can be made of."""
+        positions = self.halo.with_ghosts(np.ascontiguousarray(self.particles.owned_rows("listed_position")))
+        fault = None
+        for pairs in (self.inner, self.outer):
+            if pairs is not None:
+                same = (positions[pairs.particle] == positions[pairs.neighbour]).all(axis=1)
+                fault = coincident(positions, pairs.start, int(np.argmax(same))) if same.any() else fault
+        raise_together(self.comm, fault)
+        if self.codes is not None:
+            raise_together(self.comm, self.codes.too_close(np.full(positions.shape[1], self.reach)))
+
+    # --- what is reported -------------------------------------------------------------------------------------
+
+    @property
+    def directed_pairs(self) -> int:
+        """Interactions counted once a particle, over this rank's particles."""
+        one_sided = sum(len(pairs.neighbour) for pairs in (self.outer, self.mirror) if pairs is not None)
+        return 2 * len(self.inner.neighbour) + one_sided
+
+    def arrays(self) -> list[np.ndarray]:
+        """Arrays of the lists, for what counts memory."""
+        lists = (pairs for pairs in (self.inner, self.outer, self.mirror) if pairs is not None)
+        return [array for pairs in lists for array in pairs]
+
+    def summary(self) -> dict[str, Any]:
+        """How often the list was made, how often too late, and particles that changed their rank; collective."""
+        return {
+            "lists_made": self.builds,
+            "list_seconds": maximum(self.comm, self.seconds),
+            "migrated_particles": self.comm.allreduce(self.migrated),
+            "lists_made_late": self.comm.allreduce(self.late),
+            **(self.load.summary() if self.load is not None else {}),
+        }
+
+    # --- restart ----------------------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Any]:
+        """What the same list needs besides the checkpointed fields, as JSON, the same on all ranks; collective."""
+        return {
+            "ranks": self.comm.size,
+            "built_at": self.built_at,
+            "velocities": self.motions.velocity.tolist(),
+            "builds": self.builds,
+            "distributions": self.distributions,
+            "late": self.comm.allgather(self.late),
+            "migrated": self.comm.allgather(self.migrated),
+            "load_then": self._load_then,
+            "builds_since": self._builds_since,
+            "shares": None if self._shares is None else self._shares.tolist(),
+        }
+
+    def restore(self, state: dict[str, Any], time: float) -> None:
+        """The list of a checkpoint, to the bit on as many ranks, made anew at its time [s] on others; collective."""
+        self.builds, self.distributions = state["builds"], state["distributions"]
+        self._load_then, self._builds_since = state["load_then"], state["builds_since"]
+        if state["ranks"] != self.comm.size:
+            # distributed by reference positions so far
+            self._builds_since = _MOST_BUILDS
+            if self.comm.rank == 0:
+                self.late, self.migrated = sum(state["late"]), sum(state["migrated"])
+            self.rebuild(time)
+            return
+        self.late, self.migrated = state["late"][self.comm.rank], state["migrated"][self.comm.rank]
+        self._shares = None if state["shares"] is None else np.array(state["shares"])
+        self.built_at = state["built_at"]
+        _, boxes = self._survey(self.particles.owned_rows("listed_position"))
+        self.motions = body_motions(np.array(state["velocities"]), *boxes, self.codes)
+        self._find_pairs()
