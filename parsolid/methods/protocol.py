@@ -7,7 +7,7 @@ import numpy as np
 
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.mirror_planes import MirrorPlane
-from parsolid.boundary.reporting import Reaction
+from parsolid.boundary.reactions import Reaction
 from parsolid.materials.registry import laws_of
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field

@@ -12,7 +12,7 @@ from solids import SOFT
 
 from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.forces import body_loads, surface_load
-from parsolid.boundary.heating import HeatSupply
+from parsolid.boundary.heat import HeatSupply
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.surface import Surface
 from parsolid.exact import SOLUTIONS

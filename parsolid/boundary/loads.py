@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.boundary.forces import Load, Rows, body_loads, surface_load
-from parsolid.boundary.reporting import Reaction
+from parsolid.boundary.reactions import Reaction
 from parsolid.boundary.surface import Surface
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
