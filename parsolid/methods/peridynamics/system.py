@@ -17,7 +17,6 @@ from parsolid.collective import SolverError, maximum
 from parsolid.materials.registry import laws_of
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.leapfrog import kinetic_energy
-from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.damage import fracture_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
@@ -26,7 +25,7 @@ from parsolid.methods.peridynamics.tangent import Operator, instantaneous_wave_m
 from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.previous_state import take_state
-from parsolid.methods.protocol import BrokenPairs
+from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 from parsolid.particles.declaration import Columns, Field
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.scene.boundaries.surface import Pressure
@@ -36,7 +35,7 @@ from parsolid.scene.boundaries.traction import Traction
 _TURN, _TURNED = 0.14, 0.05
 
 
-class Peridynamics(PairMethod):
+class Peridynamics(ParticleSystem):
     """The method on one rank. Bars lie in the plane."""
 
     even_steps = undamped = True
@@ -51,9 +50,8 @@ class Peridynamics(PairMethod):
         self.conditions = Conditions(comm, scene, particle_set, self.particles, others=(Traction, Pressure))
         explicit = self.settings.solution.kind == "explicit"
         if self.conditions.rollers and not explicit:
-            raise SolverError(
-                'method.solution.kind: expected "explicit" for a normal that is held, found "quasi-static"'
-            )
+            key = f"boundaries.{scene.boundaries.index(self.conditions.rollers[0].condition)}.kind"
+            raise SolverError(f'{key}: expected method.solution.kind = "explicit" for a normal that is held')
         self.forces = build_forces(comm, scene, particle_set, self.conditions)
         self.pairs, self.laws = self.forces.bonds, self.forces.laws
         Tractions(self.conditions, self.forces)
@@ -67,6 +65,19 @@ class Peridynamics(PairMethod):
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
         self._shown: dict[str, np.ndarray] = {}
         self._evaluation = -1
+
+    @property
+    def directed_pairs(self) -> int:  # type: ignore[override]
+        """Interactions counted once a particle."""
+        return self.pairs.directed_pairs
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and interactions."""
+        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Bond lists."""
+        return self.pairs.arrays()
 
     # --- state -------------------------------------------------------------------------------------------------
 

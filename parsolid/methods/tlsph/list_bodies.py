@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 
 from decomposition.talking import TALKING
-from parsolid.kernels import kernel
+from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
 from parsolid.methods.tlsph.list_update import advance_stage, advance_step
-from parsolid.numerics.lanes import aligned_zeros
 from parsolid.pairs.list_sweeps import (
     ROWS,
     divergence_in_plane,
