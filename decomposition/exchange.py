@@ -115,7 +115,8 @@ class Exchange:
 
     def _copies(self, rows: np.ndarray, buffer: np.ndarray, width: int, kind: type) -> list[tuple[Any, ...]]:
         """Arguments of `_pack` or `_unpack`, an array each."""
-        copies, first = [], 0
+        copies: list[tuple[Any, ...]] = []
+        first = 0
         for array in self._arrays if len(rows) else ():
             flat, step, columns = _flat(array, kind)
             copies.append((flat, step, columns, rows, buffer.view(kind), width, first))

@@ -30,17 +30,3 @@ def _voce(model, plastic_strain, rate, temperature, shear_modulus, melting_tempe
     share = 1.0 - exp(-plastic_strain / model.strain)
     solid = model.yield_stress + (model.saturation - model.yield_stress) * share
     return solid if temperature < melting_temperature else 0.0
-
-
-# for methods that have not moved to the function above
-import math  # noqa: E402
-
-from parsolid.materials.plastic import plasticity  # noqa: E402
-from parsolid.numerics.elementary import choose  # noqa: E402
-
-
-@plasticity.flow_stress.of(Voce)
-def _voce_on_lanes(model, plastic_strain, rate, temperature, shear_modulus, melting_temperature):
-    share = 1.0 - math.exp(-plastic_strain / model.strain)
-    solid = model.yield_stress + (model.saturation - model.yield_stress) * share
-    return choose(melting_temperature - temperature, solid, 0.0)

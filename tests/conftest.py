@@ -113,7 +113,7 @@ _NOT_ON = {
     ),
 }
 # files of many rooms first, then those that take long, and short ones last, so that all workers end together
-_LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "numerics": 2, "scene": 2}
+_LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "kernels": 2, "scene": 2}
 
 
 def pytest_ignore_collect(collection_path, config):

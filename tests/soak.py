@@ -3,8 +3,7 @@
 A random scene on random ranks writes checkpoints often; its job is killed, or one rank of it, or asked to stop by
 SIGTERM, SIGINT or the clock, again and again, and continued on the same ranks or on others. What it leaves at its end
 has to be what the uninterrupted run leaves: on the same ranks to the last bit, on others to 1e-9. Prints one line a
-run and a table at the end; status 1 when anything was lost, a job hung, or a traceback was seen. Most jobs are forked
-from a process that has the program loaded (`preloaded.py`), one in `--whole` is started as a user does it.
+run and a table at the end; status 1 when anything was lost, a job hung, or a traceback was seen.
 """
 
 import argparse
@@ -24,7 +23,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
 
 from command_line import finish, kill, ranks_of, start
-from preloaded import program
 from run_results import assert_close, assert_same_bits
 from small_scenes import write
 from soak_scenes import SCENES
@@ -36,10 +34,10 @@ PATIENCE = 300.0
 
 
 class Soak:
-    """Runs, kills and compares in a folder; programs: what `command_line.start` takes, one is chosen for each job."""
+    """Runs, kills and compares in a folder."""
 
-    def __init__(self, folder: Path, chance: random.Random, programs: list[tuple[str, ...]]):
-        self.folder, self.chance, self.programs = folder, chance, programs
+    def __init__(self, folder: Path, chance: random.Random):
+        self.folder, self.chance = folder, chance
         self.whole: dict[tuple[str, int], tuple[Path, float]] = {}
         self.ended: Counter[str] = Counter()
         self.within: Counter[str] = Counter()
@@ -52,7 +50,7 @@ class Soak:
         if (name, ranks) not in self.whole:
             output = self.folder / f"{name}-{ranks}"
             words = [self.folder / f"{name}.toml", "-q", "-o", output]
-            result = finish(start(words, ranks, program=self.programs[0]), PATIENCE)
+            result = finish(start(words, ranks), PATIENCE)
             assert result.status == 0, result.err
             self.whole[name, ranks] = output, result.seconds
         return self.whole[name, ranks]
@@ -87,7 +85,7 @@ class Soak:
         """Start a job and end it in a way at a random instant; whether it came to its own end before."""
         history, limit = Path(command[3]) / "history.csv", self.chance.uniform(0.0, 0.7) * seconds
         clocked = ["--wall-time", f"{max(0.1, limit):.3f}"] if way == "wall time" else []
-        job = start([*command, *clocked], ranks, program=self.chance.choice(self.programs))
+        job = start([*command, *clocked], ranks)
         if way not in ("none", "wall time"):
             self._wait(job, history, limit)
             if job.poll() is None:
@@ -145,12 +143,10 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=1000)
     parser.add_argument("--hours", type=float, default=2.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--whole", type=int, default=20, help="one job in so many loads the program itself")
     options = parser.parse_args()
     end = time.monotonic() + 3600.0 * options.hours
     with tempfile.TemporaryDirectory() as folder:
-        programs = [program("-m", "parsolid")] * (options.whole - 1) + [("-m", "parsolid")]
-        soak = Soak(Path(folder), random.Random(options.seed), programs)
+        soak = Soak(Path(folder), random.Random(options.seed))
         while soak.ended.total() < options.kills and time.monotonic() < end:
             soak.run(min(MOST_ENDS, options.kills - soak.ended.total()))
     print(f"\n{dict(soak.within)}\n\n| way | ended |\n|---|---|")

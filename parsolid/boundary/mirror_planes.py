@@ -12,7 +12,6 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import anywhere, minimum, raise_together
-from parsolid.pairs.lists import image_table
 from parsolid.particles.particle_set import ParticleSet
 
 # a particle within this fraction of its spacing of a plane lies on it
@@ -115,11 +114,6 @@ class MirrorCodes:
         for plane in self.planes[code]:
             result |= np.abs(positions[:, plane.axis] - plane.coordinate) <= self.tolerance
         return result
-
-    def table(self, dimension: int) -> np.ndarray:
-        """Rows for `pairs.lists.Images`."""
-        signs, reflections, shifts = (array[:, :dimension] for array in (self.signs, self.reflections, self.shifts))
-        return image_table(dimension, signs, reflections, shifts, self.stress_signs)
 
 
 def mirror_codes(comm: MPI.Comm, planes: list[MirrorPlane], particle_set: ParticleSet) -> MirrorCodes | None:

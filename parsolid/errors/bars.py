@@ -13,8 +13,8 @@ from parsolid.errors.places import placed
 from parsolid.errors.running import Done
 from parsolid.errors.swinging import phase_and_amplitude
 from parsolid.errors.variants import LOOSER, SOLVER, SPACING, STEP
-from parsolid.numerics.splines import cubic_spline
 from parsolid.scene import Scene
+from parsolid.splines import cubic_spline
 
 History = dict[str, np.ndarray]
 # columns of the history that are no results

@@ -26,7 +26,8 @@ class _Choices:
     """Implementations of one function: (names of what the law lacks, implementation) by the type of the law."""
 
     def __init__(self, name: str):
-        self.name, self.default = name, None
+        self.name = name
+        self.default: Callable[..., Any] | None = None
         self.of_kind: dict[Any, list[tuple[frozenset[str], Callable[..., Any]]]] = {}
 
     def add(self, kind: Any, lacking: frozenset[str], implementation: Callable[..., Any]) -> None:

@@ -96,7 +96,7 @@ class ParticleSystem:
 
     @staticmethod
     def owners(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray | None:
-        """Ranks (n,) int32 of particles that must have them, -1 of others; None where any will do for all; collective."""
+        """Ranks (n,) int32 of particles that need a certain one, -1 of others; None where none does; collective."""
         return None
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):

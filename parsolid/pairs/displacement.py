@@ -56,9 +56,9 @@ def body_motions(velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray, cod
             boxes.append((concerned, corners.min(axis=0), corners.max(axis=0), velocity[body] * R))
     met = [[box for box in boxes if box[0][body]] for body in range(bodies)]
     start = np.concatenate(([0], np.cumsum([len(row) for row in met]))).astype(np.int64)
-    columns = [np.array([box[k] for row in met for box in row]).reshape(-1, d) for k in (1, 2, 3)]
+    lower, upper, partner = (np.array([box[k] for row in met for box in row]).reshape(-1, d) for k in (1, 2, 3))
     own = np.repeat(velocity, np.diff(start), axis=0)
-    return BodyMotions(velocity, start, *columns, 0.5 * (own + columns[2]))
+    return BodyMotions(velocity, start, lower, upper, partner, 0.5 * (own + partner))
 
 
 @kernel

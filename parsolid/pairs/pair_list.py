@@ -181,8 +181,8 @@ def _images(codes: Any, candidates: Any, local: int, d: int) -> tuple[MirrorImag
         none = np.zeros((0, d))
         return MirrorImages(np.zeros(0, np.int64), none, none, none, np.zeros(0)), np.zeros(0, np.int32)
     which, source = np.divmod(key, max(local, 1))
-    of = (np.ascontiguousarray(table[which, :d]) for table in (codes.signs, codes.reflections, codes.shifts))
-    return MirrorImages(source, *of, codes.stress_signs[which]), (local + row.ravel()).astype(np.int32)
+    Q, R, T = (np.ascontiguousarray(table[which, :d]) for table in (codes.signs, codes.reflections, codes.shifts))
+    return MirrorImages(source, Q, R, T, codes.stress_signs[which]), (local + row.ravel()).astype(np.int32)
 
 
 def _merged(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> tuple[Any, Any]:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from decomposition.talking import TALKING
-from parsolid.numerics.lanes import aligned_zeros
+from parsolid.kernels import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 from parsolid.particles.selection import Selection
 

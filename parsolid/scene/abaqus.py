@@ -76,7 +76,7 @@ def _kind_of(stated: str) -> str:
 def _members(block: _Block, known: dict[str, list[int]]) -> list[int]:
     """Numbers of a set: a list, ranges (GENERATE), or names of other sets."""
     if "GENERATE" in block.parameters:
-        result = []
+        result: list[Any] = []
         for row in block.rows:
             first, last, *step = [int(x) for x in row if x]
             result.extend(range(first, last + 1, *step))
@@ -155,7 +155,8 @@ def _mesh(chosen: list[tuple[str, _Part, list[list[str]]]], of_assembly: list[_B
     """One mesh of all instances (name, part, rows that place it)."""
     import meshio
 
-    points, cells, first = [np.zeros((0, 3))], [], 0
+    points, first = [np.zeros((0, 3))], 0
+    cells: list[Any] = []
     node_sets: dict[str, list[np.ndarray]] = {}
     element_sets: dict[str, dict[int, np.ndarray]] = {}
     for name, part, rows in chosen:

@@ -37,7 +37,7 @@ class DeclaredModel(SceneModel):
             law = self.build("space") if hasattr(self, "build") else self.part_of(density=1.0)
             wrong = registry.try_out(declared.role, law)
             if wrong is not None:
-                reject((("law",), f"a file that can be run ({wrong})", self.law))
+                reject((("law",), f"a file that can be run ({wrong})", self.law))  # type: ignore[attr-defined]
         return self
 
     def part_of(self, **of_material: Any) -> Any:

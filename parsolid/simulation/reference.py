@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from parsolid.collective import SolverError
-from parsolid.numerics.splines import cubic_spline
 from parsolid.scene import Scene
 from parsolid.simulation.ledger import COLUMNS
 from parsolid.simulation.observables import Observables
+from parsolid.splines import cubic_spline
 
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation

@@ -6,7 +6,7 @@ from solids import RUBBER, simulation, supports, tables
 
 from parsolid.commands.check_advice import BENDING, advice, scene_advice, size_advice
 from parsolid.commands.cli import main
-from parsolid.methods.peridynamics import coarse_grid
+from parsolid.methods.peridynamics import coarse_space
 from parsolid.scene import parse_scene
 
 METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio": 3}}
@@ -147,7 +147,7 @@ def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_ar
 @pytest.mark.parametrize("ratio, most, told", [(0.4999, 100, True), (0.4999, 10_000, False), (0.49, 100, False)])
 def test_stiff_volumes_of_a_large_body_are_told_what_they_cost(comm, monkeypatch, ratio, most, told):
     """Where the pressures are too many to be factorised."""
-    monkeypatch.setattr(coarse_grid, "_MOST_FACTORISED", {2: most})
+    monkeypatch.setattr(coarse_space, "_MOST_FACTORISED", {2: most})
     solution = {"kind": "quasi-static", "step": 1.0}
     material = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": ratio}
     method = {"kind": "peridynamics", "solution": solution}

@@ -56,10 +56,12 @@ class FreeFlight(ParticleSystem):
     def stable_step(self):
         return self.settings.step
 
-    def advance(self, time, step, ledger, announce):
+    def advance_positions(self, time, step, ledger):
         rows = self.particles.owned_rows
         rows("position")[:] += step * rows("velocity")
         rows("flown")[:] += step * np.linalg.norm(rows("velocity"), axis=1)
+
+    def complete_step(self, time, step, ledger, announce):
         announce(True, self.stable_step())
         return True
 

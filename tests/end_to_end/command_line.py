@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
-from preloaded import program
 
 LONGEST = 300.0
 ROOT = Path(__file__).resolve().parents[2]
@@ -76,14 +75,13 @@ def parsolid(*arguments, ranks: int = 2, folder: Path | None = None, expect: int
 
 
 class Crew:
-    """Ranks that run one list of commands after another: what they have imported and loaded serves all of them, and
-    the crews that come after them."""
+    """Ranks that run one list of commands after another: what they have imported and loaded serves all of them."""
 
     def __init__(self, ranks: int):
         self.ranks, self.given = ranks, 0
         self.folder = Path(tempfile.mkdtemp(prefix="parsolid-crew-"))
         (self.folder / "jobs").touch()
-        words = program(str(Path(__file__).with_name("many_commands.py")))
+        words = (Path(__file__).with_name("many_commands.py"),)
         self.job = start([self.folder, os.getpid()], ranks, self.folder, words)
 
     def run(self, folder: Path) -> None:

@@ -6,7 +6,6 @@ import subprocess
 import sys
 
 from command_line import ROOT, environment, finish, launcher, wait_for
-from preloaded import program
 from run_results import summary
 from small_scenes import PUNCH, changed, write
 
@@ -14,14 +13,8 @@ SCRIPT = ROOT / "slurm" / "run.sbatch"
 
 
 def submit(tmp_path, scene, folder, restarts: int = 0) -> subprocess.Popen:
-    """Start the script as a batch system would; `scontrol` only notes what it was asked.
-
-    Its first job loads the program as a user's does.
-    """
-    # its arguments begin with -m parsolid
+    """Start the script as a batch system would; `scontrol` only notes what it was asked."""
     python = f'exec {sys.executable} "$@"'
-    if folder.exists():
-        python = f'shift 2; exec {sys.executable} {" ".join(program("-m", "parsolid"))} "$@"'
     programs = tmp_path / "programs"
     programs.mkdir(exist_ok=True)
     for name, does in {"scontrol": f'echo "$@" >> {tmp_path}/asked', "python": python}.items():

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from command_line import all_done, finish, many, start
-from preloaded import program
 from run_results import history, state, summary
 from small_scenes import COLUMN, PUNCH, changed, write
 
@@ -42,7 +41,7 @@ def _only_sound_numbers(folder) -> None:
 
 def test_a_failed_job_ends_with_status_3_and_goes_on_with_smaller_steps(tmp_path):
     folder, scene = tmp_path / "run", write(FAILING["punch"], tmp_path / "scene.toml")
-    result = finish(start([scene, "-q", "-o", folder], RANKS, program=program("-m", "parsolid")))
+    result = finish(start([scene, "-q", "-o", folder], RANKS))
     assert result.status == WENT_WRONG and result.err.count("the run failed") == 1 and "Traceback" not in result.err
     previous = state(folder)[0]["step"]
     # the state at the last checkpoint may be past saving; the first one before is not

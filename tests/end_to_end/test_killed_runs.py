@@ -7,7 +7,6 @@ import time
 
 import pytest
 from command_line import finish, kill, start, wait_for, wait_until_free
-from preloaded import program
 from run_results import assert_same_bits, state
 from small_scenes import COLUMN, changed, write
 
@@ -27,7 +26,7 @@ def whole(tmp_path_factory):
     }
     scene = write(changed(COLUMN, small), folder / "scene.toml")
     output = folder / "whole"
-    job = start([scene, "-q", "-o", output], RANKS, program=program("-m", "parsolid"))
+    job = start([scene, "-q", "-o", output], RANKS)
     wait_for(lambda: history_file(output), job)
     began = time.monotonic()
     assert finish(job).status == 0
@@ -68,9 +67,7 @@ def kill_often(whole, folder, times: int, seed: int) -> int:
     kills, finished, output = 0, 0, folder / "run-0"
     while kills < times or finished == 0:
         more = ["--restart"] if (output / "checkpoint.h5").exists() else []
-        # the first as a user starts it
-        words = program("-m", "parsolid") if kills else ("-m", "parsolid")
-        job = start([scene, "-q", "-o", output, *more], RANKS, program=words)
+        job = start([scene, "-q", "-o", output, *more], RANKS)
         # mostly while it computes and writes, sometimes while it starts
         starting = chance.random() < 0.2
         lifetime = chance.uniform(0.2, 3.0 if kills == 0 else 0.6) if starting else chance.uniform(0.0, seconds)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from command_line import all_done, kill, many, start, wait_for, wait_until_free
-from preloaded import program
 from run_results import history, state
 from small_scenes import PUNCH, changed, write
 
@@ -33,7 +32,7 @@ def test_a_new_run_into_a_folder_with_results_loses_none(tmp_path):
 def test_a_second_run_into_the_folder_of_a_running_one_is_refused(tmp_path):
     endless = changed(PUNCH, {"end_time": 10.0, "output.checkpoint_steps": 20})
     scene, folder = write(endless, tmp_path / "scene.toml"), tmp_path / "run"
-    first = start([scene, "-q", "-o", folder], RANKS, program=program("-m", "parsolid"))
+    first = start([scene, "-q", "-o", folder], RANKS)
     wait_for((folder / "history.csv").exists, first)
     try:
         for more in ([], ["--restart", folder / "checkpoint.h5"]):

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 from command_line import all_done, finish, many, ranks_of, start, wait_for
-from preloaded import program
 from run_results import assert_same_bits, state, summary
 from small_scenes import PUNCH, changed, write
 
@@ -27,9 +26,9 @@ def whole(tmp_path_factory):
     return scene, folder / "whole"
 
 
-def stopped(scene, folder, number: int, receiver, words) -> None:
+def stopped(scene, folder, number: int, receiver) -> None:
     """Start a run of a program and send a signal to the process receiver(job) once it computes."""
-    job = start([scene, "-q", "-o", folder], RANKS, program=words)
+    job = start([scene, "-q", "-o", folder], RANKS)
     history = folder / "history.csv"
     wait_for(lambda: history.exists() and len(history.read_text().splitlines()) > 5, job)
     os.kill(receiver(job), number)
@@ -45,9 +44,7 @@ def test_a_signal_to_one_rank_or_to_mpirun_stops_all_and_a_restart_goes_on(whole
     signals["SIGINT"] = lambda job: sorted(ranks_of(job))[0]
     for name, receiver in signals.items():
         folder = tmp_path / name
-        # one as a user starts it
-        words = ("-m", "parsolid") if name == "SIGTERM" else program("-m", "parsolid")
-        stopped(scene, folder, getattr(signal, name), receiver, words)
+        stopped(scene, folder, getattr(signal, name), receiver)
         assert summary(folder)["status"] == "interrupted"
         assert state(folder)[0]["step"] == summary(folder)["steps"] < state(expected)[0]["step"]
     all_done(many([[scene, "-q", "-o", tmp_path / name, "--restart"] for name in signals], RANKS, tmp_path / "job"))

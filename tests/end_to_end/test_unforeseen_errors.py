@@ -2,7 +2,6 @@
 
 import pytest
 from command_line import all_done, finish, many, start, wait_until_free
-from preloaded import program as ready
 from run_results import history
 from small_scenes import PUNCH, changed, write
 
@@ -31,7 +30,7 @@ sys.exit(main())
 )
 def test_an_error_of_the_program_ends_all_ranks_with_one_line(tmp_path, ranks, error):
     scene = write(changed(PUNCH, {"output.checkpoint_steps": 2}), tmp_path / "scene.toml")
-    program = ready("-c", FAULTY.format(ranks=ranks, error=error))
+    program = ("-c", FAULTY.format(ranks=ranks, error=error))
     job = finish(start([scene, "-q", "-o", tmp_path / "run"], RANKS, program=program), 60.0)
     assert job.status == ERROR_OF_THE_PROGRAM
     said = [line for line in job.err.splitlines() if line.startswith("parsolid: ")]

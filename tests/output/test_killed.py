@@ -14,7 +14,6 @@ import pytest
 from endless_writer import PARTICLES, state
 from mpi4py import MPI
 from mpi_launch import start
-from preloaded import program
 
 from parsolid.output import OutputError, vtkhdf
 from parsolid.output.checkpoint import find_checkpoint, read_checkpoint
@@ -33,7 +32,7 @@ def written(directory: Path) -> tuple[int, int] | None:
 
 def start_writer(directory: Path, ranks: int, wanted_by: int) -> subprocess.Popen:
     """The writer, which ends when the process that wants it has."""
-    return start([*program(str(Path(__file__).with_name("endless_writer.py"))), directory, wanted_by], ranks)
+    return start([Path(__file__).with_name("endless_writer.py"), directory, wanted_by], ranks)
 
 
 def run_until_killed(directory: Path, ranks: int, checkpoints: int, lifetime: float) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pair_systems import even_metric, points, share_of
+from uneven_points import even_metric, points, share_of
 
 from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane
 from parsolid.collective import SolverError

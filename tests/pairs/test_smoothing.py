@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from decomposition.compiled import compiled
+from parsolid.kernels import kernel
 from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.pairs.smoothing.gradient import gradient_factor
 
@@ -26,7 +26,7 @@ def _quintic(q):
 SHAPES = {"wendland-c2": _wendland, "cubic-spline": _cubic, "quintic-spline": _quintic}
 
 
-@compiled
+@kernel
 def factor(kernel, q, dimension):
     return gradient_factor(kernel, q, dimension)
 

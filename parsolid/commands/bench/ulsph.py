@@ -54,8 +54,8 @@ def kernel_tables(particles: int) -> list[tuple[Any, ...]]:
     """Whole steps of one core while the bodies meet, parts of them, and what each optional term costs."""
     cases: list[tuple[int, str, dict[str, Any]]] = [(2, name, {}) for name in ("", *_LEFT_OUT)]
     cases += [(2, "all", {"gradient_correction": False}), (2, "all", {"viscosity": False}), (3, "", {}), (3, "all", {})]
-    names = ["d", "left out", "option", "particles", "steps/s", "ns a step", "first pass", "state", "second pass"]
-    names += ["gradients", "lists"]
+    names = ["d", "left out", "option", "particles", "steps/s", "ns a step", "rates", "state", "forces"]
+    names += ["fluxes", "lists"]
     title = "One core, processor time, float64, lists made anew when they are used up"
     return [(title, names, [_kernel_row(particles, *case) for case in cases])]
 
@@ -69,13 +69,13 @@ def _kernel_row(particles: int, dimension: int, left_out: str, method: dict[str,
         for _ in range(steps):
             simulation.take_step(step)
 
-    whole, made, spent = _least(advance) / steps, system.pairs.rebuilds, system.pairs.seconds
+    whole, made, spent = _least(advance) / steps, system.pairs.builds, system.pairs.seconds
     lists = spent / max(1, simulation.clock.step) if made else 0.0
     parts = [
-        _least(lambda: system.first_pass(0.0)),
+        _least(lambda: system.find_rates(0.0)),
         _least(lambda: system.advance_state(simulation.clock.time, 0.0)),
-        _least(system.sweeps.forces),
-        _least(lambda: system.advance_gradients(0.0)),
+        _least(system.neighbours.find_forces),
+        _least(lambda: system.advance_fluxes(0.0)),
         lists,
     ]
     figures = [f"{1e9 * seconds / system.owned:.0f}" for seconds in (whole, *parts)]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from numba.extending import register_jitable
 
-from parsolid.numerics.dispatch import generic
+from parsolid.materials.law_functions import law_function
 
 
 class HalfSpace(NamedTuple):
@@ -43,7 +43,7 @@ class Block(NamedTuple):
     z: float
 
 
-@generic
+@law_function
 def distance(shape, x, y, z, reach):
     """(signed distance [m], its gradient (3 numbers)) at a place [m].
 

@@ -1,12 +1,7 @@
-"""What a failing solid is made of: criteria, what becomes of failed matter, and the spread of its strength.
-
-A criterion is a NamedTuple under `@law("failure", kind)` with a `damage_after`: written once, it runs on floats and on
-four particles at once.
-"""
+"""What a failing solid is made of: criteria (`failure.functions`), what becomes of failed matter, and the spread of its
+strength."""
 
 from typing import Any, NamedTuple
-
-from parsolid.numerics.dispatch import generic
 
 
 class Scatter(NamedTuple):
@@ -48,14 +43,6 @@ class Loading(NamedTuple):
     rate: Any
     temperature: Any
     melting_temperature: Any
-
-
-@generic
-def damage_after(criterion, damage, strength, loading):
-    """Damage after a step, from that before it; the criterion is met at 1, and damage never falls.
-
-    strength: factor of what the particle withstands, 1 without scatter; loading: `Loading`.
-    """
 
 
 def chained(criteria: list[Any]) -> Criteria:

@@ -21,7 +21,7 @@ class JohnsonCookDamage(NamedTuple):
     the formula passes zero.
     """
 
-    needs_melting = True
+    needs_melting = True  # type: ignore[misc]
     d1: Annotated[float, Parameter("1", "D1")]
     d2: Annotated[float, Parameter("1", "D2", at_least=0.0)]
     d3: Annotated[float, Parameter("1", "D3, of mean over von Mises stress: negative where tension embrittles")]

@@ -1,6 +1,7 @@
 """Weibull's spread of strength, drawn from a particle's identifier alone: the same on any ranks and after a restart."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ def strengths(scatter: Scatter, identifier: np.ndarray) -> np.ndarray:
     return np.asarray((-np.log1p(-uniform)) ** (1.0 / scatter.modulus) / math.gamma(1.0 + 1.0 / scatter.modulus))
 
 
-def _mixed(z: np.ndarray) -> np.ndarray:
+def _mixed(z: Any) -> Any:
     z = (z ^ (z >> np.uint64(30))) * _FIRST
     z = (z ^ (z >> np.uint64(27))) * _SECOND
     return np.asarray(z ^ (z >> np.uint64(31)))

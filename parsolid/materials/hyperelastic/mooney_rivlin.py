@@ -4,7 +4,7 @@ W = xi (F:F - 3) + zeta (H:H - 3) - 2 (xi + 2 zeta) ln J + lambda_hat/2 (J - 1)^
     + sum_alpha mu_alpha/2 [F^T F : A_alpha - 3 - ln(J^2 det A_alpha)],   A_alpha = C_v,alpha^{-1}
 """
 
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from parsolid.elementary import log
 from parsolid.materials.declaration import Density, Parameter, Phrase, law
@@ -29,8 +29,8 @@ class MooneyRivlin(NamedTuple):
     xi: float
     zeta: float | None
     lambda_hat: float
-    branch_moduli: tuple | None
-    relaxation_times: tuple | None
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
 
 class Moduli(NamedTuple):
@@ -63,11 +63,13 @@ class StatedMooneyRivlin:
     @property
     def moduli(self) -> Moduli:
         """xi, zeta, lambda_hat and the linear elastic constants [Pa]."""
+        # of the two ways one is given as a whole
+        stated: Any = self
         if self.youngs_modulus is None:
-            shear, lame = 2.0 * (self.xi + self.zeta), self.lambda_hat + 4.0 * self.zeta
-            xi, lambda_hat = self.xi, self.lambda_hat
+            shear, lame = 2.0 * (stated.xi + self.zeta), stated.lambda_hat + 4.0 * self.zeta
+            xi, lambda_hat = stated.xi, stated.lambda_hat
         else:
-            E, nu = self.youngs_modulus, self.poissons_ratio
+            E, nu = stated.youngs_modulus, stated.poissons_ratio
             shear, lame = E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
             xi, lambda_hat = 0.5 * shear - self.zeta, lame - 4.0 * self.zeta
         return Moduli(xi, self.zeta, lambda_hat, shear, lame, lame + 2.0 / 3.0 * shear)
@@ -83,11 +85,12 @@ class StatedMooneyRivlin:
         zeta = float(moduli.zeta) or None
         return MooneyRivlin(float(self.density), float(moduli.xi), zeta, float(moduli.lambda_hat), None, None)
 
-    def faults(self) -> list[tuple[tuple, str, object]]:
+    def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
         """What is not a polyconvex solid."""
         if (self.youngs_modulus is None) != (self.poissons_ratio is None):
             return [((), "youngs_modulus with poissons_ratio, or xi with lambda_hat", Phrase("one of each"))]
-        moduli, details = self.moduli, []
+        moduli = self.moduli
+        details: list[tuple[tuple[Any, ...], str, object]] = []
         if moduli.shear_modulus <= 0.0:
             details.append((("xi",), "xi + zeta > 0", moduli.xi + moduli.zeta))
         if moduli.xi < 0.0:

@@ -10,4 +10,4 @@ from parsolid.materials.hyperelastic.mooney_rivlin import StatedMooneyRivlin
 class StatedNeoHookean(StatedMooneyRivlin):
     """Mooney-Rivlin with zeta = 0."""
 
-    zeta: Annotated[Literal[0, 0.0], Parameter(description="nothing but 0", default=0.0)]
+    zeta: Annotated[Literal[0, 0.0], Parameter(description="nothing but 0", default=0.0)]  # type: ignore[valid-type]

@@ -67,9 +67,11 @@ def of_material(material) -> ElasticPlastic:
     """The law of a material of kind "elastic-plastic" as a scene states it."""
     stated = material.parts
     density = float(stated["density"])
-    parts = {key: None if stated[key] is None else stated[key].part_of(density=density) for key in PARTS}
+    parts: dict[str, Any] = {
+        key: None if stated[key] is None else stated[key].part_of(density=density) for key in PARTS
+    }
     names = ("density", "specific_heat", "specific_heat_slope", "reference_temperature", "taylor_quinney")
-    numbers = {key: float(stated[key]) for key in names}
+    numbers: dict[str, Any] = {key: float(stated[key]) for key in names}
     conductivity, tensor = stated["conductivity"], stated["conductivity_tensor"]
     if tensor is not None:
         tensor = tuple(map(float, tensor))

@@ -15,7 +15,7 @@ class JohnsonCook(NamedTuple):
     reference_temperature [K] where T* = 0. The shear modulus does not scale it.
     """
 
-    needs_melting = True
+    needs_melting = True  # type: ignore[misc]
     yield_stress: Annotated[float, Parameter("Pa", "A", above=0.0)]
     hardening: Annotated[float, Parameter("Pa", "B", at_least=0.0)]
     exponent: Annotated[float, Parameter("1", "n", above=0.0)]

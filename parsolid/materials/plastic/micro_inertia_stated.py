@@ -76,9 +76,10 @@ class StatedMicroInertia:
 
     def micro_inertia_law(self) -> MicroInertia:
         """The law in SI units, with None for what is left out."""
-        values = {name: getattr(self, name) for name in MicroInertia._fields}
+        values: dict[str, Any] = {name: getattr(self, name) for name in MicroInertia._fields}
         if self.youngs_modulus is not None:
-            E, nu = self.youngs_modulus, self.poissons_ratio
+            E, nu = float(self.youngs_modulus), float(self.poissons_ratio)  # type: ignore[arg-type]
             values |= {"shear_modulus": E / (2.0 * (1.0 + nu)), "bulk_modulus": E / (3.0 * (1.0 - 2.0 * nu))}
         values |= {name: values[name] or None for name in _OPTIONAL}
-        return MicroInertia(**{name: value if value is None else float(value) for name, value in values.items()})
+        numbers: dict[str, Any] = {key: value if value is None else float(value) for key, value in values.items()}
+        return MicroInertia(**numbers)

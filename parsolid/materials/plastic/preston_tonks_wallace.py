@@ -16,7 +16,7 @@ class PrestonTonksWallace(NamedTuple):
     gamma, yield_cold y_0, yield_hot y_inf, medium_yield y_1, medium_exponent y_2, overdriven_exponent beta.
     """
 
-    needs_melting = True
+    needs_melting = True  # type: ignore[misc]
     hardening: Annotated[float, Parameter("1", "theta", above=0.0)]
     hardening_exponent: Annotated[float, Parameter("1", "p", above=0.0)]
     saturation_cold: Annotated[float, Parameter("1", "s_0", above=0.0)]

@@ -38,7 +38,7 @@ class NadalLePoac(NamedTuple):
     [kg/m^3].
     """
 
-    needs_melting = True
+    needs_melting = True  # type: ignore[misc]
     modulus: Annotated[float, Parameter("Pa", "mu0", above=0.0)]
     pressure_coefficient: Annotated[float, Parameter("1/Pa", "d(mu)/dP / mu0", at_least=0.0)]
     width: Annotated[float, Parameter("1", "zeta, of the fall to zero", above=0.0)]
@@ -60,7 +60,7 @@ class Varshni(NamedTuple):
 class LinearSoftening(NamedTuple):
     """mu = G0 (1 - alpha T/T_m) (Preston, Tonks & Wallace 2003, eq (12)): modulus G0 [Pa], softening alpha."""
 
-    needs_melting = True
+    needs_melting = True  # type: ignore[misc]
     modulus: Annotated[float, Parameter("Pa", "G0 at 0 K", above=0.0)]
     softening: Annotated[float, Parameter("1", "alpha", at_least=0.0, below=1.0)]
 

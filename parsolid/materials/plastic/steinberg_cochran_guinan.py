@@ -1,6 +1,6 @@
 """Flow stress of Steinberg, Cochran & Guinan (J. Appl. Phys. 51 (1980) 1498), with the rate term of Steinberg, Lund."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from parsolid.elementary import exp, power
 from parsolid.materials.declaration import Parameter, law
@@ -41,7 +41,7 @@ class SteinbergCochranGuinan(NamedTuple):
     initial_strain: Annotated[float, Parameter("1", "ep_i", at_least=0.0, default=0.0)]
     activation: Annotated[ThermalActivation | None, Parameter(default=None)]
 
-    def faults(self) -> list[tuple[tuple, str, object]]:
+    def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
         """Yield stresses that are not in order."""
         if self.greatest_yield_stress >= self.yield_stress:
             return []

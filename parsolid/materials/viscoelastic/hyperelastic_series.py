@@ -34,8 +34,8 @@ class HyperelasticSeries(NamedTuple):
 
     density: float
     solid: MooneyRivlin
-    ratios: tuple
-    relaxation_times: tuple
+    ratios: tuple[float, ...]
+    relaxation_times: tuple[float, ...]
 
 
 @inlined

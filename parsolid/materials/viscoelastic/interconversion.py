@@ -35,8 +35,8 @@ def shear_relaxation(bulk_modulus: float, equilibrium: float, moduli, times) -> 
         )
         rates.append(pole * (1.0 + offset))
         slopes.append(float(np.sum(strengths * poles / distance(offset, j) ** 2)))
-    rates, slopes = np.array(rates), np.array(slopes)
-    return 3.0 * K * equilibrium / (9.0 * K - equilibrium), 27.0 * K * K / (slopes * rates), 1.0 / rates
+    rate = np.array(rates)
+    return 3.0 * K * equilibrium / (9.0 * K - equilibrium), 27.0 * K * K / (np.array(slopes) * rate), 1.0 / rate
 
 
 def _bracket(excess, poles: np.ndarray, guess: float, j: int) -> tuple[float, float]:

@@ -17,7 +17,7 @@ Symmetric tensors have six components (`parsolid.tensors`); a bar is embedded in
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from parsolid.kernels import inlined
 from parsolid.materials.viscoelastic.interconversion import shear_relaxation
@@ -45,12 +45,12 @@ class Prony(NamedTuple):
 
     density: float
     shear_modulus: float
-    first_lame: float | None
+    first_lame: Any
     bulk_modulus: float | None
     free_directions: float | None
     finite_strain: float | None
-    ratios: tuple | None
-    relaxation_times: tuple | None
+    ratios: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
     @property
     def terms(self) -> int:
@@ -88,7 +88,7 @@ def of_material(material, state: str) -> Prony:
     )
 
 
-def _shear_series(material, G: float, K: float) -> tuple:
+def _shear_series(material, G: float, K: float) -> tuple[Any, Any]:
     """gamma_j and tau_j [s] of the shear modulus."""
     moduli, times = material.term_moduli, material.relaxation_times
     if material.bulk == "elastic" and material.youngs_modulus is not None and material.conversion != "paper":

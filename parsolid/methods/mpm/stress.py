@@ -166,7 +166,7 @@ class ElasticPlasticUpdate:
 
     def __init__(self, scene: Scene, points: MaterialPoints, loads: Loads):
         self.points, viscosity = points, scene.method.viscosity
-        self.viscosity = BulkViscosity(*map(float, (viscosity.linear, viscosity.quadratic, scene.method.cell)))
+        self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), float(scene.method.cell))
         kept = partial(Field, checkpointed=True, layout=Columns())
         points.declare(kept("unrotated_deviator", len(SYMMETRIC_ROWS[points.dimension]), "Pa"))
         for field in PLASTIC_STATE:

@@ -125,7 +125,7 @@ class Bonds:
     @property
     def lists(self) -> list[tuple[BondList, Images | None, int]]:
         """Every list, its images or None, and the row below which neighbours receive, too."""
-        every = [(self.inner, None, self.owned), (self.rim, None, 0), (self.mirror, self.images, 0)]
+        every: list[Any] = [(self.inner, None, self.owned), (self.rim, None, 0), (self.mirror, self.images, 0)]
         return [one for one in every if one[0] is not None]
 
     @property

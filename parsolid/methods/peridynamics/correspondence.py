@@ -147,8 +147,11 @@ class CorrespondenceForces(BondForces):
         for first, last, law in self.laws:
             if not is_small_strain(law):
                 C[first:last] = np.trace(C[first:last], axis1=1, axis2=2)[:, None, None] * np.eye(d) / d
-        row, told = MATRIX_ROW[d], {"ghosts": "forward", "message": "stiffness"}
-        self.particles.declare(Field("control", row, "Pa/m^5", layout=Rows(row), carried=False, **told))
+        row = MATRIX_ROW[d]
+        control = Field(
+            "control", row, "Pa/m^5", layout=Rows(row), carried=False, ghosts="forward", message="stiffness"
+        )
+        self.particles.declare(control)
         self.particles.owned_rows("control").reshape(self.owned, d, row // d)[:, :, :d] = C
         self.particles.update("stiffness")
         whole = self.particles.storage("control")
@@ -291,8 +294,8 @@ class CorrespondenceForces(BondForces):
                 sums = self.bonds.gradients(memory.field)
                 for first, last, law in memory.laws:
                     linear_stresses(self.plane, first, last, kernel_law(law), inverse, volume, sums, P)
-        P = P.reshape(-1, 3, 3)
-        return pushed_forward(P, F) if self.stiffens else P
+        nominal = P.reshape(-1, 3, 3)
+        return pushed_forward(nominal, F) if self.stiffens else nominal
 
 
 class TensorHistories:

@@ -254,7 +254,8 @@ class Fracture:
         """particle_set: this rank's sorted particles; forces: of `forces.build_forces`, all bonds whole. Collective."""
         self.comm, self.forces, self.settings = comm, forces, scene.method.damage
         self.positions, settings = particle_set.position, scene.method.damage
-        self.found_anywhere, self.breaks, self.pending = False, 0, None
+        self.found_anywhere, self.breaks = False, 0
+        self.pending: Any = None
         limits = (0.0, 1.0) if settings is None else (settings.least_shape_ratio, settings.largest_damage)
         self.damage = BondDamage(forces.bonds, _limits_of(scene, particle_set), *limits)
         lower = minimum(comm, self.positions.min(axis=0, initial=np.inf))

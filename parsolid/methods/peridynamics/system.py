@@ -17,7 +17,6 @@ from parsolid.collective import SolverError, maximum
 from parsolid.materials.registry import laws_of
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.leapfrog import kinetic_energy
-from parsolid.methods.pair_method import PairMethod
 from parsolid.methods.peridynamics.damage import fracture_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
@@ -26,7 +25,7 @@ from parsolid.methods.peridynamics.tangent import Operator, instantaneous_wave_m
 from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.previous_state import take_state
-from parsolid.methods.protocol import BrokenPairs
+from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 from parsolid.particles.declaration import Columns, Field
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.scene.boundaries.surface import Pressure
@@ -36,7 +35,7 @@ from parsolid.scene.boundaries.traction import Traction
 _TURN, _TURNED = 0.14, 0.05
 
 
-class Peridynamics(PairMethod):
+class Peridynamics(ParticleSystem):
     """The method on one rank. Bars lie in the plane."""
 
     even_steps = undamped = True
@@ -67,6 +66,19 @@ class Peridynamics(PairMethod):
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
         self._shown: dict[str, np.ndarray] = {}
         self._evaluation = -1
+
+    @property
+    def directed_pairs(self) -> int:  # type: ignore[override]
+        """Interactions counted once a particle."""
+        return self.pairs.directed_pairs
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and interactions."""
+        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Bond lists."""
+        return self.pairs.arrays()
 
     # --- state -------------------------------------------------------------------------------------------------
 

@@ -24,7 +24,8 @@ def algorithmic_law(law: Any, step: float) -> Prony:
     if isinstance(law, BondBased):
         return Prony(law.density, 0.0, 0.0, None, None, None, None, None)
     if isinstance(law, HyperelasticSeries):
-        return Prony(law.density, *elastic_moduli(law.solid), None, None, None, None, None)
+        G, lame = elastic_moduli(law.solid)
+        return Prony(law.density, G, lame, None, None, None, None, None)
     if not isinstance(law, Prony):
         shear, lame = elastic_moduli(law)
         ratios, times = series_of(law)

@@ -13,7 +13,7 @@ from parsolid.scene.validation_errors import SceneError
 
 # shapes whose particles stand on no lattice
 _UNEVEN = ("mesh", "cylindrical_shell")
-# weights in closed form, see `pairs.lattice_stencils`, and the shapes whose nodes have them
+# weights in closed form, see `pairs.box_weights` and `pairs.cell_weights`, and the shapes whose nodes have them
 ON_LATTICES = {"cells": ("box", "perforated_box"), "fourth-order": ("box",)}
 # nodes along an axis from which weights in closed form are nowhere worse than the kernel's (docs/weights.md)
 RESOLVED = 8

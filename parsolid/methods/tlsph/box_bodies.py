@@ -73,8 +73,9 @@ class BoxBodies:
         sound, dissipated, stable = True, 0.0, np.inf
         initial = stored("initial_stress") if "initial_stress" in self.particles else None
         names = ("deformation_gradient", "cofactor", "jacobian")
-        F, H, J = (stored(name) if name in self.particles else None for name in names)
-        F0, H0, J0 = (stored(f"{name}_at_start") if name in self.particles else None for name in names)
+        fields: list[Any] = [stored(name) if name in self.particles else None for name in names]
+        at_start: list[Any] = [stored(f"{name}_at_start") if name in self.particles else None for name in names]
+        (F, H, J), (F0, H0, J0) = fields, at_start
         for box, block in self.parts:
             positive, rate, modulus = advance_box_stage(
                 box, block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,

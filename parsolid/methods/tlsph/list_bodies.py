@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 
 from decomposition.talking import TALKING
-from parsolid.kernels import kernel
+from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
 from parsolid.methods.tlsph.list_update import advance_stage, advance_step
-from parsolid.numerics.lanes import aligned_zeros
 from parsolid.pairs.list_sweeps import (
     ROWS,
     divergence_in_plane,
@@ -40,7 +39,7 @@ class ListBodies:
         self.system, self.blocks, self.weights, self.waves, self.unbonded = system, blocks, weights, waves, unbonded
         self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
-        columns = {"layout": Columns(), "carried": False}
+        columns: dict[str, Any] = {"layout": Columns(), "carried": False}
         self.particles.declare(Field("correction", self.dimension**2, "", **columns))
         self.particles.declare(Field("pair_volume", 1, "m^3", **columns), 1.0)
         self.columns = ROWS[self.dimension]

@@ -79,7 +79,7 @@ class TotalLagrangianSPH(ParticleSystem):
         self.evaluations, self.landings = (3, ()) if staged else (1, self.conditions.times)
         self.initial_stress = initial_stress_of(self, scene)
         self.boxes = self._box_bodies(scene)
-        self.lists = self._list_bodies(scene, particle_set)
+        self.lists: Any = self._list_bodies(scene, particle_set)
         self.sweeps = [one for one in (self.lists, self.boxes) if one is not None]
         self.fixed_walls = None if self.lists is None else fixed_walls_of(self, self.lists)
         fixed = self.settings.reference == "fixed"
@@ -128,10 +128,10 @@ class TotalLagrangianSPH(ParticleSystem):
         waves = 0
         if settings.dissipation > 0.0:
             waves = 1 if self.staged_step is None else 3 if directional else 2
-        cells = None
+        cells: Any = None
         if any(one.cells is not None for one in self.lattice_bodies):
             meant = [one for one in self.lattice_bodies if one.cells is not None]
-            found = [(one.body, np.flatnonzero(particle_set.body == one.body), one.cells) for one in meant]
+            found: Any = [(one.body, np.flatnonzero(particle_set.body == one.body), one.cells) for one in meant]
             cells = NodesOfCells.of(particle_set.spacing[rows], found)
         rounded = weights_are_rounded(scene) and surface is None and not self.lattice_bodies
         kernel, factor = smoothing_kernel(settings.kernel), float(settings.dissipation)

@@ -33,20 +33,16 @@ from parsolid.materials.plastic.micro_inertia_solve import (
     increments_of,
     new_tile,
 )
+from parsolid.materials.plastic.tile_update import DEVIATOR, STRAIN, TILE, load_symmetric, store_symmetric
 from parsolid.methods.ulsph.kinematics import (
     CORRECTION,
-    DEVIATOR,
     GROWTH,
     ROWS,
-    STRAIN,
-    TILE,
     find_gradients,
     load_columns,
     load_rates,
-    load_symmetric,
     store_columns,
     store_pair_stress,
-    store_symmetric,
     symmetric_times,
     turn_deviator,
 )

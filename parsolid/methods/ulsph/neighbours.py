@@ -181,6 +181,6 @@ class Neighbours:
 
     def arrays(self) -> list[np.ndarray]:
         """All rows, for what counts memory."""
-        rows = [self._rows_of_motion, self._rows_of_record, self.rates, self.flows, self.slopes]
+        rows: list[Any] = [self._rows_of_motion, self._rows_of_record, self.rates, self.flows, self.slopes]
         rows += [self._forces, self._heating]
         return rows if self._rows_of_flux is None else [*rows, self._rows_of_flux]

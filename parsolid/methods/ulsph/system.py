@@ -123,7 +123,8 @@ class UpdatedLagrangianSPH(ParticleSystem):
 
     def _declare_state(self, comm: Any, scene: Scene, particle_set: ParticleSet, density: np.ndarray) -> None:
         """The state at rest, and what particles carry of contact, clamped micro-velocities and failure."""
-        particles, kept = self.particles, {"ghosts": "forward", "message": "reference", "layout": Columns()}
+        particles = self.particles
+        kept: dict[str, Any] = {"ghosts": "forward", "message": "reference", "layout": Columns()}
         fields = frozenset().union(*(solid.fields for solid in self.solids))
         flows = frozenset().union(*(solid.flows for solid in self.solids))
         declare_state(particles, self.dimension, fields, flows, any(solid.speeds_change for solid in self.solids))

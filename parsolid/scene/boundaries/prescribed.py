@@ -60,7 +60,7 @@ class MotionCondition(Condition):
 class PrescribedVelocity(RegionCondition, Reporting, MotionCondition):
     """Velocity [m/s] prescribed over a region; components that are "free" follow the equation of motion."""
 
-    quantity: ClassVar = "velocity"
+    quantity: ClassVar[Literal["velocity", "displacement"]] = "velocity"
     kind: Literal["velocity"]
     velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from parsolid.numerics.splines import cubic_spline
+from parsolid.splines import cubic_spline
 
 
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 300])

@@ -1,1 +1,0 @@
-"""Lanes, small tensors, elementary functions: numba only, no MPI, no files."""
