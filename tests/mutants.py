@@ -30,7 +30,7 @@ MUTANTS = [
     ("parsolid/materials/viscoelastic/prony.py", "/ (K + 4.0 / 3.0 * G)", "/ (K + 2.0 / 3.0 * G)",
      "tests/materials/test_prony.py"),
     ("parsolid/observables/twist.py", "self.angle += (", "self.angle = (", "tests/simulation/test_probes.py"),
-    ("parsolid/simulation/energy_balance.py", "self.limits.balance_limit * self.largest", "20.0 * self.largest",
+    ("parsolid/simulation/energy_balance.py", "self.limits.balance_limit * measure", "20.0 * measure",
      "tests/simulation/test_energy_balance.py"),
     ("parsolid/output/checksums.py", "np.uint64((place + start) * int(_PLACE) % 2**64)", "np.uint64(start)", DAMAGE),
     ("parsolid/output/checksums.py", "    if wrong:", "    if False:", DAMAGE),

@@ -73,6 +73,14 @@ def test_a_word_alone_is_looked_for_in_all_tables():
     assert "bodies.material.neo-hookean.zeta: 0; default 0" in listing("zeta")
 
 
+@pytest.mark.parametrize(
+    "path, said",
+    [
+        ("bodies.jiter", "expected one of .* after bodies, found 'jiter' .did you mean 'jitter'"),
+        ("method.tlsp.cfl", "expected one of .*tlsph.* after method, found 'tlsp' .did you mean 'tlsph'"),
+        ("end_time.more", "expected nothing after end_time, which is no table, found 'more'"),
+    ],
+)
 def test_a_path_that_leads_nowhere(path, said, capsys):
     with pytest.raises(SolverError, match=said):
         listing(path)

@@ -55,15 +55,11 @@ BROKEN = {
     "four dimensions": (plate(dimension=2) | {"dimension": 4}, "dimension: expected 1, 2 or 3, found 4"),
     "stabilisation": (
         plate({"stabilisation": {"kind": "shear"}}),
-        "method.stabilisation.kind: expected 'shear-scaled', 'paper' or 'none'.*found 'shear'",
+        "method.stabilisation.kind: expected 'shear-scaled' or 'none'.*found 'shear'",
     ),
     "stabilisation of nothing": (
         plate({"stabilisation": {"kind": "none", "coefficient": 1.0}}),
         "method.stabilisation.coefficient: expected no such key without control, found 1.0",
-    ),
-    "modulus of the paper's control": (
-        plate({"stabilisation": {"modulus": 1e6}}),
-        "method.stabilisation.modulus: expected no such key but with kind = 'paper', found 1000000.0",
     ),
     "unknown solution": (
         plate({"solution": {"kind": "implicit"}}),
