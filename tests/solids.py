@@ -245,24 +245,28 @@ def strains(sim) -> dict[str, np.ndarray]:
 def evaluate(sim) -> dict[str, np.ndarray | float]:
     """One semi-discrete evaluation of the current state, which stays as it is; collective.
 
-    gradient (n, d, d) [1/s], P L (n, d, d) [Pa], T, D (n, d) [N], internal and numerical dissipation and the loads'
+    gradient (n, d, d) [1/s], P L (n, d, d) [Pa] of bodies with pair lists, T, D (n, d) [N], internal and numerical dissipation and the loads'
     power of this rank [W].
     """
     method, d = sim.systems[0], sim.systems[0].dimension
     names = [name for name in ("deformation_gradient", "cofactor", "jacobian") if name in method.particles]
     of, kept = method.particles.owned_rows, {name: method.particles.owned_rows(name).copy() for name in names}
     # a step of 1 s changes F by grad v
-    method.lists.advance_stage(EULER, 1.0)
+    for bodies in method.sweeps:
+        bodies.advance_stage(EULER, 1.0)
     gradient = (of("deformation_gradient") - kept["deformation_gradient"]).reshape(-1, d, d)
     for name in names:
         of(name)[:] = kept[name]
     # the dissipation of this moment: in a step it is weighted for how it falls within
-    _, internal, _ = method.lists.advance_stage(EULER, 1e-12)
+    internal = sum(bodies.advance_stage(EULER, 1e-12)[1] for bodies in method.sweeps)
     for name in names:
         of(name)[:] = kept[name]
-    method.lists.find_forces()
+    for bodies in method.sweeps:
+        bodies.find_forces()
     T, D = of("stress_force").reshape(-1, d).copy(), of("dissipative_force").reshape(-1, d).copy()
-    record = method.lists.record[: method.owned, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
+    record = np.zeros((0, d, d))
+    if method.lists is not None:
+        record = method.lists.record[: method.lists.last, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
     numerical, power = method.staged_step.advance_motion(EULER, 0.0, 0.0)
     return {
         "gradient": gradient,
