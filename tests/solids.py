@@ -245,8 +245,8 @@ def strains(sim) -> dict[str, np.ndarray]:
 def evaluate(sim) -> dict[str, np.ndarray | float]:
     """One semi-discrete evaluation of the current state, which stays as it is; collective.
 
-    gradient (n, d, d) [1/s], P L (n, d, d) [Pa] of bodies with pair lists, T, D (n, d) [N], internal and numerical dissipation and the loads'
-    power of this rank [W].
+    gradient (n, d, d) [1/s], P L (n, d, d) [Pa] of bodies with pair lists, T, D (n, d) [N], internal and numerical
+    dissipation and the loads' power of this rank [W].
     """
     method, d = sim.systems[0], sim.systems[0].dimension
     names = [name for name in ("deformation_gradient", "cofactor", "jacobian") if name in method.particles]

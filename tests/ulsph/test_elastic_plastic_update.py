@@ -64,7 +64,8 @@ class Particles:
     def update(self, step):
         """The kernel, with the sums of `rates`."""
         how = step, step, 6.0, None, True if self.dimension == 2 else None
-        return advance_state(0, 4, self.law, None, *how, self.rates, None, self.body, None, None, None, None, self.tile)
+        absent = None, None, None, None, None
+        return advance_state(0, 4, self.law, None, *how, self.rates, None, self.body, *absent, self.tile)
 
     def deviator(self):
         """S (3, 3) [Pa] of the first particle."""
