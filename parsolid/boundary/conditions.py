@@ -37,9 +37,9 @@ from mpi4py import MPI
 
 from parsolid.boundary.constraints import InclinedRoller, Supports, inclined_rollers, mirror_plane
 from parsolid.boundary.forces import tributary_mass
-from parsolid.boundary.loads_on_particles import Loads
+from parsolid.boundary.loads import Loads
 from parsolid.boundary.motion import PrescribedMotion
-from parsolid.boundary.reporting import Reaction
+from parsolid.boundary.reactions import Reaction
 from parsolid.collective import anywhere
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field

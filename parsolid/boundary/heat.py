@@ -2,47 +2,52 @@
 
 import numpy as np
 
-from parsolid.boundary.declarations import Declarations, SurfaceHeat
-from parsolid.boundary.loads import InTime, Load
-from parsolid.boundary.rows import Chosen, Everywhere
+from parsolid.boundary.forces import DistributedLoad, Rows
 from parsolid.particles.container import Particles
+from parsolid.scene.boundaries.thermal import HeatFlux
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.schema import Scene
 
 # how far from its plane a particle of the surface may be, in its spacings
 _REACH = 0.51
 
 
 class HeatSupply:
-    """Heat of a rank's particles: `surfaces` are loads [W] on the particles at `planes`."""
+    """Heat of a rank's particles; planes: through which heat enters, in the order of `powers`."""
 
-    def __init__(self, declared: Declarations, particles: Particles, per_radian: bool):
-        """per_radian: areas are multiplied with the radius."""
-        self.particles, self.per_radian, formula = particles, per_radian, declared.scene.loads.heat_source
-        ones, course = lambda rows: np.ones(particles.owned), None
+    def __init__(self, scene: Scene, particles: Particles, per_radian: bool):
+        """per_radian: areas are multiplied with the radius. All ranks alike."""
+        self.particles, self.per_radian = particles, per_radian
+        formula, fluxes = scene.loads.heat_source, [one for one in scene.boundaries if isinstance(one, HeatFlux)]
+        self.planes = [one.plane for one in fluxes]
+        bodies = [body.name for body in scene.bodies]
+        self._fluxes = [self._through(one, None if one.body is None else bodies.index(one.body)) for one in fluxes]
+        self._source = None
         if formula is not None:
             course = LoadHistory(FormulaVector((formula,)))
-        self._sources = InTime(particles, [Load(particles, Everywhere(), ones, course)] if course else [], 1)
-        self.planes = [one.plane for one in declared.of(SurfaceHeat)]
-        self.surfaces = [self._surface(declared, one) for one in declared.of(SurfaceHeat)]
+            self._source = DistributedLoad(particles, None, lambda rows: np.ones(particles.owned), course)
 
-    def _surface(self, declared: Declarations, one: SurfaceHeat) -> Load:
-        body = None if one.where.body is None else declared.bodies[one.where.body]
-        particles, plane = self.particles, one.plane
+    def _through(self, flux: HeatFlux, body: int | None) -> DistributedLoad:
+        """Heat [W] through the faces of particles at a plane, of all bodies or of one."""
+        particles, axis = self.particles, flux.plane.axis
+        of = particles.owned_rows
+        beyond = flux.plane.offset - of("reference_position")[:, axis]
+        here = (np.abs(beyond) <= _REACH * of("spacing")[:, axis]) & (of("area")[:, axis] * beyond > 0.0)
+        if body is not None:
+            here &= of("body") == body
 
-        def at_plane() -> np.ndarray:
-            rows = particles.owned_rows
-            beyond = plane.offset - rows("reference_position")[:, plane.axis]
-            here = np.abs(beyond) <= _REACH * rows("spacing")[:, plane.axis]
-            here &= rows("area")[:, plane.axis] * beyond > 0.0
-            return here if body is None else np.asarray(here & (rows("body") == body))
-
-        def area(rows: np.ndarray | slice) -> np.ndarray:
+        def area(rows: Rows) -> np.ndarray:
             radius = particles.owned_rows("reference_position")[rows, 0] if self.per_radian else 1.0
-            return np.asarray(np.abs(particles.owned_rows("area")[rows, plane.axis]) * radius)
+            return np.asarray(np.abs(particles.owned_rows("area")[rows, axis]) * radius)
 
-        return Load(particles, Chosen(particles, at_plane), area, one.course)
+        return DistributedLoad(particles, particles.selection(here), area, flux.course)
+
+    def powers(self, plane: int, time: float) -> tuple[Rows, np.ndarray]:
+        """Rows (k,) of particles at one of the planes and the heat (k,) [W] that enters each at a time [s]."""
+        rows, values = self._fluxes[plane].forces(time, False)
+        return rows, values[0]
 
     def sources(self, time: float) -> np.ndarray | None:
         """(owned,) [W/m^3] per reference volume at a time [s]; None without any."""
-        return self._sources.at(time)[:, 0] if self._sources.acting else None
+        return None if self._source is None else self._source.forces(time, False)[1][0]

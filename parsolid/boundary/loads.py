@@ -1,204 +1,145 @@
-"""Values in time: loads on particles, and what is prescribed; what is constant is evaluated once."""
+"""Loads of a scene on one rank's particles, for all methods, with the reactions of those that report their force."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, TypeVar
 
 import numpy as np
+from mpi4py import MPI
 
-from parsolid.boundary.rows import Everywhere, HasRows, OfRows
-from parsolid.materials.registry import laws_of
+from parsolid.boundary.forces import Load, Rows, body_loads, surface_load
+from parsolid.boundary.reactions import Reaction
+from parsolid.boundary.surface import Surface
 from parsolid.particles.container import Particles
-from parsolid.scene.base_model import Plane
-from parsolid.scene.load_histories import LoadHistory
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.schema import Scene
 
-
-class Course(Protocol):
-    """Values of place and time."""
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether they change."""
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, components) at points (n, d) [m] and a time [s], of a jump just after, or just before it."""
+_Kind = TypeVar("_Kind", bound=Condition)
 
 
-@dataclass(frozen=True)
-class MeanOverFace:
-    """The mean of a course at places (k, d) [m] of a face, by their areas (k,) [m^2], wherever it is asked for."""
+class Loads:
+    """All loads on a rank's particles: those on all bodies, and those of conditions on surfaces.
 
-    course: Course
-    places: np.ndarray
-    area: np.ndarray
+    all: keys and conditions of the scene; loads_of: loads with the reaction that reports their force, or None;
+    reactions: of conditions that report theirs. Vectors are arrays (d, n) of forces [N] on the parts of particles on
+    this side of mirror planes.
+    """
 
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether it changes."""
-        return self.course.depends_on_time
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        scene: Scene,
+        particle_set: ParticleSet,
+        particles: Particles,
+        others: tuple[type[Condition], ...] = (),
+    ):
+        """particles: those of the particle set, with reference positions and areas; their fields "mass" and, if they
+        have one, "share" are needed from the first loads on. others: conditions of which the method itself makes loads,
+        see `add_load`. Raises SolverError on all ranks. Collective."""
+        self.comm, self.scene, self.particle_set, self.particles = comm, scene, particle_set, particles
+        self.dimension, self.end_time = scene.dimension, scene.end_time
+        self.all: list[tuple[str, Condition]] = [(f"boundaries.{i}", one) for i, one in enumerate(scene.boundaries)]
+        self.reactions: list[Reaction] = []
+        self.loads_of: list[tuple[Load, Reaction | None]] = []
+        # forces found last, and who reports them
+        self._found: list[tuple[Reaction, Rows, np.ndarray]] = []
+        self._layout = -1
+        self._jumps = {*scene.loads.jump_times}
+        for _, one in self.all:
+            if getattr(one, "quantity", "") == "displacement":
+                self._jumps.update(one.course.jump_times)  # type: ignore[attr-defined]
+        for key, one in self.all:
+            make = None if isinstance(one, others) else surface_load(one)
+            if make is not None:
+                self.add_load(make(one, Surface(comm, scene, key, one, particle_set, particles)), one)
+        for load in body_loads(scene, particles):
+            self.add_load(load)
 
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, components), alike for all points (n, d)."""
-        mean = self.area @ self.course.evaluate(self.places, time, before) / self.area.sum()
-        return np.broadcast_to(mean, (len(points), len(mean)))
+    def of(self, kind: type[_Kind]) -> list[tuple[str, _Kind]]:
+        """Keys and conditions of a kind, in the order of the scene."""
+        return [(key, one) for key, one in self.all if isinstance(one, kind)]
 
+    def add_load(self, load: Load, condition: Condition | None = None) -> None:
+        """Add a load, of a condition that may report it; all ranks alike."""
+        self.loads_of.append((load, self.reaction_of(condition)))
+        self._jumps.update(load.times)
+        self._layout = -1
 
-@dataclass(frozen=True)
-class BeyondMean:
-    """What a course is more than its mean."""
-
-    course: Course
-    mean: MeanOverFace
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether it changes."""
-        return self.course.depends_on_time
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, components) at points (n, d) [m] and a time [s]."""
-        return self.course.evaluate(points, time, before) - self.mean.evaluate(points, time, before)
-
-
-class Part(Protocol):
-    """What adds to values in time."""
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether it changes."""
-
-    def put(self, result: np.ndarray, time: float, before: bool) -> None:
-        """Add its values at a time [s], of a jump just after, or just before it."""
-
-    def forget(self) -> None:
-        """Keep nothing until the next `put`."""
-
-
-class InTime:
-    """The sum of parts at a time: constant ones are evaluated once for every layout of the particles."""
-
-    def __init__(self, particles: Particles, parts: Sequence[Part], width: int):
-        """result: (owned, width)."""
-        self.particles, self.width = particles, width
-        self.constant = [part for part in parts if not part.depends_on_time]
-        self.changing = [part for part in parts if part.depends_on_time]
-        self._layout, self._sum = -1, np.zeros((0, width))
+    def reaction_of(self, condition: Condition | None) -> Reaction | None:
+        """The reaction of a condition that reports its force, one for all that belongs to it."""
+        if condition is None or condition.reports is None:
+            return None
+        found = next((one for one in self.reactions if one.condition is condition), None)
+        if found is None:
+            found = Reaction(condition, self.dimension)
+            self.reactions.append(found)
+        return found
 
     @property
-    def acting(self) -> bool:
-        """Whether there is any part, the same on all ranks."""
-        return bool(self.constant or self.changing)
+    def times(self) -> tuple[float, ...]:
+        """Times [s] after the start and before the end at which loads or prescribed displacements jump."""
+        return tuple(sorted(time for time in self._jumps if 0.0 < time < self.end_time))
 
-    def at(self, time: float, before: bool = False) -> np.ndarray:
-        """Values (owned, width) at a time [s], of a jump just after, or just before it; not to be changed."""
+    @property
+    def largest_step(self) -> float:
+        """Largest stable step [s] of this rank's springs and dashpots."""
+        return min((load.largest_step for load, _ in self.loads_of), default=np.inf)
+
+    def loads(self, time: float, before_jump: bool = False) -> np.ndarray | None:
+        """Forces (d, owned) [N] of all loads at a time [s], at a jump before or after it; not to be changed. None where
+        a scene has no loads."""
+        if not self.loads_of:
+            return None
         if self._layout != self.particles.layout:
-            self._layout, self._sum = self.particles.layout, np.zeros((self.particles.owned, self.width))
-            for part in self.constant:
-                part.put(self._sum, 0.0, False)
-                part.forget()
-        if not self.changing:
-            return self._sum
-        result = self._sum.copy()
-        for part in self.changing:
-            part.put(result, time, before)
+            self._layout = self.particles.layout
+            self._constant_loads = np.zeros((self.dimension, self.particles.owned))
+            self._add(self._constant_loads, True, 0.0, False)
+        if all(load.constant for load, _ in self.loads_of):
+            return self._constant_loads
+        result = self._constant_loads.copy()
+        self._add(result, False, time, before_jump)
         return result
 
+    def _add(self, result: np.ndarray, constant: bool, time: float, before_jump: bool) -> None:
+        """Add the forces of loads that are constant, or that are not."""
+        for load, _ in self.loads_of:
+            if load.constant == constant:
+                rows, forces = load.forces(time, before_jump)
+                result[: len(forces), rows] += forces
 
-@dataclass
-class Load:
-    """scale * course(X, t) on some particles, or on all.
+    def look(self) -> None:
+        """Keep what loads need of the present deformation, which a stage changes before its forces are asked for."""
+        for load, _ in self.loads_of:
+            if hasattr(load, "look"):
+                load.look()
 
-    particles: as in `InTime`; scale: (k,) at rows, from fields that travel with the particles; onto: a plane onto
-    which places are moved before the course is evaluated there.
-    """
+    def forget_masses(self) -> None:
+        """Find loads anew, after particles were deleted."""
+        self._layout = -1
+        for load, _ in self.loads_of:
+            if hasattr(load, "forget"):
+                load.forget()
 
-    particles: Particles
-    chosen: HasRows | Everywhere
-    scale: OfRows
-    course: Course
-    onto: Plane | None = None
-    _layout: int = -1
-    _at: tuple[np.ndarray, np.ndarray] | None = None
-    _constant: np.ndarray | None = None
+    def find_reported(self, time: float, before_jump: bool = False) -> None:
+        """Find the forces of a time [s] that `observe` counts."""
+        self._found = [
+            (reaction, *load.forces(time, before_jump)) for load, reaction in self.loads_of if reaction is not None
+        ]
 
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether it changes."""
-        return self.course.depends_on_time
+    def observe(self, duration: float, velocity: np.ndarray | None = None) -> None:
+        """Count impulses and works over a duration [s] of the forces found last, at present places and with velocities
+        (d, n) [m/s], the present ones unless given."""
+        if self._found:
+            position = self.particles.owned_rows("position").T
+            velocity = self._velocity() if velocity is None else velocity
+            for reaction, rows, forces in self._found:
+                work = duration * float(np.sum(forces * velocity[:, rows]))
+                reaction.add(position[:, rows], duration * forces, work)
 
-    def _places(self, rows: np.ndarray | slice) -> np.ndarray:
-        places = self.particles.owned_rows("reference_position")[rows]
-        if self.onto is not None:
-            places = places.copy()
-            places[:, self.onto.axis] = self.onto.offset
-        return np.ascontiguousarray(places)
+    def report(self, step: float, ledger: Any) -> None:
+        """Let reactions take what was observed in a step [s] as its mean, and the ledger their work."""
+        for reaction in self.reactions:
+            reaction.finish(step, ledger)
 
-    def put(self, result: np.ndarray, time: float, before: bool = False) -> None:
-        """Add its values to the first columns of result (owned, any)."""
-        rows, values = self.chosen.rows, self._constant
-        if self._layout != self.particles.layout or self._at is None:
-            self._layout, self._at, values = self.particles.layout, (self._places(rows), self.scale(rows)), None
-        if values is None:
-            places, scale = self._at
-            values = scale[:, None] * self.course.evaluate(places, time, before)
-            if not self.depends_on_time:
-                self._constant = values
-        result[rows, : values.shape[1]] += values
-
-    def forget(self) -> None:
-        """Keep nothing until the next `put`."""
-        self._layout, self._at, self._constant = -1, None, None
-
-
-class ExactBodyForce:
-    """The acceleration [m/s^2] under which an exact solution holds, as a course."""
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Always."""
-        return True
-
-    def __init__(self, scene: Scene):
-        # scipy takes half a second to import, which a run without it is spared
-        from parsolid.exact import SOLUTIONS
-
-        assert scene.reference is not None and scene.reference.exact is not None
-        solutions: dict[str, Any] = SOLUTIONS
-        self.solution = solutions[scene.reference.exact].of_scene(scene)
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, d) at reference positions (n, d) [m] and a time [s]."""
-        return np.asarray(self.solution.body_force(points, time))
-
-
-def body_loads(scene: Scene, particles: Particles, per_volume: OfRows, per_mass: OfRows) -> list[Load]:
-    """Loads of a scene on all bodies.
-
-    per_volume, per_mass: what a force per volume and an acceleration are multiplied with, (k,) at rows.
-    """
-    loads, everything, result = scene.loads, Everywhere(), []
-    for formulas, scale in ((loads.body_force, per_volume), (loads.acceleration, per_mass)):
-        if formulas is not None:
-            result.append(Load(particles, everything, scale, LoadHistory(formulas, loads)))
-    if loads.manufactured:
-        result.append(Load(particles, everything, per_mass, ExactBodyForce(scene)))
-    return result
-
-
-def area_along(particles: Particles, axis: int) -> OfRows:
-    """Areas (k,) [m^2] with which particles at rows bound their body along an axis."""
-    return lambda rows: np.abs(particles.owned_rows("area")[rows, axis])
-
-
-def densities(scene: Scene, particles: Particles) -> OfRows:
-    """Densities (k,) [kg/m^3] of particles at rows."""
-    of_body = np.array([law.density for law in laws_of(scene)])
-    return lambda rows: of_body[particles.owned_rows("body")[rows]]
-
-
-def accelerations(scene: Scene, particles: Particles, *more: Load) -> InTime:
-    """Accelerations (owned, 4) [m/s^2] of a scene's loads on all bodies, and of more loads before them."""
-    density = densities(scene, particles)
-    loads = body_loads(scene, particles, lambda rows: 1.0 / density(rows), lambda rows: np.ones(particles.owned))
-    return InTime(particles, [*more, *loads], 4)
+    def _velocity(self) -> np.ndarray:
+        """Velocities (d, owned), a view."""
+        return self.particles.owned_rows("velocity").T

@@ -1,4 +1,4 @@
-"""Mirror planes, of particles and of grids, and the tables of images that pairs need.
+"""Mirror planes, of particles and of grids, and the reflections that pairs need.
 
 Rollers and fixed walls are planes with mirror images: v' = Q v at X' = R X + T, with Q = R at a roller (symmetry), Q =
 -1 at a fixed wall and Q = -R where only normal motion is free (antisymmetry, exact for small strain: the stress of the

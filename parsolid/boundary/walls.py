@@ -3,8 +3,8 @@
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.loads_on_particles import Loads
-from parsolid.boundary.reporting import Reaction
+from parsolid.boundary.loads import Loads
+from parsolid.boundary.reactions import Reaction
 from parsolid.collective import raise_together
 from parsolid.scene.boundaries.wall import Wall
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.mirror_planes import MirrorPlane
-from parsolid.boundary.reactions import Told, told_by
+from parsolid.boundary.reactions import Reaction
 from parsolid.materials.registry import laws_of
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
@@ -60,13 +60,13 @@ class ParticleSystem:
     stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
     news_anywhere: whether any rank had, told before the next step.
-    told: conditions that tell what they take, see `boundary.reactions.Told`.
+    reactions: of conditions that report their force.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
     ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.error_indicator`.
     """
 
     comm: Any
-    told: Sequence[Told] = ()
+    reactions: Sequence[Reaction] = ()
     settings: Any
     bodies: tuple[int, ...]
     name: str = ""
@@ -217,7 +217,7 @@ class ParticleSystem:
 
         Of the last step; None where no condition of this name is the method's.
         """
-        return told_by(self.told, name)
+        return next((one.values for one in self.reactions if one.name == name), None)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' extra quantities."""

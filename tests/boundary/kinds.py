@@ -1,21 +1,15 @@
-"""One table of each boundary kind, and a small scene of each method in which it has a meaning."""
+"""One table of each boundary kind, a small scene of each method in which it has a meaning, and its particles."""
 
 import copy
 
+import numpy as np
 from points import COPPER, scene
 from solids import SOFT, tables
 
-from parsolid.boundary.conditions import Conditions
-from parsolid.methods.mpm.conditions import GridConditions
-from parsolid.methods.mpm.points import MaterialPoints
-from parsolid.methods.peridynamics.forces import particles_of
-from parsolid.methods.ulsph.state import declare_motion
 from parsolid.particles.container import Particles
-from parsolid.particles.generated import declare_generated
-from parsolid.particles.generation import generate
+from parsolid.particles.declaration import Field
 from parsolid.scene import parse_scene
-from parsolid.scene.boundaries.surface import Pressure
-from parsolid.scene.boundaries.traction import Traction
+from parsolid.simulation.loop import Simulation
 
 KINDS = {
     "fixed": {"plane": "X = 0"},
@@ -33,6 +27,14 @@ KINDS = {
     "heat_flux": {"plane": "X = 0", "heat_flux": 1.0},
     "micro_clamped": {"plane": "X = 0"},
 }
+MOVING = [
+    {"kind": "velocity", "plane": "X = 1", "velocity": ["X + Y*t", "free"]},
+    {"kind": "velocity", "box": {"lower": [0.9, 0.0], "upper": [1.0, 0.3]}, "velocity": ["Y", "2"]},
+    {"kind": "velocity", "point": [0.1, 0.1], "velocity": ["free", "t"]},
+    {"kind": "traction", "plane": "X = 0", "traction": ["1 + Y", 0.0]},
+    {"kind": "traction", "plane": "Y = 1", "traction": [0.0, "X*t"]},
+]
+LOADS = {"body_force": ["X", "t*Y"], "acceleration": [0.0, -9.81]}
 PRONY = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": []}
 
 
@@ -60,19 +62,32 @@ def tables_of(method: str, *boundaries: dict) -> dict:
     return data
 
 
-def translated(comm, data: dict):
-    """What a method makes of the boundaries of raw tables; collective."""
-    scene = parse_scene(data)
-    particle_set = generate(scene, comm)
-    if scene.method.kind == "tlsph":
-        particles = Particles(particle_set.body)
-        declare_generated(particles, particle_set)
-        return Conditions(comm, scene, particle_set, particles)
-    if scene.method.kind == "peridynamics":
-        return Conditions(comm, scene, particle_set, particles_of(scene, particle_set), others=(Traction, Pressure))
-    if scene.method.kind == "ulsph":
-        particles = Particles(particle_set.body)
-        declare_generated(particles, particle_set)
-        declare_motion(particles, particle_set.position)
-        return Conditions(comm, scene, particle_set, particles)
-    return GridConditions(comm, scene, particle_set, MaterialPoints(scene, particle_set))
+def translated(comm, data: dict) -> Simulation:
+    """A simulation of raw tables; collective."""
+    return Simulation(comm, parse_scene(data))
+
+
+def contained(particle_set) -> Particles:
+    """The particle_set in a container."""
+    result, d = Particles(particle_set.body), particle_set.position.shape[1]
+    result.declare(Field("identifier", 1, "1", whole=True), particle_set.identifier)
+    for name, values in (("reference_position", particle_set.position), ("spacing", particle_set.spacing)):
+        result.declare(Field(name, d, "m"), values)
+    result.declare(Field("area", d, "m^2"), particle_set.area)
+    result.declare(Field("volume", 1, "m^3"), particle_set.volume)
+    return result
+
+
+def shuffle(particles: Particles) -> None:
+    """Another order, and some particles leave and come back at other rows."""
+    random = np.random.default_rng(5)
+    particles.reorder(random.permutation(particles.owned))
+    gone = np.sort(random.choice(particles.owned, particles.owned // 3, replace=False))
+    packed = particles.packed(gone)
+    particles.remove(gone)
+    particles.insert(packed[::-1].copy())
+
+
+def by_particle(particles: Particles, values: np.ndarray) -> np.ndarray:
+    """Values of the owned particles in the order of their identifiers."""
+    return values[np.argsort(particles.owned_rows("identifier"))]

@@ -6,23 +6,26 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from grouped_meshes import block
-from kinds import table, tables_of
+from kinds import LOADS, MOVING, by_particle, contained, shuffle, table, tables_of
 from mpi4py import MPI
 from solids import SOFT
-from test_rows import LOADS, MOVING, by_particle, contained, shuffle
 
 from parsolid.boundary.conditions import Conditions
-from parsolid.boundary.heating import HeatSupply
+from parsolid.boundary.forces import body_loads, surface_load
+from parsolid.boundary.heat import HeatSupply
+from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.surface import Surface
+from parsolid.exact import SOLUTIONS
 from parsolid.methods.leapfrog import Leapfrog, drift, kick, kinetic_energy
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.generation import generate
-from parsolid.scene import parse_scene
+from parsolid.scene import load_scene, parse_scene
 from parsolid.scene.boundaries.surface import Pressure, Spring
 
 STEP = 0.01
+RUNS = __file__.rpartition("tests")[0] + "runs"
 PUSHED = [
     *MOVING,
     {"kind": "fixed", "plane": "X = 0", "mirror": False, "name": "foot", "reaction": True},
@@ -267,8 +270,6 @@ def test_forces_on_surfaces_are_those_of_present_areas_and_motions(d):
     surface.particles, surface.selection, surface.axis = Fields(fields), SimpleNamespace(rows=rows), None
     surface.vectors = lambda rows: A
     pressure = Pressure(kind="pressure", plane="X = 0", pressure="7 + t")
-    from parsolid.boundary.forces import surface_load
-
     found, forces = surface_load(pressure)(pressure, surface).forces(2.0, True)
     cofactor = np.linalg.det(F)[:, None, None] * np.linalg.inv(F).swapaxes(1, 2)
     assert found is rows
@@ -305,3 +306,23 @@ def test_heat_through_planes_stays_with_the_particles_at_them(comm):
         assert np.array_equal(power != 0.0, at_plane)
     # eight particles of side 1/8 at X = 0, at Y = 1/16, 3/16 ...
     assert comm.allreduce(float(power.sum())) == pytest.approx(1.0 + 0.5 * 0.5, rel=1e-12)
+
+
+def test_a_plane_is_meant_for_all_bodies_or_for_one():
+    body = np.array([0, 1, 1, 2])
+    assert MirrorPlane(0, 0.5, "roller").concerns(body).tolist() == [True] * 4
+    assert MirrorPlane(0, 0.5, "roller", 1).concerns(body).tolist() == [False, True, True, False]
+
+
+def test_a_manufactured_load_is_the_body_force_of_its_solution():
+    scene = load_scene(f"{RUNS}/mpm/vortex.toml")
+    solution = SOLUTIONS[scene.reference.exact].of_scene(scene)
+    place = np.random.default_rng(3).uniform(0.8, 1.2, (5, 2)) * [1.0, 0.2]
+    particles = Particles(np.zeros(5, np.int64))
+    particles.declare(Field("reference_position", 2, "m"), place)
+    particles.declare(Field("mass", 1, "kg"), 3.0)
+    (load,) = body_loads(scene, particles)
+    for time in (0.1, 0.4):
+        wanted = 3.0 * solution.body_force(place, time)
+        np.testing.assert_allclose(load.forces(time, False)[1].T, wanted, rtol=1e-14)
+        assert np.abs(wanted).max() > 0.0

@@ -28,10 +28,10 @@ def test_an_image_has_what_the_plane_holds_reversed(kind, axis):
 
 @pytest.mark.parametrize("kind", ["fixed", "roller"])
 def test_nodes_behind_a_plane_are_its_images(kind, comm):
-    (folded,) = translated(comm, tables_of("mpm", table(kind))).planes
+    (folded,) = translated(comm, tables_of("mpm", table(kind))).systems[0].conditions.planes
     assert folded.plane == MirrorPlane(0, 0.0, kind) and folded.mirror == (0, 0, 1)
     expected = np.concatenate([folded.plane.signs(), [1.0]] * 2)
-    np.testing.assert_array_equal(folded.signs, [expected])
+    np.testing.assert_array_equal(np.ravel(folded.signs), expected)
 
 
 def test_planes_of_different_normals_have_images_at_their_edges_and_corners():

@@ -38,17 +38,6 @@ def test_a_method_takes_a_kind_or_refuses_it(method, kind, comm):
     assert found.value.faults == [f"boundaries.0.kind: expected {expected}, found {kind!r}"]
 
 
-@pytest.mark.parametrize("method", ["peridynamics", "mpm"])
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_kind_is_taken_for_another(method, kind, comm, monkeypatch):
-    """Were a kind in a method's list by mistake, what it means would be refused."""
-    if kind in TAKEN[method]:
-        return
-    monkeypatch.setattr(settings_class({"kind": method}), "boundaries", tuple(KINDS))
-    with pytest.raises(SolverError, match="boundaries.0.kind: expected .* with this method, found " + repr(kind)):
-        translated(comm, tables_of(method, table(kind, method)))
-
-
 def test_the_table_in_the_documents_is_that_of_the_methods():
     text = (ROOT / "docs" / "boundary.md").read_text(encoding="utf-8")
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:3] == "| `"]
@@ -66,6 +55,9 @@ def in_region(kind: str, method: str) -> str:
     if "where" not in BOUNDARY_KINDS.models[kind].model_fields:
         return "yes"
     data = tables_of(method, stated | {"where": "here"})
+    if method == "peridynamics":
+        # tractions of other kinds spread along the normal of a plane
+        data["method"]["traction"] = "single-layer"
     data["regions"] = [{"name": "here", "formula": "X > 0.95" if method == "tlsph" else "X > 0.5"}]
     try:
         translated(MPI.COMM_SELF, data)
@@ -99,7 +91,7 @@ def test_the_page_on_parts_says_what_each_method_takes():
 PRESSURE = '''
 """Pressure on planes that bound a body."""
 
-from typing import Any, Literal
+from typing import Literal
 
 from parsolid.scene.boundaries.condition import boundary_kind
 from parsolid.scene.boundaries.traction import Traction
@@ -112,12 +104,12 @@ class Push(Traction):
     """A constant pressure [Pa] on a plane; outward: along its axis, 1.0 or -1.0."""
 
     kind: Literal["push"]
-    traction: Any = None
+    traction: None = None
     pressure: float
     outward: float
 
     @property
-    def course(self) -> LoadHistory:
+    def course(self):
         force = [-self.outward * self.pressure * (axis == self.plane.axis) for axis in range(2)]
         return LoadHistory(FormulaVector(map(Formula, force)))
 '''

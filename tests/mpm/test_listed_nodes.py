@@ -42,7 +42,7 @@ def step_of(
         sim.ledger.values[:] = 0.0
         sim.run(Record(), Limits(steps=1), StopRequest())
     return {"nodes": np.array(counted), "ledger": sim.ledger.values.copy()}, [
-        told.values.copy() for told in system.told
+        told.values.copy() for told in system.reactions
     ]
 
 

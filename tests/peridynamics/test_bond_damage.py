@@ -5,7 +5,7 @@ import pytest
 from bonded_body import BondedBody, lattice
 
 from parsolid.methods.peridynamics.cracks import distance, patch_of
-from parsolid.methods.peridynamics.damage import EnergyCriterion
+from parsolid.methods.peridynamics.damage import EnergyCriterion, StoredEnergyCriterion
 from parsolid.methods.peridynamics.settings import PreCrack
 from parsolid.scene.base_model import Plane
 
@@ -246,3 +246,27 @@ def test_stretched_bonds_beyond_the_critical_energy_break(comm, dimension, mirro
         assert (weight == 0.0) == fails
         broken += fails
     assert broken > 10
+
+
+@bodies
+def test_bonds_that_store_more_than_the_critical_energy_break(comm, dimension, mirror):
+    """Of the bond-based law, w c s^2 |xi|/2 over both volumes, s the stretch."""
+    body = BondedBody(comm, dimension, mirror)
+    body.displace(crumple)
+    modulus = 2.0 + np.cos(body.identifier)
+    body.damage.limit[:] = 0.05
+    failed = body.damage.failing(StoredEnergyCriterion(modulus, body.volume))
+    whole = body.directed()
+    if failed is not None:
+        body.damage.cut(failed)
+    X, Q, broken = places(dimension), np.where(np.arange(dimension) == 1, -1.0, 1.0), 0
+    for key, weight in body.directed().items():
+        a, b = ends_of(key, X)
+        u = crumple(np.array([X[key[0]], X[key[1]]]))
+        xi = np.linalg.norm(b - a)
+        stretch = np.linalg.norm(b - a + (Q * u[1] if key[2] else u[1]) - u[0]) / xi - 1.0
+        influence = whole[key] / ((1.0 + 0.01 * key[0]) * (1.0 + 0.01 * key[1]))
+        c = 2.0 + 0.5 * (np.cos(key[0]) + np.cos(key[1]))
+        assert (weight == 0.0) == (stretch > 0.0 and 0.5 * influence * c * stretch**2 * xi > 0.05)
+        broken += weight == 0.0
+    assert 10 < broken < 0.9 * len(whole)

@@ -217,7 +217,7 @@ def test_a_released_stretch_runs_with_the_default_safety(law, stretch):
     assert np.abs(columns["balance"]).max() < 0.05 * columns["stored"][0]
 
 
-@pytest.mark.parametrize("loads", [{}, {"loads": {"body_force": ["3", "-2*X"]}}], ids=["free", "loaded"])
+@pytest.mark.parametrize("loads", [{}, {"loads": {"body_force": ["1", "-X"]}}], ids=["free", "loaded"])
 def test_the_balance_of_one_kicked_particle_closes_to_rounding(loads):
     elastic = {"kind": "prony", "youngs_modulus": 3.0, "poissons_ratio": 0.25, "density": 1.1, "terms": []}
     solution = {"kind": "explicit", "safety": 0.8}
@@ -229,7 +229,7 @@ def test_the_balance_of_one_kicked_particle_closes_to_rounding(loads):
         sim.take_step(sim.systems[0].stable_step())
         rows.append(sim.energy_row())
     largest = max(row["kinetic"] for row in rows)
-    assert max(abs(row["kinetic_offset"]) for row in rows) > 0.005 * largest
+    assert max(abs(row["kinetic_offset"]) for row in rows) > 0.01 * largest
     assert max(abs(row["balance"]) for row in rows) < 1e-13 * largest
 
 

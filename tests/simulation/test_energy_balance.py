@@ -178,3 +178,18 @@ def test_nothing_that_moves_is_resolved():
     judge = EnergyBalance(LIMITS)
     judge.judge(row(0.0, kinetic=0.0), 0.0)
     assert judge.verdict(0.0)["trust"] == "resolved"
+
+
+@pytest.mark.parametrize("names", [("kinetic_offset",), ("kinetic_offset", "kinetic_offset_mpm")])
+@pytest.mark.parametrize(
+    "offset, word", [(0.49, "resolved"), (-0.49, "resolved"), (0.51, "unbalanced"), (-0.51, "unbalanced")]
+)
+def test_a_kinetic_offset_above_a_twentieth_of_the_largest_energy_is_too_long_a_step(names, offset, word):
+    """A closed balance does not show it, and an offset that has passed counts as well."""
+    judge = EnergyBalance(LIMITS)
+    still = dict.fromkeys(names, 0.0)
+    for last in (0.0, offset, 0.0):
+        judge.judge(row(0.0, kinetic=10.0) | still | {names[-1]: last}, 0.0, initial=10.0)
+    said = judge.verdict(0.0)
+    assert said["trust"] == word and said["kinetic_offset_largest"] == pytest.approx(abs(offset) / 10.0)
+    assert said["energy_balance_largest"] == 0.0 and judge.broken is None

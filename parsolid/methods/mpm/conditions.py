@@ -8,9 +8,9 @@ from mpi4py import MPI
 from decomposition.occupied import Mirror
 from parsolid.boundary.constraints import mirror_plane
 from parsolid.boundary.forces import surface_load
-from parsolid.boundary.loads_on_particles import Loads
+from parsolid.boundary.loads import Loads
 from parsolid.boundary.mirror_planes import MirrorPlane
-from parsolid.boundary.reporting import Reaction
+from parsolid.boundary.reactions import Reaction
 from parsolid.boundary.walls import RigidWall
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.kernels import kernel

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from parsolid.boundary.loads_on_particles import Loads
+from parsolid.boundary.loads import Loads
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_KINETIC
 from parsolid.methods.mpm.external_forces import ExternalForces

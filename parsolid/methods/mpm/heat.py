@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.boundary.heating import HeatSupply
+from parsolid.boundary.heat import HeatSupply
 from parsolid.kernels import kernel
 from parsolid.materials.plastic.functions import specific_heat, temperature_rise
 from parsolid.methods.mpm.conditions import GridConditions, ThermalPlane

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.boundary.loads_on_particles import Loads
+from parsolid.boundary.loads import Loads
 from parsolid.kernels import inlined, kernel
 from parsolid.materials.blocks import MaterialBlock
 from parsolid.materials.hyperelastic.functions import energy, pressure_waves, stress

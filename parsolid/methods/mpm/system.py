@@ -50,7 +50,7 @@ class MaterialPoint(ParticleSystem):
         self.conditions = GridConditions(comm, scene, particle_set, points)
         self.loads = self.conditions.loads
         self.landings = self.loads.times
-        self.told = self.loads.reactions  # type: ignore[assignment]
+        self.reactions = self.loads.reactions
         self.stress = StressUpdate(scene, points, self.loads)
         conducting = conducts(scene, points.laws)
         thermal = self.conditions.thermal_planes(common_conductivity(points.laws)) if conducting else []

@@ -105,7 +105,8 @@ class Bonds:
             before = np.concatenate(([0], np.cumsum(kept)))
             start, neighbour, code, q = before[start].astype(np.int64), neighbour[kept], code[kept], q[kept]
             row = np.repeat(np.arange(owned), np.diff(start))
-            weight = INFLUENCES[self.influence](q) * self.volume[row] * self.volume[neighbour]
+            # the product of the volumes first, so that it rounds alike from both ends
+            weight = INFLUENCES[self.influence](q) * (self.volume[row] * self.volume[neighbour])
             return BondList(start, neighbour, weight), code
 
         as_they_stand = np.ones((1, 4)), np.zeros((1, 4))

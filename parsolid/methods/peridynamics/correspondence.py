@@ -92,7 +92,7 @@ class BondForces:
         """Force (owned, d) [N] of given stresses (owned, d, d) [Pa] without control; what balances a consistent
         load."""
         d = self.bonds.d
-        rows = self.particles.storage("bond_stress")[: self.owned].reshape(self.owned, d, -1)
+        rows = self.particles.storage("bond_stress")[: self.owned].reshape(self.owned, d, MATRIX_ROW[d] // d)
         rows[:, :, :d] = (stress @ self.bonds.inverse_shapes()).swapaxes(1, 2)
         return self.divergence("displacement", None, self.rows)[:, : self.d].copy()
 
@@ -152,7 +152,7 @@ class CorrespondenceForces(BondForces):
             "control", row, "Pa/m^5", layout=Rows(row), carried=False, ghosts="forward", message="stiffness"
         )
         self.particles.declare(control)
-        self.particles.owned_rows("control").reshape(self.owned, d, -1)[:, :, :d] = C
+        self.particles.owned_rows("control").reshape(self.owned, d, row // d)[:, :, :d] = C
         self.particles.update("stiffness")
         whole = self.particles.storage("control")
         if len(self.memories) == 1:
@@ -365,7 +365,8 @@ def pushed_forward(P: np.ndarray, F: np.ndarray) -> np.ndarray:
 
 def gradient_matrices(bonds: Bonds, sums: np.ndarray) -> np.ndarray:
     """Gradients (owned, d, d) of a field from the sums of the sweep."""
-    columns = sums.reshape(bonds.owned, bonds.d, -1)[:, :, : bonds.d].swapaxes(1, 2)
+    d = bonds.d
+    columns = sums.reshape(bonds.owned, d, MATRIX_ROW[d] // d)[:, :, :d].swapaxes(1, 2)
     return columns @ bonds.inverse_shapes() / bonds.volume[: bonds.owned, None, None]
 
 

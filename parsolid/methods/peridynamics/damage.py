@@ -17,6 +17,8 @@ import numpy as np
 from parsolid.collective import anywhere, maximum, minimum, raise_together
 from parsolid.kernels import exact, inlined, kernel
 from parsolid.materials.damage.fracture import breaking_limit
+from parsolid.materials.law_functions import law_function
+from parsolid.methods.peridynamics.bond_based import BondBasedForces
 from parsolid.methods.peridynamics.cracks import distance, find_crossing, patch_of
 from parsolid.methods.peridynamics.sweeps import ONE, ZERO, bond_vectors
 from parsolid.methods.protocol import BrokenPairs
@@ -51,6 +53,16 @@ class EnergyCriterion(NamedTuple):
     driving: np.ndarray
     M: np.ndarray
     C: np.ndarray
+    volume: np.ndarray
+
+
+class StoredEnergyCriterion(NamedTuple):
+    """A stretched bond of the bond-based law fails when what it stores, w c s^2 |xi|/2, exceeds the limit as above.
+
+    micromodulus (n,), of which c is the mean of both ends'; volume (n,) [m^3].
+    """
+
+    micromodulus: np.ndarray
     volume: np.ndarray
 
 
@@ -98,10 +110,10 @@ class BondDamage:
         """Bits (owned, words) of the broken bonds."""
         return self.particles.storage("broken_bonds")[: self.owned]
 
-    def failing(self, energy: EnergyCriterion | None) -> Failing | None:
-        """The bonds that fail by their stretch, or by an energy; None when there are none on this rank."""
+    def failing(self, criterion: EnergyCriterion | StoredEnergyCriterion | None) -> Failing | None:
+        """The bonds that fail by an energy, or without one by their stretch; None when there are none on this rank."""
         self.bonds.fill("displacement", 0, len(self.bonds.positions))
-        return self._collect(find_failed, self.bonds.motion_of("displacement"), self.limit, energy)
+        return self._collect(find_failed, criterion, self.bonds.motion_of("displacement"), self.limit)
 
     def introduce(self, patches: list[Any]) -> None:
         """Break the bonds that cross some `cracks.Patch`."""
@@ -263,14 +275,14 @@ class Fracture:
         """Look for bonds that fail in the state just evaluated."""
         if self.settings is None:
             return
-        energy = None
-        if self.settings.criterion == "energy":
-            energy = self._energy_criterion()
-        self.pending = self.damage.failing(energy)
+        criterion = self._energy_criterion() if self.settings.criterion == "energy" else None
+        self.pending = self.damage.failing(criterion)
 
-    def _energy_criterion(self) -> EnergyCriterion:
+    def _energy_criterion(self) -> EnergyCriterion | StoredEnergyCriterion:
         """Over the arrays of the latest evaluation; all bodies relax alike."""
         forces, bonds, M = self.forces, self.forces.bonds, self.forces.particles.storage("bond_stress")
+        if isinstance(forces, BondBasedForces):
+            return StoredEnergyCriterion(forces.particles["micromodulus"], bonds.volume)
         memory, control = forces.memories[0], forces.controls[0]
         bonds.fill(memory.field, 0, len(bonds.positions))
         control = np.zeros_like(M) if control is None else control
@@ -353,22 +365,22 @@ def _limits_of(scene: Any, particle_set: Any) -> np.ndarray:
 
 # without contraction, so that a product rounds alike from both ends of a bond
 @exact
-def find_failed(bonds, images, motion, limit, energy, found):
+def find_failed(bonds, images, criterion, motion, limit, found):
     """List the intact bonds that are to break as rows (particle a, bond k) of found (capacity, 2) int64; returns how
     many.
 
-    A bond fails when (|y| - |xi|)/|xi| exceeds the lesser limit (n,) of its ends, or by an `EnergyCriterion` (Silling
-    and Askari, Comput. Struct. 83 (2005), eqs (23) to (27)). When they are more than the capacity, the first that fit
-    are listed. A bond with a mirror image is looked at from both of its sides, (a, b') and (b, a').
+    A bond fails by its criterion, with the lesser limit (n,) of its ends, see `exceeds`. When they are more than the
+    capacity, the first that fit are listed. A bond with a mirror image is looked at from both of its sides, (a, b') and
+    (b, a').
     """
     count = 0
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
-            w, b, Q, R, T = bonds.weight[k], bonds.neighbour[k], ONE, ONE, ZERO
+            w, b, Q, R, T, sides = bonds.weight[k], bonds.neighbour[k], ONE, ONE, ZERO, 1
             if w == 0.0:
                 continue
             if images is not None:
-                c = images.code[k]
+                c, sides = images.code[k], 2
                 Q, R, T = (
                     load_row(images.signs, c, 0),
                     load_row(images.reflections, c, 0),
@@ -377,14 +389,9 @@ def find_failed(bonds, images, motion, limit, energy, found):
             least = min(limit[a], limit[b])
             # of a failed particle
             fails = least < 0.0
-            if energy is None:
-                fails = fails or stretched(motion, Q, R, T, a, b, least)
-                if images is not None:
-                    fails = fails or stretched(motion, Q, R, T, b, a, least)
-            else:
-                fails = fails or strained(motion, energy, w, Q, R, T, a, b, least)
-                if images is not None:
-                    fails = fails or strained(motion, energy, w, Q, R, T, b, a, least)
+            for side in range(sides):
+                one, other = (a, b) if side == 0 else (b, a)
+                fails = fails or exceeds(criterion, motion, w, Q, R, T, one, other, least)
             if fails:
                 if count < found.shape[0]:
                     found[count, 0], found[count, 1] = a, k
@@ -392,31 +399,53 @@ def find_failed(bonds, images, motion, limit, energy, found):
     return count
 
 
+@law_function
+def exceeds(criterion, motion, weight, Q, R, T, a, b, limit):
+    """Whether a bond, seen from a, is beyond the limit of a criterion; without one that of (|y| - |xi|)/|xi|.
+
+    Source: Silling and Askari, Comput. Struct. 83 (2005), eqs (23) to (27).
+    """
+
+
 @inlined
-def stretched(motion, Q, R, T, a, b, limit):
-    """Whether the stretch of a bond is beyond the limit."""
+def squares(motion, Q, R, T, a, b):
+    """|y|^2 and |xi|^2 of a bond [m^2]."""
     x, u = bond_vectors(motion, Q, R, T, a, b)
     y = (x[0] + u[0], x[1] + u[1], x[2] + u[2])
-    reference = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
-    return y[0] * y[0] + y[1] * y[1] + y[2] * y[2] > (1.0 + limit) * (1.0 + limit) * reference
+    return y[0] * y[0] + y[1] * y[1] + y[2] * y[2], x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
 
 
-@inlined
-def strained(motion, energy, weight, Q, R, T, a, b, limit):
-    """Whether a bond is stretched and its energy beyond the limit."""
+@exceeds.of(None)
+def _stretched(criterion, motion, weight, Q, R, T, a, b, limit):
+    present, reference = squares(motion, Q, R, T, a, b)
+    return present > (1.0 + limit) * (1.0 + limit) * reference
+
+
+@exceeds.of(StoredEnergyCriterion)
+def _stored(criterion, motion, weight, Q, R, T, a, b, limit):
+    present, reference = squares(motion, Q, R, T, a, b)
+    change = present**0.5 - reference**0.5
+    # w c s^2 |xi|/2
+    energy = 0.25 * weight * (criterion.micromodulus[a] + criterion.micromodulus[b]) * change * change
+    # the product of the volumes first, so that it rounds alike from both ends
+    volumes = criterion.volume[a] * criterion.volume[b]
+    return change > 0.0 and energy > limit * volumes * reference**0.5
+
+
+@exceeds.of(EnergyCriterion)
+def _strained(criterion, motion, weight, Q, R, T, a, b, limit):
     x, u = bond_vectors(motion, Q, R, T, a, b)
-    _, f = bond_vectors(energy.driving, Q, R, T, a, b)
+    _, f = bond_vectors(criterion.driving, Q, R, T, a, b)
     d = 2 if motion.shape[1] == 4 else 3
     column, work = 2 if d == 2 else 4, 0.0
     for j in range(d):
         for i in range(d):
             at = j * column + i
-            work += u[i] * (energy.M[a, at] + Q[i] * R[j] * energy.M[b, at]) * x[j]
-            work += u[i] * (energy.C[a, at] + Q[i] * Q[j] * energy.C[b, at]) * f[j]
-    y = (x[0] + u[0], x[1] + u[1], x[2] + u[2])
-    longer = y[0] * y[0] + y[1] * y[1] + y[2] * y[2] > x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
-    # the product of the volumes first, so that it rounds alike from both ends
-    return longer and 0.5 * weight * work > limit * (energy.volume[a] * energy.volume[b])
+            work += u[i] * (criterion.M[a, at] + Q[i] * R[j] * criterion.M[b, at]) * x[j]
+            work += u[i] * (criterion.C[a, at] + Q[i] * Q[j] * criterion.C[b, at]) * f[j]
+    present, reference = squares(motion, Q, R, T, a, b)
+    volumes = criterion.volume[a] * criterion.volume[b]
+    return present > reference and 0.5 * weight * work > limit * volumes
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.boundary.reporting import Reaction
+from parsolid.boundary.reactions import Reaction
 from parsolid.methods.peridynamics.coarse_space import coarse_space
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
 from parsolid.methods.peridynamics.tangent import Settled, Work

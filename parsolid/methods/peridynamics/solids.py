@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.kernels import inlined
+from parsolid import tensors
+from parsolid.kernels import exact
 from parsolid.materials.hyperelastic import functions as hyperelastic
 from parsolid.materials.law_functions import law_function
-from parsolid.materials.viscoelastic import maxwell
-from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries, second_stress, solid_energy
+from parsolid.materials.viscoelastic import hyperelastic_series, maxwell
+from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.prony import (
     LinearSolid,
     Prony,
@@ -34,24 +35,18 @@ from parsolid.materials.viscoelastic.prony import (
     strain_of,
     with_lateral,
 )
-from parsolid.tensors import (
-    IDENTITY,
-    add_spherical,
-    cofactor,
-    combine_symmetric,
-    contract_symmetric,
-    determinant,
-    determinant_symmetric,
-    general,
-    gram,
-    inverse_symmetric,
-    matmul,
-    plus,
-    plus_symmetric,
-    times,
-    times_symmetric,
-    trace_symmetric,
-)
+from parsolid.tensors import IDENTITY
+
+# loops over branches do not vectorise, and kernels that call functions compile several times faster than with copies
+# of them
+add_spherical, general, plus, times = map(exact, (tensors.add_spherical, tensors.general, tensors.plus, tensors.times))
+cofactor, determinant, gram, matmul = map(exact, (tensors.cofactor, tensors.determinant, tensors.gram, tensors.matmul))
+combine_symmetric, contract_symmetric = exact(tensors.combine_symmetric), exact(tensors.contract_symmetric)
+determinant_symmetric, inverse_symmetric = exact(tensors.determinant_symmetric), exact(tensors.inverse_symmetric)
+plus_symmetric, times_symmetric = exact(tensors.plus_symmetric), exact(tensors.times_symmetric)
+relaxed, inverse_right_cauchy_green = exact(maxwell.relaxed), exact(maxwell.inverse_right_cauchy_green)
+branch_energy, branch_dissipation = exact(maxwell.branch_energy), exact(maxwell.branch_dissipation)
+second_stress, solid_energy = exact(hyperelastic_series.second_stress), exact(hyperelastic_series.solid_energy)
 
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -60,7 +55,7 @@ NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NO_STRESS = LinearSolid(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0)
 
 
-@inlined
+@exact
 def tensor_at(history, number, a):
     """Symmetric tensor `number` of a particle."""
     r = 6 * number
@@ -74,20 +69,20 @@ def tensor_at(history, number, a):
     )
 
 
-@inlined
+@exact
 def store_tensor(history, number, a, S):
     """Store symmetric tensor `number` of a particle."""
     for c in range(6):
         history[6 * number + c, a] = S[c]
 
 
-@inlined
+@exact
 def largest_principal_value(S, plane):
     """Bound of the largest eigenvalue; sharp in the plane, whose 33 does not count."""
     if plane is not None:
         half = 0.5 * (S[0] - S[1])
         return 0.5 * (S[0] + S[1]) + (half * half + S[3] * S[3]) ** 0.5
-    whole, total = contract_symmetric(S, S), trace_symmetric(S)
+    whole, total = contract_symmetric(S, S), S[0] + S[1] + S[2]
     # kept above rounding below 0
     return total * (1.0 / 3.0) + ((2.0 / 3.0) * (whole - total * total * (1.0 / 3.0)) + 1e-14 * whole) ** 0.5
 
@@ -110,7 +105,7 @@ def end_of_step(law, weights, history, a, G, plane):
 # --- small strain, and Prony series --------------------------------------------------------------------------------
 
 
-@inlined
+@exact
 def strains(law, weights, history, a, G):
     """Strain and relaxing strain after a step, with their lateral components."""
     strain = strain_of(law, G)
@@ -164,17 +159,17 @@ def _linear_end_of_step(law, weights, history, a, G, plane):
 # --- hyperelastic solids with Maxwell branches ----------------------------------------------------------------------
 
 
-@inlined
+@exact
 def branch_sum(weights, history, a, inverse):
     """sum mu_j A_j [Pa] after a step to C^-1."""
     old, total = tensor_at(history, 0, a), NOTHING
     for j in range(weights.shape[0]):
-        A = maxwell.relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), tensor_at(history, 1 + j, a), old, inverse)
+        A = relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), tensor_at(history, 1 + j, a), old, inverse)
         total = combine_symmetric(1.0, total, weights[j, 0], A)
     return total
 
 
-@inlined
+@exact
 def sum_of_first(weights):
     """Sum of the branches' moduli [Pa], or of their ratios."""
     total = 0.0
@@ -187,7 +182,7 @@ def sum_of_first(weights):
 def _maxwell_stress_after(law, weights, history, a, G):
     F = plus(IDENTITY, G)
     H, J = cofactor(F), determinant(F)
-    total = branch_sum(weights, history, a, maxwell.inverse_right_cauchy_green(H, J))
+    total = branch_sum(weights, history, a, inverse_right_cauchy_green(H, J))
     branches = maxwell.branch_stress(sum_of_first(weights), total, F, H, J)
     return plus(hyperelastic.stress(law, F, H, J), branches)
 
@@ -196,7 +191,7 @@ def _maxwell_stress_after(law, weights, history, a, G):
 def _maxwell_end_of_step(law, weights, history, a, G, plane):
     F = plus(IDENTITY, G)
     H, J = cofactor(F), determinant(F)
-    C, inverse, old = gram(F), maxwell.inverse_right_cauchy_green(H, J), tensor_at(history, 0, a)
+    C, inverse, old = gram(F), inverse_right_cauchy_green(H, J), tensor_at(history, 0, a)
     total = branch_sum(weights, history, a, inverse)
     waves = plus_symmetric(
         hyperelastic.pressure_waves(law, F, H, J), maxwell.branch_waves(sum_of_first(weights), total, H, J)
@@ -206,10 +201,10 @@ def _maxwell_end_of_step(law, weights, history, a, G, plane):
         mu, tau, half_step = weights[j, 0], weights[j, 1], 0.5 * weights[j, 5]
         A = tensor_at(history, 1 + j, a)
         # the trapezoidal rule
-        lost += half_step * maxwell.branch_dissipation(mu, tau, old_C, old, A)
-        A = maxwell.relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), A, old, inverse)
-        lost += half_step * maxwell.branch_dissipation(mu, tau, C, inverse, A)
-        stored += maxwell.branch_energy(mu, C, J, A)
+        lost += half_step * branch_dissipation(mu, tau, old_C, old, A)
+        A = relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), A, old, inverse)
+        lost += half_step * branch_dissipation(mu, tau, C, inverse, A)
+        stored += branch_energy(mu, C, J, A)
         store_tensor(history, 1 + j, a, A)
     store_tensor(history, 0, a, inverse)
     return stored, lost, largest_principal_value(waves, plane), 1.0 / (J * J * determinant_symmetric(old))
@@ -218,12 +213,12 @@ def _maxwell_end_of_step(law, weights, history, a, G, plane):
 # --- Prony series on hyperelastic solids ----------------------------------------------------------------------------
 
 
-@inlined
+@exact
 def relaxed_stress(law, weights, history, a, C):
     """sum gamma_j S(C_j) [Pa] after a step to C."""
     old, total = tensor_at(history, 0, a), NOTHING
     for j in range(weights.shape[0]):
-        Cj = maxwell.relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), tensor_at(history, 1 + j, a), old, C)
+        Cj = relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), tensor_at(history, 1 + j, a), old, C)
         total = combine_symmetric(1.0, total, weights[j, 0], second_stress(law.solid, Cj))
     return total
 
@@ -250,7 +245,7 @@ def _series_end_of_step(law, weights, history, a, G, plane):
     stored, lost = energy, 0.0
     for j in range(weights.shape[0]):
         before = tensor_at(history, 1 + j, a)
-        after = maxwell.relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), before, old, C)
+        after = relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), before, old, C)
         S = second_stress(law.solid, after)
         change = combine_symmetric(1.0, S, -1.0, second_stress(law.solid, before))
         # the trapezoidal rule, exact for a stress linear in C, and with it the work that forces do over the step

@@ -50,13 +50,12 @@ class Peridynamics(ParticleSystem):
         self.conditions = Conditions(comm, scene, particle_set, self.particles, others=(Traction, Pressure))
         explicit = self.settings.solution.kind == "explicit"
         if self.conditions.rollers and not explicit:
-            raise SolverError(
-                'method.solution.kind: expected "explicit" for a normal that is held, found "quasi-static"'
-            )
+            key = f"boundaries.{scene.boundaries.index(self.conditions.rollers[0].condition)}.kind"
+            raise SolverError(f'{key}: expected method.solution.kind = "explicit" for a normal that is held')
         self.forces = build_forces(comm, scene, particle_set, self.conditions)
         self.pairs, self.laws = self.forces.bonds, self.forces.laws
         Tractions(self.conditions, self.forces)
-        self.told = self.conditions.reactions
+        self.reactions = self.conditions.reactions
         self.fracture = fracture_of(comm, scene, particle_set, self.forces)
         self.operator = Operator(self.forces, self.conditions)
         columns: dict[str, Any] = {"mirror": "vector", "layout": Columns()}

@@ -74,6 +74,7 @@ class TotalLagrangianSPH(ParticleSystem):
         self.particles.declare(Field("share", 1, "1"), share)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
+        self.reactions = self.conditions.reactions
         self.leapfrog = None if staged else Leapfrog(self, scene)
         self.staged_step = StagedStep(self, scene) if staged else None
         self.evaluations, self.landings = (3, ()) if staged else (1, self.conditions.times)
@@ -292,10 +293,6 @@ class TotalLagrangianSPH(ParticleSystem):
         if self.initial_stress is not None:
             stress += self.initial_stress.first_piola_kirchhoff_stress(first, last)
         return stress
-
-    def reaction(self, name: str) -> np.ndarray | None:
-        """Of the last step."""
-        return next((one.values for one in self.conditions.reactions if one.name == name), None)
 
     def unsound(self) -> tuple[int, str] | None:
         """Also a reference that could not be moved."""

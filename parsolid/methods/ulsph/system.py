@@ -101,7 +101,7 @@ class UpdatedLagrangianSPH(ParticleSystem):
         self.conditions = Conditions(comm, scene, particle_set, particles)
         self.walls = Walls(comm, self.conditions)
         self.leapfrog = Leapfrog(particles, self.conditions, "force", "viscous_force")
-        self.told, self.landings = self.conditions.reactions, self.conditions.times
+        self.reactions, self.landings = self.conditions.reactions, self.conditions.times
         self._declare_state(comm, scene, particle_set, density)
         self.temperatures = Temperatures(comm, scene, particle_set, particles, self.solids)
         self.viscous_heat, self.deletion = ViscousHeat(), None

@@ -1,6 +1,6 @@
 """Boundary conditions of a scene: one file a kind; a file in this folder is all that a new kind needs to be found.
 
-What a kind means it declares in verbs of `boundary.declarations`; which kinds a method takes stands in its settings.
+What a kind does to particles is in the package `boundary`; which kinds a method takes stands in its settings.
 """
 
 from importlib import import_module

@@ -14,7 +14,6 @@ from parsolid.scene.regions import Named, OnPlane
 from parsolid.scene.validation_errors import NOTHING, fault
 
 if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
     from parsolid.scene.regions import Region
 
 BOUNDARY_KINDS = ByKind((), known="boundaries", renamed={"surface_pressure": "pressure"})
@@ -67,10 +66,6 @@ class Condition(SceneModel):
         stated = {key: getattr(self, key) for key in type(self).model_fields}
         vectors = {key: FormulaVector((one,)) if isinstance(one, Formula) else one for key, one in stated.items()}
         return {key: one for key, one in vectors.items() if isinstance(one, FormulaVector)}
-
-    def declare(self, to: Declarations) -> None:
-        """State what it means in verbs of `boundary.declarations.Declarations`."""
-        raise NotImplementedError
 
 
 class Reporting(SceneModel):

@@ -1,12 +1,9 @@
 """Regions where the micro-velocity is held; everywhere else it is free."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from parsolid.scene.boundaries.condition import boundary_kind
 from parsolid.scene.boundaries.prescribed import RegionCondition
-
-if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -14,7 +11,3 @@ class MicroClamped(RegionCondition):
     """No plastic flow: v^p = 0 in a region; surfaces without it are micro-free (no micro-traction)."""
 
     kind: Literal["micro_clamped"]
-
-    def declare(self, to: "Declarations") -> None:
-        """A held micro-velocity."""
-        to.hold_micro_velocity(self)

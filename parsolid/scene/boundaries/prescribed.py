@@ -1,6 +1,6 @@
 """Motion prescribed over a region: velocity, displacement, a layer of fictitious particles."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -13,9 +13,6 @@ from parsolid.scene.named_regions import RegionName
 from parsolid.scene.regions import Beside, InBall, InBox, Named, NearestTo, OnPlane, Region
 from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.shapes import Box, Sphere
-
-if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
 
 
 class RegionCondition(Condition):
@@ -69,10 +66,6 @@ class PrescribedVelocity(RegionCondition, Reporting, MotionCondition):
         """The velocity in time."""
         return LoadHistory(self.velocity)
 
-    def declare(self, to: "Declarations") -> None:
-        """A velocity."""
-        to.prescribe(self, "velocity", self.course)
-
 
 @boundary_kind
 class PrescribedDisplacement(RegionCondition, Timed, Reporting, MotionCondition):
@@ -85,10 +78,6 @@ class PrescribedDisplacement(RegionCondition, Timed, Reporting, MotionCondition)
     def course(self) -> LoadHistory:
         """The displacement in time."""
         return LoadHistory(self.displacement, self)
-
-    def declare(self, to: "Declarations") -> None:
-        """A displacement."""
-        to.prescribe(self, "displacement", self.course)
 
 
 @boundary_kind
@@ -116,7 +105,3 @@ class FictitiousLayer(Timed, Reporting, MotionCondition):
     def course(self) -> LoadHistory:
         """The displacement in time."""
         return LoadHistory(self.displacement or FormulaVector([Formula(0.0)] * 3), self)
-
-    def declare(self, to: "Declarations") -> None:
-        """A displacement."""
-        to.prescribe(self, "displacement", self.course)

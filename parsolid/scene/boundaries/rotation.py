@@ -1,6 +1,6 @@
 """Rigid motion prescribed over a region: a rotation about an axis, which may move."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
@@ -11,9 +11,6 @@ from parsolid.scene.boundaries.prescribed import MotionCondition, RegionConditio
 from parsolid.scene.formulas import Formula, Scalar, Vector
 from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.validation_errors import NOTHING
-
-if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -58,7 +55,3 @@ class Rotation(RegionCondition, Reporting, MotionCondition):
     def course(self) -> RigidMotion:
         """The displacement in time; `course.velocity()` is its velocity."""
         return RigidMotion(self.centre, self.axis, self.angle, self.displacement)
-
-    def declare(self, to: "Declarations") -> None:
-        """A rigid motion."""
-        to.prescribe(self, "displacement", self.course)

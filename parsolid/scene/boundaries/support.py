@@ -1,6 +1,6 @@
 """Supports: planes of symmetry, rest and antisymmetry."""
 
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -8,9 +8,6 @@ from parsolid.scene.base_model import Plane, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.named_regions import RegionName
-
-if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -45,10 +42,3 @@ class Support(Condition, Reporting):
         if self.where is not None and self.mirror:
             reject((("mirror",), "false in a region with a name (images are beyond a plane)", self.mirror))
         return self
-
-    def declare(self, to: "Declarations") -> None:
-        """A mirror plane, or a clamp."""
-        if self.where is not None:
-            to.hold(self, self.kind)
-        else:
-            to.support(self, self.kind, self.mirror)

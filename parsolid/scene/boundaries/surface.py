@@ -1,6 +1,6 @@
 """Pressure that follows a surface, springs and dashpots on it."""
 
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -14,9 +14,6 @@ from parsolid.scene.named_regions import RegionName
 from parsolid.scene.regions import InBall, InBox, Region
 from parsolid.scene.shapes import Box, Sphere
 from parsolid.scene.validation_errors import NOTHING
-
-if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
 
 
 class OnSurface(Condition, Reporting):
@@ -71,10 +68,6 @@ class Pressure(Condition, Timed, Reporting):
         """The pressure in time."""
         return LoadHistory(FormulaVector((self.pressure,)), self)
 
-    def declare(self, to: "Declarations") -> None:
-        """A force on an area."""
-        to.pressure(self, self.course)
-
 
 @boundary_kind
 class Spring(OnSurface):
@@ -93,7 +86,3 @@ class Spring(OnSurface):
         if not self.stiffness and not self.damping:
             reject((("stiffness",), "a stiffness or a damping above 0", NOTHING))
         return self
-
-    def declare(self, to: "Declarations") -> None:
-        """Springs and dashpots."""
-        to.springs(self, self.stiffness, self.damping, self.along == "normal")

@@ -1,6 +1,6 @@
 """Planes at a temperature, and heat that flows through planes."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -9,9 +9,6 @@ from parsolid.scene.bodies import Name
 from parsolid.scene.boundaries.condition import Condition, boundary_kind
 from parsolid.scene.formulas import FormulaVector, Scalar
 from parsolid.scene.load_histories import LoadHistory
-
-if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -29,10 +26,6 @@ class PrescribedTemperature(Condition):
         """The temperature in time."""
         return LoadHistory(FormulaVector((self.temperature,)))
 
-    def declare(self, to: "Declarations") -> None:
-        """A plane's temperature."""
-        to.temperature(self, self.temperature)
-
 
 @boundary_kind
 class HeatFlux(Condition):
@@ -48,7 +41,3 @@ class HeatFlux(Condition):
     def course(self) -> LoadHistory:
         """The heat flux in time."""
         return LoadHistory(FormulaVector((self.heat_flux,)))
-
-    def declare(self, to: "Declarations") -> None:
-        """Heat through an area."""
-        to.heat_flux(self, self.course)

@@ -1,6 +1,6 @@
 """Tractions on planes that bound a body."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -10,9 +10,6 @@ from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_k
 from parsolid.scene.formulas import Vector
 from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.scene.named_regions import RegionName
-
-if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -31,7 +28,3 @@ class Traction(Condition, Timed, Reporting):
     def course(self) -> LoadHistory:
         """The traction in time."""
         return LoadHistory(self.traction, self)
-
-    def declare(self, to: "Declarations") -> None:
-        """A force on an area."""
-        to.traction(self, self.course)

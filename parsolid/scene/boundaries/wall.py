@@ -1,14 +1,11 @@
 """Rigid walls that bodies run into."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from parsolid.scene.base_model import Plane, Point
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
-
-if TYPE_CHECKING:
-    from parsolid.boundary.declarations import Declarations
 
 
 @boundary_kind
@@ -27,7 +24,3 @@ class Wall(Condition, Reporting):
     )
     velocity: Point | None = Field(None, description="the velocity of the wall [m/s], at rest unless given")
     contact: Literal["frictionless", "sticking"] = "frictionless"
-
-    def declare(self, to: "Declarations") -> None:
-        """A wall."""
-        to.wall(self, self.side, self.velocity, self.contact == "sticking")
