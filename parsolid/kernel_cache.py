@@ -104,15 +104,37 @@ class PackageLocator:
         return f"{self._module}-{self._line}"
 
 
+def _readable(load: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile where an index cannot be read, as one that is damaged or names the type of a law that is gone."""
+
+    def load_if_readable(self: Any, key: Any) -> Any:
+        try:
+            return load(self, key)
+        except Exception:
+            return None
+
+    return load_if_readable
+
+
 def _one_at_a_time(save: Callable[..., None]) -> Callable[..., None]:
-    """Let one process at a time change an index: of two, numba may give both their kernels one file."""
+    """Let one process at a time change an index: of two, numba may give both their kernels one file.
+
+    Where the index cannot be read, all kernels are dropped with it: a new index would name files of the old one.
+    """
 
     def save_alone(self: Any, key: Any, data: Any) -> None:
         # a folder that is full only costs time
         with suppress(OSError), (cache_folder() / "lock").open("w") as lock:
             with suppress(OSError):
                 fcntl.lockf(lock, fcntl.LOCK_EX)
-            save(self, key, data)
+            try:
+                save(self, key, data)
+            except OSError:
+                raise
+            except Exception:
+                for path in cache_folder().glob("*.nb[ci]"):
+                    path.unlink(missing_ok=True)
+                save(self, key, data)
 
     return save_alone
 
@@ -129,6 +151,7 @@ def set_up() -> None:
     with suppress(ImportError, AttributeError):
         from numba.core.caching import IndexDataCacheFile
 
+        IndexDataCacheFile.load = _readable(IndexDataCacheFile.load)
         IndexDataCacheFile.save = _one_at_a_time(IndexDataCacheFile.save)
     # kernels of `decomposition` that were defined before
     for module in [module for name, module in sys.modules.items() if name.startswith("decomposition.")]:

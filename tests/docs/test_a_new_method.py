@@ -127,7 +127,9 @@ print(json.dumps(ended))
 def parsolid(folder: Path, *commands: list[str]) -> list[tuple[int, str]]:
     """Exit status and what was said to stderr of commands, one after the other in one process."""
     command = [sys.executable, "-c", START, json.dumps(commands)]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPI4PY_RC_INITIALIZE": "true"}
+    # kernels of types that only this process knows
+    kernels = {"NUMBA_CACHE_DIR": str(folder / "kernels")}
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPI4PY_RC_INITIALIZE": "true"} | kernels
     done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
