@@ -161,8 +161,8 @@ class MaterialPoint(ParticleSystem):
         if not settings.motion:
             return float(thermal)
         waves = settings.cfl * settings.cell / fastest if fastest > 0.0 else np.inf
-        if fastest == 0.0 and "deleted_mass" in self.points:
-            # nothing is left on this rank
+        if fastest == 0.0:
+            # this rank had no particle in the step; it may have got some since
             waves = _ANY_STEP
         return float(min(waves, thermal, self.loads.largest_step))
 
