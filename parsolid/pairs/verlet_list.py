@@ -310,7 +310,8 @@ class VerletList:
         }
 
     def restore(self, state: dict[str, Any], time: float) -> None:
-        """The list of a checkpoint, to the bit on as many ranks, made anew at its time [s] on others; collective."""
+        """The list of a checkpoint, to the bit on as many ranks, made anew at its time [s] on others. Collective;
+        the message "reference" is sent."""
         self.builds, self.distributions = state["builds"], state["distributions"]
         self._load_then, self._builds_since = state["load_then"], state["builds_since"]
         if state["ranks"] != self.comm.size:
@@ -326,3 +327,4 @@ class VerletList:
         _, boxes = self._survey(self.particles.owned_rows("listed_position"))
         self.motions = body_motions(np.array(state["velocities"]), *boxes, self.codes)
         self._find_pairs()
+        self.particles.update("reference")

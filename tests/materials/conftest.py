@@ -29,6 +29,12 @@ def viscous(request):
 
 
 @pytest.fixture
+def neo_hookean():
+    """The law without area term and branches."""
+    return LAWS["neo-hookean"]
+
+
+@pytest.fixture
 def random():
     """The same random numbers in every run."""
     return np.random.default_rng(20240611)
