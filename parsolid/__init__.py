@@ -6,8 +6,6 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-# worth 1.25x on the pair passes; numba reads it once, when it is imported
-os.environ.setdefault("NUMBA_SLP_VECTORIZE", "1")
 # a rank is single-threaded: threads of a BLAS, once woken by one long product, spin on the cores of other ranks
 for _library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba.extending import overload
 
-from parsolid.kernels import SCALAR_OPTIONS, scalar
+from parsolid.kernels import INLINED, inlined
 
 _LOG2_E = 1.4426950408889634
 _LN2_HIGH, _LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
@@ -22,7 +22,7 @@ def exp(x):
     return math.exp(min(max(x, -708.0), 709.0))
 
 
-@overload(exp, jit_options=SCALAR_OPTIONS)
+@overload(exp, jit_options=INLINED)
 def _exp(x):
     def polynomial(x):
         bounded = min(max(x, -708.0), 709.0)
@@ -52,7 +52,7 @@ def log(x):
     return math.log(x)
 
 
-@overload(log, jit_options=SCALAR_OPTIONS)
+@overload(log, jit_options=INLINED)
 def _log(x):
     def polynomial(x):
         bits = np.float64(x).view(np.int64)
@@ -76,7 +76,7 @@ def _log(x):
     return polynomial
 
 
-@scalar
+@inlined
 def power(base, exponent):
     """base^exponent of a base that is not negative; below 1e-300 it counts as that."""
     return exp(exponent * log(max(base, 1e-300)))
@@ -87,7 +87,7 @@ def erf(x):
     return math.erf(x)
 
 
-@overload(erf, jit_options=SCALAR_OPTIONS)
+@overload(erf, jit_options=INLINED)
 def _erf(x):
     # erfc = t exp(-x^2 + p(t)), t = 2/(2 + x), with a Chebyshev fit p of ln(erfcx/t)
     def polynomial(x):

@@ -3,18 +3,14 @@
     @kernel      a compiled function with loops over particles, kept in numba's cache on disk
     @exact       the same without fused products and sums: two such kernels with one formula give the same bits
     @reduction   the same for sums that are reported and change no trajectory: they may be reordered, to be vectorised
-    @inlined     a function of tuples that kernels call; it stays an ordinary Python function outside kernels
-    @scalar      the same of plain numbers, which compiles faster, and where numba drops the way of an `if part is
-                 None` that is not taken
+    @inlined     a function of numbers and tuples that kernels call; elsewhere it stays an ordinary Python function
 
-Inside kernels numba copies an inlined function into its caller before LLVM sees it: LLVM does not vectorise a loop
-that still contains calls, and inlines functions of tuples too late. Functions of numbers it inlines in time. Write
-x**0.5 rather than math.sqrt(x) in such loops, for the same reason, and take `exp`, `log` and `power` from
+LLVM vectorises a loop only if no call is left in it. It inlines an @inlined function before it looks for loops, however
+long the function is. Inside such a function an `if part is None` of an argument is decided when it is compiled. Write
+x**0.5 rather than math.sqrt(x) in such loops, which would be a call, and take `exp`, `log` and `power` from
 `parsolid.elementary`.
 """
 
-import os
-import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
@@ -22,39 +18,44 @@ from typing import Any
 import numpy as np
 from numba import config, njit
 from numba.core import event
-from numba.core.errors import NumbaIRAssumptionWarning
 from numba.extending import overload
 
 from parsolid import kernel_cache
 
 kernel_cache.set_up()
-# worth 1.25x on sweeps over pairs
-if "NUMBA_SLP_VECTORIZE" not in os.environ:
-    config.SLP_VECTORIZE = 1
-# numba doubts values of `a if condition else b` in functions that it has copied into others, without harm
-warnings.filterwarnings("ignore", category=NumbaIRAssumptionWarning)
-
 # "contract": fused multiply-adds and no other reordering, so that results are reproducible
 # error_model "numpy": no test for division by zero, whose branch would keep a loop from being vectorised
 kernel = njit(cache=True, fastmath={"contract"}, error_model="numpy")
 exact = njit(cache=True, error_model="numpy")
 reduction = njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
+INLINED = {"fastmath": {"contract"}, "error_model": "numpy", "forceinline": True}
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let kernels call a plain Python function, which numba copies into them."""
-    overload(function, inline="always", strict=False)(lambda *arguments: function)
+    """Let kernels call a plain Python function of numbers and tuples."""
+    overload(function, strict=False, jit_options=INLINED)(lambda *arguments: function)
     return function
 
 
-# LLVM inlines what has this mark before it vectorises, however long it is; functions of tuples it has spoilt by then
-SCALAR_OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy", "forceinline": True}
+class _StraightLineVectors(event.Listener):  # type: ignore[misc]
+    """Let LLVM make vectors of neighbouring operations in kernels, but not in inlined functions.
+
+    These vectors are worth 1.25 times the speed of sweeps over pairs. In an inlined function they keep its tuples
+    together and the loop that it is copied into from being vectorised, which costs a factor of two.
+    """
+
+    def __init__(self) -> None:
+        self._outer: list[int] = []
+
+    def on_start(self, event: Any) -> None:
+        self._outer.append(config.SLP_VECTORIZE)
+        config.SLP_VECTORIZE = int(not event.data["dispatcher"].targetoptions.get("forceinline", False))
+
+    def on_end(self, event: Any) -> None:
+        config.SLP_VECTORIZE = self._outer.pop()
 
 
-def scalar(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let kernels call a plain Python function of numbers that returns a number."""
-    overload(function, strict=False, jit_options=SCALAR_OPTIONS)(lambda *arguments: function)
-    return function
+event.register("numba:compile", _StraightLineVectors())
 
 
 def aligned_zeros(shape: int | tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:

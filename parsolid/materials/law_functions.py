@@ -21,6 +21,8 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
+from parsolid.kernels import INLINED
+
 
 class _Choices:
     """Implementations of one function: (names of what the law lacks, implementation) by the type of the law."""
@@ -81,7 +83,7 @@ def law_function(declaration: Callable[..., Any]) -> Any:
     def choose(law, *arguments):
         return choices.find(*_kind_of_type(law))
 
-    overload(function, strict=False, inline="always")(choose)
+    overload(function, strict=False, jit_options=INLINED)(choose)
 
     def of(*kinds: Any, lacking: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         def register(implementation: Callable[..., Any]) -> Callable[..., Any]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import kernel, scalar
+from parsolid.kernels import inlined, kernel
 
 # what `skin_use` finds
 SAFE, EXPIRES, LATE = 0, 1, 2
@@ -74,7 +74,7 @@ def body_bounds(position: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarr
     return result
 
 
-@scalar
+@inlined
 def _use(moved, faster, allowed, ahead):
     """What `skin_use` finds of one particle in one frame, by its squared displacement and relative speed."""
     # (p + q)^2 <= 2 p^2 + 2 q^2 spares most particles the roots

@@ -3,7 +3,7 @@
 from typing import Annotated, NamedTuple
 
 from parsolid.elementary import exp, log
-from parsolid.kernels import scalar
+from parsolid.kernels import inlined
 from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.failure.functions import damage_after
 from parsolid.tensors import contract_symmetric
@@ -32,7 +32,7 @@ class JohnsonCookDamage(NamedTuple):
     least_strain: Annotated[float, Parameter("1", "bound of the strain to fracture", above=0.0, default=1e-3)]
 
 
-@scalar
+@inlined
 def strain_to_fracture(criterion, triaxiality, rate, temperature, melting_temperature):
     """ef at a ratio of mean stress (tension positive) over von Mises stress, an equivalent plastic strain rate [1/s]
     and a temperature [K].

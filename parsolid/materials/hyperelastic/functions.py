@@ -14,7 +14,7 @@ F is the deformation gradient, nine numbers row by row, H its cofactor and J its
 arguments because some integrators advance them separately (Lee et al.); differences of the energy use F alone.
 """
 
-from parsolid.kernels import inlined, scalar
+from parsolid.kernels import inlined
 from parsolid.materials.law_functions import law_function
 from parsolid.tensors import IDENTITY, cofactor, determinant
 
@@ -73,13 +73,13 @@ def _shifted(F, c, by):
     )
 
 
-@scalar
+@inlined
 def energy_of(law, F):
     """Energy [J/m^3] of a deformation gradient alone."""
     return energy(law, F, cofactor(F), determinant(F))
 
 
-@scalar
+@inlined
 def _slope(law, F, c):
     """dW/dF_c by five points."""
     near = energy_of(law, _shifted(F, c, _STEP)) - energy_of(law, _shifted(F, c, -_STEP))
@@ -94,7 +94,7 @@ def stress_of_energy(law, F, H, J):
             _slope(law, F, 5), _slope(law, F, 6), _slope(law, F, 7), _slope(law, F, 8))  # fmt: skip
 
 
-@scalar
+@inlined
 def second_slope(law, F, c, d):
     """d2W/dF_c dF_d by central differences, within 1e-6 of the moduli."""
     both = energy_of(law, _shifted(_shifted(F, c, _STEP), d, _STEP))
@@ -104,7 +104,7 @@ def second_slope(law, F, c, d):
     return ((both - first) + (neither - second)) / (4.0 * _STEP * _STEP)
 
 
-@scalar
+@inlined
 def _trace_over_rows(law, F, K, L):
     """sum_i d2W/dF_iK dF_iL."""
     return second_slope(law, F, K, L) + second_slope(law, F, 3 + K, 3 + L) + second_slope(law, F, 6 + K, 6 + L)
@@ -139,7 +139,7 @@ def moduli_of_energy(law):
     return shear, normal - 2.0 * shear
 
 
-@scalar
+@inlined
 def _curvature(law, F, normal, shear):
     """d2W/de2 along dF_11 = normal de, dF_12 = shear de."""
     h = 4.0 * _STEP

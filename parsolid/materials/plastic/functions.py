@@ -8,7 +8,7 @@ reference volume; J = rho0/rho.
 
 import math
 
-from parsolid.kernels import scalar
+from parsolid.kernels import inlined
 from parsolid.materials.law_functions import law_function
 
 # below this equivalent plastic strain rate [1/s] a flow stress counts as rate-independent
@@ -59,20 +59,20 @@ def room_to_compress(eos, J):
     """Positive while the equation of state holds at J."""
 
 
-@scalar
+@inlined
 def specific_heat(law, temperature):
     """C_v [J/(kg K)] of an elastic-plastic law at a temperature [K]."""
     return law.specific_heat + law.specific_heat_slope * (temperature - law.reference_temperature)
 
 
-@scalar
+@inlined
 def temperature_rise(law, capacity, heat):
     """x [K] of int C dT = heat [J/m^3] from a temperature on where rho0 C_v is `capacity` [J/(m^3 K)]."""
     grows = law.density * law.specific_heat_slope
     return 2.0 * heat / (capacity + (capacity * capacity + 2.0 * grows * heat) ** 0.5)
 
 
-@scalar
+@inlined
 def wave_speed(law, J, pressure, shear_modulus):
     """c = sqrt((K_s + 4/3 mu)/rho) [m/s] of pressure waves at the Jacobian J, the pressure and the shear modulus [Pa].
 

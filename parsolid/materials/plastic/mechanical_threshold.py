@@ -5,7 +5,7 @@
 from typing import Annotated, NamedTuple
 
 from parsolid.elementary import exp, log, power
-from parsolid.kernels import inlined, scalar
+from parsolid.kernels import inlined
 from parsolid.materials.declaration import Parameter, law
 from parsolid.materials.plastic.functions import flow_stress
 
@@ -40,7 +40,7 @@ class MechanicalThreshold(NamedTuple):
     saturation_rate: Annotated[float, Parameter("1/s", "edot_s", above=0.0)]
 
 
-@scalar
+@inlined
 def _halley_step(logarithm, slope, c):
     """The next ln w towards ln sinh w - slope w = c."""
     w = exp(logarithm)
