@@ -199,7 +199,7 @@ def congruence(A, S):
 @inlined
 def largest_eigenvalue_bound(S):
     """m + sqrt(2/3) |dev S| with the mean eigenvalue m: no less than the largest eigenvalue, and cheap."""
-    mean = (S[0] + S[1] + S[2]) / 3.0
+    mean = (S[0] + S[1] + S[2]) * (1.0 / 3.0)
     d0, d1, d2 = S[0] - mean, S[1] - mean, S[2] - mean
     deviator = d0 * d0 + d1 * d1 + d2 * d2 + 2.0 * (S[3] * S[3] + S[4] * S[4] + S[5] * S[5])
     return mean + (deviator * (2.0 / 3.0)) ** 0.5

@@ -120,27 +120,31 @@ def _energy(law, F, H, J):
 @stress.of(MooneyRivlin, lacking="zeta")
 def _neo_hookean_stress(law, F, H, J):
     # (A.1): P = Sigma_F + Sigma_J H
-    return combine(2.0 * law.xi, F, law.lambda_hat * (J - 1.0) - 2.0 * law.xi / J, H)
+    r = 1.0 / J
+    return combine(2.0 * law.xi, F, law.lambda_hat * (J - 1.0) - 2.0 * law.xi * r, H)
 
 
 @stress.of(MooneyRivlin)
 def _stress(law, F, H, J):
     # (A.1): P = Sigma_F + Sigma_H x F + Sigma_J H, Sigma_H = 2 zeta H
-    sigma_J = law.lambda_hat * (J - 1.0) - 2.0 * (law.xi + 2.0 * law.zeta) / J
+    r = 1.0 / J
+    sigma_J = law.lambda_hat * (J - 1.0) - 2.0 * (law.xi + 2.0 * law.zeta) * r
     return combine(1.0, combine(2.0 * law.xi, F, sigma_J, H), 2.0 * law.zeta, cross(H, F))
 
 
 @pressure_waves.of(MooneyRivlin, lacking="zeta")
 def _neo_hookean_pressure_waves(law, F, H, J):
     # (56), exact for every N: 2 xi + f'' Lambda_H^2
-    return add_spherical(times_symmetric(law.lambda_hat + 2.0 * law.xi / (J * J), gram(H)), 2.0 * law.xi)
+    r = 1.0 / J
+    return add_spherical(times_symmetric(law.lambda_hat + 2.0 * law.xi * (r * r), gram(H)), 2.0 * law.xi)
 
 
 @pressure_waves.of(MooneyRivlin)
 def _pressure_waves(law, F, H, J):
     # (56), exact for every N: 2 xi + 2 zeta Lambda_T^2 + f'' Lambda_H^2. With C = F^T F the normal component of
     # tr C 1 - C is Lambda_T^2, the sum of squares of the principal stretches of the surface normal to N
-    curvature, C = law.lambda_hat + 2.0 * (law.xi + 2.0 * law.zeta) / (J * J), gram(F)
+    r = 1.0 / J
+    curvature, C = law.lambda_hat + 2.0 * (law.xi + 2.0 * law.zeta) * (r * r), gram(F)
     waves = combine_symmetric(curvature, gram(H), -2.0 * law.zeta, C)
     return add_spherical(waves, 2.0 * law.xi + 2.0 * law.zeta * (C[0] + C[1] + C[2]))
 

@@ -48,7 +48,9 @@ def _sum_of_moduli(branch_moduli):
 @inlined
 def branch_stress(total_modulus, branch_sum, F, H, J):
     """First Piola-Kirchhoff stress [Pa] of all branches: F branch_sum - total_modulus/J H (A.1)."""
-    return combine(1.0, matmul(F, general(branch_sum)), -total_modulus / J, H)
+    # divisions by the same number are made once
+    r = 1.0 / J
+    return combine(1.0, matmul(F, general(branch_sum)), -total_modulus * r, H)
 
 
 @inlined
@@ -57,7 +59,8 @@ def branch_waves(total_modulus, branch_sum, H, J):
 
     The shear wave tensor is increased by branch_sum alone.
     """
-    return combine_symmetric(1.0, branch_sum, total_modulus / (J * J), gram(H))
+    r = 1.0 / J
+    return combine_symmetric(1.0, branch_sum, total_modulus * (r * r), gram(H))
 
 
 @inlined

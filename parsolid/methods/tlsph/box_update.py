@@ -7,12 +7,14 @@ from parsolid.kernels import kernel
 from parsolid.methods.tlsph.list_update import add_initial_stress, load_start, store_deformation
 from parsolid.methods.tlsph.point_update import (
     TILE,
+    clear_sums,
+    deform_tile,
     largest_modulus,
     load,
+    relax_branch,
     relax_over_step,
     stage_tile,
     store,
-    update_tile,
     waves_tile,
 )
 from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
@@ -51,6 +53,10 @@ def advance_box(
         places.tensor, places.symmetric, tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
     )  # fmt: skip
     signal, lost, stress = tiles.signal, tiles.lost, tiles.initial
+    moduli, times, weights, losses = branches.moduli, branches.times, branches.weights, branches.losses
+    total, third = 0.0, 0.0 if d == 2 else 1.0
+    for k in range(moduli.size):
+        total += moduli[k]
     if d == 2:
         tile_G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
@@ -61,10 +67,17 @@ def advance_box(
             copy_in(tile_F, tensor, gradient, row, n)
             if A is not None:
                 copy_branches_in(A, symmetric, field_A, row, n)
-            update_tile(
-                law, step, d == 2, signals, branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
-                signal, lost,
-            )  # fmt: skip
+                clear_sums(branch_sum, lost)
+                for k in range(moduli.size):
+                    relax_branch(
+                        moduli[k], times[k], (weights[k, 0], weights[k, 1], weights[k, 2]),
+                        (losses[k, 0], losses[k, 1], losses[k, 2]), step, tile_F, tile_G,
+                        A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost,
+                    )  # fmt: skip
+            # not `update_tile`: functions that call others count references of their arrays, once a tile
+            deform_tile(
+                law, step, total, third, signals, tile_F, tile_G, branch_sum, None, tile_J, tile_P, tile_Z, signal
+            )
             if initial is not None:
                 copy_in(stress, tensor, initial, row, n)
                 add_initial_stress(tile_F, stress, tile_P)
@@ -79,13 +92,13 @@ def advance_box(
             copy(jacobian[row : row + n], tile_J[:n])
             take_extremes(tile_J[:n], signal[:n], least, most)
             row += n
-    sound, total, greatest = True, 0.0, 0.0
+    sound, lost_energy, greatest = True, 0.0, 0.0
     for p in range(TILE):
         sound = sound and least[p] > 0.0
-        total += dissipated[p]
+        lost_energy += dissipated[p]
         # max gives its second argument where either is not a number
         greatest = max(greatest, most[p])
-    return sound, total, greatest
+    return sound, lost_energy, greatest
 
 
 @kernel

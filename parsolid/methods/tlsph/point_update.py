@@ -105,11 +105,9 @@ def mean_impedance(density, Q):
 
 
 @kernel
-def relax_branch(k, branches, step, F, G, A, branch_sum, lost):
-    """Relax A of branch k of a tile over a step [s] in which F grows by step G; add its share to branch_sum (mu A) and
-    what it dissipates [J/m^3] to lost."""
-    modulus, time, w, r = branches.moduli[k], branches.times[k], branches.weights[k], branches.losses[k]
-    weights, rates = (w[0], w[1], w[2]), (r[0], r[1], r[2])
+def relax_branch(modulus, time, weights, rates, step, F, G, A, branch_sum, lost):
+    """Relax A of a branch of a tile over a step [s] in which F grows by step G; add its share to branch_sum (mu A) and
+    what it dissipates [J/m^3] to lost. weights, rates: its rows of `Branches`."""
     for p in range(TILE):
         F_old = load(F, p)
         C_old, C = gram(F_old), gram(combine(1.0, F_old, step, load(G, p)))
@@ -118,6 +116,60 @@ def relax_branch(k, branches, step, F, G, A, branch_sum, lost):
         store_symmetric(A, p, A_new)
         store_symmetric(branch_sum, p, combine_symmetric(1.0, load_symmetric(branch_sum, p), modulus, A_new))
         lost[p] += relaxation_loss(modulus, time, rates, C_old, C_old_inverse, A_old, C, C_inverse, A_new)
+
+
+@kernel
+def clear_sums(branch_sum, lost):
+    """Set what `relax_branch` adds to, to 0."""
+    for p in range(branch_sum.size):
+        branch_sum[p] = 0.0
+    for p in range(lost.size):
+        lost[p] = 0.0
+
+
+@kernel
+def relax_tile(branches, step, F, G, A, branch_sum, lost):
+    """`relax_branch` of all branches; the sum of their moduli [Pa]."""
+    moduli, times, weights, losses = branches.moduli, branches.times, branches.weights, branches.losses
+    total = 0.0
+    clear_sums(branch_sum, lost)
+    for k in range(moduli.size):
+        of_branch = (weights[k, 0], weights[k, 1], weights[k, 2]), (losses[k, 0], losses[k, 1], losses[k, 2])
+        A_k = A[6 * TILE * k : 6 * TILE * (k + 1)]
+        relax_branch(moduli[k], times[k], of_branch[0], of_branch[1], step, F, G, A_k, branch_sum, lost)
+        total += moduli[k]
+    return total
+
+
+@kernel
+def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal):
+    """F after a step, and what follows from it, see `update_tile`. total, branch_sum: of the branches, branch_sum None
+    without; third: 0 in plane strain, else 1."""
+    p1, s1, p2, s2, p3, s3 = signals
+    for p in range(TILE):
+        F_new = combine(1.0, load(F, p), step, load(G, p))
+        H = cofactor(F_new)
+        J_new = F_new[0] * H[0] + F_new[1] * H[1] + F_new[2] * H[2]
+        P_new = stress(law, F_new, H, J_new)
+        fast, slow = pressure_waves(law, F_new, H, J_new), shear_waves(law, F_new)
+        if branch_sum is not None:
+            S = load_symmetric(branch_sum, p)
+            P_new = plus(P_new, branch_stress(total, S, F_new, H, J_new))
+            fast, slow = plus_symmetric(fast, branch_waves(total, S, H, J_new)), plus_symmetric(slow, S)
+        store(F, p, F_new)
+        store(P, p, P_new)
+        J[p] = J_new
+        fast, slow = in_directions(third, fast), in_directions(third, slow)
+        c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
+        signal[p] = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
+        if push is not None:
+            # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
+            fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
+            fast, slow = in_directions(third, fast), in_directions(third, slow)
+        impedance[p], impedance[TILE + p] = (
+            0.5 * mean_impedance(law.density, fast),
+            0.5 * mean_impedance(law.density, slow),
+        )
 
 
 @kernel
@@ -136,39 +188,10 @@ def update_tile(
     """
     total = 0.0
     if A is not None:
-        for p in range(6 * TILE):
-            branch_sum[p] = 0.0
-        for p in range(TILE):
-            lost[p] = 0.0
-        for k in range(branches.moduli.size):
-            relax_branch(k, branches, step, F, G, A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost)
-            total += branches.moduli[k]
-    p1, s1, p2, s2, p3, s3 = signals
+        total = relax_tile(branches, step, F, G, A, branch_sum, lost)
     third = 0.0 if plane else 1.0
-    for p in range(TILE):
-        F_new = combine(1.0, load(F, p), step, load(G, p))
-        H = cofactor(F_new)
-        J_new = F_new[0] * H[0] + F_new[1] * H[1] + F_new[2] * H[2]
-        P_new = stress(law, F_new, H, J_new)
-        fast, slow = pressure_waves(law, F_new, H, J_new), shear_waves(law, F_new)
-        if A is not None:
-            S = load_symmetric(branch_sum, p)
-            P_new = plus(P_new, branch_stress(total, S, F_new, H, J_new))
-            fast, slow = plus_symmetric(fast, branch_waves(total, S, H, J_new)), plus_symmetric(slow, S)
-        store(F, p, F_new)
-        store(P, p, P_new)
-        J[p] = J_new
-        fast, slow = in_directions(third, fast), in_directions(third, slow)
-        c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
-        signal[p] = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
-        if push is not None:
-            # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
-            fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
-            fast, slow = in_directions(third, fast), in_directions(third, slow)
-        impedance[p], impedance[TILE + p] = (
-            0.5 * mean_impedance(law.density, fast),
-            0.5 * mean_impedance(law.density, slow),
-        )
+    # a function of its own: LLVM makes twice as fast a loop of it
+    deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal)
 
 
 @kernel
