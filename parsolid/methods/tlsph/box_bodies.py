@@ -7,7 +7,7 @@ import numpy as np
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.box_update import advance_box, advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
-from parsolid.pairs.box_sweeps import BoxOnRank, BoxSweeps, copy_from_box
+from parsolid.pairs.box_sweeps import BoxOnRank, BoxSweeps
 from parsolid.pairs.box_weights import REACH, axis_tables
 from parsolid.solvers.runge_kutta import Stage
 
@@ -32,7 +32,9 @@ class BoxBodies:
             ]
             first = blocks[one.body].first if one.body in blocks else 0
             boxes.append(BoxOnRank(nodes, parts, tables, first))
-        self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, staged, dissipation > 0.0)
+        # stresses of edges change before their forces are found
+        in_turn = not staged and not any(len(one.clamp_edges) for one in bodies)
+        self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, staged, dissipation > 0.0, in_turn)
         self.parts = [(box, blocks[one.body]) for one, box in zip(bodies, self.sweeps.boxes) if box is not None]
         self.blocks = [block for _, block in self.parts]
         self._edges = self._edges_of(bodies)
@@ -44,7 +46,7 @@ class BoxBodies:
         for one, box in zip(bodies, self.sweeps.boxes):
             if box is not None:
                 plane, node = np.divmod(one.clamp_edges - box.first, box.last_node - box.first_node)
-                found.append(box.start + (plane + box.first_plane) * box.nodes + box.first_node + node)
+                found.append(box.window_start + (plane + box.first_plane) * box.nodes + box.first_node + node)
         return np.concatenate(found)
 
     def advance_step(self, step: float) -> tuple[bool, float, float]:
@@ -54,11 +56,12 @@ class BoxBodies:
         sweeps.exchange_motion(stored("velocity"), stored("position"))
         sound, dissipated, stable = True, 0.0, np.inf
         initial = stored("initial_stress") if "initial_stress" in self.particles else None
+        forces = (stored("stress_force"), stored("dissipative_force")) if sweeps.in_turn else (None, None)
         for box, block in self.parts:
             positive, lost, signal = advance_box(
-                box, block.solid, step, self.dimension, leapfrog.signals, block.branches(step), block.places, sweeps.v,
+                box, sweeps.scratch(box), block.solid, step, self.dimension, leapfrog.signals, block.branches(step), block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
+                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
             stable = min(stable, leapfrog.step_of(block.law.density, signal))
@@ -78,7 +81,7 @@ class BoxBodies:
         (F, H, J), (F0, H0, J0) = fields, at_start
         for box, block in self.parts:
             positive, rate, modulus = advance_box_stage(
-                box, block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
+                box, sweeps.scratch(box), block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
                 block.branches_at_stage(stage.time, step), block.places, sweeps.v,
                 F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
@@ -95,7 +98,9 @@ class BoxBodies:
                 scale_places(self._edges, self._left, self.sweeps.Z)
 
     def find_forces(self) -> None:
-        """T and D [N] in the fields stress_force and dissipative_force."""
+        """T and D [N] in the fields stress_force and dissipative_force, where `advance_step` has not found them."""
+        if self.sweeps.in_turn:
+            return
         self.sweeps.exchange_stress()
         self.sweeps.divergence(self.particles.storage("stress_force"), self.particles.storage("dissipative_force"))
 
@@ -105,12 +110,11 @@ class BoxBodies:
         displacement = np.zeros_like(stored("velocity"))
         displacement[:, : self.particles.owned] = (of("position") - of("reference_position")).T
         self.sweeps.exchange_motion(displacement, stored("position"))
-        self.sweeps.gradient()
-        field = np.zeros((self.dimension**2, self.particles.owned))
+        gradient = self.sweeps.gradient()
         for box, block in self.parts:
-            copy_from_box(box, self.sweeps.G, field)
-            rows = slice(block.first, block.last)
-            result[rows] = field[:, rows].T.reshape(-1, self.dimension, self.dimension)
+            planes = gradient[:, box.start : box.start + box.planes * box.nodes].reshape(-1, box.planes, box.nodes)
+            own = planes[:, box.first_plane : box.last_plane, box.first_node : box.last_node]
+            result[block.first : block.last] = own.reshape(len(own), -1).T.reshape(-1, self.dimension, self.dimension)
 
     @property
     def ghosts(self) -> int:

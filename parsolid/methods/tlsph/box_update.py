@@ -18,7 +18,8 @@ from parsolid.methods.tlsph.point_update import (
     waves_tile,
 )
 from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
-from parsolid.pairs.box_sweeps import copy, gradient_in_plane
+from parsolid.pairs.box_planes import copy, forces_in_plane, gradient_in_plane, place_in_window
+from parsolid.pairs.box_weights import REACH
 
 
 @kernel
@@ -38,15 +39,17 @@ def add_products(total, a, b):
 
 @kernel
 def advance_box(
-    box, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
-    tiles, A, branch_sum,
+    box, scratch, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
+    tiles, A, branch_sum, x, force, dissipation,
 ):  # fmt: skip
     """Leapfrog: state of the nodes of a box after a step [s] with their velocity gradients in its middle.
 
     Fields (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,)
-    [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. Otherwise as
-    in `list_update.advance_step`, as is what is returned.
+    [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. force,
+    dissipation: fields of `forces_in_plane`, which are filled while stresses are in the cache; None where planes of
+    other ranks are needed first. Otherwise as in `list_update.advance_step`, as is what is returned.
     """
+    values = scratch.values
     row, least, most, dissipated = box.first, np.ones(TILE), np.zeros(TILE), np.zeros(TILE)
     # out of their tuples once: each time costs a count of references
     tensor, symmetric, tile_F, tile_G, tile_P, tile_J, tile_Z = (
@@ -60,9 +63,10 @@ def advance_box(
     if d == 2:
         tile_G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
-        gradient_in_plane(box, i, v, G)
+        plane = place_in_window(box, i)
+        gradient_in_plane(box, i, v, values, G, plane + box.first_node)
         for a in range(box.first_node, box.last_node, TILE):
-            n, place = min(TILE, box.last_node - a), box.start + i * box.nodes + a
+            n, place = min(TILE, box.last_node - a), plane + a
             copy_in(tile_G, tensor, G, place, n)
             copy_in(tile_F, tensor, gradient, row, n)
             if A is not None:
@@ -92,6 +96,11 @@ def advance_box(
             copy(jacobian[row : row + n], tile_J[:n])
             take_extremes(tile_J[:n], signal[:n], least, most)
             row += n
+        if force is not None and i >= REACH:
+            forces_in_plane(box, scratch, i - REACH, P, v, x, G, Z, None, force, dissipation)
+    if force is not None:
+        for i in range(max(0, box.last_plane - REACH), box.last_plane):
+            forces_in_plane(box, scratch, i, P, v, x, G, Z, None, force, dissipation)
     sound, lost_energy, greatest = True, 0.0, 0.0
     for p in range(TILE):
         sound = sound and least[p] > 0.0
@@ -103,7 +112,7 @@ def advance_box(
 
 @kernel
 def advance_box_stage(
-    box, law, keep, take, step, at_start, at_end, d, branches, places,
+    box, scratch, law, keep, take, step, at_start, at_end, d, branches, places,
     v, gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
     volume, initial, G, P, Z, tiles, A, branch_sum,
 ):  # fmt: skip
@@ -111,6 +120,7 @@ def advance_box_stage(
     `list_update.advance_stage`. Z (2 d, places): halves of the density times the moduli of pressure and shear waves
     along each axis."""
     sound, rate, largest, row = True, 0.0, 0.0, box.first
+    values = scratch.values
     tensor, symmetric, tile_F, tile_H, tile_J, F_start, H_start, J_start = (
         places.tensor, places.symmetric, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start
     )  # fmt: skip
@@ -119,9 +129,10 @@ def advance_box_stage(
     if d == 2:
         tile_G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
-        gradient_in_plane(box, i, v, G)
+        plane = place_in_window(box, i)
+        gradient_in_plane(box, i, v, values, G, plane + box.first_node)
         for a in range(box.first_node, box.last_node, TILE):
-            n, place = min(TILE, box.last_node - a), box.start + i * box.nodes + a
+            n, place = min(TILE, box.last_node - a), plane + a
             copy_in(tile_G, tensor, G, place, n)
             load_deformation(tile_F, tile_H, tile_J, tensor, gradient, cofactors, jacobian, row, n)
             if at_start:

@@ -1,4 +1,4 @@
-"""Deformation, stress and wave speeds of single particles, on tiles of 32.
+"""Deformation, stress and wave speeds of single particles, on tiles of 128.
 
 A tile holds the tensors of TILE particles in flat arrays: component c of particle p stands at c * TILE + p, general
 tensors with nine components, symmetric ones with six (`parsolid.tensors`). Flat tiles stay in the first-level cache,
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import inlined, kernel
+from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.materials.hyperelastic.functions import pressure_waves, shear_waves, stress
 from parsolid.materials.viscoelastic.maxwell import (
     branch_dissipation,
@@ -38,7 +38,7 @@ from parsolid.tensors import (
     plus_symmetric,
 )
 
-TILE = 32
+TILE = 128
 
 
 class Branches(NamedTuple):
@@ -86,7 +86,7 @@ def store_symmetric(t, p, S):
 def make_tile(components: int) -> np.ndarray:
     """A tile of tensors that are 1 (nine or six components), or of numbers that are 1."""
     diagonal = {9: (0, 4, 8), 6: (0, 1, 2)}.get(components, range(components))
-    tile = np.zeros((components, TILE))
+    tile = aligned_zeros((components, TILE))
     tile[list(diagonal)] = 1.0
     return tile.ravel()
 

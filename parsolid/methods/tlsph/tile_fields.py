@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import kernel
+from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import energy
 from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.methods.tlsph.point_update import (
@@ -73,7 +73,11 @@ def make_tiles() -> Tiles:
 
 def make_branch_tiles(branches: int) -> tuple[Any, Any]:
     """A of all branches and their sum, None without branches."""
-    return (np.tile(make_tile(6), branches), make_tile(6)) if branches else (None, None)
+    if not branches:
+        return None, None
+    tiles = aligned_zeros((branches, 6 * TILE))
+    tiles[:] = make_tile(6)
+    return tiles.ravel(), make_tile(6)
 
 
 @kernel
