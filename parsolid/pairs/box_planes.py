@@ -135,7 +135,12 @@ def differences_within(n, values, first, stride, weights, k, node, out, componen
     w0, w1, w2, w3 = weights[k, 0, node:end], weights[k, 1, node:end], weights[k, 2, node:end], weights[k, 3, node:end]
     w4, w5, w6 = weights[k, 4, node:end], weights[k, 5, node:end], weights[k, 6, node:end]
     f0, f1, f2, f3 = values[p0 : p0 + n], values[p1 : p1 + n], values[p2 : p2 + n], values[first : first + n]
-    f4, f5, f6, result = values[p4 : p4 + n], values[p5 : p5 + n], values[p6 : p6 + n], out[component, place : place + n]
+    f4, f5, f6, result = (
+        values[p4 : p4 + n],
+        values[p5 : p5 + n],
+        values[p6 : p6 + n],
+        out[component, place : place + n],
+    )
     for p in range(n):
         total = w0[p] * f0[p] + w1[p] * f1[p] + w2[p] * f2[p] + w3[p] * f3[p]
         total = total + w4[p] * f4[p] + w5[p] * f5[p] + w6[p] * f6[p]
