@@ -4,10 +4,10 @@ A rank has a part of a box (`decomposition.boxes`): planes of nodes across the s
 nodes follow one another in rows. Two planes, and two rows in every plane, beyond each side where other ranks go on hold
 their nodes as ghosts. Inner loops run over the nodes of a plane, which LLVM vectorises.
 
-Arrays have one row a component: component d c + J of a tensor A in d dimensions is A_cJ. Velocity v [m/s] and position x
-[m] have all planes. Velocity gradient G [1/s], first Piola-Kirchhoff stress P [Pa] and half impedances Z [Pa s/m] have
-a window of planes, which all of them share in turn, so that they stay in the cache where a step goes from plane to
-plane; where other ranks go on the window is as large as the box.
+Arrays have one row a component: component d c + J of a tensor A in d dimensions is A_cJ. Velocity v [m/s] and position
+x [m] have all planes. Velocity gradient G [1/s], first Piola-Kirchhoff stress P [Pa] and half impedances Z [Pa s/m]
+have a window of so many planes as the forces of one plane need, which the planes take in turn: a step goes from plane
+to plane, and the window stays in the cache. Where other ranks have planes of a box the window is all of it.
 
 The dissipation is that of the acoustic Riemann problem between nearest neighbours along the axes (Lee et al., eqs (74),
 (75)): with the jump u of the velocities, less what both gradients explain of it, and n along x_b - x_a the flux from b
@@ -28,10 +28,11 @@ WINDOW = 2 * REACH + 1
 class Box(NamedTuple):
     """This rank's part of a box as kernels take it; memory axes 0, 1 (and 2 in space), the slowest first.
 
-    first: row of its first node in the fields; start: place of its first node in v and x; window: planes of G, P and Z,
-    window_start: place of the first of them; planes, nodes: how many planes there are and how many nodes a plane, with
-    ghosts; row: nodes along the fastest axis of space, 1 in the plane; first_plane, last_plane, first_node, last_node:
-    own planes and nodes of a plane, the last ones excluded. axes: the axis in space of each memory axis.
+    first: row of its first node in the fields; start: place of its first node in v and x; window: how many planes G, P
+    and Z have, window_start: place of the first of them; planes, nodes: how many planes the box has and how many nodes
+    a plane, with ghosts; row: nodes along the fastest axis of space, 1 in the plane; first_plane, last_plane,
+    first_node, last_node: own planes and nodes of a plane, the last ones excluded; axes: the axis in space of each
+    memory axis.
 
     Tables as in `box_weights.AxisTables`, those of axis 0 by plane, the others by node of a plane: gradient, divergence
     (2, 7, n), jump (2, 2, n), half_step (n,). length (planes,) [m], area (nodes,) [m^2]: their product is the volume of
@@ -90,7 +91,7 @@ def plane_scratch(box: Box, d: int) -> PlaneScratch:
 
 @kernel
 def place_in_window(box, i):
-    """Place of plane i in G, P and Z."""
+    """Place of the first node of plane i in G, P and Z."""
     return box.window_start + (i % box.window) * box.nodes
 
 
@@ -364,8 +365,8 @@ def dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissip
 
 @kernel
 def forces_in_plane(box, scratch, i, P, v, x, G, Z, directional, force, dissipation):
-    """Forces V Div P and V D [N] of the own nodes of plane i, into their rows of the fields (d, n); the planes must come
-    in turn. Z: None without dissipation; directional: see `flux_in_space`."""
+    """Forces V Div P and V D [N] of the own nodes of plane i into their rows of the fields (d, n); planes come in turn.
+    Z: None without dissipation; directional: see `flux_in_space`."""
     stress_forces_in_plane(box, i, P, scratch.values, scratch.sums, force)
     if Z is not None:
         dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissipation)

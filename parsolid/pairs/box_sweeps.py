@@ -42,9 +42,10 @@ class BoxOnRank(NamedTuple):
 class BoxSweeps:
     """Sweeps over all boxes of this rank, with the arrays and messages that they need.
 
-    boxes: `Box` of each box of the scene, None where this rank has no part of it. v, x, G, P, Z: box arrays; without
-    ghosts on this rank v and x are the fields of the particles themselves, else copies with ghosts (a copy of both
-    takes 2 to 3 % of a step, ghosts within fields would make the particles of a rank no contiguous range).
+    boxes: `Box` of each box of the scene, None where this rank has no part of it. v, x, G, P, Z: arrays of
+    `box_planes`; without ghosts on this rank v and x are the fields of the particles themselves, else copies with
+    ghosts (a copy of both takes 2 to 3 % of a step, ghosts within fields would make the particles of a rank no
+    contiguous range). in_turn: whether G, P and Z have only a window of planes, in which all boxes take turns.
     """
 
     def __init__(
@@ -162,7 +163,8 @@ def _aligned(table: np.ndarray) -> np.ndarray:
 
 
 def _box_of(one: BoxOnRank, part: np.ndarray, bound: np.ndarray) -> Box:
-    """Whose places in arrays are still to be set; part, bound (2, d): first nodes and those after the last, without and with ghosts."""
+    """Its places in arrays are still to be set. part, bound (2, d): first nodes and those after the last, without and
+    with ghosts."""
     axes, (first, last), (low, high) = one.nodes.axes, part - bound[0], bound
     count = high - low
     row = int(count[2]) if len(axes) > 2 else 1

@@ -61,7 +61,8 @@ class BoxBodies:
         forces = (stored("stress_force"), stored("dissipative_force")) if sweeps.in_turn else (None, None)
         for box, block in self.parts:
             positive, lost, signal = advance_box(
-                box, sweeps.scratch(box), block.solid, step, self.dimension, leapfrog.signals, block.branches(step), block.places, sweeps.v,
+                box, sweeps.scratch(box), block.solid, step, self.dimension, leapfrog.signals, block.branches(step),
+                block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces,
             )  # fmt: skip
@@ -83,7 +84,8 @@ class BoxBodies:
         (F, H, J), (F0, H0, J0) = fields, at_start
         for box, block in self.parts:
             positive, rate, modulus = advance_box_stage(
-                box, sweeps.scratch(box), block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
+                box, sweeps.scratch(box), block.solid, stage.keep, stage.take, step, stage.first, stage.last,
+                self.dimension,
                 block.branches_at_stage(stage.time, step), block.places, sweeps.v,
                 F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
