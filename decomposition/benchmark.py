@@ -81,7 +81,7 @@ def main() -> None:
     owner = report("bisect", lambda: bisect(comm, points))
     points = report("migrate", lambda: migrate(comm, owner, {"points": points})["points"])
     points = points[report("order_along_cells", lambda: order_along_cells(points, _REACH))]
-    halo = report("Halo.plan", lambda: Halo.plan(comm, points, _REACH))
+    halo = report("Halo.plan", lambda: Halo(comm, points, _REACH))
     everywhere = np.concatenate((points, halo.ghost_positions()))
     start, neighbour = report("half_pairs", lambda: half_pairs(everywhere, halo.owned, _REACH))
     search, radius = ClosePairs(), np.full(len(everywhere), 0.5 * _REACH)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from .talking import TALKING
+from .timer import COMMUNICATION
 
 # beyond those of `decomposition.exchange`
 _TAGS = 1 << 15 - 1
@@ -241,7 +241,7 @@ class GhostExchange:
     def start(self) -> None:
         """Send what this rank's nodes hold now."""
         if self._requests:
-            with TALKING:
+            with COMMUNICATION:
                 for buffer, view in self._sent:
                     buffer[...] = view
                 MPI.Prequest.Startall(self._requests)
@@ -249,7 +249,7 @@ class GhostExchange:
     def finish(self) -> None:
         """Wait for the ghosts."""
         if self._requests:
-            with TALKING:
+            with COMMUNICATION:
                 MPI.Prequest.Waitall(self._requests)
                 for view, buffer in self._received:
                     view[...] = buffer

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.close_pairs import ClosePairs
 from decomposition.halo import Halo
+from decomposition.pair_search import ClosePairs
 from parsolid.collective import maximum, raise_together
 from parsolid.contact.kernel import norm, over_planes, shape
 from parsolid.contact.list_kernels import add_colours, add_images
@@ -68,7 +68,7 @@ def own_colours(comm: Any, system: ParticleSystem, local: int, side: Side) -> tu
     read = system.particles.owned_rows
     rows = np.flatnonzero(read("body") == local)
     place = np.ascontiguousarray(read("reference_position")[rows])
-    halo = Halo.plan(comm, place, side.reach * (1.0 + 1e-9))
+    halo = Halo(comm, place, side.reach * (1.0 + 1e-9))
     whole = halo.with_ghosts(place)
     volume = halo.with_ghosts(np.ascontiguousarray(read("volume")[rows] / shares_of(system, rows, side)))
     d, inverse = place.shape[1], 1.0 / side.reach

@@ -229,7 +229,7 @@ class KernelContact(Interaction):
         self.friction = np.repeat([side.friction for side in sides], [one.last - one.first for one in entries.segments])
         self.longest = np.repeat([side.longest for side in sides], [one.last - one.first for one in entries.segments])
         self.matter = passes.Matter(self.place, entries.volume, entries.share, entries.constants)
-        self.first, self.second = map(entries.halo.exchange, ([self.place, self.moved], [self.record]))
+        self.first, self.second = entries.halo.forward(self.place, self.moved), entries.halo.forward(self.record)
         self.recipients = [Recipient(system, i, entries) for i, system in enumerate(self.systems)]
 
     def _constants(self, segments: list[Segment], volume: np.ndarray) -> np.ndarray:

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from decomposition.close_pairs import ClosePairs
 from decomposition.halo import Halo
+from decomposition.pair_search import ClosePairs
 from parsolid.contact import passes
 from parsolid.contact.boxes import Boxes
 from parsolid.contact.list_kernels import directed, sort_rows
@@ -58,7 +58,7 @@ class Entries:
         reach = float((2.0 * self.half[boxes.near]).max(initial=0.0))
         if not reach > 0.0:
             reach = 1.0
-        halo = Halo.plan(self.comm, place, reach * _HAIR)
+        halo = Halo(self.comm, place, reach * _HAIR)
         whole, volume = halo.with_ghosts(place), self.gathered("volume") / self.share
         self.constants = law(self.segments, volume)
         volume = halo.with_ghosts(volume)
@@ -91,7 +91,7 @@ class Entries:
         used[row[keep]] = used[neighbour] = True
         number = (np.cumsum(used) - 1).astype(np.int32)
         mine = used[: self.owned]
-        self.halo = halo.keep(used[self.owned :], mine)
+        self.halo = halo.subset(used[self.owned :], mine)
         neighbour, code, start = number[neighbour], code[keep], start[np.append(mine, True)]
         sort_rows(start, neighbour, code, particle[used])
         self.volume, self.share, self.constants = volume[used], self.share[mine], self.constants[mine]

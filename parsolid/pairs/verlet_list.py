@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from decomposition.cells import checked_bounds
-from decomposition.close_pairs import ClosePairs, strips_of
+from decomposition.bisection import bisect
 from decomposition.halo import Halo
 from decomposition.measured_load import MeasuredLoad
 from decomposition.migration import migrate
-from decomposition.partition import bisect
+from decomposition.pair_search import ClosePairs, checked_bounds, strips_of
 from parsolid.collective import maximum, raise_together
 from parsolid.pairs.candidates import coincident, images_near
 from parsolid.pairs.displacement import LATE, Allowance, body_bounds, body_motions, skin_use
@@ -217,7 +216,7 @@ class VerletList:
         """Ghosts and pairs of the listed positions; collective."""
         particles = self.particles
         points = np.ascontiguousarray(particles.owned_rows("listed_position"))
-        self.halo = Halo.plan(self.comm, points, self.reach * _HAIR)
+        self.halo = Halo(self.comm, points, self.reach * _HAIR)
         particles.attach(self.halo)
         half_reach = 0.5 * self.support * (1.0 + self.skin) * particles.owned_rows("smoothing_length")
         whole = self.halo.with_ghosts(np.column_stack((points, half_reach, particles.owned_rows("body"))))

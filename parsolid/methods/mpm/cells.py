@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from decomposition.cell_partition import CellPartition
+from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
 from decomposition.measured_load import MeasuredLoad
 from parsolid.methods.mpm.points import MaterialPoints
@@ -44,7 +44,7 @@ class CellMigration:
         self.keeps_rows = self.grid.comm.size > 1
         self.grid.slack = math.ceil(_PERIOD * min(self.settings.cfl, 1.0)) + 1 if self.keeps_rows else 0
 
-    def deal_out(self, partition: CellPartition | None = None, shares: np.ndarray | None = None) -> bool:
+    def deal_out(self, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
         """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
 
         False where a particle is lost, see `RankGrid.settle`.

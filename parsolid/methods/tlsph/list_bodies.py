@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.talking import TALKING
 from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
 from parsolid.methods.tlsph.list_update import advance_stage, advance_step
@@ -68,8 +67,8 @@ class ListBodies:
         self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
         told = [self.record if self.waves else self.record[:, : at.gradient]]
         told += [one for one in (self.fast, self.slow) if one is not None]
-        self._motion = near.halo.exchange([self.motion[:, : at.reference]])
-        self._record = near.halo.exchange(told)
+        self._motion = near.halo.forward(self.motion[:, : at.reference])
+        self._record = near.halo.forward(*told)
         self._exchanges = [self._motion, self._record]
         return correction
 
@@ -145,11 +144,9 @@ class ListBodies:
     def find_forces(self) -> None:
         """T and D [N] of the records, in the fields stress_force and dissipative_force."""
         near, at, stored = self.near, self.columns, self.particles.storage
-        with TALKING:
-            self._record.start()
+        self._record.start()
         self._sweep_forces(near.inner)
-        with TALKING:
-            self._record.finish()
+        self._record.finish()
         if len(near.images.source):
             mirror_records(near.local, near.images, self.record, at.gradient)
             for waves in (self.fast, self.slow):
@@ -178,11 +175,9 @@ class ListBodies:
         sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
         for block in self.blocks:
             gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
-        with TALKING:
-            self._motion.start()
+        self._motion.start()
         sweep(near.inner, self.motion, self.sums)
-        with TALKING:
-            self._motion.finish()
+        self._motion.finish()
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
         sweep(near.outer, self.motion, self.sums)
