@@ -8,7 +8,7 @@ from .pair_search import bounds, checked_points, within_reach
 from .plan import Exchange, Plan, send_to_some, swap
 from .timer import COMMUNICATION
 
-# ranks up to which all know the boxes of all: a table of 3 kB, faster than asking a directory
+# ranks up to which all know the boxes of all: a table of 6 kB, faster than asking a directory
 _FEW = 64
 
 
@@ -30,20 +30,19 @@ def _near_box(points: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: f
 # --- ranks that are near ------------------------------------------------------------------------------------------
 
 
-def _checked_box(comm: MPI.Comm, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Boxes (2, d) of this rank's points and of all ranks'; all raise if a coordinate, d or reach of one is wrong."""
-    d = points.shape[1]
+def _told(points: np.ndarray, reach: float) -> np.ndarray:
+    """What a rank tells of its points (12,): whether a coordinate or the reach is wrong, d, -d, reach, -reach, and the
+    upper corners of its box and of the negated one; so the largest of all say what all have in common."""
+    d, good = points.shape[1], 0.0 < reach < np.inf
     lower, upper = bounds(points)
-    good = 0.0 < reach < np.inf
-    wrong = [float(np.isnan(lower).any()), float(not good)]
-    mine = np.full(12, -np.inf)
-    mine[:6] = [*wrong, d, -d, *((reach, -reach) if good else (0.0, 0.0))]
-    mine[6 : 6 + d], mine[9 : 9 + d] = np.nan_to_num(-lower, nan=0.0, posinf=np.inf, neginf=-np.inf), upper
-    if wrong[0]:
-        mine[6:] = 0.0
-    most = np.empty_like(mine)
-    with COMMUNICATION:
-        comm.Allreduce(mine, most, MPI.MAX)
+    wrong, result = bool(np.isnan(lower).any()), np.full(12, -np.inf)
+    result[:6] = wrong, not good, d, -d, reach if good else 0.0, -reach if good else 0.0
+    result[6 : 6 + d], result[9 : 9 + d] = (0.0, 0.0) if wrong else (upper, -lower)
+    return result
+
+
+def _check(most: np.ndarray, reach: float) -> None:
+    """Raise for what is wrong in the largest (12,) of what all ranks have told."""
     if most[1]:
         raise ValueError(f"reach: expected a positive finite length, found another on a rank; here {reach!r}")
     if most[2] != -most[3] or most[4] != -most[5]:
@@ -53,7 +52,11 @@ def _checked_box(comm: MPI.Comm, points: np.ndarray, reach: float) -> tuple[np.n
         )
     if most[0]:
         raise ValueError("points: expected finite coordinates, found others on a rank")
-    return np.array((lower, upper)), np.array((-most[6 : 6 + d], most[9 : 9 + d]))
+
+
+def _boxes(told: np.ndarray, d: int) -> np.ndarray:
+    """Boxes (..., 2, d) in what ranks have told (..., 12), lower corners first; infinite ones without points."""
+    return np.stack((-told[..., 9 : 9 + d], told[..., 6 : 6 + d]), axis=-2)
 
 
 def _overlap(boxes: np.ndarray, box: np.ndarray, reach: float) -> np.ndarray:
@@ -62,17 +65,25 @@ def _overlap(boxes: np.ndarray, box: np.ndarray, reach: float) -> np.ndarray:
     return np.asarray((gap * gap).sum(axis=1) < reach * reach * (1 + 1e-12))
 
 
-def near_ranks(comm: MPI.Comm, box: np.ndarray, everything: np.ndarray, reach: float) -> tuple[list[int], np.ndarray]:
-    """Other ranks, rising, whose boxes are closer than reach to this rank's (2, d), and their boxes (n, 2, d).
+def near_ranks(comm: MPI.Comm, points: np.ndarray, reach: float) -> tuple[list[int], np.ndarray]:
+    """Other ranks, rising, whose boxes of points are closer than reach to this rank's, and their boxes (n, 2, d).
 
-    everything: the box around all. Collective. A rank without points has an infinite box, and none is near to it.
+    Collective. All raise ValueError if a coordinate, d or reach of one is wrong.
     """
+    mine, d = _told(points, reach), points.shape[1]
+    box = _boxes(mine, d)
     if comm.size > _FEW:
-        return _from_directory(comm, box, everything, reach)
-    boxes = np.empty((comm.size, *box.shape))
+        most = np.empty_like(mine)
+        with COMMUNICATION:
+            comm.Allreduce(mine, most, MPI.MAX)
+        _check(most, reach)
+        return _from_directory(comm, box, _boxes(most, d), reach)
+    table = np.empty((comm.size, len(mine)))
     with COMMUNICATION:
-        comm.Allgather(box, boxes)
-    near = _overlap(boxes, box, reach) if box[0, 0] <= box[1, 0] else np.zeros(comm.size, bool)
+        comm.Allgather(mine, table)
+    _check(table.max(axis=0), reach)
+    boxes = _boxes(table, d)
+    near = _overlap(boxes, box, reach) if len(points) else np.zeros(comm.size, bool)
     near[comm.rank] = False
     return np.flatnonzero(near).tolist(), boxes[near]
 
@@ -126,7 +137,7 @@ def introductions(entries: np.ndarray, reach: float) -> np.ndarray:
     entries (n, 2 + 2 d): cell, rank and box.
     """
     pairs = [np.empty((0, 2))]
-    boxes = entries[:, 2:].reshape(len(entries), 2, -1)
+    boxes = entries[:, 2:].reshape(len(entries), 2, (entries.shape[1] - 2) // 2)
     for cell in np.unique(entries[:, 0]):
         here = np.flatnonzero(entries[:, 0] == cell)
         for row in here:
@@ -159,7 +170,7 @@ class Halo:
         between ranks.
         """
         points, reach = checked_points(points), float(reach)
-        ranks, boxes = near_ranks(comm, *_checked_box(comm, points, reach), reach)
+        ranks, boxes = near_ranks(comm, points, reach)
         candidates = [_near_box(points, *box, reach) for box in boxes]
         offered = [points[rows] for rows in candidates]
         received = swap(comm, ranks, offered)

@@ -239,8 +239,10 @@ def strips_of(lower: np.ndarray, upper: np.ndarray, reach: float) -> Strips:
     shape[0] += 2 * along
     shape[1:] += 2 * across
     stride = np.cumprod(np.concatenate(([1], shape[:-1])))[1:]
-    middle = [int((np.array(step) - across) @ stride) for step in np.ndindex(*(2 * across + 1))]
-    windows = np.array([(at - along, at + along) for at in sorted(middle)], np.int64)
+    middle = np.zeros(1, np.int64)
+    for cells, step in zip(across, stride):
+        middle = (middle[:, None] + np.arange(-cells, cells + 1) * step).ravel()
+    windows = np.sort(middle)[:, None] + np.array([-along, along])
     return Strips(axes, low, inverse, shape, windows)
 
 

@@ -180,11 +180,11 @@ class Exchange:
             _checked(array, index, plan.capacity, kind is np.float64)
         width = sum(int(np.prod(array.shape[1:])) for array in arrays)
         outgoing, incoming = ([width * len(rows) for rows in side] for side in (sent, received))
-        self._messages = Messages(plan.comm, plan.neighbours, outgoing, incoming)
-        self.bytes_sent, self.bytes_received = self._messages.outgoing.nbytes, self._messages.incoming.nbytes
-        self.silent, self._freed = self._messages.silent, False
-        self._packed = _copies(arrays, sent, self._messages.outgoing, width, np.int64)
-        self._unpacked = _copies(arrays, received, self._messages.incoming, width, kind)
+        self.messages = Messages(plan.comm, plan.neighbours, outgoing, incoming)
+        self.bytes_sent, self.bytes_received = self.messages.outgoing.nbytes, self.messages.incoming.nbytes
+        self.silent, self._freed = self.messages.silent, False
+        self._packed = _copies(arrays, sent, self.messages.outgoing, width, np.int64)
+        self._unpacked = _copies(arrays, received, self.messages.incoming, width, kind)
         if unpack is _sum:
             lower = sum(len(rows) for rank, rows in zip(plan.neighbours, received) if rank < plan.comm.rank)
             own_rows = np.unique(_joined(received))
@@ -198,17 +198,17 @@ class Exchange:
         if self.silent:
             return
         with COMMUNICATION:
-            self._messages.receive()
+            self.messages.receive()
             for arguments in self._packed:
                 _pack(*arguments)
-            self._messages.send()
+            self.messages.send()
 
     def finish(self) -> None:
         """Wait for the messages and unpack them."""
         if self.silent:
             return
         with COMMUNICATION:
-            self._messages.wait()
+            self.messages.wait()
             for arguments in self._unpacked:
                 self._unpack(*arguments)
 
@@ -219,11 +219,11 @@ class Exchange:
 
     def progress(self) -> bool:
         """Let MPI move large messages along during long work between start and finish; True when all have arrived."""
-        return self._messages.progress()
+        return self.messages.progress()
 
     def free(self) -> None:
         """Give the requests back to MPI now; garbage collection does so otherwise. No start may follow."""
-        self._messages.free()
+        self.messages.free()
         self._freed = self.silent = True
 
 

@@ -192,7 +192,7 @@ def test_many_plans_leave_no_requests_behind(comm):
         exchange = halo.forward(np.zeros(halo.owned + halo.ghosts))
         exchange.start()
         exchange.finish()
-        requests = exchange._messages._finalizer.peek()[2][0]
+        requests = exchange.messages._finalizer.peek()[2][0]
         del exchange
         gc.collect()
         assert requests == []
