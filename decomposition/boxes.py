@@ -1,8 +1,8 @@
 """Boxes of lattice nodes on many ranks: cuts along lattice planes, which parts touch, and messages between them.
 
 Every rank computes all cuts from the same few numbers, so that no rank asks another, as `bisection` would: parts are
-boxes, too, which cuts between single points are not. A box is cut across its two
-slowest axes in memory only: nodes along the fastest one stay together.
+boxes, too, which cuts between single points are not. A box is cut across its two slowest axes in memory only: nodes
+along the fastest one stay together.
 """
 
 from typing import NamedTuple
