@@ -103,6 +103,14 @@ def _check_repeated(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) ->
             raise SceneError([f"expected every element once, found {found}"])
 
 
+def used_nodes(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) -> np.ndarray:
+    """Numbers (k,), rising, of the nodes of elements: those that are particles, in this order."""
+    met = np.zeros(len(points), bool)
+    for _, cells in blocks:
+        met[cells] = True
+    return np.flatnonzero(met)
+
+
 class MeshFilling:
     """Particles of a mesh, on its nodes or at the centroids of its elements.
 
@@ -117,10 +125,7 @@ class MeshFilling:
         points, blocks, self.groups = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
         lumped = [self._sound_volumes(kind, points[cells]) for kind, cells in blocks]
         _check_repeated(points, blocks)
-        met = np.zeros(len(points), bool)
-        for _, cells in blocks:
-            met[cells] = True
-        used = np.flatnonzero(met)
+        used = used_nodes(points, blocks)
         self.lower, self.upper = points[used].min(axis=0), points[used].max(axis=0)
         facets, edge = boundary_facets(points, blocks), mean_edge(points, blocks)
         self.solid = Solid(points, blocks, facets)

@@ -11,6 +11,7 @@ from parsolid.methods.tlsph.body_weights import (
     RESOLVED,
     all_resolved_boxes,
     lattice_faults,
+    no_mesh_weights,
     weights_of_bodies,
 )
 from parsolid.pairs.smoothing import kernel_names
@@ -79,10 +80,18 @@ class TotalLagrangianSPH(MethodSettings):
     update_when: Positive | None = Field(
         None, description="Green strain since the last update of the reference that calls for another"
     )
-    weights: Literal["kernel", "closure", "cells", "fourth-order", "best"] | None = Field(
+    weights: Literal["kernel", "closure", "cells", "fourth-order", "mesh", "best"] | None = Field(
         None,
         description='pair weights: "kernel" unless given, "best" with the usual leapfrog; "closure" for irregular '
-        'particles; "cells" and "fourth-order" in closed form for lattices; "best": for each body what fits it',
+        'particles; "cells" and "fourth-order" in closed form for lattices; "mesh": those of the elements of meshes; '
+        '"best": for each body what fits it',
+    )
+    stabilisation: float = Field(
+        0.4,
+        ge=0,
+        le=1,
+        description="part of their own shear energy by which elements resist what differs from their nodes' mean "
+        'strain; of weights = "mesh"',
     )
     clamp_edges: float = Field(
         0.0,
@@ -137,7 +146,9 @@ class TotalLagrangianSPH(MethodSettings):
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
         if self.integrator == "leapfrog":
             terms[KINETIC_OFFSET] = -1
-        images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
+        kinds = weights_of_bodies(self.pair_weights, scene)
+        with_images = any(kinds[i] not in (*ON_LATTICES, "mesh") for i in bodies)
+        images = with_images and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
@@ -198,6 +209,8 @@ class TotalLagrangianSPH(MethodSettings):
             expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
         faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+        refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
+        faults += [refused] if refused is not None else []
         return faults + self._edge_faults(scene)
 
     def _edge_faults(self, scene: Any) -> list[Detail]:
