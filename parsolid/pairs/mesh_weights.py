@@ -25,20 +25,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.kernels import kernel
+from parsolid.scene.elements import CORNERS, ELEMENTS
 
-# nodes of the product element (quad or hexahedron) that an element is, with nodes in one place
-_PRODUCTS = {
-    "quad": (0, 1, 2, 3),
-    "hexahedron": (0, 1, 2, 3, 4, 5, 6, 7),
-    "wedge": (0, 1, 2, 2, 3, 4, 5, 5),
-    "pyramid": (0, 1, 2, 3, 4, 4, 4, 4),
-}
-_CORNERS = {
-    2: np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]),
-    3: np.array(
-        [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
-    ),
-}
 # a pair's s_ab below this part of its face is zero but for rounding
 _ROUNDING = 1e-11
 # least mass over that of the lumped volume, to which corrections are limited; factors on their sources in each pass
@@ -55,22 +43,22 @@ class Quadrature(NamedTuple):
 
 def nodes_of_products(kind: str, cells: np.ndarray) -> np.ndarray:
     """Nodes (elements, nodes) as the functions of `quadrature` count them."""
-    return np.ascontiguousarray(cells[:, _PRODUCTS[kind]] if kind in _PRODUCTS else cells)
+    product = ELEMENTS[kind].product
+    return np.ascontiguousarray(cells if product is None else cells[:, product])
 
 
 def quadrature(kind: str) -> Quadrature:
     """That of a kind of elements: exact for products of two functions of a simplex, and for the surface integrals of
     products of two functions of the others, of degree 5 in each direction."""
-    if kind not in _PRODUCTS:
-        d = {"triangle": 2, "tetra": 3}[kind]
+    d = ELEMENTS[kind].dimension
+    if ELEMENTS[kind].product is None:
         near = {2: 2.0 / 3.0, 3: (5.0 + 3.0 * 5.0**0.5) / 20.0}[d]
         N = np.full((d + 1, d + 1), (1.0 - near) / d)
         np.fill_diagonal(N, near)
         gradient = np.concatenate([-np.ones((1, d)), np.eye(d)])
         volume = {2: 1.0 / 2.0, 3: 1.0 / 6.0}[d]
         return Quadrature(N, np.tile(gradient, (d + 1, 1, 1)), np.full(d + 1, volume / (d + 1)))
-    d = 2 if kind == "quad" else 3
-    corners, (points, weights) = _CORNERS[d], np.polynomial.legendre.leggauss(3)
+    corners, (points, weights) = CORNERS[d], np.polynomial.legendre.leggauss(3)
     places = np.stack(np.meshgrid(*[points] * d, indexing="ij"), axis=-1).reshape(-1, d)
     weight = np.stack(np.meshgrid(*[weights] * d, indexing="ij"), axis=-1).reshape(-1, d).prod(axis=1)
     factor = 0.5 * (1.0 + places[:, None, :] * corners[None, :, :])

@@ -29,7 +29,7 @@ def elements_around(
     fault, extent = None, 0.0
     if comm.rank == _READER:
         try:
-            points, blocks, _ = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
+            points, blocks, *_ = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
             pieces, extent = _pieces(points, blocks, first, gathered), _largest_extent(points, blocks)
             if not pieces:
                 wanted, found = sum(len(own) for own in gathered), len(used_nodes(points, blocks))

@@ -1,16 +1,16 @@
-"""Particles from meshes: any file that meshio reads with hexahedra, tetrahedra, quads or triangles."""
+"""Particles from meshes: any file that meshio reads with hexahedra, wedges, pyramids, tetrahedra, quads or triangles."""
 
 import contextlib
 import io
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.abaqus import read_abaqus
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.elements import ELEMENTS, lumped_volumes
+from parsolid.scene.elements import ELEMENTS, OF_CORNERS, lumped_volumes
 from parsolid.scene.gmsh_text import read_gmsh_text
 from parsolid.scene.lattice import jitter_offsets
 from parsolid.scene.marks import TOLERANCE
@@ -23,8 +23,18 @@ from parsolid.scene.validation_errors import SceneError
 _LESS_THAN_SOLID = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 
 
-def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list[tuple[str, np.ndarray]], MeshGroups]:
-    """Node coordinates (nodes, d) [m], the blocks (kind, (elements, nodes)) of solid elements, and named groups.
+class MeshOfFile(NamedTuple):
+    """Node coordinates (nodes, d) [m], the blocks (kind, (elements, nodes)) of solid elements, named groups, and kinds
+    of elements of second order, of which the corners are taken."""
+
+    points: np.ndarray
+    blocks: list[tuple[str, np.ndarray]]
+    groups: MeshGroups
+    of_second_order: tuple[str, ...]
+
+
+def read_mesh(path: str, scale: float, dimension: int) -> MeshOfFile:
+    """The mesh of a file, in the coordinates of a scene.
 
     Raises SceneError for a file that meshio cannot read and for elements that have no particles here.
     """
@@ -39,6 +49,7 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
     except (Exception, SystemExit) as error:
         reason = " ".join(printed.getvalue().split()) or f"{type(error).__name__}: {error}"
         raise SceneError([f"expected a mesh that meshio reads, found {path} ({reason}{_remedy(path)})"]) from None
+    mesh, of_second_order = _by_corners(mesh)
     known = [kind for kind, element in ELEMENTS.items() if element.dimension == dimension]
     kinds = [block.type for block in mesh.cells if len(block.data)]
     others = sorted(set(kinds) - set(known) - set(_LESS_THAN_SOLID[dimension]))
@@ -60,7 +71,21 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
         )
     if points.shape[1] > dimension and not _is_plane(points, blocks):
         raise SceneError(["expected a plane mesh (one Z for all nodes) in 2-D, found nodes with different Z"])
-    return np.ascontiguousarray(points[:, :dimension]), blocks, groups_of(mesh, dimension)
+    return MeshOfFile(
+        np.ascontiguousarray(points[:, :dimension]), blocks, groups_of(mesh, dimension), of_second_order
+    )
+
+
+def _by_corners(mesh: Any) -> tuple[Any, tuple[str, ...]]:
+    """A mesh of meshio whose elements of second order are those of their corners, and the kinds that there were."""
+    found = tuple(dict.fromkeys(block.type for block in mesh.cells if block.type in OF_CORNERS and len(block.data)))
+    if found:
+        cells = []
+        for block in mesh.cells:
+            kind, count = OF_CORNERS.get(block.type, (block.type, None))
+            cells.append(type(block)(kind, np.asarray(block.data)[:, :count]))
+        mesh.cells = cells
+    return mesh, found
 
 
 def _is_plane(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) -> bool:
@@ -122,7 +147,7 @@ class MeshFilling:
 
     def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body = body
-        points, blocks, self.groups = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
+        points, blocks, self.groups, _ = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
         lumped = [self._sound_volumes(kind, points[cells]) for kind, cells in blocks]
         _check_repeated(points, blocks)
         used = used_nodes(points, blocks)
