@@ -45,8 +45,8 @@ class Supports:
         half_bodies: frozenset[int] = frozenset(),
     ):
         """without_images: bodies whose operators end at a fixed plane; half_bodies: those whose operators end at every
-        plane, which there are as they are without it but for components that are held. Raises SolverError on all ranks when a mirror
-        plane cuts a body. Collective."""
+        plane, where some of their components are held and all else is as without it. Raises SolverError on all ranks
+        when a mirror plane cuts a body. Collective."""
         d = particle_set.position.shape[1]
         self.planes: list[MirrorPlane] = []
         self.inclined: list[tuple[str, Support]] = []

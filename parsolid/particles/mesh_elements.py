@@ -1,7 +1,7 @@
 """The elements of a mesh around each rank's own particles: read by one rank, which sends every rank those alone."""
 
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,27 +10,35 @@ from parsolid.scene.mesh import read_mesh, used_nodes
 from parsolid.scene.validation_errors import SceneError
 
 _READER = 0
-_NOBODY = np.iinfo(np.int64).max
 
 
-def elements_around(
-    comm: Any, body: Any, dimension: int, identifiers: np.ndarray
-) -> tuple[list[tuple[str, np.ndarray]], float]:
-    """Blocks (kind, (elements, nodes)) of elements with a node among this rank's particles, by their identifiers, and
-    the largest distance [m] of two nodes of an element of the mesh.
+class ElementsAround(NamedTuple):
+    """Elements with a node among a rank's particles, (kind, (elements, nodes)) by identifiers of particles; of the
+    whole mesh the largest distance [m] of two nodes of an element, and kinds of elements of second order, of which the
+    corners are taken."""
+
+    blocks: list[tuple[str, np.ndarray]]
+    extent: float
+    of_second_order: tuple[str, ...]
+
+
+def elements_around(comm: Any, body: Any, dimension: int, identifiers: np.ndarray) -> ElementsAround:
+    """The elements of a body's mesh around this rank's particles.
 
     body: of a scene, with a mesh as its shape and particles on the nodes; identifiers (n,): of this rank's particles of
     the body. All ranks get the elements in the order of the mesh. Collective. Raises SolverError on all ranks for a
     mesh that cannot be read or is not that of the particles.
     """
-    first = int(minimum(comm, float(identifiers.min(initial=_NOBODY))))
+    first = int(minimum(comm, float(identifiers.min(initial=np.iinfo(np.int64).max))))
     gathered = comm.gather(identifiers, _READER)
     pieces: list[Any] = []
-    fault, extent = None, 0.0
+    fault: str | None = None
+    of_mesh: tuple[float, tuple[str, ...]] = (0.0, ())
     if comm.rank == _READER:
         try:
-            points, blocks, *_ = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
-            pieces, extent = _pieces(points, blocks, first, gathered), _largest_extent(points, blocks)
+            mesh = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
+            points, blocks = mesh.points, mesh.blocks
+            pieces, of_mesh = _pieces(points, blocks, first, gathered), (_extent(points, blocks), mesh.of_second_order)
             if not pieces:
                 wanted, found = sum(len(own) for own in gathered), len(used_nodes(points, blocks))
                 fault = f"bodies: expected the mesh of the {wanted} particles, found {found} nodes in "
@@ -39,10 +47,10 @@ def elements_around(
             fault = f"bodies: {error.faults[0]}"
     raise_together(comm, fault)
     mine = comm.scatter(pieces if comm.rank == _READER else None, _READER)
-    return [(kind, cells) for kind, cells in mine if len(cells)], float(comm.bcast(extent, _READER))
+    return ElementsAround([(kind, cells) for kind, cells in mine if len(cells)], *comm.bcast(of_mesh, _READER))
 
 
-def _largest_extent(points: np.ndarray, blocks: Any) -> float:
+def _extent(points: np.ndarray, blocks: Any) -> float:
     """Of all elements, the largest distance [m] of two nodes."""
     square = 0.0
     for _, cells in blocks:

@@ -50,13 +50,13 @@ ELEMENTS = {
 }
 # elements of second order: the elements of their corners, which come first among their nodes, and how many these are
 OF_CORNERS = {
-    **{kind: ("line", 2) for kind in ("line3", "line4")},
-    **{kind: ("triangle", 3) for kind in ("triangle6", "triangle7")},
-    **{kind: ("quad", 4) for kind in ("quad8", "quad9")},
+    **dict.fromkeys(("line3", "line4"), ("line", 2)),
+    **dict.fromkeys(("triangle6", "triangle7"), ("triangle", 3)),
+    **dict.fromkeys(("quad8", "quad9"), ("quad", 4)),
     "tetra10": ("tetra", 4),
-    **{kind: ("hexahedron", 8) for kind in ("hexahedron20", "hexahedron24", "hexahedron27")},
-    **{kind: ("wedge", 6) for kind in ("wedge15", "wedge18")},
-    **{kind: ("pyramid", 5) for kind in ("pyramid13", "pyramid14")},
+    **dict.fromkeys(("hexahedron20", "hexahedron24", "hexahedron27"), ("hexahedron", 8)),
+    **dict.fromkeys(("wedge15", "wedge18"), ("wedge", 6)),
+    **dict.fromkeys(("pyramid13", "pyramid14"), ("pyramid", 5)),
 }
 
 
@@ -116,3 +116,16 @@ def facet_areas(facets: np.ndarray, inner: np.ndarray) -> np.ndarray:
         area = 0.5 * np.cross(first, second)
     inward = ((facets.mean(axis=1) - inner) * area).sum(axis=1) < 0.0
     return np.where(inward[:, None], -area, area)
+
+
+def shares_of_nodes(facets: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Integrals (facets, nodes, d) [m^2] of the nodes' functions times the outward normal over facets (facets, nodes,
+    d) [m] of area vectors (facets, d): equal parts, but of quads in space that are no parallelograms."""
+    if facets.shape[1] < 4:
+        return np.repeat(area[:, None] / facets.shape[1], facets.shape[1], axis=1)
+    values, gradient = _at_gauss_points(_SQUARE)
+    tangents = np.einsum("eni,qnk->eqki", facets, gradient)
+    normals = np.cross(tangents[:, :, 0], tangents[:, :, 1])
+    result = np.einsum("eqi,qn->eni", normals, values)
+    inward = np.einsum("eni,ei->e", result, area) < 0.0
+    return np.where(inward[:, None, None], -result, result)

@@ -1,4 +1,4 @@
-"""Particles from meshes: any file that meshio reads with hexahedra, wedges, pyramids, tetrahedra, quads or triangles."""
+"""Particles from meshes: any file that meshio reads with elements of the kinds in `elements.ELEMENTS`."""
 
 import contextlib
 import io
@@ -10,7 +10,7 @@ import numpy as np
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.abaqus import read_abaqus
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.elements import ELEMENTS, OF_CORNERS, lumped_volumes
+from parsolid.scene.elements import ELEMENTS, OF_CORNERS, lumped_volumes, shares_of_nodes
 from parsolid.scene.gmsh_text import read_gmsh_text
 from parsolid.scene.lattice import jitter_offsets
 from parsolid.scene.marks import TOLERANCE
@@ -71,9 +71,7 @@ def read_mesh(path: str, scale: float, dimension: int) -> MeshOfFile:
         )
     if points.shape[1] > dimension and not _is_plane(points, blocks):
         raise SceneError(["expected a plane mesh (one Z for all nodes) in 2-D, found nodes with different Z"])
-    return MeshOfFile(
-        np.ascontiguousarray(points[:, :dimension]), blocks, groups_of(mesh, dimension), of_second_order
-    )
+    return MeshOfFile(np.ascontiguousarray(points[:, :dimension]), blocks, groups_of(mesh, dimension), of_second_order)
 
 
 def _by_corners(mesh: Any) -> tuple[Any, tuple[str, ...]]:
@@ -193,9 +191,9 @@ class MeshFilling:
             volume += np.bincount(cells.ravel(), shares.ravel(), minlength=total)
         area = np.zeros_like(points)
         for _, nodes, vectors in facets:
+            shares = shares_of_nodes(points[nodes], vectors)
             for i in range(points.shape[1]):
-                share = np.repeat(vectors[:, i] / nodes.shape[1], nodes.shape[1])
-                area[:, i] += np.bincount(nodes.ravel(), share, minlength=total)
+                area[:, i] += np.bincount(nodes.ravel(), shares[:, :, i].ravel(), minlength=total)
         self.position, self.volume, self.area = points[used], volume[used], area[used]
         self.movable = np.ones(total, bool)
         for _, nodes, _ in facets:
@@ -218,9 +216,9 @@ class MeshFilling:
         vectors = np.zeros((len(points) if on_nodes else self.count, len(known), points.shape[1]))
         for owner, nodes, area in facets:
             inside = facets_in(known, self.groups, points, tolerance, cells, nodes)
-            share = inside[:, :, None] * area[:, None, :] / (nodes.shape[1] if on_nodes else 1)
-            for to in nodes.T if on_nodes else [owner]:
-                np.add.at(vectors, to, share)
+            shares = shares_of_nodes(points[nodes], area).swapaxes(0, 1) if on_nodes else [area]
+            for to, share in zip(nodes.T if on_nodes else [owner], shares):
+                np.add.at(vectors, to, inside[:, :, None] * share[:, None, :])
         if on_nodes:
             held, vectors = nodes_in(known, self.groups, points, tolerance, cells)[used], vectors[used]
         else:

@@ -115,7 +115,8 @@ class MeshBodies(ListBodies):
     """The nodes of a rank's meshes, with what `ListBodies` offers.
 
     largest_step [s]: of leapfrog at rest, on all ranks; limited: how many nodes of all ranks have less than the whole
-    correction of their masses; stiffness: c_ab (m,) [N/m] of the pairs of the inner and of the outer list.
+    correction of their masses; of_second_order: kinds of such elements by number of the body; stiffness: c_ab (m,)
+    [N/m] of the pairs of the inner and of the outer list.
     """
 
     near: Any
@@ -126,7 +127,9 @@ class MeshBodies(ListBodies):
     def __init__(self, system: Any, blocks: list[Any], waves: int) -> None:
         """system: `system.TotalLagrangianSPH` with its fields declared; blocks: the `state.LawBlock` of these
         particles."""
-        super().__init__(system, blocks, None, waves, None)
+        # there are no weights of kernels
+        weights: Any = None
+        super().__init__(system, blocks, weights, waves, None)
         d, part = self.dimension, float(system.settings.stabilisation)
         # P - beta mu F is the stress of a law with the initial stress -beta mu
         self.particles.declare(Field("stabiliser_stress", d * d, "Pa", layout=Columns(), carried=False))
@@ -138,11 +141,16 @@ class MeshBodies(ListBodies):
 
     def find_pairs(self, scene: Any, particle_set: Any, numbers: list[int]) -> None:
         """Pairs, weights, volumes, areas, masses and the largest step; numbers: of the bodies. Collective."""
-        comm, of, elements, extent = self.system.comm, self.particles.owned_rows, [], 0.0
-        for number in numbers:
-            own = particle_set.identifier[particle_set.body == number]
-            found, size = elements_around(comm, scene.bodies[number], self.dimension, own)
-            elements, extent = elements + found, max(extent, size)
+        comm, of = self.system.comm, self.particles.owned_rows
+        found = {
+            number: elements_around(
+                comm, scene.bodies[number], self.dimension, particle_set.identifier[particle_set.body == number]
+            )
+            for number in numbers
+        }
+        self.of_second_order = {number: one.of_second_order for number, one in found.items() if one.of_second_order}
+        elements = [block for one in found.values() for block in one.blocks]
+        extent = max(one.extent for one in found.values())
         rows = slice(0, self.last)
         place = np.ascontiguousarray(particle_set.position[rows]), particle_set.identifier[rows]
         near = MeshNeighbours(comm, elements, extent, *place, float(self.system.settings.dissipation))
@@ -249,7 +257,8 @@ class MeshBodies(ListBodies):
         X = self.motion[:, at.reference : at.reference + d].copy()
         self.motion[: self.last, :d] = self.motion[: self.last, at.position : at.position + d] = u
         self._sum_gradients()
-        H = self.sums[: self.last].reshape(self.last, d, -1)[:, :, :d].swapaxes(1, 2) / near.volume[: self.last, None, None]
+        columns = self.sums[: self.last].reshape(self.last, d, -1)[:, :, :d]
+        H = columns.swapaxes(1, 2) / near.volume[: self.last, None, None]
         clear_rows(0, self.last, self.sums)
         P = -self.stabiliser[:, None, None] * H
         for block in self.blocks:

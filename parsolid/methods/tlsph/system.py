@@ -324,7 +324,16 @@ class TotalLagrangianSPH(ParticleSystem):
     def summary(self) -> dict[str, Any]:
         """How often the reference was moved, and which weights each body has where a scene leaves the choice."""
         moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
-        return moved if self.settings.weights not in ("best", "mesh") else {**moved, "pair_weights": list(self.body_weights)}
+        chosen = self.settings.weights in ("best", "mesh")
+        return {**moved, "pair_weights": list(self.body_weights)} if chosen else moved
+
+    def cost_notes(self) -> list[str]:
+        """Elements of second order, of which the corners are taken."""
+        found = {} if self.meshes is None else self.meshes.of_second_order
+        return [
+            f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) are taken by their corners"
+            for i, kinds in found.items()
+        ]
 
     def advice(self) -> str:
         """What most likely helps when a run goes wrong, by the settings."""
