@@ -87,7 +87,7 @@ class TotalLagrangianSPH(MethodSettings):
         '"best": for each body what fits it',
     )
     stabilisation: float = Field(
-        0.4,
+        0.35,
         ge=0,
         le=1,
         description="part of their own shear energy by which elements resist what differs from their nodes' mean "
