@@ -170,9 +170,10 @@ class TotalLagrangianSPH(MethodSettings):
         return self._notes_of_weights(scene, bodies) + less
 
     def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
-        """What kernels are, where all weights are in closed form."""
-        kinds = weights_of_bodies(self.pair_weights, scene)
-        return frozenset({"kernel", "smoothing"} if all(kinds[i] in ON_LATTICES for i in bodies) else ())
+        """What kernels are, where no weights are of one, and what is of meshes alone, where there are none."""
+        kinds = [weights_of_bodies(self.pair_weights, scene)[i] for i in bodies]
+        of_kernels = () if any(kind in ("kernel", "closure") for kind in kinds) else ("kernel", "smoothing")
+        return frozenset({*of_kernels, *(() if "mesh" in kinds else ("stabilisation",))})
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Weights and integrator, where the scene leaves both to its bodies."""
