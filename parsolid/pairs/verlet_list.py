@@ -301,8 +301,8 @@ class VerletList:
             "velocities": self.motions.velocity.tolist(),
             "builds": self.builds,
             "distributions": self.distributions,
-            "late": self.comm.allgather(self.late),
-            "migrated": self.comm.allgather(self.migrated),
+            "late": self.comm.allreduce(self.late),
+            "migrated": self.comm.allreduce(self.migrated),
             "load_then": self._load_then,
             "builds_since": self._builds_since,
             "shares": None if self._shares is None else self._shares.tolist(),
@@ -313,14 +313,13 @@ class VerletList:
         the message "reference" is sent."""
         self.builds, self.distributions = state["builds"], state["distributions"]
         self._load_then, self._builds_since = state["load_then"], state["builds_since"]
+        if self.comm.rank == 0:
+            self.late, self.migrated = state["late"], state["migrated"]
         if state["ranks"] != self.comm.size:
             # distributed by reference positions so far
             self._builds_since = _MOST_BUILDS
-            if self.comm.rank == 0:
-                self.late, self.migrated = sum(state["late"]), sum(state["migrated"])
             self.rebuild(time)
             return
-        self.late, self.migrated = state["late"][self.comm.rank], state["migrated"][self.comm.rank]
         self._shares = None if state["shares"] is None else np.array(state["shares"])
         self.built_at = state["built_at"]
         _, boxes = self._survey(self.particles.owned_rows("listed_position"))

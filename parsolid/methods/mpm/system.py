@@ -42,7 +42,7 @@ class MaterialPoint(ParticleSystem):
     """The method on one rank: its particles `points`, its cells and shared nodes `grid`, the arrays of nodes
     `nodes`."""
 
-    def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet):
+    def __init__(self, comm: MPI.Intracomm, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit
         the grid. Collective."""
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
