@@ -329,7 +329,7 @@ class _Level:
         """Cells on a cut, all the same one, go to the side where the target is met best."""
         left = self.filled & (self.tied() - self.target <= self.target)
         self.cut[left, -1] += 1
-        tied = self.side == _TIED
+        tied = (self.side == _TIED) & (self.part >= 0)
         self.side[tied] = np.where(left[self.part[tied]], _LEFT, _RIGHT)
 
     def split_points(self) -> None:

@@ -182,7 +182,9 @@ class ListBodies:
         of("velocity")[:] = of("position") - of("reference_position")
         self._sweep_gradients()
         of("velocity")[:] = velocity
-        columns = self.sums[: near.owned].reshape(near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
+        columns = (
+            self.sums[: near.owned].reshape(near.owned, d, self.sums.shape[1] // d)[:, :, :d].swapaxes(1, 2).copy()
+        )
         clear_rows(0, near.owned, self.sums)
         L, volume = of("correction")[: near.owned].reshape(-1, d, d), of("pair_volume")[: near.owned, None, None]
         result[: near.owned] = columns @ L.swapaxes(1, 2) / volume
