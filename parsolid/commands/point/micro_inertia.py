@@ -52,8 +52,9 @@ class MicroInertiaPoint(PointLaw):
         J = float(np.linalg.det(F))
         middle, rows = 0.5 * (J + float(np.linalg.det(state.F))), self.tile.reshape(solve.ROWS, solve.TILE)
         # without gradients FORCE, CURL and GRADIENT_SQUARE stay 0
-        rows[:8, 0] = (law.density / middle, state.tau, contract_symmetric(trial, trial) ** 0.5, state.rate,
-                       state.stress, state.gamma, 0.0, state.temperature)  # fmt: skip
+        start = (state.rate, state.stress, state.gamma, 0.0, state.temperature)
+        tau = contract_symmetric(trial, trial) ** 0.5
+        rows[solve.DENSITY : solve.FORCE, 0] = (law.density / middle, state.tau, tau, *start)
         solve.advance_micro(law, solve.increments_of(law, step), self.tile)
         rate, mean, tau, stress, heat, _ = rows[solve.NEW_RATE : solve.LOST + 1, 0].tolist()
         deviator = returned_deviator(turned, trial, state.tau, tau, law.shear_modulus * mean * step)
