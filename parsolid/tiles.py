@@ -73,3 +73,23 @@ def store_rows(field, first, count, tile, row):
         at = np.uintp((row + c) * TILE)
         for p in range(np.uintp(count)):
             field[c, start + p] = tile[at + p]
+
+
+@inlined
+def load_placed(field, places, first, count, tile, row):
+    """As `load_rows`, component c into row + places[c]: tensors of the plane into those of space."""
+    start = np.uintp(first)
+    for c in range(places.size):
+        at = np.uintp((row + places[c]) * TILE)
+        for p in range(np.uintp(count)):
+            tile[at + p] = field[c, start + p]
+
+
+@inlined
+def store_placed(field, places, first, count, tile, row):
+    """The way back of `load_placed`."""
+    start = np.uintp(first)
+    for c in range(places.size):
+        at = np.uintp((row + places[c]) * TILE)
+        for p in range(np.uintp(count)):
+            field[c, start + p] = tile[at + p]
