@@ -11,6 +11,7 @@ from parsolid.contact.tools import forces
 from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
+from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
@@ -190,6 +191,9 @@ class RigidTools(Interaction):
         self._give(step)
         stored = self._energies()
         ledger.add_term("friction_dissipation", sum(float(tool.own[forces.LOST]) for tool in self.tools))
+        deleted = sum(touch.deleted for tool in self.tools for touch in tool.touches)
+        if deleted > 0.0:
+            ledger.add_term(DELETED_STORED, deleted)
         stored_heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
         if stored_heat:
             ledger.add_term("friction_heat", stored_heat)

@@ -8,6 +8,7 @@ from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.contact.tools import forces
 from parsolid.contact.tools.forces import Approach, Frame, Friction, Resistance
 from parsolid.contact.tools.resistance import radii, stiffnesses
+from parsolid.contact.tools.shapes import distance
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
 from parsolid.scene import Scene
@@ -18,6 +19,8 @@ RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
 _LOOK_AFTER = 0.5
 # in so many of the longest steps what is near may be touched: until then steps are as short as contact wants
 _NEAR = 2.0
+# radius [m] of particles that no tool touches
+_OUT_OF_REACH = -1e9
 
 
 def record_of(tool: str) -> str:
@@ -61,7 +64,8 @@ class Touch:
     rows (n,), forces (2, n, d) [N]: what it touches, and what the impulse at the end of the step has besides; sums
     (18,): as `forces.press` has them, of this rank; clearance [m]:
     of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to that of a
-    particle, where one is near; quiet_until [s]: nothing can be touched before.
+    particle, where one is near; quiet_until [s]: nothing can be touched before; deleted [J]: energy of contact that
+    went with deleted particles in the last step.
     """
 
     def __init__(self, tool: Any, system: ParticleSystem, meant: np.ndarray, signal: float) -> None:
@@ -73,6 +77,7 @@ class Touch:
         self.heat = np.zeros(0) if self.record is not None and system.takes_heat else None
         self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
         self._rows, self._forces = np.zeros(0, np.int64), np.zeros((2, 0, system.dimension))
+        self.deleted = 0.0
         # whether places of the last step were looked at
         self._followed = False
         self._layout, self._hardest, self.quiet_until = -1, 0.0, -np.inf
@@ -89,7 +94,7 @@ class Touch:
 
     def evaluate(self, time: float, slipping: bool) -> None:
         """Forces at a time [s]; slipping: friction follows the motion, or what is recorded is asked for again."""
-        particles, tool = self.system.particles, self.tool
+        particles, tool, self.deleted = self.system.particles, self.tool, 0.0
         if time < tool.quiet_until or (time < self.quiet_until and self._layout == particles.layout):
             self.count, self.greatest_square, self._followed = 0, 0.0, False
             self.sums[:] = 0.0
@@ -100,6 +105,7 @@ class Touch:
             self._rows = np.zeros(particles.capacity, np.int64)
             self._forces = np.zeros((2, particles.capacity, self.system.dimension))
             self.heat = None if self.heat is None else np.zeros(particles.capacity)
+        self._leave_out_deleted()
         friction = None
         if self.record is not None:
             friction = Friction(tool.friction, particles.storage(self.record), slipping)
@@ -124,6 +130,24 @@ class Touch:
         self._followed = True
         self._look_ahead(time)
 
+    def _leave_out_deleted(self) -> None:
+        """Particles that have failed and were deleted, which have no mass, are not touched any more.
+
+        In the last step the force that they were pressed with acts at its start alone: from k d^2/2 at a depth d to a
+        depth e the energy becomes k d e/2."""
+        particles, tool = self.system.particles, self.tool
+        if "deleted_mass" not in particles:
+            return
+        rows, pose = particles.owned_rows, tool.body.pose
+        gone, level = rows("deleted_mass") > 0.0, rows(level_of(tool.name))
+        for i in np.flatnonzero(gone & (level > 0.0)):
+            if self._followed:
+                place = np.append(rows("position")[i], np.zeros(3 - self.system.dimension))
+                deeper = rows(RADIUS)[i] - distance(tool.shape, *((place - pose.place) @ pose.matrix), np.inf)[0]
+                self.deleted += 0.5 * tool.stiffness * rows(STIFFNESS)[i] * level[i] * deeper
+            level[i] = _OUT_OF_REACH
+        rows(RADIUS)[gone] = _OUT_OF_REACH
+
     def _look_ahead(self, time: float) -> None:
         """When to look again, and how stiff what may be touched by then is."""
         system, layout = self.system, self.system.particles.layout
@@ -141,7 +165,7 @@ class Touch:
         """The greatest square of an angular frequency [1/s^2] that the contact may add to that of a particle."""
         system = self.system
         rows = system.particles.owned_rows
-        here = self.meant[rows("body")]
+        here = self.meant[rows("body")] & (rows(RADIUS) > _OUT_OF_REACH)
         mass = (system.mass[: system.owned] * system.share[: system.owned])[here]
         return self.tool.stiffness * float((rows(STIFFNESS)[here] / mass).max(initial=0.0))
 
