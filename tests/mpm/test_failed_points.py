@@ -149,4 +149,6 @@ def test_tools_let_go_of_what_is_deleted(method):
     assert sim.systems[0].measure("deleted_mass")[1][0] > 0.0 and rows["deleted_stored"][-1] > 0.0
     # most of what is deleted was pressed by the ball
     assert np.abs(rows["balance"]).max() < 1e-3 * given
-    assert np.isfinite(rows["dt"]).all() and rows["dt"].min() > 0.05 * rows["dt"].max()
+    # what has no mass shortens no step
+    steps = np.diff(rows["time"])
+    assert steps.min() > 0.05 * steps.max()
