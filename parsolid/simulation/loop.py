@@ -257,6 +257,7 @@ class Simulation:
             self._counting(self._complete_step, number, step)
         self.phases.sent += TALKING.seconds - sent
         self.clock.time, self.clock.step_size = arrival, step
+        self.time_steps.last = step
         self.clock.step += 1
         now = clock.perf_counter()
         if self.interactions:

@@ -25,7 +25,7 @@ _OVERLAP = 0.5
 # with its square, which waves of the body take up again, unless nothing damps them
 _STEP, _STEP_UNDAMPED = 1.0, 0.5
 # the same of a free tool on the springs of all particles that it may touch in the next step
-_STEP_OF_TOOL = 0.25
+_STEP_OF_TOOL = 0.2
 
 
 class Tool:
@@ -50,6 +50,8 @@ class Tool:
         self.longest = 0.0
         # goes on from a checkpoint, or from another run's state
         self.resumed = False
+        # length [s] of the step before the present one, 0 at the start
+        self.last_step = 0.0
 
     @property
     def free(self) -> bool:
@@ -68,6 +70,11 @@ class Tool:
         sums = self.total if self.free else self.own
         force, moment = sums[forces.FORCE], sums[forces.MOMENT]
         return (force, moment) if opening else (force + sums[forces.MORE_FORCE], moment + sums[forces.MORE_MOMENT])
+
+    def taken_by_step_change(self, step: float, offset: float) -> float:
+        """As `methods.leapfrog.Leapfrog.taken_by_step_change`, of half a step [s]."""
+        last, self.last_step = self.last_step, step
+        return offset * (1.0 - (last / step) ** 2) if last > 0.0 and step > 0.0 else 0.0
 
     def evaluate(self, time: float, slipping: bool) -> None:
         """Forces on this rank at a time [s], see `Touch.evaluate`."""
@@ -233,9 +240,12 @@ class RigidTools(Interaction):
                 tool.body.kick(-step * force, -step * moment)
                 work += self._weigh(tool.body, time, step)
                 offset = tool.body.energy_of_change(*before) if self.comm.rank == 0 else 0.0
-                ledger.add_term(KINETIC_OFFSET, -offset if opening else offset)
-                if not opening:
+                if opening:
+                    taken = tool.taken_by_step_change(step, offset)
+                    lost, offset = lost + taken, taken - offset
+                else:
                     lost += self._give_rest(tool, step, *before)
+                ledger.add_term(KINETIC_OFFSET, offset)
             else:
                 work += step * tool.body.pose.power(*tool.resultant(opening))
         ledger.add(1.0, 0.0, lost, work)
@@ -292,17 +302,17 @@ class RigidTools(Interaction):
 
     def state(self) -> dict[str, Any]:
         """Where tools are and how they move."""
-        return {tool.name: tool.body.state() for tool in self.tools}
+        return {tool.name: tool.body.state() | {"last_step": tool.last_step} for tool in self.tools}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         for tool in self.tools:
             tool.body.set_state(state[tool.name])
-            tool.resumed = True
+            tool.last_step, tool.resumed = state[tool.name]["last_step"], True
 
     def handed_on(self) -> dict[str, Any]:
-        """As `state`, for another run."""
-        return self.state()
+        """Where tools are and how they move, for another run."""
+        return {tool.name: tool.body.state() for tool in self.tools}
 
     # --- what the history shows ---------------------------------------------------------------------------------
 
