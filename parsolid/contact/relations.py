@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.contact.boxes import body_motions, meeting
+from parsolid.contact.broad_phase import body_motions, meeting
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.contact import contact_pairs

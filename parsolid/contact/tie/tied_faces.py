@@ -13,7 +13,7 @@ import numpy as np
 from decomposition.close_pairs import ClosePairs
 from decomposition.halo import Halo
 from parsolid.collective import maximum, raise_together
-from parsolid.contact.list_kernels import sort_rows
+from parsolid.contact.search import sort_rows
 from parsolid.contact.tie import kernels
 from parsolid.methods.protocol import ParticleSystem
 

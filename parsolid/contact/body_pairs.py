@@ -16,15 +16,15 @@ from parsolid.scene.contact import contact_pairs, of_model
 SKIN = 0.5
 # step over the limit of a contact's frequency: what is exchanged in a step grows with its square; the power of a
 # stiffness above 1 by which it is less, for then particles of a face meet and part many times; by how much it is less
-# where a body does not damp that, or moves in stages, which take from what a contact shakes, and where neither does
+# where one body does not damp that, and where neither does
 _SAFETY, _STIFF, _LESS, _LEAST = 0.5, -0.125, 2.0 / 3.0, 0.36
 # entries of the tables of colour against depth
 _TABLE = 65
 
 
-class BodyFacts(NamedTuple):
-    """Spacing [m], modulus lambda + 2 mu [Pa] and wave speed [m/s] of a body; nodal: particles on its faces; undamped,
-    staged: its method, see `ParticleSystem`."""
+class BodyKind(NamedTuple):
+    """Spacing [m], modulus lambda + 2 mu [Pa] and wave speed [m/s] of a body; nodal: particles on its faces; undamped:
+    its method, see `ParticleSystem`."""
 
     spacing: float
     modulus: float
@@ -33,29 +33,23 @@ class BodyFacts(NamedTuple):
     undamped: bool
 
 
-class Side(NamedTuple):
-    """What a body `own` feels of a body `other`, numbers of the scene; reverse: number of the other side.
+class ContactLaw(NamedTuple):
+    """What a body of one kind feels of a body of another.
 
-    reach: R [m]; skin [m]; stiffness: kappa [Pa/m]; slot: number among the sides of its own body; depth, colour, slope:
-    tables of the other lattice's colour and its slope [1/m] at depths from h_own/2 outside to the face [m];
-    own_colour: c_AA, of the own lattice seen from h_own/2 outside; longest: step [s] that the contact alone allows.
+    reach: R [m]; skin [m]; stiffness: kappa [Pa/m]; norm: N R^-d [1/m^d]; own_colour: c_AA, of the own lattice seen
+    from h_own/2 outside; colour, slope: tables of the other lattice's colour and its slope [1/m] at depths from
+    h_own/2 outside to the face; longest: step [s] that the contact alone allows.
     """
 
-    own: int
-    other: int
-    reverse: int
-    slot: int
     reach: float
     skin: float
     stiffness: float
     friction: float
     norm: float
     own_colour: float
-    depth: np.ndarray
     colour: np.ndarray
     slope: np.ndarray
     longest: float
-    planes: tuple[tuple[int, float], ...]
 
     def threshold(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """c0 and slope s [1/m] (n,) of particles by how far from h/2 within their face (0) to on it (1) they are."""
@@ -63,48 +57,89 @@ class Side(NamedTuple):
         return colour, np.interp(colour, self.colour, self.slope)
 
 
-class Sides:
-    """All sides of a scene's contacts, and facts by body; slots: the most sides of one body, for each particle."""
+class BodyPair(NamedTuple):
+    """A body `own` that may touch a body `other`, numbers of the scene, or itself; reverse: number of the pair the other
+    way round; slot: number among the pairs of its own body; planes: axis and coordinate of symmetry planes of both."""
 
-    def __init__(self, sides: list[Side], facts: dict[int, BodyFacts]) -> None:
-        self.sides, self.facts = sides, facts
-        self.slots = max((side.slot + 1 for side in sides), default=0)
-        self._of_body: dict[int, list[tuple[int, Side]]] = {}
-        for number, side in enumerate(sides):
-            self._of_body.setdefault(side.own, []).append((number, side))
+    own: int
+    other: int
+    reverse: int
+    slot: int
+    law: ContactLaw
+    planes: tuple[tuple[int, float], ...]
 
-    def of_body(self, body: int) -> list[tuple[int, Side]]:
-        """Numbers and sides of a body of the scene."""
+
+class BodyPairs:
+    """All pairs of bodies that may touch, each both ways round, and the kinds of these bodies; slots: the most pairs of
+    one body, for each particle. Arrays over pairs: own, other, reverse; reach, skin [m]."""
+
+    def __init__(self, pairs: list[BodyPair], kinds: dict[int, BodyKind]) -> None:
+        self.pairs, self.kinds = pairs, kinds
+        self.slots = max((pair.slot + 1 for pair in pairs), default=0)
+        self.own, self.other, self.reverse = (np.array([pair[k] for pair in pairs], np.int64) for k in range(3))
+        self.reach, self.skin = np.array([pair.law[:2] for pair in pairs]).reshape(-1, 2).T.copy()
+        self._of_body: dict[int, list[BodyPair]] = {}
+        for pair in pairs:
+            self._of_body.setdefault(pair.own, []).append(pair)
+
+    def of_body(self, body: int) -> list[BodyPair]:
+        """Pairs of a body of the scene."""
         return self._of_body.get(body, [])
 
 
 def slots_of(scene: Scene) -> int:
-    """The most sides that one body has."""
+    """The most pairs that one body has."""
     count = np.zeros(len(scene.bodies), int)
     for pair in contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies]):
         count[list({pair.first, pair.second})] += 1
     return int(count.max(initial=0))
 
 
-def sides_of(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> Sides:
-    """Every contact of a scene, from both sides, from one within a body; collective."""
-    pairs = contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies])
-    used = sorted({body for pair in pairs for body in pair[:2]})
-    facts = _facts(comm, scene, systems, used)
-    planes = _planes(systems)
-    sides: list[Side] = []
+def body_pairs(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> BodyPairs:
+    """Every pair of bodies in contact, both ways round, once for a body with itself; collective."""
+    stated = contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies])
+    used = sorted({body for pair in stated for body in pair[:2]})
+    kinds, planes = _kinds(comm, scene, systems, used), _planes(systems)
+    pairs: list[BodyPair] = []
     slots = dict.fromkeys(used, 0)
-    for pair in pairs:
-        both = [(pair.first, pair.second)]
-        if pair.first != pair.second:
-            both.append((pair.second, pair.first))
-        first = len(sides)
-        for number, (own, other) in enumerate(both):
-            reverse = first + (len(both) - 1 - number)
-            shared = tuple(plane for plane in planes.get(own, ()) if plane in planes.get(other, ()))
-            sides.append(_side(scene.dimension, facts, own, other, reverse, slots[own], pair.contact, shared))
+    for first, second, contact in stated:
+        both = [(first, second)] if first == second else [(first, second), (second, first)]
+        last = 2 * len(pairs) + len(both) - 1
+        shared = tuple(plane for plane in planes.get(first, ()) if plane in planes.get(second, ()))
+        numbers = contact.radius, contact.stiffness, contact.friction
+        for own, other in both:
+            law = contact_law(kinds[own], kinds[other], *numbers, scene.dimension)
+            pairs.append(BodyPair(own, other, last - len(pairs), slots[own], law, shared))
             slots[own] += 1
-    return Sides(sides, facts)
+    return BodyPairs(pairs, kinds)
+
+
+# bodies of one kind have the same, whatever their number
+@lru_cache(maxsize=4096)
+def contact_law(
+    own: BodyKind, other: BodyKind, radius: float, stiffness: float, friction: float, dimension: int
+) -> ContactLaw:
+    """The law between two kinds; radius, stiffness, friction: as the scene states them."""
+    coarse = max(own.spacing, other.spacing)
+    reach = radius * coarse
+    softer = min((own, other), key=lambda kind: kind.modulus / kind.spacing)
+    depth = np.linspace(0.5 * own.spacing, 0.0, _TABLE)
+    table = [lattice_colour(float(z), other.spacing, other.nodal, reach, dimension) for z in depth]
+    own_colour, _ = lattice_colour(0.5 * own.spacing, own.spacing, own.nodal, reach, dimension)
+    shaken = (1.0, _LESS, _LEAST)[own.undamped + other.undamped]
+    frequency = np.sqrt(2.0 * stiffness) * softer.speed / softer.spacing
+    safety = _SAFETY * max(stiffness, 1.0) ** _STIFF * shaken
+    return ContactLaw(
+        reach,
+        SKIN * coarse,
+        stiffness * softer.modulus / softer.spacing,
+        friction,
+        norm(dimension, reach),
+        own_colour,
+        np.array([one[0] for one in table]),
+        np.array([one[1] for one in table]),
+        float(safety * 2.0 / frequency),
+    )
 
 
 def areas_of(system: ParticleSystem, rows: np.ndarray, volume: np.ndarray, share: np.ndarray | None) -> np.ndarray:
@@ -119,55 +154,7 @@ def areas_of(system: ParticleSystem, rows: np.ndarray, volume: np.ndarray, share
     return np.asarray(result)
 
 
-def _side(
-    dimension: int,
-    facts: dict[int, BodyFacts],
-    own: int,
-    other: int,
-    reverse: int,
-    slot: int,
-    contact: Any,
-    planes: Any,
-) -> Side:
-    A, B = facts[own], facts[other]
-    coarse = max(A.spacing, B.spacing)
-    reach = contact.radius * coarse
-    softer = min((A, B), key=lambda body: body.modulus / body.spacing)
-    depth, colour, slope = _table(A.spacing, B.spacing, B.nodal, reach, dimension)
-    own_colour, _ = lattice_colour(0.5 * A.spacing, A.spacing, A.nodal, reach, dimension)
-    shaken = _LESS if A.undamped or B.undamped else 1.0
-    shaken = _LEAST if A.undamped and B.undamped else shaken
-    frequency = np.sqrt(2.0 * contact.stiffness) * softer.speed / softer.spacing
-    safety = _SAFETY * max(contact.stiffness, 1.0) ** _STIFF * shaken
-    return Side(
-        own,
-        other,
-        reverse,
-        slot,
-        reach,
-        SKIN * coarse,
-        contact.stiffness * softer.modulus / softer.spacing,
-        contact.friction,
-        norm(dimension, reach),
-        own_colour,
-        depth,
-        colour,
-        slope,
-        float(safety * 2.0 / frequency),
-        planes,
-    )
-
-
-# bodies of one spacing have the same, whatever their number
-@lru_cache(maxsize=4096)
-def _table(own: float, spacing: float, nodal: bool, reach: float, dimension: int) -> tuple[np.ndarray, ...]:
-    """Depths from half of an own spacing [m] outside to the face of another body, its colours and their slopes."""
-    depth = np.linspace(0.5 * own, 0.0, _TABLE)
-    table = [lattice_colour(float(z), spacing, nodal, reach, dimension) for z in depth]
-    return depth, np.array([one[0] for one in table]), np.array([one[1] for one in table])
-
-
-def _facts(comm: Any, scene: Scene, systems: list[ParticleSystem], used: list[int]) -> dict[int, BodyFacts]:
+def _kinds(comm: Any, scene: Scene, systems: list[ParticleSystem], used: list[int]) -> dict[int, BodyKind]:
     """Of the bodies in contact; collective."""
     result, d = {}, scene.dimension
     for system in systems:
@@ -182,7 +169,7 @@ def _facts(comm: Any, scene: Scene, systems: list[ParticleSystem], used: list[in
             # one row of nodes lies in the middle of its layer
             nodal = stated.placed_on == "nodes" and 1 not in (stated.particles or ())
             speed = float(np.sqrt(modulus / density))
-            result[body] = BodyFacts(coarsest, modulus, speed, nodal, system.undamped)
+            result[body] = BodyKind(coarsest, modulus, speed, nodal, system.undamped)
     return result
 
 
@@ -196,7 +183,7 @@ def _planes(systems: list[ParticleSystem]) -> dict[int, tuple[tuple[int, float],
     return result
 
 
-def shares_of(system: ParticleSystem, rows: np.ndarray, side: Side) -> np.ndarray:
+def shares_of(system: ParticleSystem, rows: np.ndarray, pair: BodyPair) -> np.ndarray:
     """The parts (k,) of a system's particles on this side of symmetry planes that both bodies have.
 
     Behind a plane that the other body does not have there is nothing for it to feel: no image, and no second half of
@@ -206,8 +193,8 @@ def shares_of(system: ParticleSystem, rows: np.ndarray, side: Side) -> np.ndarra
     if not (share < 1.0).any():
         return share
     place, result = system.particles.owned_rows("reference_position")[rows], np.ones(len(rows))
-    for axis, coordinate in side.planes:
-        result[np.abs(place[:, axis] - coordinate) < 1e-6 * side.reach] *= 0.5
+    for axis, coordinate in pair.planes:
+        result[np.abs(place[:, axis] - coordinate) < 1e-6 * pair.law.reach] *= 0.5
     return np.maximum(share, result)
 
 
