@@ -58,8 +58,9 @@ class ContactLaw(NamedTuple):
 
 
 class BodyPair(NamedTuple):
-    """A body `own` that may touch a body `other`, numbers of the scene, or itself; reverse: number of the pair the other
-    way round; slot: number among the pairs of its own body; planes: axis and coordinate of symmetry planes of both."""
+    """A body `own` that may touch a body `other` or itself, numbers of the scene; reverse: number of the pair the
+    other way round; slot: number among the pairs of its own body; planes: axis and coordinate of symmetry planes of
+    both."""
 
     own: int
     other: int

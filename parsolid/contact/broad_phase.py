@@ -25,8 +25,8 @@ _FASTER = 0.01
 
 
 class MovingBoxes(NamedTuple):
-    """Of bodies: lower, upper corners now (bodies, d) [m], mean velocity [m/s]; margin (bodies,) [m], negative of bodies
-    without contact; faster (bodies,) [m/s]: by how much particles may get faster."""
+    """Of bodies: lower, upper corners now (bodies, d) [m], mean velocity [m/s]; margin (bodies,) [m], negative of
+    bodies without contact; faster (bodies,) [m/s]: by how much particles may get faster."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -36,9 +36,9 @@ class MovingBoxes(NamedTuple):
 
 
 class Partners(NamedTuple):
-    """Near bodies of each body, start (bodies + 1,): lower and upper corners now (n, d) [m]; velocity [m/s] of the frame
-    of both and how far it has moved [m] since the build, (n, d); allowed displacement in it, and the reach in which that
-    counts (n,) [m]."""
+    """Near bodies of each body, start (bodies + 1,): lower and upper corners now (n, d) [m]; velocity [m/s] of the
+    frame of both and how far it has moved [m] since the build, (n, d); allowed displacement in it, and the reach in
+    which that counts (n,) [m]."""
 
     start: np.ndarray
     lower: np.ndarray
@@ -85,8 +85,8 @@ class BroadPhase:
     """Boxes (bodies, d) [m] of the scene's bodies when they were agreed on, mean velocities [m/s], and margins [m].
 
     near: for each body pair, whether lists are needed, any_near: for one at least; beyond (pairs,) [m]: by what they
-    reach farther than the kernel; expires: the time [s] at which bodies that are apart may meet; until (pairs,) [s]: how
-    long after the agreement those of each may at first, 0 where near.
+    reach farther than the kernel; expires: the time [s] at which bodies that are apart may meet; until (pairs,) [s]:
+    how long after the agreement those of each may at first, 0 where near.
     """
 
     def __init__(self, comm: Any, bodies: int, pairs: BodyPairs, systems: list[ParticleSystem]) -> None:
@@ -183,14 +183,11 @@ def body_motions(comm: Any, bodies: int, systems: list[ParticleSystem]) -> tuple
     return -bounds[:, 0], bounds[:, 1], np.ascontiguousarray((sums[:d] / np.maximum(sums[d], 1.0)).T), spacing
 
 
-def meeting(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...], reach: float) -> float:
-    """Time [s] until two boxes (lower, upper, velocity) overlap, one of them widened by a reach [m]; inf if never."""
-    first, second = (tuple(values[None] for values in box) for box in (one, other))
-    return float(meetings(first, second, np.array([reach]))[0])
-
-
 def meetings(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...], reach: np.ndarray) -> np.ndarray:
-    """Times (n,) [s] of `meeting` of n pairs of boxes, arrays (n, d) of each side, and reaches (n,) [m]."""
+    """Times (n,) [s] until n pairs of boxes overlap, one of them widened by a reach (n,) [m]; inf where never.
+
+    one, other: lower, upper corners [m] and velocities [m/s], (n, d) each.
+    """
     speed = one[2] - other[2]
     low, high = other[0] - one[1] - reach[:, None], other[1] - one[0] + reach[:, None]
     still = speed == 0.0

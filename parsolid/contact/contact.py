@@ -227,23 +227,26 @@ class KernelContact(Interaction):
         """Arrays and messages of the present candidates."""
         search, owned, whole = self.search, self.search.owned, len(self.search.points.rows)
         laws = [(self.pairs.pairs[one.pair], one.last - one.first) for one in search.segments]
-        of_law = [np.repeat([getattr(pair.law, name) for pair, _ in laws], [count for _, count in laws]) for name in ("friction", "longest")]
+        of_law = [
+            np.repeat([getattr(pair.law, name) for pair, _ in laws], [count for _, count in laws])
+            for name in ("friction", "longest")
+        ]
         friction, self.longest = (np.asarray(values, float) for values in of_law)
         self.pressure = Pressure(np.zeros(owned), self._from_fields("contact_level", 1).ravel(), *np.zeros((2, whole)))
         self.force, self.correction, self.heat = np.zeros((owned, 3)), np.zeros((owned, 3)), np.zeros(owned)
         vectors = [np.zeros((whole, 3)) for _ in range(3)]
-        self.rubbing = None
+        self.rubbing: Any = None
         sent = [self.pressure.pull, self.pressure.correction]
         if self.rubs:
-            numbers = np.zeros(owned), np.zeros(whole)
-            self.rubbing = Rubbing(friction, np.zeros((owned, 3)), *numbers, *vectors, np.zeros(whole))
+            lost, per_colour, given = np.zeros(owned), np.zeros(whole), np.zeros(whole)
+            self.rubbing = Rubbing(friction, np.zeros((owned, 3)), lost, per_colour, *vectors, given=given)
             sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
         self.places = search.halo.exchange([search.points.rows, search.points.moved])
         self.pressures = search.halo.exchange(sent)
         self.hosts = [Host(system, i, search) for i, system in enumerate(self.systems)]
 
     def _constants(self, segments: list[Segment], volume: np.ndarray, share: np.ndarray) -> list[np.ndarray]:
-        """Threshold, slope, stiffness, 1/R and norm (n,) of the candidates of segments with whole volumes (n,) [m^3]."""
+        """Threshold, slope, stiffness, 1/R and norm (n,) of candidates with whole volumes (n,) [m^3]."""
         result = np.zeros((5, len(volume)))
         for one in segments:
             pair, here = self.pairs.pairs[one.pair], slice(one.first, one.last)

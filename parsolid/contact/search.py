@@ -108,7 +108,7 @@ class Search:
         reach = float(reaches[boxes.near].max(initial=0.0))
         halo = Halo.plan(self.comm, place, reach * _HAIR if reach > 0.0 else 1.0)
         d, volume = place.shape[1], self.gathered("volume") / share
-        of_law = constants(self.segments, volume, share)
+        of_law: Any = constants(self.segments, volume, share)
         skin, identifier = self.body_pairs.skin[pair], self.gathered("identifier").astype(np.int64)
         rows = np.zeros((self.owned + halo.ghosts, 4))
         rows[: self.owned, :d], rows[: self.owned, 3] = place, volume
@@ -121,7 +121,7 @@ class Search:
             start, neighbour = _kept(start, neighbour, ~excluded(pair, row, neighbour, reference, particle))
         start, neighbour, image, mirrors = self._with_images(start, neighbour, rows[:, :d], pair)
         active = np.ones(self.owned, np.int64)
-        points = Candidates(rows, np.zeros((len(rows), 3)), share, *of_law, d)
+        points = Candidates(rows, np.zeros((len(rows), 3)), share, *of_law, dimension=d)
         pairs = Pairs(start, neighbour, image if mirrors is not None else None, mirrors, active)
         if prune:
             active = may_press(points, pairs, skin, SEEN)
@@ -129,7 +129,7 @@ class Search:
 
     def _neighbours(self, place: np.ndarray, pair: np.ndarray, particle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Near candidates of the owned ones: starts, neighbours."""
-        found = (np.zeros(1, np.int64), np.empty(0, np.int32)) * 2
+        found: Any = (np.zeros(1, np.int64), np.empty(0, np.int32)) * 2
         if self.owned:
             found = self._search.find(place, np.ascontiguousarray(self.half[pair]), self.owned)
         return directed(*found[:2], self.owned, *found[2:], pair, self.body_pairs.reverse, particle)
@@ -146,8 +146,8 @@ class Search:
         self.halo = halo.keep(used[self.owned :], mine)
         neighbour, image, start = number[neighbour], image[keep], start[np.append(mine, True)]
         sort_rows(start, neighbour, image, particle[used])
-        of_owned = [values[mine] for values in points[2:-1]]
-        self.points = Candidates(points.rows[used], points.moved[used], *of_owned, points.dimension)
+        of_owned: Any = [values[mine] for values in points[2:-1]]
+        self.points = Candidates(points.rows[used], points.moved[used], *of_owned, dimension=points.dimension)
         active = pairs.active[: self.owned][mine].astype(np.int64)
         self.pairs = Pairs(start, neighbour, None if pairs.mirrors is None else image, pairs.mirrors, active)
         before = np.concatenate(([0], np.cumsum(mine)))
@@ -160,7 +160,9 @@ class Search:
         self.owned = int(mine.sum())
 
     def _shares(self) -> np.ndarray:
-        pieces = [shares_of(self.systems[one.system], one.rows, self.body_pairs.pairs[one.pair]) for one in self.segments]
+        pieces = [
+            shares_of(self.systems[one.system], one.rows, self.body_pairs.pairs[one.pair]) for one in self.segments
+        ]
         return np.concatenate(pieces or [np.zeros(0)])
 
     def _segments(self, boxes: BroadPhase) -> list[Segment]:

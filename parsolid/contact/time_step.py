@@ -7,7 +7,7 @@ rest at the start.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -139,7 +139,7 @@ class StepRule:
         self.allowed = min(closing_step(*arrays, self.last, SEEN, MOST_CLOSED), self._step_ahead(seen))
 
     def _step_ahead(self, seen: Seen) -> float:
-        """`meeting_step` of a time in which candidates go on as in the last step; inf where they are too slow for it."""
+        """`meeting_step` of a time in which candidates go on as in the last step; inf where they are too slow."""
         points, time = seen.points, self.horizon
         if self.last == 0.0 or not len(points.moved):
             return float(np.inf)

@@ -43,8 +43,8 @@ class WithinBodies:
         self._keys = np.concatenate(keys)
 
     def excluded(self, pair: Any, row: Any, neighbour: Any, reference: Any, particle: Any) -> np.ndarray:
-        """Which candidates (row, neighbour) of one body do not touch although they are near, by arrays with ghosts: body
-        pair, reference place [m] and identifier of each candidate."""
+        """Which candidates (row, neighbour) of one body do not touch although they are near, by arrays with ghosts:
+        body pair, reference place [m] and identifier of each candidate."""
         number = pair[row]
         close = np.linalg.norm(reference[row] - reference[neighbour], axis=1) < self.reach[number]
         result = self.own[number] & close

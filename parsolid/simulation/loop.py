@@ -10,8 +10,8 @@ from typing import Any, Protocol
 from decomposition.reduction import MinimumAhead
 from decomposition.talking import TALKING
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
-from parsolid.contact.grid import build_grid_contact
 from parsolid.contact.contact import build_contact
+from parsolid.contact.grid import build_grid_contact
 from parsolid.contact.tie import build_ties
 from parsolid.contact.tools import build_tools
 from parsolid.methods.interaction import Interaction

@@ -14,8 +14,8 @@ from parsolid.simulation.subcycling import MOST
 
 # landing on a time may stretch or halve steps but never makes a sliver
 SLIVER = 1e-9
-# where bodies meet, a step is at most so many times as long as the one before it: when a contact opens, steps may become
-# ten times as long, and what leapfrog's kinetic offset gains by that is taken from the energy of waves
+# where bodies meet, a step is at most so many times as long as the one before it: when a contact opens, the stable one
+# may become ten times as long, and what leapfrog's kinetic offset gains by that is taken from the energy of waves
 _GROWTH = 1.25
 
 Self = TypeVar("Self", bound="TimeSteps")

@@ -14,7 +14,7 @@ from parsolid.simulation.loop import Limits, Simulation, StopRequest
 
 def test_a_spring_that_is_turned_round_or_cut_gives_nothing():
     """And has at most its old force where the limit has fallen below it, else at most that of Coulomb's law."""
-    chance, rigidity, turned = np.random.default_rng(3), 2.0, 0
+    chance, rigidity, reversed_springs = np.random.default_rng(3), 2.0, 0
     for d in (2, 3) * 2000:
         n, spring, slip = np.zeros((3, 3))
         for vector in (n, spring, slip):
@@ -32,8 +32,8 @@ def test_a_spring_that_is_turned_round_or_cut_gives_nothing():
         work = 0.5 * rigidity * (old + stick) @ moved
         stored = 0.5 * rigidity * (stick @ stick - old @ old)
         assert abs(work - stored - lost) < 1e-12 * rigidity * (1.0 + moved @ moved + old @ old)
-        turned += length > most / rigidity * (1.0 + 1e-12)
-    assert turned > 100
+        reversed_springs += length > most / rigidity * (1.0 + 1e-12)
+    assert reversed_springs > 100
 
 
 def test_discs_that_rub_and_part_keep_their_balance():

@@ -214,7 +214,7 @@ class RigidTools(Interaction):
         totals = over_ranks(self.comm, np.array([tool.own.numbers for tool in asked]))
         for tool, total in zip(asked, totals):
             tool.total = Resultant.from_numbers(total)
-        apart = [tool for tool in asked if tool.total.count == 0.0]
+        apart = [tool for tool in asked if tool.total.pressed == 0.0]
         if apart:
             quiet = [min((touch.quiet_until for touch in tool.touches), default=np.inf) for tool in apart]
             for tool, until in zip(apart, minimum(self.comm, np.array(quiet))):

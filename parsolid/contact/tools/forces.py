@@ -8,7 +8,7 @@ there, which slips where the spring would pull by more than mu f_n (`contact.fri
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
@@ -231,8 +231,8 @@ def fastest(owned, velocity):
 
 
 class Resultant(NamedTuple):
-    """What a tool does to particles, all together: force (3,) [N] and moment (3,) [N m] about the place of the tool, the
-    same of what impulses have besides; energies [J]; how many it presses, and `Nearby`'s stiffnesses."""
+    """What a tool does to particles, all together: force (3,) [N] and moment (3,) [N m] about its place, the same of
+    what impulses have besides; energies [J]; how many are pressed, and `Nearby`'s stiffnesses."""
 
     force: np.ndarray
     moment: np.ndarray
@@ -241,25 +241,27 @@ class Resultant(NamedTuple):
     stored: float = 0.0
     stuck: float = 0.0
     lost: float = 0.0
-    count: float = 0.0
+    pressed: float = 0.0
     stiffness: float = 0.0
     turning: float = 0.0
 
     @classmethod
     def none(cls) -> "Resultant":
         """Of a tool that touches nothing."""
-        return cls(*(np.zeros(3) for _ in range(4)))
+        return cls(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3))
 
     @classmethod
     def of(cls, touched: Touched, near: Nearby) -> "Resultant":
         """The sums of some rows."""
-        sums = [values.sum(axis=0) for force in (touched.force, touched.correction) for values in (force, np.cross(touched.arm, force))]
+        moment, more_moment = (np.cross(touched.arm, force) for force in (touched.force, touched.correction))
+        vectors = touched.force, moment, touched.correction, more_moment
         numbers = touched.stored, touched.stuck, touched.lost, touched.pressed
-        return cls(*sums, *(float(one.sum()) for one in numbers), near.stiffness, near.turning)
+        sums: list[Any] = [one.sum(axis=0) for one in (*vectors, *numbers)]
+        return cls(*sums, stiffness=near.stiffness, turning=near.turning)
 
     def plus(self, other: "Resultant") -> "Resultant":
         """The sum of two."""
-        return Resultant(*(one + two for one, two in zip(self, other)))
+        return Resultant.from_numbers(self.numbers + other.numbers)
 
     @property
     def numbers(self) -> np.ndarray:

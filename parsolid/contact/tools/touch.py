@@ -101,14 +101,22 @@ class Touch:
         friction = None
         if self.record is not None:
             friction = Friction(tool.friction, particles.storage(self.record), slipping)
-        fields = [particles[name] for name in ("position", "velocity", "body")]
-        numbers = particles[RADIUS], particles[STIFFNESS], particles.storage(level_of(tool.name))
+        seen = Particles(
+            particles.owned,
+            particles["position"],
+            particles["velocity"],
+            particles["body"],
+            self.touchable,
+            particles[RADIUS],
+            particles[STIFFNESS],
+            particles.storage(level_of(tool.name)),
+        )
         count, *near = press(
             tool.shape,
             Frame(tool.body.pose.place, tool.body.pose.matrix),
             friction,
             tool.stiffness,
-            Particles(particles.owned, *fields, self.touchable, *numbers),
+            seen,
             Approach(tool.longest, tool.speed(time)),
             self._followed,
             self._room,
