@@ -64,11 +64,11 @@ class KernelContact(Interaction):
         """systems: of the scene, whose particles have the fields of `declare_fields`. Collective."""
         self.comm, self.systems = comm, systems
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
-        self.pairs = body_pairs(comm, scene, systems)
-        self.boxes = BroadPhase(comm, len(scene.bodies), self.pairs, systems)
-        self.search, self.within = Search(comm, self.pairs, systems), WithinBodies(self.pairs, systems)
-        self.steps = StepRule(self.pairs)
-        self.rubs = any(pair.law.friction for pair in self.pairs.pairs)
+        self.body_pairs = body_pairs(comm, scene, systems)
+        self.boxes = BroadPhase(comm, len(scene.bodies), self.body_pairs, systems)
+        self.search, self.within = Search(comm, self.body_pairs, systems), WithinBodies(self.body_pairs, systems)
+        self.steps = StepRule(self.body_pairs)
+        self.rubs = any(pair.law.friction for pair in self.body_pairs.pairs)
         self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.checkpoint: dict[str, Any] | None = None
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
@@ -81,7 +81,7 @@ class KernelContact(Interaction):
         one another, or are one layer of particles."""
         kept, steps = self.checkpoint, self.steps
         if kept is None:
-            fill_depths(self.comm, self.pairs, self.systems, self.names)
+            fill_depths(self.comm, self.body_pairs, self.systems, self.names)
             stable = minimum(self.comm, min(one.stable_step() for one in self.systems))
             steps.last = max(steps.shortest, stable)
         self.rebuild(time)
@@ -99,8 +99,8 @@ class KernelContact(Interaction):
             one.give(0.0)
         first, self.checkpoint = kept is None and self.rebuilds == 1, None
         number = next((one.pair for one in self.search.segments if first and 0 <= where < one.last), None)
-        pair = None if number is None else self.pairs.pairs[number]
-        raise_together(self.comm, overlap(depth, pair, self.pairs, self.names) if pair is not None else None)
+        pair = None if number is None else self.body_pairs.pairs[number]
+        raise_together(self.comm, overlap(depth, pair, self.body_pairs, self.names) if pair is not None else None)
 
     def _take_back(self, kept: dict[str, Any], forces_kept: list[np.ndarray]) -> None:
         """Forces, energies and steps of a checkpoint for those found anew; on other ranks only the forces."""
@@ -226,7 +226,7 @@ class KernelContact(Interaction):
     def _make_room(self) -> None:
         """Arrays and messages of the present candidates."""
         search, owned, whole = self.search, self.search.owned, len(self.search.points.rows)
-        laws = [(self.pairs.pairs[one.pair], one.last - one.first) for one in search.segments]
+        laws = [(self.body_pairs.pairs[one.pair], one.last - one.first) for one in search.segments]
         of_law = [
             np.repeat([getattr(pair.law, name) for pair, _ in laws], [count for _, count in laws])
             for name in ("friction", "longest")
@@ -239,7 +239,7 @@ class KernelContact(Interaction):
         sent = [self.pressure.pull, self.pressure.correction]
         if self.rubs:
             lost, per_colour, given = np.zeros(owned), np.zeros(whole), np.zeros(whole)
-            self.rubbing = Rubbing(friction, np.zeros((owned, 3)), lost, per_colour, *vectors, given=given)
+            self.rubbing = Rubbing._make([friction, np.zeros((owned, 3)), lost, per_colour, *vectors, given])
             sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
         self.places = search.halo.exchange([search.points.rows, search.points.moved])
         self.pressures = search.halo.exchange(sent)
@@ -249,12 +249,12 @@ class KernelContact(Interaction):
         """Threshold, slope, stiffness, 1/R and norm (n,) of candidates with whole volumes (n,) [m^3]."""
         result = np.zeros((5, len(volume)))
         for one in segments:
-            pair, here = self.pairs.pairs[one.pair], slice(one.first, one.last)
+            pair, here = self.body_pairs.pairs[one.pair], slice(one.first, one.last)
             system = self.systems[one.system]
             inside = system.particles.storage("contact_depth")[one.rows, pair.slot]
             colour, steepness = pair.law.threshold(inside)
             least = self.within.least_thresholds(one.system, pair, one.rows, system.dimension)
-            nodal = self.pairs.kinds[pair.own].nodal
+            nodal = self.body_pairs.kinds[pair.own].nodal
             area = areas_of(system, one.rows, volume[here], share[here] if nodal else None)
             result[0, here] = colour if least is None else np.maximum(colour, least)
             result[1, here], result[2, here] = 1.0 / steepness, 0.5 * pair.law.stiffness * area
@@ -265,7 +265,7 @@ class KernelContact(Interaction):
         """Values (owned, width) of the candidates, of a field with so many columns for each pair of a body."""
         result = np.zeros((self.search.owned, width))
         for one in self.search.segments:
-            first = self.pairs.pairs[one.pair].slot * width
+            first = self.body_pairs.pairs[one.pair].slot * width
             field = self.systems[one.system].particles.storage(name)
             result[one.first : one.last] = field[one.rows, first : first + width]
         return result
@@ -274,7 +274,7 @@ class KernelContact(Interaction):
         """Take `_from_fields` back."""
         width = values.shape[1]
         for one in self.search.segments:
-            first = self.pairs.pairs[one.pair].slot * width
+            first = self.body_pairs.pairs[one.pair].slot * width
             field = self.systems[one.system].particles.storage(name)
             field[one.rows, first : first + width] = values[one.first : one.last]
 

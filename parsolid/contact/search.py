@@ -121,7 +121,7 @@ class Search:
             start, neighbour = _kept(start, neighbour, ~excluded(pair, row, neighbour, reference, particle))
         start, neighbour, image, mirrors = self._with_images(start, neighbour, rows[:, :d], pair)
         active = np.ones(self.owned, np.int64)
-        points = Candidates(rows, np.zeros((len(rows), 3)), share, *of_law, dimension=d)
+        points = Candidates._make([rows, np.zeros((len(rows), 3)), share, *of_law, d])
         pairs = Pairs(start, neighbour, image if mirrors is not None else None, mirrors, active)
         if prune:
             active = may_press(points, pairs, skin, SEEN)
@@ -147,7 +147,7 @@ class Search:
         neighbour, image, start = number[neighbour], image[keep], start[np.append(mine, True)]
         sort_rows(start, neighbour, image, particle[used])
         of_owned: Any = [values[mine] for values in points[2:-1]]
-        self.points = Candidates(points.rows[used], points.moved[used], *of_owned, dimension=points.dimension)
+        self.points = Candidates._make([points.rows[used], points.moved[used], *of_owned, points.dimension])
         active = pairs.active[: self.owned][mine].astype(np.int64)
         self.pairs = Pairs(start, neighbour, None if pairs.mirrors is None else image, pairs.mirrors, active)
         before = np.concatenate(([0], np.cumsum(mine)))

@@ -58,7 +58,7 @@ def test_pressure_against_overlap(placement, wanted):
     sim = simulated(bars(n=10, wide=6, placement=placement))
     h, width = 0.1, 0.6
     contact = contact_of(sim)
-    assert contact.pairs.pairs[0].law.stiffness == pytest.approx(MODULUS / h, rel=1e-12)
+    assert contact.body_pairs.pairs[0].law.stiffness == pytest.approx(MODULUS / h, rel=1e-12)
     at = 0.0
     for overlap, share in zip((0.02, 0.1, 0.3), wanted):
         moved(sim, 0, np.array([(overlap - at) * h, 0.0]))

@@ -40,7 +40,7 @@ def test_lists_hold_until_half_the_skin_is_used():
     assert contact.boxes.time_left(0.0, 2.0) > 0.9
     row = int(np.argmin(np.abs(sim.systems[0].particles.owned_rows("position")[:, 1] - 0.25) + 10.0 * (body != 1)))
     velocity[row, 0] = 0.5 * SPEED
-    skin = 0.5 * contact.pairs.skin[0]
+    skin = 0.5 * contact.body_pairs.skin[0]
     speed = float(np.hypot(0.5, 0.1)) * SPEED + 0.01 * SPEED
     assert abs(contact.boxes.time_left(0.0, 2.0) - skin / speed) < 1e-12
 

@@ -257,7 +257,7 @@ class Resultant(NamedTuple):
         vectors = touched.force, moment, touched.correction, more_moment
         numbers = touched.stored, touched.stuck, touched.lost, touched.pressed
         sums: list[Any] = [one.sum(axis=0) for one in (*vectors, *numbers)]
-        return cls(*sums, stiffness=near.stiffness, turning=near.turning)
+        return cls._make([*sums, near.stiffness, near.turning])
 
     def plus(self, other: "Resultant") -> "Resultant":
         """The sum of two."""
