@@ -9,6 +9,7 @@ import numpy as np
 from parsolid.collective import maximum
 from parsolid.contact.kernel import lattice_colour, norm
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.container import Particles
 from parsolid.scene import Scene
 from parsolid.scene.contact import contact_pairs, of_model
 
@@ -184,13 +185,18 @@ def _planes(systems: list[ParticleSystem]) -> dict[int, tuple[tuple[int, float],
     return result
 
 
+def share_of(particles: Particles, rows: np.ndarray) -> np.ndarray:
+    """The parts (k,) of particles on this side of symmetry planes."""
+    return particles.owned_rows("share")[rows] if "share" in particles else np.ones(len(rows))
+
+
 def shares_of(system: ParticleSystem, rows: np.ndarray, pair: BodyPair) -> np.ndarray:
     """The parts (k,) of a system's particles on this side of symmetry planes that both bodies have.
 
     Behind a plane that the other body does not have there is nothing for it to feel: no image, and no second half of
     what lies on it.
     """
-    share = system.share[: system.owned][rows]
+    share = share_of(system.particles, rows)
     if not (share < 1.0).any():
         return share
     place, result = system.particles.owned_rows("reference_position")[rows], np.ones(len(rows))

@@ -352,8 +352,7 @@ class KernelContact(Interaction):
         """By the forces of contact [m/s^2]."""
         result = np.zeros((self.search.owned, 3))
         force = self.search.gathered("contact_force")
-        mass = [self.systems[one.system].mass[one.rows] for one in self.search.segments]
-        result[:, : force.shape[1]] = force / np.concatenate(mass or [np.zeros(0)])[:, None]
+        result[:, : force.shape[1]] = force / self.search.gathered("mass")[:, None]
         return result
 
     def numbers(self) -> dict[str, int]:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.contact.body_pairs import share_of
 from parsolid.contact.search import Search
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
@@ -33,7 +34,7 @@ class Host:
         self.recipient = np.ascontiguousarray(number_of.reshape(-1))
         self.forces = np.zeros((2, len(self.rows), system.dimension))
         self.forces[0] = owned("contact_force")[self.rows]
-        self.share = np.ascontiguousarray(system.share[: system.owned][self.rows])
+        self.share = share_of(system.particles, self.rows)
         part = search.points.share[self.candidate] / self.share[self.recipient]
         # of candidates, what they feel over what counts of their particles, where planes are not those of both bodies
         self.part = part if (part != 1.0).any() else None

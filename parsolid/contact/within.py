@@ -58,7 +58,7 @@ class WithinBodies:
         found = self.broken[index]
         if pair.own != pair.other or found is None or not len(found.row):
             return None
-        count = self.systems[index].owned
+        count = self.systems[index].particles.owned
         weight = norm(dimension, pair.law.reach) * found.volume * shapes(found.distance / pair.law.reach)
         return np.asarray(np.bincount(found.row, weight, minlength=count)[rows])
 

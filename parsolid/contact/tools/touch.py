@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.boundary.forces import tributary_mass
 from parsolid.contact.tools.forces import (
     Approach,
     Frame,
@@ -142,8 +143,8 @@ class Touch:
         """The greatest square of an angular frequency [1/s^2] that the contact may add to that of a particle."""
         system = self.system
         rows = system.particles.owned_rows
-        here = self.touchable[rows("body")]
-        mass = (system.mass[: system.owned] * system.share[: system.owned])[here]
+        here = np.flatnonzero(self.touchable[rows("body")])
+        mass = tributary_mass(system.particles, here)
         return self.tool.stiffness * float((rows(STIFFNESS)[here] / mass).max(initial=0.0))
 
     def warm(self) -> float:
