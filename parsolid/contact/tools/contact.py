@@ -10,12 +10,8 @@ from parsolid.collective import SolverError, minimum, raise_together
 from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.forces import Resultant
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
-<<<<<<< HEAD
-from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
-from parsolid.methods.failure_fields import DELETED_STORED
-=======
 from parsolid.contact.tools.touch import STIFFNESS, Touch, touchable_by
->>>>>>> main
+from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
@@ -200,14 +196,10 @@ class RigidTools(Interaction):
         self._evaluate(time, slipping=True)
         self._give(step)
         stored = self._energies()
-<<<<<<< HEAD
-        ledger.add_term("friction_dissipation", sum(float(tool.own[forces.LOST]) for tool in self.tools))
+        ledger.add_term("friction_dissipation", sum(tool.own.lost for tool in self.tools))
         deleted = sum(touch.deleted for tool in self.tools for touch in tool.touches)
         if deleted > 0.0:
             ledger.add_term(DELETED_STORED, deleted)
-=======
-        ledger.add_term("friction_dissipation", sum(tool.own.lost for tool in self.tools))
->>>>>>> main
         stored_heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
         if stored_heat:
             ledger.add_term("friction_heat", stored_heat)

@@ -71,17 +71,10 @@ def touchable_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
 class Touch:
     """A tool on a system.
 
-<<<<<<< HEAD
-    rows (n,), forces (2, n, d) [N]: what it touches, and what the impulse at the end of the step has besides; sums
-    (18,): as `forces.press` has them, of this rank; clearance [m]:
-    of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to that of a
-    particle, where one is near; quiet_until [s]: nothing can be touched before; deleted [J]: energy of contact that
-    went with deleted particles in the last step.
-=======
     touched: the particles on which it acts, on their parts on this side of mirror planes; resultant: of this rank;
     clearance [m]: of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to
-    that of a particle, where one is near; quiet_until [s]: nothing can be touched before.
->>>>>>> main
+    that of a particle, where one is near; quiet_until [s]: nothing can be touched before; deleted [J]: energy of
+    contact that went with deleted particles in the last step.
     """
 
     def __init__(self, tool: Any, system: ParticleSystem, touchable: np.ndarray, signal: float) -> None:
@@ -89,17 +82,9 @@ class Touch:
         particles may gain before they are looked at again."""
         self.tool, self.system, self.touchable, self.signal = tool, system, touchable, signal
         self.record = record_of(tool.name) if tool.friction > 0.0 else None
-<<<<<<< HEAD
-        self.sums = np.zeros(forces.SUMS)
-        self.heat = np.zeros(0) if self.record is not None and system.takes_heat else None
-        self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
-        self._rows, self._forces = np.zeros(0, np.int64), np.zeros((2, 0, system.dimension))
-        self.deleted = 0.0
-=======
         self._room = Touched.of_size(0)
         self.touched, self.resultant = self._room, Resultant.none()
-        self.clearance, self.greatest_square = np.inf, 0.0
->>>>>>> main
+        self.clearance, self.greatest_square, self.deleted = np.inf, 0.0, 0.0
         # whether places of the last step were looked at
         self._followed = False
         self._layout, self._hardest, self.quiet_until = -1, 0.0, -np.inf
@@ -116,16 +101,9 @@ class Touch:
             self.touched, self.resultant = self._room.first(0), Resultant.none()
             self.greatest_square, self._followed = 0.0, False
             return
-<<<<<<< HEAD
-        if len(self._rows) < particles.owned:
-            self._rows = np.zeros(particles.capacity, np.int64)
-            self._forces = np.zeros((2, particles.capacity, self.system.dimension))
-            self.heat = None if self.heat is None else np.zeros(particles.capacity)
-        self._leave_out_deleted()
-=======
         if len(self._room.row) < particles.owned:
             self._room = Touched.of_size(particles.capacity)
->>>>>>> main
+        self._leave_out_deleted()
         friction = None
         if self.record is not None:
             friction = Friction(tool.friction, particles.storage(self.record), slipping)
@@ -188,13 +166,8 @@ class Touch:
         """The greatest square of an angular frequency [1/s^2] that the contact may add to that of a particle."""
         system = self.system
         rows = system.particles.owned_rows
-<<<<<<< HEAD
-        here = self.meant[rows("body")] & (rows(RADIUS) > _OUT_OF_REACH)
-        mass = (system.mass[: system.owned] * system.share[: system.owned])[here]
-=======
-        here = np.flatnonzero(self.touchable[rows("body")])
+        here = np.flatnonzero(self.touchable[rows("body")] & (rows(RADIUS) > _OUT_OF_REACH))
         mass = tributary_mass(system.particles, here)
->>>>>>> main
         return self.tool.stiffness * float((rows(STIFFNESS)[here] / mass).max(initial=0.0))
 
     def warm(self) -> float:
