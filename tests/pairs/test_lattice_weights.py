@@ -79,8 +79,9 @@ def forces_of(sim, stress) -> np.ndarray:
     if method.boxes is not None:
         sweeps, stored = method.boxes.sweeps, method.particles.storage
         sweeps.exchange_motion(stored("velocity"), stored("position"))
+        # of all planes, whether they have places of their own or take turns
         sweeps.P[:] = stress.reshape(-1, 1)
-        method.boxes.find_forces()
+        sweeps.divergence(stored("stress_force"), stored("dissipative_force"))
         return np.array(method.particles.owned_rows("stress_force"))
     owned, width, record = method.owned, {2: 2, 3: 4}[d], method.lists.record
     L = method.particles.owned_rows("correction").reshape(owned, d, d)
