@@ -203,7 +203,7 @@ class TotalLagrangianSPH(ParticleSystem):
         rows = slice(0, self.lists.last)
         metric = metric if len(metric) == 1 else metric[rows]
         correction = self.lists.rebuild(positions[rows], body[rows], metric, volume[rows])
-        self.particles.owned_rows("correction")[rows] = correction.reshape(self.lists.last, -1)
+        self.particles.owned_rows("correction")[rows] = correction.reshape(self.lists.last, self.dimension**2)
         self.particles.owned_rows("pair_volume")[rows] = volume[rows]
 
     # --- state ------------------------------------------------------------------------------------------------
@@ -219,7 +219,7 @@ class TotalLagrangianSPH(ParticleSystem):
             derived[:] = True
         if given is not None:
             gradient, where = given
-            rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), -1)
+            rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), self.dimension**2)
             derived &= ~where
         if self.initial_stress is not None:
             self.initial_stress.begin(*place)
@@ -257,14 +257,14 @@ class TotalLagrangianSPH(ParticleSystem):
     def state(self) -> dict[str, Any]:
         """When the reference was moved, and whether the particles have the forces that a step begins with."""
         moved = {} if self.reference is None else self.reference.state()
-        return moved if self.leapfrog is None else {**moved, "forces_of": self.leapfrog.forces_of}
+        return moved if self.leapfrog is None else {**moved, **self.leapfrog.state()}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         if self.reference is not None:
             self.reference.set_state(state)
         if self.leapfrog is not None:
-            self.leapfrog.forces_of = state["forces_of"]
+            self.leapfrog.set_state(state)
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
