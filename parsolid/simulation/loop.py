@@ -20,6 +20,7 @@ from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
+from parsolid.simulation.momentum_balance import MomentumBalance, isolated
 from parsolid.simulation.phases import Phases
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
@@ -87,6 +88,8 @@ class Simulation:
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
+        # None where something acts from outside
+        self.momenta = MomentumBalance(comm, self.systems) if isolated(scene) else None
         self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
         self.clock.work, self.phases = [0.0] * len(self.systems), Phases()
         for number, system in enumerate(self.systems):
@@ -170,6 +173,8 @@ class Simulation:
         jump = steps > 0 and self.clock.step_size == 0.0
         told = None if jump else steps, self.ledger.last_work
         self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0, *told)
+        if self.momenta is not None:
+            self.momenta.look()
         return row
 
     def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:

@@ -134,7 +134,9 @@ class Restart:
         balance.largest = header["largest_energy"]
         balance.worst, balance.entered = header.get("largest_balance", 0.0), header.get("energy_entered", 0.0)
         balance.growth = header.get("largest_growth", 0.0)
-        balance.gained = header.get("given_by_scheme", 0.0)
+        balance.gained, balance.offset = header.get("given_by_scheme", 0.0), header.get("kinetic_offset_largest", 0.0)
+        if simulation.momenta is not None and header.get("momenta") is not None:
+            simulation.momenta.set_state(header["momenta"])
         balance.lost = float(self.rows[:, 1].sum())
         simulation.time_steps.jumped = header["jumped"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
@@ -196,6 +198,8 @@ def header_of(
         "largest_balance": simulation.balance.worst,
         "largest_growth": simulation.balance.growth,
         "given_by_scheme": simulation.balance.gained,
+        "kinetic_offset_largest": simulation.balance.offset,
+        "momenta": None if simulation.momenta is None else simulation.momenta.state(),
         "judged_step": simulation.judged,
         "energy_entered": simulation.balance.entered,
         "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],
