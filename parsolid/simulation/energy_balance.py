@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.scene.method_settings import KINETIC_OFFSET
+from parsolid.scene.warned import Warned
 
 # of the largest energy, by how much leapfrog's kinetic energy may differ from the one that is conserved
 _OFFSET = 0.05
@@ -108,11 +109,16 @@ class EnergyBalance:
         return balance / over if over > 0.0 else None
 
     def verdict(
-        self, scale: float, doubts: Sequence[str] = (), momenta: tuple[float, float] = (0.0, 0.0)
+        self,
+        scale: float,
+        doubts: Sequence[str] = (),
+        momenta: tuple[float, float] = (0.0, 0.0),
+        warnings: Sequence[Warned] = (),
     ) -> dict[str, Any]:
         """Entries of summary.json: the largest |balance| over the largest energy, numerical dissipation [J] and its
         share of the energy that went in, that of the artificial viscosity, and a word of trust with its code and
-        reason; doubts: why methods do not apply; momenta: shares of linear and angular momentum lost.
+        reason; doubts: why methods do not apply; momenta: shares of linear and angular momentum lost; warnings: of the
+        scene, see `representation`.
 
         "resolved" says that energy and momentum are accounted for and that little of the energy went into the scheme
         and its artificial viscosity: an answer needs that, but is not right by that alone.
@@ -122,6 +128,7 @@ class EnergyBalance:
             energy / self.entered if self.entered > _ROUND_OFF * scale else 0.0 for energy in (self.lost, self.viscous)
         )
         findings = self._findings(balance, gained, offset, share, viscous, doubts, momenta)
+        findings += [Finding("inapplicable", one.code, one.text) for one in warnings if one.inapplicable]
         if not findings:
             reason = f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme"
             reason += f", {gained:.2g} given by it" if gained > _TOLD else ""
