@@ -15,13 +15,15 @@ from parsolid.solvers.runge_kutta import Stage
 class BoxBodies:
     """The boxes of a system on one rank, with what `list_bodies.ListBodies` offers for other bodies.
 
-    blocks: the `state.LawBlock` of each box with particles here, in the order of the boxes; sweeps: `BoxSweeps`.
+    nodes: `BoxOfNodes` of every box of the scene; blocks: the `state.LawBlock` of each box with particles here, in the
+    order of the boxes; sweeps: `BoxSweeps`.
     """
 
     def __init__(self, system: Any, cuts: BoxCuts, bodies: list[LatticeBody], blocks: dict[int, Any]) -> None:
         """system: `system.TotalLagrangianSPH` with its fields declared; bodies: the boxes among the lattice bodies;
         blocks: by number of the body. Collective."""
         self.system, self.particles, self.dimension = system, system.particles, system.dimension
+        self.nodes = cuts.nodes
         settings = system.settings
         dissipation, staged = float(settings.dissipation), settings.integrator == "ssp-rk3"
         boxes = []

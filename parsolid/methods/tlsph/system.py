@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.boxes import cut_boxes
 from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, minimum
@@ -102,6 +103,14 @@ class TotalLagrangianSPH(ParticleSystem):
         """Ranks (n,) of nodes of boxes, which are cut along their planes, -1 of other particles; collective."""
         cuts = BoxCuts(scene, comm.size)
         return cuts.owners(comm, particle_set) if cuts.bodies else None
+
+    def busiest(self, total: int, ranks: int) -> int:
+        """See `ParticleSystem.busiest`; boxes are cut along their planes."""
+        if self.boxes is None:
+            return super().busiest(total, ranks)
+        parts = cut_boxes(self.boxes.nodes, ranks)
+        nodes = np.prod(parts[:, :, 1] - parts[:, :, 0], axis=2).sum(axis=0)
+        return int(nodes.max()) + super().busiest(total - int(nodes.sum()), ranks)
 
     def _box_bodies(self, scene: Any) -> BoxBodies | None:
         cuts = BoxCuts(scene, self.comm.size)
@@ -326,8 +335,9 @@ class TotalLagrangianSPH(ParticleSystem):
 
     @property
     def farthest(self) -> float:  # type: ignore[override]
-        """Distance of the farthest neighbour of nodes of lattices [m]."""
-        return max((one.reach * max(axis.step for axis in one.axes) for one in self.lattice_bodies), default=0.0)
+        """Distance of the farthest ghost of nodes of lattices [m]: boxes have two planes of them."""
+        reaches = [(2 if one.box else one.reach) * max(axis.step for axis in one.axes) for one in self.lattice_bodies]
+        return max(reaches, default=0.0)
 
     def numbers(self) -> dict[str, int]:
         """Ghosts and interactions."""
