@@ -145,11 +145,13 @@ def _run_in(
                 aloud(line)
         streams = [(level, None), (NORMAL, LOG.stream)][: 1 + (LOG.stream is not None)]
         progress = Several(*(Progress(scene.title, scene.end_time, simulation.particles, *one) for one in streams))
+    if restart:
+        # before anything is read that may be damaged: a failure tells it
+        simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
     watch = Recorder(simulation, files, progress)
     files.open_history(watch.columns)
     if restart:
         watch.resume(restart.header)
-        simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
     limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
     with profiled(comm, files.directory if options.profile else None):
         return _follow(comm, simulation, watch, limits, options)

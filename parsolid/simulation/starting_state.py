@@ -6,6 +6,8 @@ import numpy as np
 
 from parsolid.collective import raise_together
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.output.errors import OutputError
+from parsolid.output.field_sums import check_step
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement
 from parsolid.scene.initial import taken_from_results
@@ -21,6 +23,20 @@ def refuse_unsound_start(comm: Any, scene: Scene, system: ParticleSystem, partic
     raise_together(comm, _misfit(scene, system, particle_set))
     raise_together(comm, _inside_out(scene, system))
     raise_together(comm, _strained(scene, system, particle_set))
+
+
+def refuse_damaged_results(comm: Any, scene: Scene) -> None:
+    """Raises SolverError, on all ranks, where results that a start is taken from are not as they were written;
+    collective."""
+    fault = None
+    if comm.rank == 0:
+        taken = [one.steps for state in scene.initial if state.results for one in state.of_results]
+        try:
+            for step in {step.path: step for steps in taken for step in steps}.values():
+                check_step(step.path, step.first // max(1, step.count), step.count)
+        except OutputError as error:
+            fault = str(error)
+    raise_together(comm, fault)
 
 
 def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
