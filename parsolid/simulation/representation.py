@@ -77,7 +77,7 @@ def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dic
         if gap > _TOUCHING * max(spacing.max(), other.max()):
             continue
         ratio = float(max((spacing / other).max(), (other / spacing).max()))
-        density = [scene.bodies[k].material.density for k in (i, j)]
+        density = [system.wave_modulus(system.bodies.index(k))[1] for k in (i, j)]
         for what, found, most in (
             ("spacings", ratio, settings.bonded_spacings(scene)),
             ("densities", max(density) / min(density), settings.bonded_densities(scene)),
