@@ -49,6 +49,16 @@ class BoxBodies:
                 found.append(box.start + (plane + box.first_plane) * box.nodes + box.first_node + node)
         return np.concatenate(found)
 
+    @property
+    def signals(self) -> tuple[float, ...]:
+        """See `ListBodies.signals`."""
+        found: tuple[float, ...] = self.system.leapfrog.signals
+        return found
+
+    def step_of(self, block: Any, signal: float) -> float:
+        """See `ListBodies.step_of`."""
+        return float(self.system.leapfrog.step_of(block.law.density, signal))
+
     def advance_step(self, step: float) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
         branches have dissipated, the stable step [s] of the new state)."""

@@ -32,6 +32,8 @@ class ListBodies:
     """
 
     near: Neighbours
+    # the field of a second Piola-Kirchhoff stress [Pa] that adds to that of laws, where there is one
+    added_stress = "initial_stress"
 
     def __init__(self, system: Any, blocks: list[Any], weights: ListWeights, waves: int, unbonded: Any) -> None:
         """system: `system.TotalLagrangianSPH` with its fields declared; blocks: the `state.LawBlock` of these
@@ -40,8 +42,9 @@ class ListBodies:
         self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
         columns: dict[str, Any] = {"layout": Columns(), "carried": False}
-        self.particles.declare(Field("correction", self.dimension**2, "", **columns))
-        self.particles.declare(Field("pair_volume", 1, "m^3", **columns), 1.0)
+        if "correction" not in self.particles:
+            self.particles.declare(Field("correction", self.dimension**2, "", **columns))
+            self.particles.declare(Field("pair_volume", 1, "m^3", **columns), 1.0)
         self.columns = ROWS[self.dimension]
         self.half = 0.5 if system.settings.reconstruction else 0.0
         # half of rho c_s, where shear waves have one speed in a law
@@ -57,9 +60,14 @@ class ListBodies:
         near = Neighbours(
             self.system.comm, self.codes, self.weights.support, positions, body, metric, volume, self.unbonded
         )
-        self.near = near
         self.particles.attach(near.halo)
         correction = self.weights.fill(near)
+        self._make_rows(near)
+        return correction
+
+    def _make_rows(self, near: Any) -> None:
+        """Rows of particles, ghosts and images, and their messages; collective."""
+        self.near = near
         at, room = self.columns, (max(near.rows, 1),)
         self.motion, self.sums = aligned_zeros((*room, at.motion)), aligned_zeros((*room, at.sums))
         self.record, self.force = aligned_zeros((*room, at.record)), aligned_zeros((*room, at.force))
@@ -71,7 +79,16 @@ class ListBodies:
         self._motion = near.halo.exchange([self.motion[:, : at.reference]])
         self._record = near.halo.exchange(told)
         self._exchanges = [self._motion, self._record]
-        return correction
+
+    @property
+    def signals(self) -> tuple[float, ...]:
+        """What the speeds of waves count in the bound on the step of leapfrog, see `leapfrog.Leapfrog`."""
+        found: tuple[float, ...] = self.system.leapfrog.signals
+        return found
+
+    def step_of(self, block: Any, signal: float) -> float:
+        """Largest step [s] of leapfrog for a signal [sqrt(Pa)] of the particles of a block."""
+        return float(self.system.leapfrog.step_of(block.law.density, signal))
 
     @property
     def ghosts(self) -> int:
@@ -96,15 +113,15 @@ class ListBodies:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
         branches have dissipated, the stable step [s] of the new state)."""
         self._sweep_gradients()
-        leapfrog, sound, dissipated, stable = self.system.leapfrog, True, 0.0, np.inf
+        sound, dissipated, stable = True, 0.0, np.inf
         for block in self.blocks:
             positive, lost, signal = advance_step(
-                block.solid, step, self.dimension, leapfrog.signals, block.branches(step), self.half,
+                block.solid, step, self.dimension, self.signals, block.branches(step), self.half,
                 block.first, block.last, block.places, *self._fields(block), self.sums, self.record,
                 block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
-            stable = min(stable, leapfrog.step_of(block.law.density, signal))
+            stable = min(stable, self.step_of(block, signal))
         return sound, dissipated, stable
 
     def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
@@ -136,7 +153,7 @@ class ListBodies:
             *(stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("correction")),
             *(stored("pair_volume")[0], stored("volume")[0]),
             *((stored("push"), stored("inverse")) if moved else (None, None)),
-            stored("initial_stress") if "initial_stress" in self.particles else None,
+            stored(self.added_stress) if self.added_stress in self.particles else None,
         )
 
     def _tiles_of_reference(self, block: Any) -> tuple[Any, Any]:
@@ -147,7 +164,7 @@ class ListBodies:
         near, at, stored = self.near, self.columns, self.particles.storage
         with TALKING:
             self._record.start()
-        self._sweep_forces(near.inner)
+        self._sweep_forces(0)
         with TALKING:
             self._record.finish()
         if len(near.images.source):
@@ -155,7 +172,7 @@ class ListBodies:
             for waves in (self.fast, self.slow):
                 if waves is not None:
                     mirror_waves(near.local, near.images, waves)
-        self._sweep_forces(near.outer)
+        self._sweep_forces(1)
         T, D = stored("stress_force"), stored("dissipative_force")
         for block in self.blocks:
             scatter_forces(block.first, block.last, self.force, T, D, at.force // 2)
@@ -174,21 +191,32 @@ class ListBodies:
         result[: near.owned] = columns @ L.swapaxes(1, 2) / volume
 
     def _sweep_gradients(self) -> None:
-        near, at, stored = self.near, self.columns, self.particles.storage
-        sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
+        at, stored = self.columns, self.particles.storage
         for block in self.blocks:
             gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
+        self._sum_gradients()
+
+    def _sum_gradients(self) -> None:
+        """Sums of the velocity gradients of the motion of owned particles."""
+        near, at = self.near, self.columns
         with TALKING:
             self._motion.start()
-        sweep(near.inner, self.motion, self.sums)
+        self._sweep_gradient(0)
         with TALKING:
             self._motion.finish()
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
-        sweep(near.outer, self.motion, self.sums)
+        self._sweep_gradient(1)
         clear_rows(near.owned, near.rows, self.sums)
 
-    def _sweep_forces(self, pairs: Any) -> None:
+    def _sweep_gradient(self, number: int) -> None:
+        """Over the inner list of pairs, number 0, or the outer one."""
+        sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
+        sweep(self.near.lists[number], self.motion, self.sums)
+
+    def _sweep_forces(self, number: int) -> None:
+        """Over the inner list of pairs, number 0, or the outer one."""
+        pairs = self.near.lists[number]
         if self.waves == 0:
             sweep = stress_divergence_in_space if self.dimension == 3 else stress_divergence_in_plane
             sweep(pairs, self.record, self.force)

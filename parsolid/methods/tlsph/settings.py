@@ -11,6 +11,7 @@ from parsolid.methods.tlsph.body_weights import (
     RESOLVED,
     all_resolved_boxes,
     lattice_faults,
+    no_mesh_weights,
     weights_of_bodies,
 )
 from parsolid.pairs.smoothing import kernel_names
@@ -77,11 +78,18 @@ class TotalLagrangianSPH(MethodSettings):
     update_when: Positive | None = Field(
         None, description="Green strain since the last update of the reference that calls for another"
     )
-    weights: Literal["kernel", "closure", "cells", "fourth-order", "best"] | None = Field(
+    weights: Literal["kernel", "closure", "cells", "fourth-order", "mesh", "best"] | None = Field(
         None,
         description='pair weights: "kernel" unless given, "best" with leapfrog for boxes of 8 nodes or more along each '
         'axis that touch nothing; "closure" for irregular particles; "cells" and "fourth-order" in closed form for '
-        'lattices; "best": for each body what fits it',
+        'lattices; "mesh": those of the elements of meshes; "best": for each body what fits it',
+    )
+    stabilisation: float = Field(
+        0.35,
+        ge=0,
+        le=1,
+        description="part of their own shear energy by which elements resist what differs from their nodes' mean "
+        'strain; of weights = "mesh"',
     )
     clamp_edges: float = Field(
         0.0,
@@ -132,7 +140,9 @@ class TotalLagrangianSPH(MethodSettings):
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
         if self.integrator == "leapfrog":
             terms[KINETIC_OFFSET] = -1
-        images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
+        kinds = weights_of_bodies(self.pair_weights, scene)
+        with_images = any(kinds[i] not in (*ON_LATTICES, "mesh") for i in bodies)
+        images = with_images and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
@@ -151,9 +161,10 @@ class TotalLagrangianSPH(MethodSettings):
         return self._notes_of_weights(scene, bodies) + less
 
     def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
-        """What kernels are, where all weights are in closed form."""
-        kinds = weights_of_bodies(self.pair_weights, scene)
-        return frozenset({"kernel", "smoothing"} if all(kinds[i] in ON_LATTICES for i in bodies) else ())
+        """What kernels are, where no weights are of one, and what is of meshes alone, where there are none."""
+        kinds = [weights_of_bodies(self.pair_weights, scene)[i] for i in bodies]
+        of_kernels = () if any(kind in ("kernel", "closure") for kind in kinds) else ("kernel", "smoothing")
+        return frozenset({*of_kernels, *(() if "mesh" in kinds else ("stabilisation",))})
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Weights, where the scene leaves them to its bodies."""
@@ -194,6 +205,8 @@ class TotalLagrangianSPH(MethodSettings):
             expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
         faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+        refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
+        faults += [refused] if refused is not None else []
         return faults + self._edge_faults(scene)
 
     def _edge_faults(self, scene: Any) -> list[Detail]:
