@@ -18,7 +18,7 @@ from parsolid.simulation.scene_changes import contents
 
 TERMS = {"crack": 1}
 HEADER = {"initial_energy": 42.0, "largest_energy": 50.0, "largest_balance": 0.5, "energy_entered": 3.0}
-HEADER |= {"largest_growth": 0.7, "judged_step": 4, "given_by_scheme": 0.2, "kinetic_offset_largest": 0.03}
+HEADER |= {"largest_growth": 0.7, "judged_step": 4, "given_by_scheme": 0.2, "largest_offset": 0.03}
 HEADER |= {"jumped": True, "time": 0.3, "step": 7, "stable_step": 0.01, "interactions": ["kept"], "balance": 0.25}
 
 
