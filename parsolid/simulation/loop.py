@@ -8,7 +8,7 @@ from math import inf, isfinite, sqrt
 from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
-from decomposition.talking import TALKING
+from decomposition.timer import COMMUNICATION
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.collective import minimum
 from parsolid.contact.contact import build_contact
@@ -254,29 +254,29 @@ class Simulation:
     def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
         """One step [s] to a time [s]; the next stable step and wishes are agreed on while the last system advances."""
         began, processor_began = clock.perf_counter(), clock.process_time()
-        sent_processor = TALKING.processor_seconds
+        sent_processor = COMMUNICATION.processor_seconds
         self._told.clear()
         self._wishes = wishes
         self.ledger.begin_step()
         for interaction in self.interactions:
             interaction.start_step(self.clock.time, step, self.ledger)
-        started, sent = clock.perf_counter(), TALKING.seconds
+        started, sent = clock.perf_counter(), COMMUNICATION.seconds
         for number in range(len(self.systems)):
             self._counting(self._advance_positions, number, step)
         positions = clock.perf_counter()
-        self.phases.sent += TALKING.seconds - sent
+        self.phases.sent += COMMUNICATION.seconds - sent
         self._find_external_forces(arrival, step)
-        forces, sent = clock.perf_counter(), TALKING.seconds
+        forces, sent = clock.perf_counter(), COMMUNICATION.seconds
         for number in range(len(self.systems)):
             self._counting(self._complete_step, number, step)
-        self.phases.sent += TALKING.seconds - sent
+        self.phases.sent += COMMUNICATION.seconds - sent
         self.clock.time, self.clock.step_size = arrival, step
         self.time_steps.last = step
         self.clock.step += 1
         now = clock.perf_counter()
         if self.interactions:
             self.phases.contact += started - began + forces - positions
-        self.phases.sent_processor += TALKING.processor_seconds - sent_processor
+        self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor
         self._count(now - began, clock.process_time() - processor_began)
 
     def _advance_positions(self, number: int, step: float) -> None:
@@ -321,11 +321,11 @@ class Simulation:
 
     def _counting(self, part: Callable[[int, float], None], number: int, step: float) -> None:
         """A part of a step [s] of one system, and what work it is for this rank."""
-        began, waited = clock.perf_counter(), TALKING.seconds
+        began, waited = clock.perf_counter(), COMMUNICATION.seconds
         part(number, step)
         if self.clock.step > self.first_step:
             # without what the first step of a program loads
-            self.clock.work[number] += clock.perf_counter() - began - (TALKING.seconds - waited)
+            self.clock.work[number] += clock.perf_counter() - began - (COMMUNICATION.seconds - waited)
 
     def _hear_within(self, sound: bool, stable: float) -> None:
         """What a system announces of a step that is not its last in the common one."""

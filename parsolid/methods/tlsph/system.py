@@ -176,7 +176,7 @@ class TotalLagrangianSPH(ParticleSystem):
         rows = slice(0, self.lists.last)
         metric = metric if len(metric) == 1 else metric[rows]
         correction = self.lists.rebuild(positions[rows], body[rows], metric, volume[rows])
-        self.particles.owned_rows("correction")[rows] = correction.reshape(self.lists.last, -1)
+        self.particles.owned_rows("correction")[rows] = correction.reshape(self.lists.last, self.dimension**2)
         self.particles.owned_rows("pair_volume")[rows] = volume[rows]
 
     # --- state ------------------------------------------------------------------------------------------------
@@ -192,7 +192,7 @@ class TotalLagrangianSPH(ParticleSystem):
             derived[:] = True
         if given is not None:
             gradient, where = given
-            rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), -1)
+            rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), self.dimension**2)
             derived &= ~where
         if self.initial_stress is not None:
             self.initial_stress.begin(*place)
