@@ -195,6 +195,14 @@ class TotalLagrangianSPH(MethodSettings):
         )
         return [f'{names}: {of_kernel}; method.weights = "best" has neither'] if names else []
 
+    def bonded_spacings(self, scene: Any) -> float:
+        """Kernels reach the second layer of the other body only so far; a long reach bears more (docs/limits.md)."""
+        return 2.5 if self.smoothing >= 1.3 else 1.25
+
+    def bonded_densities(self, scene: Any) -> float:
+        """Beyond, the step of either body is too long for the light layer at the bond."""
+        return 30.0
+
     def contact_refused(self, scene: Any) -> str | None:
         """It can."""
         return None
