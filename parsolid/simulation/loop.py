@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from decomposition.reduction import MinimumAhead
 from decomposition.timer import COMMUNICATION
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.collective import minimum
 from parsolid.contact.contact import build_contact
 from parsolid.contact.grid import build_grid_contact
 from parsolid.contact.tie import build_ties
@@ -20,7 +21,9 @@ from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
+from parsolid.simulation.momentum_balance import MomentumBalance, isolated
 from parsolid.simulation.phases import Phases
+from parsolid.simulation.representation import representation
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
@@ -87,6 +90,9 @@ class Simulation:
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
+        self.warnings = representation(comm, scene, self.systems)
+        # None where something acts from outside
+        self.momenta = MomentumBalance(comm, self.systems) if isolated(scene) else None
         self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
         self.clock.work, self.phases = [0.0] * len(self.systems), Phases()
         for number, system in enumerate(self.systems):
@@ -98,6 +104,9 @@ class Simulation:
             *build_grid_contact(comm, scene, self.systems),
         ]
         self.time_steps = TimeSteps.of(scene, self.systems)
+        # systems whose particles have a temperature, and the lowest [K] in the last row
+        self._warm = [one for one in self.systems if "temperature" in one.particles]
+        self.coldest = inf
         # step of the last row that was judged
         self.judged = 0
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
@@ -170,6 +179,11 @@ class Simulation:
         jump = steps > 0 and self.clock.step_size == 0.0
         told = None if jump else steps, self.ledger.last_work
         self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0, *told)
+        if self.momenta is not None:
+            self.momenta.look()
+        if self._warm:
+            temperatures = [one.particles.owned_rows("temperature") for one in self._warm]
+            self.coldest = minimum(self.comm, min(float(one.min(initial=inf)) for one in temperatures))
         return row
 
     def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:
@@ -344,6 +358,8 @@ class Simulation:
 
     def _check_balance(self) -> None:
         balance = self.balance
+        if not self.coldest >= 0.0:
+            raise RunFailed(describe_failure(self, f"an absolute temperature has fallen to {self.coldest:.6g} K"))
         if balance.broken is not None:
             share, limit = balance.relative(abs(balance.broken), self.energy_scale), balance.limits.balance_limit
             off = f"the energy balance is off by {balance.broken:.4g} J, {share or 0.0:.2g} of the largest energy"

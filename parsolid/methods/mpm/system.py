@@ -204,6 +204,7 @@ class MaterialPoint(ParticleSystem):
             "steps": self.migration.steps,
             "fastest": maximum(self.comm, self.stress.fastest),
             "plastic_work": self.comm.allgather(self.stress.plastic_work),
+            "driven_planes": [[one.moved, one.at] for one in self.conditions.driven],
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
@@ -211,6 +212,8 @@ class MaterialPoint(ParticleSystem):
         self.migration.steps, self.stress.fastest = state["steps"], state["fastest"]
         partition = CutTree.from_state(state["partition"], self.dimension)
         work = state["plastic_work"]
+        for one, kept in zip(self.conditions.driven, state.get("driven_planes", ())):
+            one.moved, one.at = kept
         if self.external is not None:
             self.external.set_state(self.comm, state.get("external"))
         if partition.ranks == self.comm.size:
