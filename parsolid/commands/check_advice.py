@@ -38,15 +38,17 @@ def scene_advice(scene: Scene) -> list[str]:
         place = ".".join(map(str, system.place))
         # settings do not know where they stand; bodies have the scene's numbers already
         result += [_METHOD.sub(place, note) for note in system.settings.notes(scene, system.bodies)]
-    names = [
-        f"bodies.{i}"
+    uneven = [
+        (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "nodes")
         for system in scene.systems
         for i in system.bodies
         if getattr(system.settings, "pair_weights", "") == "kernel" and _uneven(scene.bodies[i])
     ]
-    if names:
-        advice = 'method.weights = "closure" makes them many times more accurate'
-        result.append(f"{', '.join(names)}: uneven particles; {advice}")
+    for weights, of_meshes in (("mesh", True), ("closure", False)):
+        if names := ", ".join(f"bodies.{i}" for i, of_mesh in uneven if of_mesh == of_meshes):
+            result.append(
+                f'{names}: uneven particles; method.weights = "{weights}" makes them many times more accurate'
+            )
     return result
 
 
