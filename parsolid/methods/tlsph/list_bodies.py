@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.talking import TALKING
 from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
 from parsolid.methods.tlsph.list_update import advance_stage, advance_step
@@ -76,8 +75,8 @@ class ListBodies:
         self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
         told = [self.record if self.waves else self.record[:, : at.gradient]]
         told += [one for one in (self.fast, self.slow) if one is not None]
-        self._motion = near.halo.exchange([self.motion[:, : at.reference]])
-        self._record = near.halo.exchange(told)
+        self._motion = near.halo.forward(self.motion[:, : at.reference])
+        self._record = near.halo.forward(*told)
         self._exchanges = [self._motion, self._record]
 
     @property
@@ -162,11 +161,9 @@ class ListBodies:
     def find_forces(self) -> None:
         """T and D [N] of the records, in the fields stress_force and dissipative_force."""
         near, at, stored = self.near, self.columns, self.particles.storage
-        with TALKING:
-            self._record.start()
+        self._record.start()
         self._sweep_forces(0)
-        with TALKING:
-            self._record.finish()
+        self._record.finish()
         if len(near.images.source):
             mirror_records(near.local, near.images, self.record, at.gradient)
             for waves in (self.fast, self.slow):
@@ -185,7 +182,9 @@ class ListBodies:
         of("velocity")[:] = of("position") - of("reference_position")
         self._sweep_gradients()
         of("velocity")[:] = velocity
-        columns = self.sums[: near.owned].reshape(near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
+        columns = (
+            self.sums[: near.owned].reshape(near.owned, d, self.sums.shape[1] // d)[:, :, :d].swapaxes(1, 2).copy()
+        )
         clear_rows(0, near.owned, self.sums)
         L, volume = of("correction")[: near.owned].reshape(-1, d, d), of("pair_volume")[: near.owned, None, None]
         result[: near.owned] = columns @ L.swapaxes(1, 2) / volume
@@ -199,11 +198,9 @@ class ListBodies:
     def _sum_gradients(self) -> None:
         """Sums of the velocity gradients of the motion of owned particles."""
         near, at = self.near, self.columns
-        with TALKING:
-            self._motion.start()
+        self._motion.start()
         self._sweep_gradient(0)
-        with TALKING:
-            self._motion.finish()
+        self._motion.finish()
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
         self._sweep_gradient(1)
