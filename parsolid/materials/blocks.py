@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
+from parsolid.materials.viscoelastic.maxwell import loss_weights, relaxation_weights
 
 _NO_BRANCHES = np.zeros((0, 3))
 
@@ -28,10 +28,6 @@ class MaterialBlock:
         if not self.branches:
             return _NO_BRANCHES
         return np.array([relaxation_weights(step, time) for time in self.law.relaxation_times])
-
-    def dissipation_factors(self, time: float, step: float) -> np.ndarray:
-        """Factors (branches,) on Simpson's weight of the dissipation at a time (0, 1/2, 1) of a step [s]."""
-        return np.array([dissipation_factor(time, step, tau) for tau in self.law.relaxation_times or ()], float)
 
     def dissipation_weights(self, step: float) -> np.ndarray:
         """Weights (branches, 3) [s] of the dissipation's rates at the start, mixed, and at the end of a step [s]."""

@@ -11,6 +11,7 @@ from parsolid.collective import SolverError, maximum, minimum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
+from parsolid.scene.systems import in_words_of
 from parsolid.scene.warned import Warned
 
 # a part is bent rather than sheared where it is so many times as long as thick
@@ -38,7 +39,10 @@ def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> li
     """
     extents: dict[int, Extent] = {}
     found: list[Warned] = []
+    plans = {plan.bodies: plan for plan in scene.systems}
     for system in systems:
+        told = (one._replace(text=in_words_of(scene, plans[system.bodies], one.text)) for one in system.warnings())
+        found += told
         for number, body in enumerate(system.bodies):
             extents[body] = layers(comm, system, number)
             found += _too_few(scene, body, extents[body], system.settings.largest_spacing())

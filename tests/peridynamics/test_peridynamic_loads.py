@@ -229,7 +229,9 @@ def test_prescribed_motion(comm):
 
 def test_the_last_boundary_holds(comm):
     first = {"kind": "displacement", "plane": "X = 1", "displacement": [1.0, 1.0]}
-    last = {"kind": "displacement", "plane": "X = 1", "displacement": [2.0, "free"]}
+    # on one plane they would contradict one another, and are refused
+    end = {"lower": [0.95, -9.0], "upper": [1.05, 9.0]}
+    last = {"kind": "displacement", "box": end, "displacement": [2.0, "free"]}
     body = Body(comm, 2, boundaries=[first, last])
     u = np.zeros(body.operator.free.shape)
     body.conditions.motion.displace(0.0, 0.0, u.T)
@@ -256,3 +258,21 @@ def test_a_body_under_one_pressure_is_compressed_uniformly(comm, dimension):
     away = np.abs(body.stretched() - strain * body.particle_set.position).max(initial=0.0)
     assert comm.allreduce(float(away), max) < 1e-10 * abs(strain)
     assert body.conditions.times == (5.0,) and not body.operator.external(7.0).any()
+
+
+@pytest.mark.parametrize("depth, told", [(0.01, True), (0.65, False)])
+def test_a_pressure_needs_a_region_of_two_horizons(depth, told, comm):
+    """A block between rollers: the first layer alone bears 46 % of the pressure on its face."""
+    solid = {"kind": "linear-elastic", "density": 1000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.3}
+    held = [{"kind": "roller", "plane": plane} for plane in ("X = 0", "X = 1", "Y = 0")]
+    pressed = {"kind": "pressure", "where": "face", "pressure": "1e3"}
+    data = {
+        "dimension": 2,
+        "end_time": 1.0,
+        "method": {"kind": "peridynamics", "plane": "strain", "solution": {"kind": "quasi-static", "step": 1.0}},
+        "bodies": [{"shape": {"box": {"lower": [0, 0], "upper": [1, 1]}}, "particles": [12, 12], "material": solid}],
+        "regions": [{"name": "face", "formula": f"Y > {1.0 - depth}"}],
+        "boundaries": [*held, pressed],
+    }
+    codes = [one.code for one in simulation(data, comm).warnings]
+    assert codes == (["thin-pressure-region"] if told else [])

@@ -13,8 +13,7 @@ from parsolid.kernels import inlined, kernel
 from parsolid.materials.damage.bond_based import POISSONS_RATIO, micromodulus
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.correspondence import BondForces, pushed_forward
-from parsolid.methods.peridynamics.sweeps import ONE, ZERO, bond_vectors
-from parsolid.pairs.rows_of_four import load_row
+from parsolid.methods.peridynamics.sweeps import bond_vectors, image_of
 from parsolid.particles.declaration import Field
 
 
@@ -118,15 +117,8 @@ def add_bond_forces(bonds, images, receivers, linear, motion, micromodulus, forc
     for a in range(bonds.start.shape[0] - 1):
         f0, f1, f2 = 0.0, 0.0, 0.0
         for k in range(bonds.start[a], bonds.start[a + 1]):
-            b, Q, R, T = bonds.neighbour[k], ONE, ONE, ZERO
-            if images is not None:
-                c = images.code[k]
-                Q, R, T = (
-                    load_row(images.signs, c, 0),
-                    load_row(images.reflections, c, 0),
-                    load_row(images.shifts, c, 0),
-                )
-            x, u = bond_vectors(motion, Q, R, T, a, b)
+            b = bonds.neighbour[k]
+            x, u = bond_vectors(motion, *image_of(images, k), a, b)
             reference = length(x)
             if linear:
                 y, s = x, (x[0] * u[0] + x[1] * u[1] + x[2] * u[2]) / (reference * reference * reference)
@@ -150,15 +142,8 @@ def bond_energy(bonds, images, receivers, motion, micromodulus, share):
     total = 0.0
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
-            b, Q, R, T = bonds.neighbour[k], ONE, ONE, ZERO
-            if images is not None:
-                c = images.code[k]
-                Q, R, T = (
-                    load_row(images.signs, c, 0),
-                    load_row(images.reflections, c, 0),
-                    load_row(images.shifts, c, 0),
-                )
-            x, u = bond_vectors(motion, Q, R, T, a, b)
+            b = bonds.neighbour[k]
+            x, u = bond_vectors(motion, *image_of(images, k), a, b)
             reference = length(x)
             stretch = (length((x[0] + u[0], x[1] + u[1], x[2] + u[2])) - reference) / reference
             parts = share[a] + (share[b] if b < receivers else 0.0)

@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.kernels import inlined, kernel
-from parsolid.methods.peridynamics.sweeps import ONE, ZERO
-from parsolid.pairs.rows_of_four import load_row
+from parsolid.methods.peridynamics.sweeps import ONE, ZERO, image_of
 
 # an unbounded patch reaches this many times the size of the body beyond it
 _BEYOND = 10.0
@@ -63,9 +62,8 @@ def find_crossing(bonds, images, positions, patch, found):
         for k in range(bonds.start[a], bonds.start[a + 1]):
             if bonds.weight[k] == 0.0:
                 continue
-            b, R, T = bonds.neighbour[k], ONE, ZERO
-            if images is not None:
-                R, T = load_row(images.reflections, images.code[k], 0), load_row(images.shifts, images.code[k], 0)
+            b = bonds.neighbour[k]
+            _, R, T = image_of(images, k)
             crossed = crosses(place(positions, ONE, ZERO, a), place(positions, R, T, b), patch)
             if images is not None:
                 crossed = crossed | crosses(place(positions, ONE, ZERO, b), place(positions, R, T, a), patch)

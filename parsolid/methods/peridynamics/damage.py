@@ -20,9 +20,8 @@ from parsolid.materials.damage.fracture import breaking_limit
 from parsolid.materials.law_functions import law_function
 from parsolid.methods.peridynamics.bond_based import BondBasedForces
 from parsolid.methods.peridynamics.cracks import distance, find_crossing, patch_of
-from parsolid.methods.peridynamics.sweeps import ONE, ZERO, bond_vectors
+from parsolid.methods.peridynamics.sweeps import bond_vectors, image_of
 from parsolid.methods.protocol import BrokenPairs
-from parsolid.pairs.rows_of_four import load_row
 from parsolid.particles.declaration import Field, Rows
 
 _FAILED = -1.0
@@ -376,16 +375,11 @@ def find_failed(bonds, images, criterion, motion, limit, found):
     count = 0
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
-            w, b, Q, R, T, sides = bonds.weight[k], bonds.neighbour[k], ONE, ONE, ZERO, 1
+            w, b = bonds.weight[k], bonds.neighbour[k]
             if w == 0.0:
                 continue
-            if images is not None:
-                c, sides = images.code[k], 2
-                Q, R, T = (
-                    load_row(images.signs, c, 0),
-                    load_row(images.reflections, c, 0),
-                    load_row(images.shifts, c, 0),
-                )
+            Q, R, T = image_of(images, k)
+            sides = 1 if images is None else 2
             least = min(limit[a], limit[b])
             # of a failed particle
             fails = least < 0.0

@@ -59,6 +59,15 @@ ONE, ZERO = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
 
 
 @inlined
+def image_of(images, k):
+    """Signs Q, reflections R and shifts T as which bond k sees its neighbour; images: None where there are none."""
+    if images is None:
+        return ONE, ONE, ZERO
+    c = images.code[k]
+    return load_row(images.signs, c, 0), load_row(images.reflections, c, 0), load_row(images.shifts, c, 0)
+
+
+@inlined
 def bond_vectors(motion, Q, R, T, a, b):
     """xi and f_b - f_a of a bond, of which b is seen as an image, in the plane with a third component 0.
 
@@ -85,9 +94,8 @@ def add_gradients_in_space(bonds, images, receivers, motion, sums):
             b = bonds.neighbour[k]
             X_b, f_b = load_row(motion, b, 0), load_row(motion, b, 4)
             if images is not None:
-                c = images.code[k]
-                X_b = add(multiply(load_row(images.reflections, c, 0), X_b), load_row(images.shifts, c, 0))
-                f_b = multiply(load_row(images.signs, c, 0), f_b)
+                Q, R, T = image_of(images, k)
+                X_b, f_b = add(multiply(R, X_b), T), multiply(Q, f_b)
             xi, jump = subtract(X_b, X), scale(bonds.weight[k], subtract(f_b, f))
             d0, d1, d2 = scale(xi[0], jump), scale(xi[1], jump), scale(xi[2], jump)
             s0, s1, s2 = add(s0, d0), add(s1, d1), add(s2, d2)
@@ -109,12 +117,7 @@ def add_gradients_in_plane(bonds, images, receivers, motion, sums):
             b = bonds.neighbour[k]
             other = load_row(motion, b, 0)
             if images is not None:
-                c = images.code[k]
-                Q, R, T = (
-                    load_row(images.signs, c, 0),
-                    load_row(images.reflections, c, 0),
-                    load_row(images.shifts, c, 0),
-                )
+                Q, R, T = image_of(images, k)
                 other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
             step = subtract(other, own)
             g0, g1 = bonds.weight[k] * step[0], bonds.weight[k] * step[1]
@@ -137,8 +140,8 @@ def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
             b, w = bonds.neighbour[k], bonds.weight[k]
             X_b, m0, m1, m2 = load_row(motion, b, 0), load_row(M, b, 0), load_row(M, b, 4), load_row(M, b, 8)
             if images is not None:
-                Q, R = load_row(images.signs, images.code[k], 0), load_row(images.reflections, images.code[k], 0)
-                X_b = add(multiply(R, X_b), load_row(images.shifts, images.code[k], 0))
+                Q, R, T = image_of(images, k)
+                X_b = add(multiply(R, X_b), T)
                 m0, m1, m2 = scale(R[0], multiply(Q, m0)), scale(R[1], multiply(Q, m1)), scale(R[2], multiply(Q, m2))
             xi = scale(w, subtract(X_b, X))
             t = add_scaled(scale(xi[0], add(M0, m0)), xi[1], add(M1, m1))
@@ -168,12 +171,7 @@ def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
             b = bonds.neighbour[k]
             other, M_b = load_row(motion, b, 0), load_row(M, b, 0)
             if images is not None:
-                c = images.code[k]
-                Q, R, T = (
-                    load_row(images.signs, c, 0),
-                    load_row(images.reflections, c, 0),
-                    load_row(images.shifts, c, 0),
-                )
+                Q, R, T = image_of(images, k)
                 other = (R[0] * other[0] + T[0], R[1] * other[1] + T[1], Q[0] * other[2], Q[1] * other[3])
                 M_b = multiply((Q[0] * R[0], Q[1] * R[0], Q[0] * R[1], Q[1] * R[1]), M_b)
             s, m = scale(bonds.weight[k], subtract(other, own)), add(M_a, M_b)

@@ -30,6 +30,7 @@ from parsolid.particles.declaration import Columns, Field
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.scene.boundaries.surface import Pressure
 from parsolid.scene.boundaries.traction import Traction
+from parsolid.scene.warned import Warned
 
 # small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
 _TURN, _TURNED = 0.14, 0.05
@@ -54,7 +55,7 @@ class Peridynamics(ParticleSystem):
             raise SolverError(f'{key}: expected method.solution.kind = "explicit" for a normal that is held')
         self.forces = build_forces(comm, scene, particle_set, self.conditions)
         self.pairs, self.laws = self.forces.bonds, self.forces.laws
-        Tractions(self.conditions, self.forces)
+        self._warnings = Tractions(self.conditions, self.forces).warnings
         self.reactions = self.conditions.reactions
         self.fracture = fracture_of(comm, scene, particle_set, self.forces)
         self.operator = Operator(self.forces, self.conditions)
@@ -246,6 +247,10 @@ class Peridynamics(ParticleSystem):
             index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
             return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
         return self.solver.unsound()
+
+    def warnings(self) -> list[Warned]:
+        """Pressures in regions that are too thin for them."""
+        return self._warnings
 
     def doubt(self) -> str | None:
         """Whether more than a little of what has small strain has turned so far that this is strain; collective."""

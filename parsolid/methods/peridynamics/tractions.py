@@ -26,12 +26,15 @@ from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries.surface import Pressure
 from parsolid.scene.boundaries.traction import Traction
 from parsolid.scene.regions import selected
+from parsolid.scene.warned import Warned
 from parsolid.solvers import start_vector
 
 # of a face's particles, so many give the mean of its traction
 _SAMPLE = 256
 # what is left inside a regular body of the force of a uniform stress is rounding
 _ROUNDING = 1e-12
+# of the force on a surface, what a region may miss
+_MISSED = 0.1
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,7 @@ class Tractions:
         if conditions.of(Pressure) or (tractions and kind.startswith("consistent")):
             unit_stress = np.tile(np.eye(forces.bonds.d), (len(self.particle_set), 1, 1))
             self.unit = forces.of_stress(unit_stress) * conditions.share[:, None]
+        self.warnings: list[Warned] = []
         self.least = _ROUNDING * maximum(self.comm, np.abs(self.unit).max(axis=0, initial=0.0))
         for key, one in tractions:
             if one.plane is None:
@@ -131,9 +135,34 @@ class Tractions:
             expected = "a region in space, with what lies within two horizons of the surface"
             raise SolverError(f"{key}.where: expected {expected}, found a group of a mesh in {name!r}")
         within = selected(self.scene, one, self.particle_set, self.comm)
+        self._warn_of_thin_region(key, within)
         for axis in range(d):
             here = within & (np.abs(self.unit[:, axis]) > self.least.max())
             self._add(one, here, self.unit[:, axis].copy(), AlongAxis(one.course, axis, d), None)
+
+    def _warn_of_thin_region(self, key: str, within: np.ndarray) -> None:
+        """The forces that balance a pressure reach over two horizons; a region that cuts them off bears another force
+        than its area times the pressure, or widens a hole by another one."""
+        force, area = self.unit[within], self.particle_set.area[within] * self.conditions.share[within, None]
+        place, d = self.particle_set.position[within], area.shape[1]
+        for plane in self.conditions.planes:
+            # matter goes on there
+            near = np.abs(place[:, plane.axis] - plane.coordinate) <= self.particle_set.spacing[within, plane.axis]
+            area[near, plane.axis] = 0.0
+        size = np.linalg.norm(area, axis=1)
+        totals = np.asarray(ordered_sum(self.comm, np.column_stack((size, size[:, None] * place, force + area))))
+        whole, left = float(totals[0]), np.abs(totals[1 + d :]).max()
+        if not whole > 0.0:
+            return
+        arm = place - totals[1 : 1 + d] / whole
+        widened = float(ordered_sum(self.comm, np.sum(arm * (force + area), axis=1)))
+        reach = maximum(self.comm, float(np.linalg.norm(arm, axis=1).max(initial=0.0)))
+        missed = max(left / whole, abs(widened) / (reach * whole))
+        if missed > _MISSED:
+            told = f"{key}: the region bears {missed:.0%} less or more than its area times the pressure"
+            self.warnings.append(
+                Warned("thin-pressure-region", f"{told}; it has to hold all within two horizons", True)
+            )
 
     def _add_in_region(self, key: str, one: Traction) -> None:
         """Traction times area on the particles of a surface; refused where it would have to spread along a normal."""
