@@ -20,6 +20,7 @@ gather sums that nobody reads. Arrays are rows of four numbers a vector (`rows_o
     fast     1/2 rho^2 Q_p: 11 22 33 Z_s | 12 13 23 0               11 22 12 Z_s
     slow     1/2 rho^2 Q_s: 11 22 33 0 | 12 13 23 0                 11 22 12 0
     force    T 0 | D 0                                              T D
+    operator L by rows: l1 1/V | l2 0 | l3 0                        l1 l2 | 1/V 0 0 0
     weight   g_ab k_ab                                              g_ab k_ab 0
 
 fast and slow are None where the record holds mean impedances, and k_ab then is a length times |g_ab|; slow alone is
@@ -39,13 +40,14 @@ class RowsOfFour(NamedTuple):
     sums: int
     record: int
     force: int
+    operator: int
     tensor: int
     position: int
     reference: int
     gradient: int
 
 
-ROWS = {2: RowsOfFour(8, 4, 12, 4, 4, 2, 4, 4), 3: RowsOfFour(12, 12, 24, 8, 8, 4, 8, 12)}
+ROWS = {2: RowsOfFour(8, 4, 12, 4, 8, 4, 2, 4, 4), 3: RowsOfFour(12, 12, 24, 8, 12, 8, 4, 8, 12)}
 
 
 @inlined

@@ -19,14 +19,13 @@ from parsolid.pairs.list_sweeps import (
 )
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
-from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.runge_kutta import Stage
 
 
 class ListBodies:
     """The particles of a rank that find their neighbours in lists, and what their sweeps read and write.
 
-    waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
+    volume: (owned,) [m^3] that count in gradients. waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
     both waves by direction. near: lists of pairs. motion, sums, record, fast, slow, force: rows of particles, of ghosts
     and of mirror images, see `list_sweeps`.
     """
@@ -39,9 +38,6 @@ class ListBodies:
         self.system, self.blocks, self.weights, self.waves, self.unbonded = system, blocks, weights, waves, unbonded
         self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
-        columns: dict[str, Any] = {"layout": Columns(), "carried": False}
-        self.particles.declare(Field("correction", self.dimension**2, "", **columns))
-        self.particles.declare(Field("pair_volume", 1, "m^3", **columns), 1.0)
         self.columns = ROWS[self.dimension]
         self.half = 0.5 if system.settings.reconstruction else 0.0
         # half of rho c_s, where shear waves have one speed in a law
@@ -49,8 +45,8 @@ class ListBodies:
         self.isotropic = {one: 0.5 * float(np.sqrt(one.law.density * modulus)) for one, modulus in moduli.items()}
         self._exchanges: list[Any] = []
 
-    def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> np.ndarray:
-        """Find pairs and their weights; the corrections (owned, d, d). Arguments as in `Neighbours`; collective."""
+    def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> None:
+        """Find pairs, their weights and corrections. Arguments as in `Neighbours`; collective."""
         for exchange in self._exchanges:
             exchange.free()
         self.particles.detach()
@@ -59,7 +55,6 @@ class ListBodies:
         )
         self.near = near
         self.particles.attach(near.halo)
-        correction = self.weights.fill(near)
         at, room = self.columns, (max(near.rows, 1),)
         self.motion, self.sums = aligned_zeros((*room, at.motion)), aligned_zeros((*room, at.sums))
         self.record, self.force = aligned_zeros((*room, at.record)), aligned_zeros((*room, at.force))
@@ -71,7 +66,19 @@ class ListBodies:
         self._motion = near.halo.exchange([self.motion[:, : at.reference]])
         self._record = near.halo.exchange(told)
         self._exchanges = [self._motion, self._record]
-        return correction
+        self.operator = aligned_zeros((*room, at.operator))
+        self.take_corrections(self.weights.fill(near), volume)
+
+    def take_corrections(self, correction: np.ndarray, volume: np.ndarray) -> None:
+        """L (owned, d, d) and V (owned,) [m^3] of gradients and stresses, see `list_sweeps`."""
+        self.corrections[:], self.volume = correction, volume
+        self.operator[: self.near.owned, 3 if self.dimension == 3 else 4] = 1.0 / volume
+
+    @property
+    def corrections(self) -> np.ndarray:
+        """L (owned, d, d), a view of the rows."""
+        d, stride = self.dimension, 4 if self.dimension == 3 else 2
+        return self.operator[: self.near.owned, : d * stride].reshape(-1, d, stride)[:, :, :d]
 
     @property
     def ghosts(self) -> int:
@@ -85,7 +92,7 @@ class ListBodies:
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays that count as memory."""
-        rows = [self.motion, self.sums, self.record, self.force, self.fast, self.slow]
+        rows = [self.motion, self.sums, self.operator, self.record, self.force, self.fast, self.slow]
         return [*self.near.inner, *self.near.outer, *(one for one in rows if one is not None)]
 
     def bytes_a_step(self) -> int:
@@ -100,8 +107,8 @@ class ListBodies:
         for block in self.blocks:
             positive, lost, signal = advance_step(
                 block.solid, step, self.dimension, leapfrog.signals, block.branches(step), self.half,
-                block.first, block.last, block.places, *self._fields(block), self.sums, self.record,
-                block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
+                block.first, block.last, block.places, *self._fields(block), self.operator, self.sums, self.record,
+                block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
             stable = min(stable, leapfrog.step_of(block.law.density, signal))
@@ -121,26 +128,26 @@ class ListBodies:
                 block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
                 block.branches_at_stage(stage.time, step), self.half, self.isotropic[block],
                 block.first, block.last, block.places, gradient, cofactors[0], jacobian,
-                start[0], cofactors[1], start[1][0], *fields, self.sums, self.record, self.fast, self.slow,
-                block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
+                start[0], cofactors[1], start[1][0], *fields, self.operator, self.sums, self.record, self.fast,
+                self.slow, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
         return sound, dissipated, stable
 
     def _fields(self, block: Any) -> tuple[Any, ...]:
-        """Deformation gradient, Jacobian, branches, correction, volumes in pairs and of the body, updated reference,
-        initial stress."""
-        stored, moved = self.particles.storage, "push" in self.particles
+        """Deformation gradient, Jacobian, branches, volumes, updated reference, initial stress."""
+        stored = self.particles.storage
         return (
-            *(stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("correction")),
-            *(stored("pair_volume")[0], stored("volume")[0]),
-            *((stored("push"), stored("inverse")) if moved else (None, None)),
+            *(stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0]),
+            *((stored("push"), stored("inverse")) if self._moved else (None, None)),
             stored("initial_stress") if "initial_stress" in self.particles else None,
         )
 
-    def _tiles_of_reference(self, block: Any) -> tuple[Any, Any]:
-        return (block.push, block.inverse) if "push" in self.particles else (None, None)
+    @property
+    def _moved(self) -> bool:
+        """Whether the reference moves."""
+        return "push" in self.particles
 
     def find_forces(self) -> None:
         """T and D [N] of the records, in the fields stress_force and dissipative_force."""
@@ -170,8 +177,7 @@ class ListBodies:
         of("velocity")[:] = velocity
         columns = self.sums[: near.owned].reshape(near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
         clear_rows(0, near.owned, self.sums)
-        L, volume = of("correction")[: near.owned].reshape(-1, d, d), of("pair_volume")[: near.owned, None, None]
-        result[: near.owned] = columns @ L.swapaxes(1, 2) / volume
+        result[: near.owned] = columns @ self.corrections.swapaxes(1, 2) / self.volume[:, None, None]
 
     def _sweep_gradients(self) -> None:
         near, at, stored = self.near, self.columns, self.particles.storage
