@@ -58,10 +58,13 @@ def _along(g1, g2, g3, diagonal, rest):
 
 
 @kernel
-def gradient_in_space(pairs, motion, sums):
-    """Add the sums of the velocity gradient of the pairs of a list."""
+def gradient_in_space(pairs, first, last, motion, sums):
+    """Add the sums of the velocity gradient of the pairs in rows first .. last - 1 of a list. Then those of the rows
+    are complete, if all rows before them have been added: pairs stand at the lower of their rows."""
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         v = load_row(motion, a, 0)
         c1, c2, c3 = load_row(sums, a, 0), load_row(sums, a, 4), load_row(sums, a, 8)
         for k in range(start[a], start[a + 1]):
@@ -78,10 +81,12 @@ def gradient_in_space(pairs, motion, sums):
 
 
 @kernel
-def gradient_in_plane(pairs, motion, sums):
+def gradient_in_plane(pairs, first, last, motion, sums):
     """`gradient_in_space`, in plane strain."""
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         v1, v2 = motion[a, 0], motion[a, 1]
         total = load_row(sums, a, 0)
         for k in range(start[a], start[a + 1]):
@@ -94,10 +99,13 @@ def gradient_in_plane(pairs, motion, sums):
 
 
 @kernel
-def divergence_in_space(pairs, motion, record, fast, slow, force):
-    """Add the forces of the pairs of a list: T of the stresses and D of the dissipation [N]."""
+def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
+    """Add the forces of the pairs in rows first .. last - 1 of a list: T of the stresses and D of the dissipation [N].
+    """
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         v, x, X = load_row(motion, a, 0), load_row(motion, a, 4), load_row(motion, a, 8)
         P1, P2, P3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         G1, G2, G3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
@@ -140,10 +148,12 @@ def divergence_in_space(pairs, motion, record, fast, slow, force):
 
 
 @kernel
-def divergence_in_plane(pairs, motion, record, fast, slow, force):
+def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
     """`divergence_in_space`, in plane strain."""
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         here, X1, X2 = load_row(motion, a, 0), motion[a, 4], motion[a, 5]
         P, G, waves = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         if fast is not None:
@@ -181,10 +191,12 @@ def divergence_in_plane(pairs, motion, record, fast, slow, force):
 
 
 @kernel
-def stress_divergence_in_space(pairs, record, force):
+def stress_divergence_in_space(pairs, first, last, record, force):
     """`divergence_in_space` without dissipation."""
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         P1, P2, P3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         T = load_row(force, a, 0)
         for k in range(start[a], start[a + 1]):
@@ -198,10 +210,12 @@ def stress_divergence_in_space(pairs, record, force):
 
 
 @kernel
-def stress_divergence_in_plane(pairs, record, force):
+def stress_divergence_in_plane(pairs, first, last, record, force):
     """`divergence_in_plane` without dissipation."""
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         P, T1, T2 = load_row(record, a, 0), force[a, 0], force[a, 1]
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]

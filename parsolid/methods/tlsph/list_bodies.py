@@ -107,8 +107,8 @@ class ListBodies:
         for block in self.blocks:
             positive, lost, signal = advance_step(
                 block.solid, step, self.dimension, leapfrog.signals, block.branches(step), self.half,
-                block.first, block.last, block.places, *self._fields(block), self.operator, self.sums, self.record,
-                block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
+                block.first, block.last, block.places, *self._fields(block), self.near.inner, self.motion,
+                self.operator, self.sums, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
             stable = min(stable, leapfrog.step_of(block.law.density, signal))
@@ -128,8 +128,8 @@ class ListBodies:
                 block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
                 block.branches_at_stage(stage.time, step), self.half, self.isotropic[block],
                 block.first, block.last, block.places, gradient, cofactors[0], jacobian,
-                start[0], cofactors[1], start[1][0], *fields, self.operator, self.sums, self.record, self.fast,
-                self.slow, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
+                start[0], cofactors[1], start[1][0], *fields, self.near.inner, self.motion,
+                self.operator, self.sums, self.record, self.fast, self.slow, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
@@ -174,6 +174,8 @@ class ListBodies:
         velocity = of("velocity").copy()
         of("velocity")[:] = of("position") - of("reference_position")
         self._sweep_gradients()
+        sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
+        sweep(near.inner, 0, near.owned, self.motion, self.sums)
         of("velocity")[:] = velocity
         columns = self.sums[: near.owned].reshape(near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
         clear_rows(0, near.owned, self.sums)
@@ -186,21 +188,19 @@ class ListBodies:
             gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
         with TALKING:
             self._motion.start()
-        sweep(near.inner, self.motion, self.sums)
-        with TALKING:
             self._motion.finish()
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
-        sweep(near.outer, self.motion, self.sums)
+        sweep(near.outer, 0, near.owned, self.motion, self.sums)
         clear_rows(near.owned, near.rows, self.sums)
 
     def _sweep_forces(self, pairs: Any) -> None:
         if self.waves == 0:
             sweep = stress_divergence_in_space if self.dimension == 3 else stress_divergence_in_plane
-            sweep(pairs, self.record, self.force)
+            sweep(pairs, 0, self.near.owned, self.record, self.force)
         else:
             sweep = divergence_in_space if self.dimension == 3 else divergence_in_plane
-            sweep(pairs, self.motion, self.record, self.fast, self.slow, self.force)
+            sweep(pairs, 0, self.near.owned, self.motion, self.record, self.fast, self.slow, self.force)
 
 
 @kernel

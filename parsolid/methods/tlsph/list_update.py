@@ -22,6 +22,7 @@ from parsolid.methods.tlsph.tile_fields import (
     copy_out,
     load_deformation,
 )
+from parsolid.pairs.list_sweeps import gradient_in_plane, gradient_in_space
 from parsolid.pairs.rows_of_four import combine_rows, load_row, scale, store_row
 from parsolid.tensors import cofactor, matmul, plus
 
@@ -132,7 +133,7 @@ def add_initial_stress(F, initial, P):
 def advance_step(
     law, step, d, signals, branches, half, first, last, places,
     gradient, jacobian, field_A, volume, push, inverse, initial,
-    operator, sums, record, tiles, A, branch_sum, push_tile,
+    pairs, motion, operator, sums, record, tiles, A, branch_sum, push_tile,
 ):  # fmt: skip
     """Leapfrog: state of particles first .. last - 1 after a step [s] with their velocity gradients in its middle, and
     records of the new state.
@@ -158,8 +159,10 @@ def advance_step(
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
         if d == 3:
+            gradient_in_space(pairs, i, i + n, motion, sums)
             finish_gradients_in_space(i, n, half, sums, operator, inverse, record, G)
         else:
+            gradient_in_plane(pairs, i, i + n, motion, sums)
             finish_gradients_in_plane(i, n, half, sums, operator, inverse, record, G)
         copy_in(F, tensor, gradient, i, n)
         if push is not None:
@@ -221,7 +224,7 @@ def advance_stage(
     law, keep, take, step, at_start, at_end, d, branches, half, isotropic, first, last, places,
     gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
     volume, push, inverse, initial,
-    operator, sums, record, fast, slow, tiles, A, branch_sum, push_tile,
+    pairs, motion, operator, sums, record, fast, slow, tiles, A, branch_sum, push_tile,
 ):  # fmt: skip
     """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of particles first .. last - 1, with records of the
     state before it; at_start, at_end: whether it is the first or the last of the step.
@@ -243,8 +246,10 @@ def advance_stage(
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
         if d == 3:
+            gradient_in_space(pairs, i, i + n, motion, sums)
             finish_gradients_in_space(i, n, half, sums, operator, inverse, record, G)
         else:
+            gradient_in_plane(pairs, i, i + n, motion, sums)
             finish_gradients_in_plane(i, n, half, sums, operator, inverse, record, G)
         load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if at_start:
