@@ -14,7 +14,6 @@ A list has every pair once, and both its particles receive; rows of ghosts and o
 gather sums that nobody reads. Arrays are rows of four numbers a vector (`rows_of_four`): in space and in plane strain
 
     motion   v 0 | x 0 | X 0                                        v x | X 0 0
-    sums     sum_b (v_b - v_a) (x) g_ab by columns: c1 0 | c2 0 | c3 0          c1 c2
     record   P L by columns: c1 Z_p | c2 Z_s | c3 0                 c1 c2
              1/2 grad v by columns: c1 0 | c2 0 | c3 0              c1 c2 | Z_p Z_s 0 0
     fast     1/2 rho^2 Q_p: 11 22 33 Z_s | 12 13 23 0               11 22 12 Z_s
@@ -23,6 +22,7 @@ gather sums that nobody reads. Arrays are rows of four numbers a vector (`rows_o
     operator L by rows: l1 1/V | l2 0 | l3 0                        l1 l2 | 1/V 0 0 0
     weight   g_ab k_ab                                              g_ab k_ab 0
 
+Where the record has 1/2 grad v, the sums sum_b (v_b - v_a) (x) g_ab are gathered before; they begin at zero.
 fast and slow are None where the record holds mean impedances, and k_ab then is a length times |g_ab|; slow alone is
 None where shear waves have one speed in all directions.
 """
@@ -34,10 +34,9 @@ from parsolid.pairs.rows_of_four import add, add_scaled, load_row, scale, store_
 
 
 class RowsOfFour(NamedTuple):
-    """Widths of the rows of a particle, and the columns in them at which vectors begin, by the table above."""
+    """Widths of the rows of a particle, the columns in them at which vectors begin, and numbers a vector."""
 
     motion: int
-    sums: int
     record: int
     force: int
     operator: int
@@ -45,9 +44,10 @@ class RowsOfFour(NamedTuple):
     position: int
     reference: int
     gradient: int
+    vector: int
 
 
-ROWS = {2: RowsOfFour(8, 4, 12, 4, 8, 4, 2, 4, 4), 3: RowsOfFour(12, 12, 24, 8, 12, 8, 4, 8, 12)}
+ROWS = {2: RowsOfFour(8, 12, 4, 8, 4, 2, 4, 4, 2), 3: RowsOfFour(12, 24, 8, 12, 8, 4, 8, 12, 4)}
 
 
 @inlined
@@ -58,7 +58,7 @@ def _along(g1, g2, g3, diagonal, rest):
 
 
 @kernel
-def gradient_in_space(pairs, first, last, motion, sums):
+def gradient_in_space(pairs, first, last, motion, record):
     """Add the sums of the velocity gradient of the pairs in rows first .. last - 1 of a list. Then those of the rows
     are complete, if all rows before them have been added: pairs stand at the lower of their rows."""
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
@@ -66,42 +66,41 @@ def gradient_in_space(pairs, first, last, motion, sums):
         if start[a] == start[a + 1]:
             continue
         v = load_row(motion, a, 0)
-        c1, c2, c3 = load_row(sums, a, 0), load_row(sums, a, 4), load_row(sums, a, 8)
+        c1, c2, c3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
             jump = subtract(load_row(motion, b, 0), v)
             g1, g2, g3 = weight[k, 0], weight[k, 1], weight[k, 2]
             c1, c2, c3 = add_scaled(c1, g1, jump), add_scaled(c2, g2, jump), add_scaled(c3, g3, jump)
-            store_row(sums, b, 0, add_scaled(load_row(sums, b, 0), g1, jump))
-            store_row(sums, b, 4, add_scaled(load_row(sums, b, 4), g2, jump))
-            store_row(sums, b, 8, add_scaled(load_row(sums, b, 8), g3, jump))
-        store_row(sums, a, 0, c1)
-        store_row(sums, a, 4, c2)
-        store_row(sums, a, 8, c3)
+            store_row(record, b, 12, add_scaled(load_row(record, b, 12), g1, jump))
+            store_row(record, b, 16, add_scaled(load_row(record, b, 16), g2, jump))
+            store_row(record, b, 20, add_scaled(load_row(record, b, 20), g3, jump))
+        store_row(record, a, 12, c1)
+        store_row(record, a, 16, c2)
+        store_row(record, a, 20, c3)
 
 
 @kernel
-def gradient_in_plane(pairs, first, last, motion, sums):
+def gradient_in_plane(pairs, first, last, motion, record):
     """`gradient_in_space`, in plane strain."""
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
         v1, v2 = motion[a, 0], motion[a, 1]
-        total = load_row(sums, a, 0)
+        total = load_row(record, a, 4)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
             u1, u2, g1, g2 = motion[b, 0] - v1, motion[b, 1] - v2, weight[k, 0], weight[k, 1]
             pair = (u1 * g1, u2 * g1, u1 * g2, u2 * g2)
             total = add(total, pair)
-            store_row(sums, b, 0, add(load_row(sums, b, 0), pair))
-        store_row(sums, a, 0, total)
+            store_row(record, b, 4, add(load_row(record, b, 4), pair))
+        store_row(record, a, 4, total)
 
 
 @kernel
 def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
-    """Add the forces of the pairs in rows first .. last - 1 of a list: T of the stresses and D of the dissipation [N].
-    """
+    """Add the forces of the pairs in rows first .. last - 1 of a list: T of the stresses and D of the dissipation [N]."""
     start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
     for a in range(first, last):
         if start[a] == start[a + 1]:

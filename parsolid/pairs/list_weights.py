@@ -132,11 +132,11 @@ def jump_factors(pairs, correction, factor, directional):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b, skew, length = pairs.neighbour[k], 0.0, 0.0
             for i in range(d):
-                component = 0.0
+                component, g = 0.0, np.float64(pairs.weight[k, i])
                 for j in range(d):
                     component += (correction[a, i, j] + correction[b, i, j]) * pairs.weight[k, j]
                 skew += component * component
-                length += pairs.weight[k, i] * pairs.weight[k, i]
+                length += g * g
             if not directional:
                 pairs.weight[k, d] = 0.5 * factor * skew**0.5
             else:

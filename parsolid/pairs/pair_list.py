@@ -22,7 +22,7 @@ from parsolid.pairs.candidates import (
 
 
 class PairList(NamedTuple):
-    """Pairs of an owned particle a with neighbours: rows start[a] : start[a + 1] (int64) of neighbour (m,) uint32 and
+    """Pairs of an owned particle a with neighbours: rows start[a] : start[a + 1] (uint32) of neighbour (m,) uint32 and
     weight (m, 4), float32 or float64. Every pair stands once, at the particle with the lower row."""
 
     start: np.ndarray
@@ -65,7 +65,7 @@ class MirrorImages(NamedTuple):
 def within_support(start, neighbour, first, last, positions, metric, support):
     """Candidates of a list with first <= neighbour < last that are within the support: (start, neighbour, the first
     candidate at the same place as its particle or -1)."""
-    found, count, same = np.empty(neighbour.size, np.uint32), np.zeros(start.size, np.int64), -1
+    found, count, same = np.empty(neighbour.size, np.uint32), np.zeros(start.size, np.uint32), -1
     total = 0
     for a in range(start.size - 1):
         for k in range(start[a], start[a + 1]):

@@ -7,16 +7,8 @@ import numpy as np
 from decomposition.talking import TALKING
 from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
-from parsolid.methods.tlsph.list_update import advance_stage, advance_step
-from parsolid.pairs.list_sweeps import (
-    ROWS,
-    divergence_in_plane,
-    divergence_in_space,
-    gradient_in_plane,
-    gradient_in_space,
-    stress_divergence_in_plane,
-    stress_divergence_in_space,
-)
+from parsolid.methods.tlsph.list_update import add_forces, advance_stage, advance_step, find_forces
+from parsolid.pairs.list_sweeps import ROWS, gradient_in_plane, gradient_in_space
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
 from parsolid.solvers.runge_kutta import Stage
@@ -26,7 +18,7 @@ class ListBodies:
     """The particles of a rank that find their neighbours in lists, and what their sweeps read and write.
 
     volume: (owned,) [m^3] that count in gradients. waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
-    both waves by direction. near: lists of pairs. motion, sums, record, fast, slow, force: rows of particles, of ghosts
+    both waves by direction. near: lists of pairs. motion, record, fast, slow, force, operator: rows of particles, of ghosts
     and of mirror images, see `list_sweeps`.
     """
 
@@ -39,6 +31,7 @@ class ListBodies:
         self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
         self.columns = ROWS[self.dimension]
+        self._gradient_sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
         self.half = 0.5 if system.settings.reconstruction else 0.0
         # half of rho c_s, where shear waves have one speed in a law
         moduli = {one: isotropic_shear_modulus(one.law) or 0.0 for one in blocks}
@@ -56,8 +49,8 @@ class ListBodies:
         self.near = near
         self.particles.attach(near.halo)
         at, room = self.columns, (max(near.rows, 1),)
-        self.motion, self.sums = aligned_zeros((*room, at.motion)), aligned_zeros((*room, at.sums))
-        self.record, self.force = aligned_zeros((*room, at.record)), aligned_zeros((*room, at.force))
+        self.motion, self.record = aligned_zeros((*room, at.motion)), aligned_zeros((*room, at.record))
+        self.force = aligned_zeros((*room, at.force))
         self.fast = aligned_zeros((*room, at.tensor)) if self.waves >= 2 else None
         self.slow = aligned_zeros((*room, at.tensor)) if self.waves == 3 else None
         self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
@@ -77,7 +70,7 @@ class ListBodies:
     @property
     def corrections(self) -> np.ndarray:
         """L (owned, d, d), a view of the rows."""
-        d, stride = self.dimension, 4 if self.dimension == 3 else 2
+        d, stride = self.dimension, self.columns.vector
         return self.operator[: self.near.owned, : d * stride].reshape(-1, d, stride)[:, :, :d]
 
     @property
@@ -92,7 +85,7 @@ class ListBodies:
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays that count as memory."""
-        rows = [self.motion, self.sums, self.operator, self.record, self.force, self.fast, self.slow]
+        rows = [self.motion, self.operator, self.record, self.force, self.fast, self.slow]
         return [*self.near.inner, *self.near.outer, *(one for one in rows if one is not None)]
 
     def bytes_a_step(self) -> int:
@@ -102,13 +95,13 @@ class ListBodies:
     def advance_step(self, step: float) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
         branches have dissipated, the stable step [s] of the new state)."""
-        self._sweep_gradients()
+        self._begin_gradients()
         leapfrog, sound, dissipated, stable = self.system.leapfrog, True, 0.0, np.inf
         for block in self.blocks:
             positive, lost, signal = advance_step(
                 block.solid, step, self.dimension, leapfrog.signals, block.branches(step), self.half,
                 block.first, block.last, block.places, *self._fields(block), self.near.inner, self.motion,
-                self.operator, self.sums, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
+                self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
             stable = min(stable, leapfrog.step_of(block.law.density, signal))
@@ -117,7 +110,7 @@ class ListBodies:
     def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
         """Deformation after a stage of SSP-RK3 and stress before it: (whether all Jacobians are positive, dissipation
         rate [W] of branches, after the last stage the stable step [s])."""
-        self._sweep_gradients()
+        self._begin_gradients()
         staged, sound, dissipated, stable = self.system.staged_step, True, 0.0, np.inf
         stored = self.particles.storage
         start = [stored(f"{name}_at_start") for name in ("deformation_gradient", "jacobian")]
@@ -129,7 +122,7 @@ class ListBodies:
                 block.branches_at_stage(stage.time, step), self.half, self.isotropic[block],
                 block.first, block.last, block.places, gradient, cofactors[0], jacobian,
                 start[0], cofactors[1], start[1][0], *fields, self.near.inner, self.motion,
-                self.operator, self.sums, self.record, self.fast, self.slow, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
+                self.operator, self.record, self.fast, self.slow, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
@@ -152,62 +145,60 @@ class ListBodies:
     def find_forces(self) -> None:
         """T and D [N] of the records, in the fields stress_force and dissipative_force."""
         near, at, stored = self.near, self.columns, self.particles.storage
-        with TALKING:
-            self._record.start()
-        self._sweep_forces(near.inner)
-        with TALKING:
-            self._record.finish()
+        _send(self._record)
         if len(near.images.source):
             mirror_records(near.local, near.images, self.record, at.gradient)
             for waves in (self.fast, self.slow):
                 if waves is not None:
                     mirror_waves(near.local, near.images, waves)
-        self._sweep_forces(near.outer)
+        motion = self.motion if self.waves else None
+        rows = motion, self.record, self.fast, self.slow, self.force
+        if len(near.outer.neighbour):
+            add_forces(self.dimension, near.outer, 0, near.owned, *rows)
+            clear_rows(near.owned, near.rows, 0, self.force)
         T, D = stored("stress_force"), stored("dissipative_force")
         for block in self.blocks:
-            scatter_forces(block.first, block.last, self.force, T, D, at.force // 2)
-        clear_rows(near.owned, near.rows, self.force)
+            find_forces(self.dimension, near.inner, block.first, block.last, *rows, T, D)
 
     def displacement_gradient(self, result: np.ndarray) -> None:
         """Fill grad u of these particles into result (owned, d, d) by the scheme's own operator; collective."""
-        near, d, of = self.near, self.dimension, self.particles.owned_rows
+        near, d, of, at = self.near, self.dimension, self.particles.owned_rows, self.columns
         velocity = of("velocity").copy()
         of("velocity")[:] = of("position") - of("reference_position")
-        self._sweep_gradients()
-        sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
-        sweep(near.inner, 0, near.owned, self.motion, self.sums)
+        self._begin_gradients()
+        self._gradient_sweep(near.inner, 0, near.owned, self.motion, self.record)
         of("velocity")[:] = velocity
-        columns = self.sums[: near.owned].reshape(near.owned, d, -1)[:, :, :d].swapaxes(1, 2).copy()
-        clear_rows(0, near.owned, self.sums)
+        sums = self.record[: near.owned, at.gradient : at.gradient + at.vector * d]
+        columns = sums.reshape(near.owned, d, at.vector)[:, :, :d].swapaxes(1, 2)
         result[: near.owned] = columns @ self.corrections.swapaxes(1, 2) / self.volume[:, None, None]
+        sums[:] = 0.0
 
-    def _sweep_gradients(self) -> None:
+    def _begin_gradients(self) -> None:
+        """Motion in rows, also that of ghosts and images, and what these add to gradients."""
         near, at, stored = self.near, self.columns, self.particles.storage
-        sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
         for block in self.blocks:
             gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
-        with TALKING:
-            self._motion.start()
-            self._motion.finish()
+        _send(self._motion)
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
-        sweep(near.outer, 0, near.owned, self.motion, self.sums)
-        clear_rows(near.owned, near.rows, self.sums)
+        if len(near.outer.neighbour):
+            clear_rows(near.owned, near.rows, at.gradient, self.record)
+            self._gradient_sweep(near.outer, 0, near.owned, self.motion, self.record)
 
-    def _sweep_forces(self, pairs: Any) -> None:
-        if self.waves == 0:
-            sweep = stress_divergence_in_space if self.dimension == 3 else stress_divergence_in_plane
-            sweep(pairs, 0, self.near.owned, self.record, self.force)
-        else:
-            sweep = divergence_in_space if self.dimension == 3 else divergence_in_plane
-            sweep(pairs, 0, self.near.owned, self.motion, self.record, self.fast, self.slow, self.force)
+
+def _send(exchange: Any) -> None:
+    """Send rows to the ranks that have them as ghosts, and take theirs."""
+    if not exchange.silent:
+        with TALKING:
+            exchange.start()
+            exchange.finish()
 
 
 @kernel
-def clear_rows(first, last, rows):
-    """Set rows first .. last - 1 to zero."""
+def clear_rows(first, last, column, rows):
+    """Set rows first .. last - 1 to zero from a column on."""
     for a in range(first, last):
-        for c in range(rows.shape[1]):
+        for c in range(column, rows.shape[1]):
             rows[a, c] = 0.0
 
 
@@ -219,19 +210,6 @@ def gather_motion(first, last, velocity, position, motion, at_position):
         for a in range(first, last):
             motion[a, i] = v[a]
             motion[a, at_position + i] = x[a]
-
-
-@kernel
-def scatter_forces(first, last, force, stress_force, dissipative, at_dissipative):
-    """Copy T and D of particles first .. last - 1 into fields (d, n); the rows are zero afterwards."""
-    for i in range(stress_force.shape[0]):
-        T, D = stress_force[i], dissipative[i]
-        for a in range(first, last):
-            T[a] = force[a, i]
-            D[a] = force[a, at_dissipative + i]
-    for a in range(first, last):
-        for c in range(force.shape[1]):
-            force[a, c] = 0.0
 
 
 @kernel

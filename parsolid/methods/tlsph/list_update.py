@@ -22,7 +22,14 @@ from parsolid.methods.tlsph.tile_fields import (
     copy_out,
     load_deformation,
 )
-from parsolid.pairs.list_sweeps import gradient_in_plane, gradient_in_space
+from parsolid.pairs.list_sweeps import (
+    divergence_in_plane,
+    divergence_in_space,
+    gradient_in_plane,
+    gradient_in_space,
+    stress_divergence_in_plane,
+    stress_divergence_in_space,
+)
 from parsolid.pairs.rows_of_four import combine_rows, load_row, scale, store_row
 from parsolid.tensors import cofactor, matmul, plus
 
@@ -30,20 +37,16 @@ _ZERO = (0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
-def finish_gradients_in_space(i, n, half, sums, operator, inverse, record, G):
+def finish_gradients_in_space(i, n, half, operator, inverse, record, G):
     """G = S L^T / V of n particles from row i on into a tile, eq (70), and half of it (none of it, half = 0) into their
-    records: L is symmetric only where spacings are equal.
+    records, in place of the sums S: L is symmetric only where spacings are equal.
 
-    Sets the sums to zero, while they are in the cache. inverse (9, n): F_r^-1 of an updated reference, in which the
-    gradient is G F_r^-1, or None.
+    inverse (9, n): F_r^-1 of an updated reference, in which the gradient is G F_r^-1, or None.
     """
     for p in range(n):
         a = i + p
-        S1, S2, S3 = load_row(sums, a, 0), load_row(sums, a, 4), load_row(sums, a, 8)
+        S1, S2, S3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
         L1, L2, L3 = load_row(operator, a, 0), load_row(operator, a, 4), load_row(operator, a, 8)
-        store_row(sums, a, 0, _ZERO)
-        store_row(sums, a, 4, _ZERO)
-        store_row(sums, a, 8, _ZERO)
         one_over_volume = L1[3]
         G1 = scale(one_over_volume, combine_rows(L1, S1, S2, S3))
         G2 = scale(one_over_volume, combine_rows(L2, S1, S2, S3))
@@ -62,13 +65,12 @@ def finish_gradients_in_space(i, n, half, sums, operator, inverse, record, G):
 
 
 @kernel
-def finish_gradients_in_plane(i, n, half, sums, operator, inverse, record, G):
+def finish_gradients_in_plane(i, n, half, operator, inverse, record, G):
     """`finish_gradients_in_space`, in plane strain; inverse (4, n) or None."""
     for p in range(n):
         a = i + p
-        S11, S21, S12, S22 = load_row(sums, a, 0)
+        S11, S21, S12, S22 = load_row(record, a, 4)
         L11, L12, L21, L22 = load_row(operator, a, 0)
-        store_row(sums, a, 0, _ZERO)
         one_over_volume = operator[a, 4]
         G11, G12 = one_over_volume * (S11 * L11 + S12 * L12), one_over_volume * (S11 * L21 + S12 * L22)
         G21, G22 = one_over_volume * (S21 * L11 + S22 * L12), one_over_volume * (S21 * L21 + S22 * L22)
@@ -133,13 +135,13 @@ def add_initial_stress(F, initial, P):
 def advance_step(
     law, step, d, signals, branches, half, first, last, places,
     gradient, jacobian, field_A, volume, push, inverse, initial,
-    pairs, motion, operator, sums, record, tiles, A, branch_sum, push_tile,
+    pairs, motion, operator, record, tiles, A, branch_sum, push_tile,
 ):  # fmt: skip
     """Leapfrog: state of particles first .. last - 1 after a step [s] with their velocity gradients in its middle, and
     records of the new state.
 
     Arguments as in `point_update.update_tile`; fields (components, n): deformation gradient, jacobian (n,), A of the
-    branches, push and inverse of an updated reference, initial stress [Pa]; volume (n,) [m^3]; operator, sums, record:
+    branches, push and inverse of an updated reference, initial stress [Pa]; volume (n,) [m^3]; operator, record:
     rows, see `list_sweeps`. Fields and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
 
     Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
@@ -159,11 +161,11 @@ def advance_step(
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
         if d == 3:
-            gradient_in_space(pairs, i, i + n, motion, sums)
-            finish_gradients_in_space(i, n, half, sums, operator, inverse, record, G)
+            gradient_in_space(pairs, i, i + n, motion, record)
+            finish_gradients_in_space(i, n, half, operator, inverse, record, G)
         else:
-            gradient_in_plane(pairs, i, i + n, motion, sums)
-            finish_gradients_in_plane(i, n, half, sums, operator, inverse, record, G)
+            gradient_in_plane(pairs, i, i + n, motion, record)
+            finish_gradients_in_plane(i, n, half, operator, inverse, record, G)
         copy_in(F, tensor, gradient, i, n)
         if push is not None:
             copy_in(push_tile, tensor, push, i, n)
@@ -198,6 +200,47 @@ def advance_step(
 
 
 @kernel
+def add_forces(d, pairs, first, last, motion, record, fast, slow, force):
+    """Add the forces of the pairs in rows first .. last - 1 of a list; motion: None where nothing dissipates."""
+    if motion is not None:
+        if d == 3:
+            divergence_in_space(pairs, first, last, motion, record, fast, slow, force)
+        else:
+            divergence_in_plane(pairs, first, last, motion, record, fast, slow, force)
+    elif d == 3:
+        stress_divergence_in_space(pairs, first, last, record, force)
+    else:
+        stress_divergence_in_plane(pairs, first, last, record, force)
+
+
+@kernel
+def find_forces(d, pairs, first, last, motion, record, fast, slow, force, T, D):
+    """Add the forces of the pairs of particles first .. last - 1 and put T and D [N] of these into fields (d, n).
+
+    What the next step gathers in rows begins at zero again. Tile by tile, while rows are in the cache: those of a tile
+    are complete, and nobody reads them any more, when their pairs and those of all rows before have been added.
+    """
+    for i in range(first, last, TILE):
+        end = min(i + TILE, last)
+        add_forces(d, pairs, i, end, motion, record, fast, slow, force)
+        for c in range(d):
+            stress_force, dissipative = T[c], D[c]
+            for a in range(i, end):
+                stress_force[a] = force[a, c]
+                dissipative[a] = force[a, force.shape[1] // 2 + c]
+        for a in range(i, end):
+            if d == 3:
+                store_row(force, a, 0, _ZERO)
+                store_row(force, a, 4, _ZERO)
+                store_row(record, a, 12, _ZERO)
+                store_row(record, a, 16, _ZERO)
+                store_row(record, a, 20, _ZERO)
+            else:
+                store_row(force, a, 0, _ZERO)
+                store_row(record, a, 4, _ZERO)
+
+
+@kernel
 def load_start(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
     """F, H and J at the start of the step of n particles from row i on, as `load_deformation` takes them."""
     copy_in(F, tensor, gradient, i, n)
@@ -224,7 +267,7 @@ def advance_stage(
     law, keep, take, step, at_start, at_end, d, branches, half, isotropic, first, last, places,
     gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
     volume, push, inverse, initial,
-    pairs, motion, operator, sums, record, fast, slow, tiles, A, branch_sum, push_tile,
+    pairs, motion, operator, record, fast, slow, tiles, A, branch_sum, push_tile,
 ):  # fmt: skip
     """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of particles first .. last - 1, with records of the
     state before it; at_start, at_end: whether it is the first or the last of the step.
@@ -246,11 +289,11 @@ def advance_stage(
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
         if d == 3:
-            gradient_in_space(pairs, i, i + n, motion, sums)
-            finish_gradients_in_space(i, n, half, sums, operator, inverse, record, G)
+            gradient_in_space(pairs, i, i + n, motion, record)
+            finish_gradients_in_space(i, n, half, operator, inverse, record, G)
         else:
-            gradient_in_plane(pairs, i, i + n, motion, sums)
-            finish_gradients_in_plane(i, n, half, sums, operator, inverse, record, G)
+            gradient_in_plane(pairs, i, i + n, motion, record)
+            finish_gradients_in_plane(i, n, half, operator, inverse, record, G)
         load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if at_start:
             store_deformation(F, H, J, tensor, gradient_start, cofactors_start, jacobian_start, i, n)
