@@ -30,6 +30,7 @@ None where shear waves have one speed in all directions.
 from typing import NamedTuple
 
 from parsolid.kernels import inlined, kernel
+from parsolid.pairs.pair_list import weight_row
 from parsolid.pairs.rows_of_four import add, add_scaled, load_row, scale, store_row, subtract
 
 
@@ -61,16 +62,16 @@ def _along(g1, g2, g3, diagonal, rest):
 def gradient_in_space(pairs, first, last, motion, record):
     """Add the sums of the velocity gradient of the pairs in rows first .. last - 1 of a list. Then those of the rows
     are complete, if all rows before them have been added: pairs stand at the lower of their rows."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
         v = load_row(motion, a, 0)
         c1, c2, c3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
+            b, w = neighbour[k], weight_row(kind, k)
             jump = subtract(load_row(motion, b, 0), v)
-            g1, g2, g3 = weight[k, 0], weight[k, 1], weight[k, 2]
+            g1, g2, g3 = weight[w, 0], weight[w, 1], weight[w, 2]
             c1, c2, c3 = add_scaled(c1, g1, jump), add_scaled(c2, g2, jump), add_scaled(c3, g3, jump)
             store_row(record, b, 12, add_scaled(load_row(record, b, 12), g1, jump))
             store_row(record, b, 16, add_scaled(load_row(record, b, 16), g2, jump))
@@ -83,15 +84,15 @@ def gradient_in_space(pairs, first, last, motion, record):
 @kernel
 def gradient_in_plane(pairs, first, last, motion, record):
     """`gradient_in_space`, in plane strain."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
         v1, v2 = motion[a, 0], motion[a, 1]
         total = load_row(record, a, 4)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            u1, u2, g1, g2 = motion[b, 0] - v1, motion[b, 1] - v2, weight[k, 0], weight[k, 1]
+            b, w = neighbour[k], weight_row(kind, k)
+            u1, u2, g1, g2 = motion[b, 0] - v1, motion[b, 1] - v2, weight[w, 0], weight[w, 1]
             pair = (u1 * g1, u2 * g1, u1 * g2, u2 * g2)
             total = add(total, pair)
             store_row(record, b, 4, add(load_row(record, b, 4), pair))
@@ -100,8 +101,8 @@ def gradient_in_plane(pairs, first, last, motion, record):
 
 @kernel
 def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
-    """Add the forces of the pairs in rows first .. last - 1 of a list: T of the stresses and D of the dissipation [N]."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
+    """Add the forces of the pairs in rows first .. last - 1 of a list [N]: T of stresses and D of the dissipation."""
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
@@ -114,8 +115,8 @@ def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
         if slow is not None:
             slow1, slow2 = load_row(slow, a, 0), load_row(slow, a, 4)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            g1, g2, g3, jump_factor = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
+            b, w = neighbour[k], weight_row(kind, k)
+            g1, g2, g3, jump_factor = weight[w, 0], weight[w, 1], weight[w, 2], weight[w, 3]
             S1, S2 = add(P1, load_row(record, b, 0)), add(P2, load_row(record, b, 4))
             S3 = add(P3, load_row(record, b, 8))
             stress = add_scaled(add_scaled(scale(g1, S1), g2, S2), g3, S3)
@@ -149,7 +150,7 @@ def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
 @kernel
 def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
     """`divergence_in_space`, in plane strain."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
@@ -161,8 +162,8 @@ def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
             shear = load_row(slow, a, 0)
         total = load_row(force, a, 0)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            g1, g2, jump_factor = weight[k, 0], weight[k, 1], weight[k, 2]
+            b, w = neighbour[k], weight_row(kind, k)
+            g1, g2, jump_factor = weight[w, 0], weight[w, 1], weight[w, 2]
             S, grad, step = (
                 add(P, load_row(record, b, 0)),
                 add(G, load_row(record, b, 4)),
@@ -192,17 +193,17 @@ def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
 @kernel
 def stress_divergence_in_space(pairs, first, last, record, force):
     """`divergence_in_space` without dissipation."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
         P1, P2, P3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         T = load_row(force, a, 0)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            stress = scale(weight[k, 0], add(P1, load_row(record, b, 0)))
-            stress = add_scaled(stress, weight[k, 1], add(P2, load_row(record, b, 4)))
-            stress = add_scaled(stress, weight[k, 2], add(P3, load_row(record, b, 8)))
+            b, w = neighbour[k], weight_row(kind, k)
+            stress = scale(weight[w, 0], add(P1, load_row(record, b, 0)))
+            stress = add_scaled(stress, weight[w, 1], add(P2, load_row(record, b, 4)))
+            stress = add_scaled(stress, weight[w, 2], add(P3, load_row(record, b, 8)))
             T = add(T, stress)
             store_row(force, b, 0, subtract(load_row(force, b, 0), stress))
         store_row(force, a, 0, T)
@@ -211,15 +212,15 @@ def stress_divergence_in_space(pairs, first, last, record, force):
 @kernel
 def stress_divergence_in_plane(pairs, first, last, record, force):
     """`divergence_in_plane` without dissipation."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
         P, T1, T2 = load_row(record, a, 0), force[a, 0], force[a, 1]
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
+            b, w = neighbour[k], weight_row(kind, k)
             S = add(P, load_row(record, b, 0))
-            f1, f2 = S[0] * weight[k, 0] + S[2] * weight[k, 1], S[1] * weight[k, 0] + S[3] * weight[k, 1]
+            f1, f2 = S[0] * weight[w, 0] + S[2] * weight[w, 1], S[1] * weight[w, 0] + S[3] * weight[w, 1]
             T1, T2 = T1 + f1, T2 + f2
             force[b, 0] -= f1
             force[b, 1] -= f2

@@ -27,7 +27,7 @@ class ListWeights:
     kernel: of `smoothing.smoothing_kernel`. dissipation: the factor S. directional: whether impedances depend on the
     direction of g_ab. surface: area vectors (owned, d) [m^2], shares (owned,) and which particles (owned,) are to have
     closed weights, see `closure.Closure`, or None. cells: of owned particles, or None; pairs of two lattices, or of
-    one and a particle on none, have no weight. rounded: whether weights are float32, half the memory that sweeps read.
+    one and a particle on none, have no weight. rounded: whether weights are float32, of which few differ on lattices.
     """
 
     def __init__(
@@ -63,6 +63,8 @@ class ListWeights:
         everywhere = near.with_ghosts_and_images(correction, "tensor")
         for pairs in near.lists:
             jump_factors(pairs, everywhere, self.dissipation, self.directional)
+        if self.rounded:
+            near.inner, near.outer = (one.by_kinds() for one in near.lists)
         return correction
 
 

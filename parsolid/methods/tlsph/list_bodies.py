@@ -17,9 +17,9 @@ from parsolid.solvers.runge_kutta import Stage
 class ListBodies:
     """The particles of a rank that find their neighbours in lists, and what their sweeps read and write.
 
-    volume: (owned,) [m^3] that count in gradients. waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
-    both waves by direction. near: lists of pairs. motion, record, fast, slow, force, operator: rows of particles, of ghosts
-    and of mirror images, see `list_sweeps`.
+    waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
+    both waves by direction. near: lists of pairs; volume (owned,) [m^3]: of particles in gradients. motion, record,
+    fast, slow, force, operator: rows of particles, of ghosts and of mirror images, see `list_sweeps`.
     """
 
     near: Neighbours
@@ -85,8 +85,9 @@ class ListBodies:
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays that count as memory."""
-        rows = [self.motion, self.operator, self.record, self.force, self.fast, self.slow]
-        return [*self.near.inner, *self.near.outer, *(one for one in rows if one is not None)]
+        lists = [*self.near.inner, *self.near.outer]
+        rows = [*lists, self.motion, self.operator, self.record, self.force, self.fast, self.slow]
+        return [one for one in rows if one is not None]
 
     def bytes_a_step(self) -> int:
         """Bytes that this rank sends in one evaluation."""
@@ -122,7 +123,8 @@ class ListBodies:
                 block.branches_at_stage(stage.time, step), self.half, self.isotropic[block],
                 block.first, block.last, block.places, gradient, cofactors[0], jacobian,
                 start[0], cofactors[1], start[1][0], *fields, self.near.inner, self.motion,
-                self.operator, self.record, self.fast, self.slow, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
+                self.operator, self.record, self.fast, self.slow, block.tiles, block.A, block.branch_sum,
+                block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
