@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import kernel
-from parsolid.pairs.pair_list import weight_row
 from parsolid.methods.tlsph.settings import FIXED_WALLS
+from parsolid.pairs.pair_list import weight_row
 from parsolid.particles.declaration import Field
 
 
