@@ -37,17 +37,21 @@ def tables(particles, upper=None, lower=None, *, material=SOFT, method=None, end
     data = {
         "dimension": dimension,
         "end_time": end_time,
-        "method": _stated(method or {}),
+        "method": _stated(method or {}, not {"contact", "tools", "tie"} & set(rest)),
         "bodies": [{"shape": {"box": box}, "particles": list(particles), "material": material, **(body or {})}],
         **rest,
     }
     return copy.deepcopy(data)
 
 
-def _stated(method: dict) -> dict:
-    """A method's table; a kernel in it, for what is usual without depends on the number of particles."""
+def _stated(method: dict, free: bool) -> dict:
+    """A method's table with the kernel and, for bodies that touch nothing, the integrator of the paper, if it has none
+    of its own."""
     table = {"kind": "tlsph", **method}
-    return {"kernel": "wendland-c2", **table} if table["kind"] == "tlsph" else table
+    if table["kind"] != "tlsph":
+        return table
+    paper = {"kernel": "wendland-c2"} | ({"integrator": "ssp-rk3"} if free and "safety" not in table else {})
+    return paper | table
 
 
 def simulation(data: dict, comm=MPI.COMM_SELF) -> Simulation:

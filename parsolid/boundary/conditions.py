@@ -81,11 +81,13 @@ class Conditions(Loads):
         particle_set: ParticleSet,
         particles: Particles,
         without_images: frozenset[int] = frozenset(),
+        half_bodies: frozenset[int] = frozenset(),
         others: tuple[type[Condition], ...] = (),
     ):
-        """without_images: see `Supports`; the others: see `Loads`. Raises SolverError on all ranks. Collective."""
+        """without_images, half_bodies: see `Supports`; the others: see `Loads`. Raises SolverError on all ranks.
+        Collective."""
         super().__init__(comm, scene, particle_set, particles, others)
-        supports = Supports(comm, scene, self.all, particle_set, without_images)
+        supports = Supports(comm, scene, self.all, particle_set, without_images, half_bodies)
         self.planes, self.codes, self.share, self.held = supports.planes, supports.codes, supports.share, supports.held
         self.rollers: list[InclinedRoller] = inclined_rollers(comm, scene, supports, particle_set, particles)
         self.motion = PrescribedMotion(comm, scene, self.all, particle_set, particles)

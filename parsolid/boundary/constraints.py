@@ -42,9 +42,11 @@ class Supports:
         conditions: list[tuple[str, Condition]],
         particle_set: ParticleSet,
         without_images: frozenset[int] = frozenset(),
+        half_bodies: frozenset[int] = frozenset(),
     ):
-        """without_images: bodies whose operators end at a fixed plane. Raises SolverError on all ranks when a mirror
-        plane cuts a body. Collective."""
+        """without_images: bodies whose operators end at a fixed plane; half_bodies: those whose operators end at every
+        plane, where some of their components are held and all else is as without it. Raises SolverError on all ranks
+        when a mirror plane cuts a body. Collective."""
         d = particle_set.position.shape[1]
         self.planes: list[MirrorPlane] = []
         self.inclined: list[tuple[str, Support]] = []
@@ -62,7 +64,8 @@ class Supports:
             plane = mirror_plane(scene, one)
             if one.mirror:
                 check_sides(comm, plane, particle_set, key)
-                self.planes += _with_images(plane, without_images, len(scene.bodies))
+                ends = half_bodies | without_images if plane.kind == "fixed" else half_bodies
+                self.planes += _with_images(plane, ends, len(scene.bodies))
                 # cell-centred particles beside the plane move; their images hold them
                 here &= plane.contains(particle_set)
             self.held |= here[:, None] & plane.held(d)
@@ -73,7 +76,7 @@ class Supports:
 
 def _with_images(plane: MirrorPlane, without_images: frozenset[int], bodies: int) -> list[MirrorPlane]:
     """A plane once for all bodies, or once for each body that has images there."""
-    if plane.kind != "fixed" or not without_images:
+    if not without_images:
         return [plane]
     return [replace(plane, body=i) for i in range(bodies) if i not in without_images and plane.body in (None, i)]
 

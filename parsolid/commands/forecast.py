@@ -1,6 +1,6 @@
 """What a scene costs on another number of ranks: memory, time and disk, from what it costs on the present ones.
 
-Particles are cut up as recursive bisection does; ghosts are counted on a sample of them. The constants of messages are
+Particles are cut up as the method does; ghosts are counted on a sample of them. The constants of messages are
 those of a shared-memory node and are the least certain part; docs/cluster.md compares forecasts with runs.
 """
 
@@ -50,8 +50,9 @@ def load_on(comm: Any, systems: list[ParticleSystem], ranks: int) -> Load:
 
 def _load_of(comm: Any, system: ParticleSystem, ranks: int) -> Load:
     total, pairs = comm.allreduce(system.owned), comm.allreduce(system.directed_pairs)
+    particles = float(system.busiest(total, ranks))
     if ranks == 1 or pairs == 0:
-        return Load(ceil(total / ranks), 0.0, ceil(total / ranks), 0.0 if ranks == 1 else 2.0)
+        return Load(particles, 0.0, particles, 0.0 if ranks == 1 else 2.0)
     d, rows = system.dimension, system.particles.owned_rows
     volume = comm.allreduce(float(rows("volume").sum())) / total
     # how far neighbours are, from how many there are, unless they are known to be farther
@@ -60,7 +61,6 @@ def _load_of(comm: Any, system: ParticleSystem, ranks: int) -> Load:
     pieces = comm.gather(rows("reference_position")[here][:, :d])
     counts = _counted(np.concatenate(pieces), total, ranks, reach) if comm.rank == 0 else None
     ghosts, neighbours = comm.bcast(counts)
-    particles = float(ceil(total / ranks))
     return Load(particles, ghosts, particles + _BEYOND[d] * ghosts, neighbours)
 
 
@@ -73,7 +73,7 @@ def _counted(sample: np.ndarray, total: int, ranks: int, reach: float) -> tuple[
     for lower, upper in corners:
         near = np.maximum(np.maximum(lower - sample, sample - upper), 0.0)
         square = (near * near).sum(axis=1)
-        ghosts.append(np.count_nonzero((square > 0.0) & (square < reach * reach)) * total / len(sample))
+        ghosts.append(np.count_nonzero((square > 0.0) & (square < reach * reach * (1.0 + 1e-9))) * total / len(sample))
         gaps = [np.maximum(np.maximum(lower - one[1], one[0] - upper), 0.0) for one in corners]
         neighbours.append(sum(float(gap @ gap) < reach * reach for gap in gaps) - 1)
     return float(max(ghosts)), float(max(neighbours))

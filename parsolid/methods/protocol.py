@@ -55,7 +55,7 @@ class ParticleSystem:
     of a few spacings, so that faces in contact rattle on.
     substep, substeps: number of its step in the present one of all systems, and how many those are.
     evaluations: force evaluations a step; directed_pairs: interactions counted once a particle; farthest: distance of
-    a neighbour of this rank's [m], where neighbours stand along lines and fill no ball.
+    a ghost from this rank's particles [m], where neighbours stand along lines and fill no ball.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
     news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
@@ -98,6 +98,10 @@ class ParticleSystem:
     def owners(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray | None:
         """Ranks (n,) int32 of particles that need a certain one, -1 of others; None where none does; collective."""
         return None
+
+    def busiest(self, total: int, ranks: int) -> int:
+        """Particles of the busiest of so many ranks, of the system's total."""
+        return -(-total // ranks)
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """Everything but the state; particle_set: this rank's particles, sorted. Collective.

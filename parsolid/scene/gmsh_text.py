@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 # Gmsh's kinds of elements and their nodes
-_KINDS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8), 15: ("vertex", 1)}
+_KINDS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8), 6: ("wedge", 6)}
+_KINDS |= {7: ("pyramid", 5), 15: ("vertex", 1)}
 _PLAIN = {"MeshFormat", "PhysicalNames", "Nodes", "Elements"}
 
 

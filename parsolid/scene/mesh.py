@@ -1,16 +1,16 @@
-"""Particles from meshes: any file that meshio reads with hexahedra, tetrahedra, quads or triangles."""
+"""Particles from meshes: any file that meshio reads with elements of the kinds in `elements.ELEMENTS`."""
 
 import contextlib
 import io
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.abaqus import read_abaqus
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.elements import ELEMENTS, lumped_volumes
+from parsolid.scene.elements import ELEMENTS, OF_CORNERS, lumped_volumes, shares_of_nodes
 from parsolid.scene.gmsh_text import read_gmsh_text
 from parsolid.scene.lattice import jitter_offsets
 from parsolid.scene.marks import TOLERANCE
@@ -23,8 +23,18 @@ from parsolid.scene.validation_errors import SceneError
 _LESS_THAN_SOLID = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 
 
-def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list[tuple[str, np.ndarray]], MeshGroups]:
-    """Node coordinates (nodes, d) [m], the blocks (kind, (elements, nodes)) of solid elements, and named groups.
+class MeshOfFile(NamedTuple):
+    """Node coordinates (nodes, d) [m], the blocks (kind, (elements, nodes)) of solid elements, named groups, and kinds
+    of elements of second order, of which the corners are taken."""
+
+    points: np.ndarray
+    blocks: list[tuple[str, np.ndarray]]
+    groups: MeshGroups
+    of_second_order: tuple[str, ...]
+
+
+def read_mesh(path: str, scale: float, dimension: int) -> MeshOfFile:
+    """The mesh of a file, in the coordinates of a scene.
 
     Raises SceneError for a file that meshio cannot read and for elements that have no particles here.
     """
@@ -39,6 +49,7 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
     except (Exception, SystemExit) as error:
         reason = " ".join(printed.getvalue().split()) or f"{type(error).__name__}: {error}"
         raise SceneError([f"expected a mesh that meshio reads, found {path} ({reason}{_remedy(path)})"]) from None
+    mesh, of_second_order = _by_corners(mesh)
     known = [kind for kind, element in ELEMENTS.items() if element.dimension == dimension]
     kinds = [block.type for block in mesh.cells if len(block.data)]
     others = sorted(set(kinds) - set(known) - set(_LESS_THAN_SOLID[dimension]))
@@ -60,7 +71,19 @@ def read_mesh(path: str, scale: float, dimension: int) -> tuple[np.ndarray, list
         )
     if points.shape[1] > dimension and not _is_plane(points, blocks):
         raise SceneError(["expected a plane mesh (one Z for all nodes) in 2-D, found nodes with different Z"])
-    return np.ascontiguousarray(points[:, :dimension]), blocks, groups_of(mesh, dimension)
+    return MeshOfFile(np.ascontiguousarray(points[:, :dimension]), blocks, groups_of(mesh, dimension), of_second_order)
+
+
+def _by_corners(mesh: Any) -> tuple[Any, tuple[str, ...]]:
+    """A mesh of meshio whose elements of second order are those of their corners, and the kinds that there were."""
+    found = tuple(dict.fromkeys(block.type for block in mesh.cells if block.type in OF_CORNERS and len(block.data)))
+    if found:
+        cells = []
+        for block in mesh.cells:
+            kind, count = OF_CORNERS.get(block.type, (block.type, None))
+            cells.append(type(block)(kind, np.asarray(block.data)[:, :count]))
+        mesh.cells = cells
+    return mesh, found
 
 
 def _is_plane(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) -> bool:
@@ -103,6 +126,14 @@ def _check_repeated(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) ->
             raise SceneError([f"expected every element once, found {found}"])
 
 
+def used_nodes(points: np.ndarray, blocks: list[tuple[str, np.ndarray]]) -> np.ndarray:
+    """Numbers (k,), rising, of the nodes of elements: those that are particles, in this order."""
+    met = np.zeros(len(points), bool)
+    for _, cells in blocks:
+        met[cells] = True
+    return np.flatnonzero(met)
+
+
 class MeshFilling:
     """Particles of a mesh, on its nodes or at the centroids of its elements.
 
@@ -114,13 +145,10 @@ class MeshFilling:
 
     def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body = body
-        points, blocks, self.groups = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
+        points, blocks, self.groups, _ = read_mesh(body.shape.model.file, body.shape.model.scale, dimension)
         lumped = [self._sound_volumes(kind, points[cells]) for kind, cells in blocks]
         _check_repeated(points, blocks)
-        met = np.zeros(len(points), bool)
-        for _, cells in blocks:
-            met[cells] = True
-        used = np.flatnonzero(met)
+        used = used_nodes(points, blocks)
         self.lower, self.upper = points[used].min(axis=0), points[used].max(axis=0)
         facets, edge = boundary_facets(points, blocks), mean_edge(points, blocks)
         self.solid = Solid(points, blocks, facets)
@@ -163,9 +191,9 @@ class MeshFilling:
             volume += np.bincount(cells.ravel(), shares.ravel(), minlength=total)
         area = np.zeros_like(points)
         for _, nodes, vectors in facets:
+            shares = shares_of_nodes(points[nodes], vectors)
             for i in range(points.shape[1]):
-                share = np.repeat(vectors[:, i] / nodes.shape[1], nodes.shape[1])
-                area[:, i] += np.bincount(nodes.ravel(), share, minlength=total)
+                area[:, i] += np.bincount(nodes.ravel(), shares[:, :, i].ravel(), minlength=total)
         self.position, self.volume, self.area = points[used], volume[used], area[used]
         self.movable = np.ones(total, bool)
         for _, nodes, _ in facets:
@@ -188,9 +216,9 @@ class MeshFilling:
         vectors = np.zeros((len(points) if on_nodes else self.count, len(known), points.shape[1]))
         for owner, nodes, area in facets:
             inside = facets_in(known, self.groups, points, tolerance, cells, nodes)
-            share = inside[:, :, None] * area[:, None, :] / (nodes.shape[1] if on_nodes else 1)
-            for to in nodes.T if on_nodes else [owner]:
-                np.add.at(vectors, to, share)
+            shares = shares_of_nodes(points[nodes], area).swapaxes(0, 1) if on_nodes else [area]
+            for to, share in zip(nodes.T if on_nodes else [owner], shares):
+                np.add.at(vectors, to, inside[:, :, None] * share[:, None, :])
         if on_nodes:
             held, vectors = nodes_in(known, self.groups, points, tolerance, cells)[used], vectors[used]
         else:

@@ -14,6 +14,8 @@ _SIMPLICES = {
     "quad": ((0, 1, 2), (0, 2, 3)),
     "tetra": ((0, 1, 2, 3),),
     "hexahedron": tuple((0, *pair, 6) for pair in ((1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1))),
+    "wedge": ((0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)),
+    "pyramid": ((0, 1, 2, 4), (0, 2, 3, 4)),
 }
 # places of the surface that are looked for in other elements: so far from a corner, so far below it, as shares
 _FROM_CORNER, _BELOW = 0.05, 0.01

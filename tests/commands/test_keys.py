@@ -47,7 +47,7 @@ def test_a_listing_of_one_key_one_table_and_all_kinds():
     assert listing("bodies.0.material.neo-hookean.density") == (
         "bodies.material.neo-hookean.density: a number > 0; needed\n    the density [kg/m^3]"
     )
-    assert 'method.tlsph.integrator: "ssp-rk3" or "leapfrog"; default "ssp-rk3"' in listing("method.tlsph")
+    assert 'method.tlsph.integrator: "ssp-rk3" or "leapfrog"; default "leapfrog"' in listing("method.tlsph")
     kinds = listing("bodies.material")
     assert "kind: mooney-rivlin, neo-hookean" in kinds and "bodies.material.elastic-plastic.flow_stress" in kinds
     everything = listing()

@@ -152,12 +152,12 @@ def test_values_stand_behind_set_as_they_are(value):
 
 
 def test_axes_make_every_combination(folder):
-    path = write(folder, series="ranks = 3", more="[[series.axes]]\nkey = 'method.cfl'\nvalues = [0.5, 0.7]")
+    path = write(folder, series="ranks = 3", more="[[series.axes]]\nkey = 'method.safety'\nvalues = [0.5, 0.7]")
     cases = cases_of(load_study(path))
     assert [case.title for case in cases] == ["block, 5, 0.5", "block, 5, 0.7", "block, 9, 0.5", "block, 9, 0.7"]
     assert [case.ranks for case in cases] == [3] * 4
     assert [case.particles for case in cases] == [25, 25, 81, 81]
-    assert cases[3].overrides == ["bodies.0.particles=[9, 9]", "method.cfl=0.7"]
+    assert cases[3].overrides == ["bodies.0.particles=[9, 9]", "method.safety=0.7"]
     assert cases[0].line == cases[2].line != cases[1].line
     assert len({case.folder_name for case in cases}) == 4
 

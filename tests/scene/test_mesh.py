@@ -171,8 +171,9 @@ def refused(folder, comm, dimension, points, cells, message):
 
 def test_refused_elements(shared_path, comm):
     points, cells = grid(3)
-    refused(shared_path, comm, 3, points, [("wedge", cells[:, :6])], "kinds tetra, hexahedron, found wedge")
-    refused(shared_path, comm, 3, points, [("quad", cells[:, :4])], "kinds tetra, hexahedron, found quad")
+    kinds = "kinds tetra, hexahedron, wedge, pyramid, found"
+    refused(shared_path, comm, 3, points, [("polygon", cells[:, :6])], f"{kinds} polygon")
+    refused(shared_path, comm, 3, points, [("quad", cells[:, :4])], f"{kinds} quad")
     refused(shared_path, comm, 2, points, [("hexahedron", cells)], "kinds triangle, quad, found hexahedron")
     plane, quads = grid(2)
     tilted = np.column_stack([plane, plane[:, 0]])

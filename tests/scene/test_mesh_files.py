@@ -48,7 +48,7 @@ def gmsh_41(path, groups, curves, z=lambda i: 0.0, surface=("plate",)):
 
 def held(path, name, dimension=2):
     """Numbers, from 1, of the nodes in a group."""
-    points, blocks, groups = read_mesh(path, 1.0, dimension)
+    points, blocks, groups, _ = read_mesh(path, 1.0, dimension)
     return set((1 + np.flatnonzero(groups.holds_nodes(name, len(points), [c for _, c in blocks]))).tolist())
 
 
@@ -110,7 +110,7 @@ def test_an_element_in_two_blocks_is_refused(tmp_path):
     path = gmsh_22(tmp_path / "m.msh", [(2, 1, TRIANGLES), (1, 2, LEFT), (2, 3, TRIANGLES[:1])])
     from parsolid.scene.mesh import _check_repeated
 
-    points, blocks, _ = read_mesh(path, 1.0, 2)
+    points, blocks, *_ = read_mesh(path, 1.0, 2)
     with pytest.raises(SceneError):
         _check_repeated(points, blocks)
 
@@ -133,7 +133,7 @@ def test_parts_of_abaqus_stand_where_their_instances_do(tmp_path):
     placed = ["*Instance, name=A-1, part=A", "*End Instance", "*Instance, name=A-2, part=A", "2., 0., 0."]
     turned = ["2., 0., 0., 2., 0., 1., 90.", "*End Instance", "*End Assembly"]
     path = abaqus(tmp_path / "m.inp", *part("A", more=sets), "*Assembly, name=Asm", *placed, *turned)
-    points, blocks, groups = read_mesh(path, 1.0, 2)
+    points, blocks, groups, _ = read_mesh(path, 1.0, 2)
     square = np.array(SQUARE)
     np.testing.assert_allclose(points[:16], square, atol=1e-15)
     # turned by 90 degrees about Z through (2, 0)
@@ -157,7 +157,7 @@ def test_sets_of_an_assembly_belong_to_the_instance_that_they_name(tmp_path):
 def test_nodes_in_two_sections_and_sets_in_two_blocks(tmp_path):
     nodes = ["*Node", *NODES[:7], "*Node", *NODES[7:]]
     blocks = ["*Element, type=CPE3, elset=all", *ELEMENTS[:5], "*Element, type=CPE3, elset=all", *ELEMENTS[5:]]
-    points, _, groups = read_mesh(abaqus(tmp_path / "m.inp", *nodes, *blocks), 1.0, 2)
+    points, _, groups, _ = read_mesh(abaqus(tmp_path / "m.inp", *nodes, *blocks), 1.0, 2)
     np.testing.assert_array_equal(points, np.array(SQUARE))
     assert groups.elements["all"].tolist() == list(range(len(TRIANGLES)))
 

@@ -100,7 +100,9 @@ def test_a_jump_of_one_system_is_a_step_of_length_zero_for_all(comm):
     assert columns["time"].tolist() == [0.0, 0.0] and sim.systems[1].jumps == (0.0,)
     # the other system has not moved, the one that is pulled has
     for name, values in state(sim.systems[0]).items():
-        np.testing.assert_allclose(values, before[name], rtol=1e-13, atol=1e-13)
+        # leapfrog finds its first forces in its first step
+        if not name.endswith("_force"):
+            np.testing.assert_allclose(values, before[name], rtol=1e-13, atol=1e-13)
     stretched = comm.allreduce(np.abs(sim.systems[1].particles.owned_rows("displacement")).sum())
     assert stretched > 1e-4
     times = follow(Simulation(comm, scene), Record(), 3)["time"]

@@ -1,4 +1,4 @@
-"""Weights and integrator of scenes that state none: those that every table confirms, and nowhere else."""
+"""Weights of scenes that state none: those that every table confirms, and nowhere else."""
 
 import json
 
@@ -8,7 +8,7 @@ from solids import SOFT
 from parsolid.commands.study.cases import cases_of
 from parsolid.commands.study.schema import load_study
 from parsolid.errors.variants import companions_of
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import parse_scene
 
 pytestmark = pytest.mark.serial
 
@@ -25,14 +25,10 @@ def choice(data):
     return settings.pair_weights, settings.integrator, settings.cfl, settings.safety
 
 
-def test_resolved_boxes_that_state_nothing_close_and_take_one_evaluation_a_step():
-    assert choice(tables()) == ("best", "leapfrog", None, 0.9)
-    assert choice(tables((8, 8, 8), method={"dissipation": 0.5, "maximum_step": 1e-4})) == (
-        "best",
-        "leapfrog",
-        None,
-        0.9,
-    )
+@pytest.mark.parametrize("stated", [{}, {"integrator": "leapfrog"}, {"dissipation": 0.5, "maximum_step": 1e-4}])
+def test_resolved_boxes_have_weights_that_close(stated):
+    assert choice(tables(method=stated)) == ("best", "leapfrog", None, 0.9)
+    assert choice(tables((8, 8, 8), method=stated | {"safety": 0.5})) == ("best", "leapfrog", None, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -47,15 +43,18 @@ def test_resolved_boxes_that_state_nothing_close_and_take_one_evaluation_a_step(
         tables(method={"kernel": "wendland-c2"}),
         tables(method={"smoothing": 0.85}),
         tables(method={"weights": "kernel"}),
-        tables(method={"integrator": "ssp-rk3"}),
-        tables(method={"cfl": 0.7}),
         tables(method={"reconstruction": False}),
     ],
     ids=lambda data: str({key: data[key] for key in ("method", "bodies", "tools") if key in data})[:120],
 )
-def test_elsewhere_the_kernel_and_stages_stay(data):
+def test_elsewhere_the_kernel_stays(data):
     data["bodies"] = [{key: value for key, value in body.items() if value is not None} for body in data["bodies"]]
-    assert choice(data) == ("kernel", "ssp-rk3", 0.7, None)
+    assert choice(data) == ("kernel", "leapfrog", None, 0.9)
+
+
+def test_three_stages_have_the_weights_of_the_paper():
+    assert choice(tables(method={"integrator": "ssp-rk3"})) == ("kernel", "ssp-rk3", 0.7, None)
+    assert choice(tables(method={"integrator": "ssp-rk3", "cfl": 0.3})) == ("kernel", "ssp-rk3", 0.3, None)
 
 
 def test_bodies_that_touch_keep_the_kernel_and_those_apart_do_not():
@@ -80,9 +79,9 @@ def test_what_is_written_states_it_so_that_companions_and_restarts_have_the_same
 def test_check_says_so():
     scene = parse_scene(tables())
     notes = scene.systems[0].settings.choices(scene, (0,))
-    assert any("method.weights = 'best' and method.integrator = 'leapfrog' unless stated" in note for note in notes)
-    stated = parse_scene(tables(method={"weights": "best", "integrator": "leapfrog"}))
-    assert not any("unless stated" in note for note in stated.systems[0].settings.choices(stated, (0,)))
+    assert len(notes) == 1 and notes[0].startswith("method.weights = 'best'")
+    stated = parse_scene(tables(method={"weights": "best"}))
+    assert stated.systems[0].settings.choices(stated, (0,)) == []
 
 
 def test_a_study_does_not_change_its_method_between_two_resolutions(tmp_path):
@@ -99,19 +98,11 @@ def test_a_study_does_not_change_its_method_between_two_resolutions(tmp_path):
     assert {(one.pair_weights, one.integrator) for one in found} == {("best", "leapfrog")}
 
 
-def test_a_safety_alone_is_told_what_to_state_beside_it():
-    with pytest.raises(SceneError, match=r"method\.safety: .*integrator = 'leapfrog' and weights = 'best'.*found 0\.5"):
-        parse_scene(tables(method={"safety": 0.5}))
-    assert choice(tables(method={"safety": 0.5, "integrator": "leapfrog", "weights": "best"}))[3] == 0.5
-    with pytest.raises(SceneError, match=r"integrator 'ssp-rk3', found 0\.5$"):
-        parse_scene(tables(method={"safety": 0.5, "integrator": "ssp-rk3"}))
-
-
 def test_a_resolution_of_a_study_that_states_its_step_keeps_what_it_has(tmp_path):
     lines = ["dimension = 2", "end_time = 1e-3", 'method = { kind = "tlsph" }', "[[bodies]]", "particles = [5, 5]"]
     lines += ["shape = { box = { lower = [0, 0], upper = [1, 1] } }", "[bodies.material]"]
     (tmp_path / "block.toml").write_text("\n".join([*lines, *(f"{k} = {json.dumps(v)}" for k, v in SOFT.items())]))
-    own = {5: ', "method.cfl=0.3"', 9: ""}
+    own = {5: ', "method.integrator=ssp-rk3", "method.cfl=0.3"', 9: ""}
     settings = [
         f'{{ label = "{n}", spacing = {1 / n}, set = ["bodies.0.particles=[{n}, {n}]"{own[n]}] }},' for n in own
     ]

@@ -20,11 +20,15 @@ RESOLVED = 8
 
 
 def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
-    """For each body "kernel", "closure", "cells" or "fourth-order"; wanted: one of them for all, or "best".
+    """For each body "kernel", "closure", "cells", "fourth-order" or "mesh"; wanted: one of them for all, or "best".
+
+    "mesh" is for bodies from meshes, and others have "kernel" beside them.
 
     "best" is "fourth-order" for nodes of boxes, "cells" for those of perforated boxes, "closure" for other uneven
     nodes, and "kernel" for the rest and for all bodies that touch, unless all of them are closed.
     """
+    if wanted == "mesh":
+        return ["mesh" if body.shape.kind == "mesh" else "kernel" for body in scene.bodies]
     if wanted != "best":
         return [wanted] * len(scene.bodies)
     result = [_best(body, scene.dimension) for body in scene.bodies]
@@ -33,6 +37,36 @@ def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
         if others and not all(result[j] == "closure" for j in _reached(i, bonded)):
             result[i] = "kernel"
     return result
+
+
+def meshes_of(kinds: Sequence[str]) -> list[int]:
+    """Bodies with the weights of their mesh, by the weights of all."""
+    return [i for i, kind in enumerate(kinds) if kind == "mesh"]
+
+
+def no_mesh_weights(scene: Any) -> Detail | None:
+    """Why the bodies from meshes cannot have the weights of their mesh: (location, expected, found), or None."""
+    settings, meshes = scene.method, [i for i, body in enumerate(scene.bodies) if body.shape.kind == "mesh"]
+    if not meshes:
+        return ("method", "weights"), 'a body from a mesh for "mesh"', Phrase("none")
+    if settings.integrator != "leapfrog":
+        return ("method", "integrator"), "'leapfrog' with weights = \"mesh\"", settings.integrator
+    if settings.reference != "fixed":
+        return ("method", "reference"), "'fixed' with weights = \"mesh\"", settings.reference
+    for i in meshes:
+        body = scene.bodies[i]
+        if body.placed_on != "nodes":
+            return ("bodies", i, "placement"), "'nodes' with weights = \"mesh\"", body.placed_on
+        if body.jitter > 0.0:
+            return ("bodies", i, "jitter"), 'none with weights = "mesh"', body.jitter
+        if body.deformation_gradient is not None:
+            found = Phrase("a deformation gradient that is not that of a displacement")
+            return ("bodies", i, "deformation_gradient"), 'no such key with weights = "mesh"', found
+    for i, state in enumerate(scene.initial):
+        for key in ("deformation_gradient", "stress", "results"):
+            if getattr(state, key, None) is not None:
+                return ("initial", i, key), 'no such key with weights = "mesh"', Phrase("one")
+    return None
 
 
 def all_resolved_boxes(scene: Any, bodies: Iterable[int]) -> bool:

@@ -15,13 +15,15 @@ from parsolid.solvers.runge_kutta import Stage
 class BoxBodies:
     """The boxes of a system on one rank, with what `list_bodies.ListBodies` offers for other bodies.
 
-    blocks: the `state.LawBlock` of each box with particles here, in the order of the boxes; sweeps: `BoxSweeps`.
+    nodes: `BoxOfNodes` of every box of the scene; blocks: the `state.LawBlock` of each box with particles here, in the
+    order of the boxes; sweeps: `BoxSweeps`.
     """
 
     def __init__(self, system: Any, cuts: BoxCuts, bodies: list[LatticeBody], blocks: dict[int, Any]) -> None:
         """system: `system.TotalLagrangianSPH` with its fields declared; bodies: the boxes among the lattice bodies;
         blocks: by number of the body. Collective."""
         self.system, self.particles, self.dimension = system, system.particles, system.dimension
+        self.nodes = cuts.nodes
         settings = system.settings
         dissipation, staged = float(settings.dissipation), settings.integrator == "ssp-rk3"
         boxes = []
@@ -46,6 +48,16 @@ class BoxBodies:
                 plane, node = np.divmod(one.clamp_edges - box.first, box.last_node - box.first_node)
                 found.append(box.start + (plane + box.first_plane) * box.nodes + box.first_node + node)
         return np.concatenate(found)
+
+    @property
+    def signals(self) -> tuple[float, ...]:
+        """See `ListBodies.signals`."""
+        found: tuple[float, ...] = self.system.leapfrog.signals
+        return found
+
+    def step_of(self, block: Any, signal: float) -> float:
+        """See `ListBodies.step_of`."""
+        return float(self.system.leapfrog.step_of(block.law.density, signal))
 
     def advance_step(self, step: float) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that

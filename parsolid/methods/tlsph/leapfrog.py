@@ -57,7 +57,7 @@ class Leapfrog:
         if not system.lattice_bodies:
             return (pressure, shear) * 3, settings.safety / most
         signals = [one.signal_speed(settings) for one in system.lattice_bodies]
-        if any(kind not in ON_LATTICES for kind in system.body_weights):
+        if any(kind not in (*ON_LATTICES, "mesh") for kind in system.body_weights):
             signals.append(lambda fast, slow: most * (pressure * fast + shear * slow))
         # at rest, the mean of all laws: there the bound is sharpest
         middle = float(np.sqrt(np.mean([speed_ratio(law) for law in system.laws])))
@@ -70,7 +70,11 @@ class Leapfrog:
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in their present state."""
-        found = [self.step_of(one.law.density, one.wave_speeds(self.signals)[1]) for one in self.system.blocks]
+        found = [
+            bodies.step_of(block, block.wave_speeds(bodies.signals)[1])
+            for bodies in self.system.sweeps
+            for block in bodies.blocks
+        ]
         return min(self.system.conditions.largest_step, *found, np.inf)
 
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:

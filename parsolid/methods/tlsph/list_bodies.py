@@ -23,6 +23,8 @@ class ListBodies:
     """
 
     near: Neighbours
+    # the field of a second Piola-Kirchhoff stress [Pa] that adds to that of laws, where there is one
+    added_stress = "initial_stress"
 
     def __init__(self, system: Any, blocks: list[Any], weights: ListWeights, waves: int, unbonded: Any) -> None:
         """system: `system.TotalLagrangianSPH` with its fields declared; blocks: the `state.LawBlock` of these
@@ -46,11 +48,17 @@ class ListBodies:
         near = Neighbours(
             self.system.comm, self.codes, self.weights.support, positions, body, metric, volume, self.unbonded
         )
-        self.near = near
         self.particles.attach(near.halo)
+        correction = self.weights.fill(near)
+        self._make_rows(near)
+        self.take_corrections(correction, volume)
+
+    def _make_rows(self, near: Any) -> None:
+        """Rows of particles, ghosts and images, and their messages; collective."""
+        self.near = near
         at, room = self.columns, (max(near.rows, 1),)
         self.motion, self.record = aligned_zeros((*room, at.motion)), aligned_zeros((*room, at.record))
-        self.force = aligned_zeros((*room, at.force))
+        self.force, self.operator = aligned_zeros((*room, at.force)), aligned_zeros((*room, at.operator))
         self.fast = aligned_zeros((*room, at.tensor)) if self.waves >= 2 else None
         self.slow = aligned_zeros((*room, at.tensor)) if self.waves == 3 else None
         self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
@@ -59,8 +67,6 @@ class ListBodies:
         self._motion = near.halo.exchange([self.motion[:, : at.reference]])
         self._record = near.halo.exchange(told)
         self._exchanges = [self._motion, self._record]
-        self.operator = aligned_zeros((*room, at.operator))
-        self.take_corrections(self.weights.fill(near), volume)
 
     def take_corrections(self, correction: np.ndarray, volume: np.ndarray) -> None:
         """L (owned, d, d) and V (owned,) [m^3] of gradients and stresses, see `list_sweeps`."""
@@ -72,6 +78,16 @@ class ListBodies:
         """L (owned, d, d), a view of the rows."""
         d, stride = self.dimension, self.columns.vector
         return self.operator[: self.near.owned, : d * stride].reshape(-1, d, stride)[:, :, :d]
+
+    @property
+    def signals(self) -> tuple[float, ...]:
+        """What the speeds of waves count in the bound on the step of leapfrog, see `leapfrog.Leapfrog`."""
+        found: tuple[float, ...] = self.system.leapfrog.signals
+        return found
+
+    def step_of(self, block: Any, signal: float) -> float:
+        """Largest step [s] of leapfrog for a signal [sqrt(Pa)] of the particles of a block."""
+        return float(self.system.leapfrog.step_of(block.law.density, signal))
 
     @property
     def ghosts(self) -> int:
@@ -97,15 +113,15 @@ class ListBodies:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
         branches have dissipated, the stable step [s] of the new state)."""
         self._begin_gradients()
-        leapfrog, sound, dissipated, stable = self.system.leapfrog, True, 0.0, np.inf
+        sound, dissipated, stable = True, 0.0, np.inf
         for block in self.blocks:
             positive, lost, signal = advance_step(
-                block.solid, step, self.dimension, leapfrog.signals, block.branches(step), self.half,
+                block.solid, step, self.dimension, self.signals, block.branches(step), self.half,
                 block.first, block.last, block.places, *self._fields(block), self.near.inner, self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
-            stable = min(stable, leapfrog.step_of(block.law.density, signal))
+            stable = min(stable, self.step_of(block, signal))
         return sound, dissipated, stable
 
     def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
@@ -136,7 +152,7 @@ class ListBodies:
         return (
             *(stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0]),
             *((stored("push"), stored("inverse")) if self._moved else (None, None)),
-            stored("initial_stress") if "initial_stress" in self.particles else None,
+            stored(self.added_stress) if self.added_stress in self.particles else None,
         )
 
     @property
@@ -158,34 +174,51 @@ class ListBodies:
         if len(near.outer.neighbour):
             add_forces(self.dimension, near.outer, 0, near.owned, *rows)
             clear_rows(near.owned, near.rows, 0, self.force)
+        self._add_own_forces()
         T, D = stored("stress_force"), stored("dissipative_force")
         for block in self.blocks:
             find_forces(self.dimension, near.inner, block.first, block.last, *rows, T, D)
 
     def displacement_gradient(self, result: np.ndarray) -> None:
         """Fill grad u of these particles into result (owned, d, d) by the scheme's own operator; collective."""
-        near, d, of, at = self.near, self.dimension, self.particles.owned_rows, self.columns
-        velocity = of("velocity").copy()
-        of("velocity")[:] = of("position") - of("reference_position")
-        self._begin_gradients()
+        at, d, of, last = self.columns, self.dimension, self.particles.owned_rows, self.last
+        self.motion[:last, :d] = of("position")[:last] - of("reference_position")[:last]
+        self.motion[:last, at.position : at.position + d] = of("position")[:last]
+        sums = self._sum_gradients()
+        result[:last] = sums @ self.corrections.swapaxes(1, 2) / self.volume[:, None, None]
+
+    def _sum_gradients(self) -> np.ndarray:
+        """Sums (owned, d, d) over all pairs for the gradient of the first vector of the motion; collective."""
+        near, at, d = self.near, self.columns, self.dimension
+        self._begin_sums()
         self._gradient_sweep(near.inner, 0, near.owned, self.motion, self.record)
-        of("velocity")[:] = velocity
-        sums = self.record[: near.owned, at.gradient : at.gradient + at.vector * d]
-        columns = sums.reshape(near.owned, d, at.vector)[:, :, :d].swapaxes(1, 2)
-        result[: near.owned] = columns @ self.corrections.swapaxes(1, 2) / self.volume[:, None, None]
-        sums[:] = 0.0
+        columns = self.record[: near.owned, at.gradient : at.gradient + at.vector * d]
+        sums = columns.reshape(near.owned, d, at.vector)[:, :, :d].swapaxes(1, 2).copy()
+        columns[:] = 0.0
+        return sums
 
     def _begin_gradients(self) -> None:
-        """Motion in rows, also that of ghosts and images, and what these add to gradients."""
-        near, at, stored = self.near, self.columns, self.particles.storage
+        """Motion in rows, and what ghosts and images add to the sums of gradients."""
+        at, stored = self.columns, self.particles.storage
         for block in self.blocks:
             gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
+        self._begin_sums()
+
+    def _begin_sums(self) -> None:
+        near, at = self.near, self.columns
         _send(self._motion)
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
         if len(near.outer.neighbour):
             clear_rows(near.owned, near.rows, at.gradient, self.record)
             self._gradient_sweep(near.outer, 0, near.owned, self.motion, self.record)
+        self._add_own_sums()
+
+    def _add_own_sums(self) -> None:
+        """Add to the sums of gradients what other pair lists do not have."""
+
+    def _add_own_forces(self) -> None:
+        """Add to the forces what other pair lists do not have."""
 
 
 def _send(exchange: Any) -> None:

@@ -11,6 +11,7 @@ from parsolid.methods.tlsph.body_weights import (
     RESOLVED,
     all_resolved_boxes,
     lattice_faults,
+    no_mesh_weights,
     weights_of_bodies,
 )
 from parsolid.pairs.smoothing import kernel_names
@@ -18,9 +19,8 @@ from parsolid.scene.base_model import NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
 from parsolid.scene.method_settings import KINETIC_OFFSET, Detail, MethodSettings
 
-# keys of which a scene that states one has chosen for itself
-_OF_STEPS = {"integrator", "cfl", "safety"}
-_CHOSEN = {"kernel", "smoothing", "weights", "pair_correction", "integrator", "cfl", "safety"}
+# keys of which a scene that states one has chosen its weights
+_OF_WEIGHTS = {"kernel", "smoothing", "weights", "pair_correction"}
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
 FIXED_WALLS = "work_fixed_walls"
 
@@ -60,9 +60,8 @@ class TotalLagrangianSPH(MethodSettings):
     )
     smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
     integrator: Literal["ssp-rk3", "leapfrog"] = Field(
-        "ssp-rk3",
-        description='"ssp-rk3": three force evaluations a step, order 3; "leapfrog": one, order 2, usual for boxes of '
-        "8 nodes or more along each axis that touch nothing, where no kernel, weights or integrator is stated",
+        "leapfrog",
+        description='"leapfrog": one force evaluation a step, order 2; "ssp-rk3": three, order 3, as in the paper',
     )
     cfl: Positive | None = Field(
         None, description="time step over (particle spacing / largest wave speed), 0.7 unless given; of ssp-rk3"
@@ -79,10 +78,18 @@ class TotalLagrangianSPH(MethodSettings):
     update_when: Positive | None = Field(
         None, description="Green strain since the last update of the reference that calls for another"
     )
-    weights: Literal["kernel", "closure", "cells", "fourth-order", "best"] | None = Field(
+    weights: Literal["kernel", "closure", "cells", "fourth-order", "mesh", "best"] | None = Field(
         None,
-        description='pair weights: "kernel" unless given, "best" with the usual leapfrog; "closure" for irregular '
-        'particles; "cells" and "fourth-order" in closed form for lattices; "best": for each body what fits it',
+        description='pair weights: "kernel" unless given, "best" with leapfrog for boxes of 8 nodes or more along each '
+        'axis that touch nothing; "closure" for irregular particles; "cells" and "fourth-order" in closed form for '
+        'lattices; "mesh": those of the elements of meshes; "best": for each body what fits it',
+    )
+    stabilisation: float = Field(
+        0.35,
+        ge=0,
+        le=1,
+        description="part of their own shear energy by which elements resist what differs from their nodes' mean "
+        'strain; of weights = "mesh"',
     )
     clamp_edges: float = Field(
         0.0,
@@ -104,11 +111,7 @@ class TotalLagrangianSPH(MethodSettings):
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
         key, other, usual = ("safety", "cfl", 0.9) if self.integrator == "leapfrog" else ("cfl", "safety", 0.7)
         if getattr(self, other) is not None:
-            # who sees leapfrog where nothing is stated has to state what it comes with, too
-            left_out = not self.model_fields_set & {"integrator", "weights"}
-            beside = ", unless integrator = 'leapfrog' and weights = 'best', or others, are stated beside it"
-            expected = f"no such key with the integrator {self.integrator!r}{beside if left_out else ''}"
-            reject(((other,), expected, getattr(self, other)))
+            reject(((other,), f"no such key with the integrator {self.integrator!r}", getattr(self, other)))
         if getattr(self, key) is None:
             # past the validation of an assignment, and not among what the scene states
             vars(self)[key] = usual
@@ -137,20 +140,19 @@ class TotalLagrangianSPH(MethodSettings):
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
         if self.integrator == "leapfrog":
             terms[KINETIC_OFFSET] = -1
-        images = self.pair_weights not in ON_LATTICES and any(one.plane is not None for one in planes)
+        kinds = weights_of_bodies(self.pair_weights, scene)
+        with_images = any(kinds[i] not in (*ON_LATTICES, "mesh") for i in bodies)
+        images = with_images and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
-        """Weights that close with one evaluation a step where every example of the tables confirms them: boxes of eight
-        nodes or more along each axis that touch nothing, in scenes that state no kernel, weights or integrator. One
-        evaluation a step where bodies meet, as forces of contact, tools and ties are found once a step."""
-        if _meets(scene):
-            return {} if _OF_STEPS & self.model_fields_set else {"integrator": "leapfrog", "cfl": None, "safety": 0.9}
+        """Weights that close where every example of the tables confirms them: leapfrog on boxes of eight nodes or more
+        along each axis that touch nothing."""
         # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
-        own = _CHOSEN & self.model_fields_set or self.reference == "updated" or not self.reconstruction
-        if own or scene.methods is not None or not all_resolved_boxes(scene, bodies):
+        others = self.integrator != "leapfrog" or self.reference == "updated" or not self.reconstruction
+        if others or _OF_WEIGHTS & self.model_fields_set or scene.methods is not None or _meets(scene):
             return {}
-        return {"weights": "best", "integrator": "leapfrog", "cfl": None, "safety": 0.9}
+        return {"weights": "best"} if all_resolved_boxes(scene, bodies) else {}
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Faces that are loaded through weights which do not close, where others would; mass that is not told."""
@@ -159,18 +161,15 @@ class TotalLagrangianSPH(MethodSettings):
         return self._notes_of_weights(scene, bodies) + less
 
     def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
-        """What kernels are, where all weights are in closed form."""
-        kinds = weights_of_bodies(self.pair_weights, scene)
-        return frozenset({"kernel", "smoothing"} if all(kinds[i] in ON_LATTICES for i in bodies) else ())
+        """What kernels are, where no weights are of one, and what is of meshes alone, where there are none."""
+        kinds = [weights_of_bodies(self.pair_weights, scene)[i] for i in bodies]
+        of_kernels = () if any(kind in ("kernel", "closure") for kind in kinds) else ("kernel", "smoothing")
+        return frozenset({*of_kernels, *(() if "mesh" in kinds else ("stabilisation",))})
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """Weights and integrator, where the scene leaves both to its bodies."""
-        usual = self.usual(scene, bodies)
-        told = " and ".join(f"method.{key} = {usual[key]!r}" for key in ("weights", "integrator") if key in usual)
+        """Weights, where the scene leaves them to its bodies."""
         why = f"all bodies are boxes of {RESOLVED} nodes or more along each axis"
-        if _meets(scene):
-            why = "forces between bodies are found once a step"
-        return [f"{told} unless stated, as {why}"] if usual else []
+        return [f"method.weights = 'best' unless stated, as {why}"] if self.usual(scene, bodies) else []
 
     def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         loaded = any(one.kind in ("traction", "pressure") for one in scene.boundaries)
@@ -194,10 +193,12 @@ class TotalLagrangianSPH(MethodSettings):
         faults: list[Detail] = [
             (("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"
         ]
-        if self.integrator == "ssp-rk3" and _OF_STEPS & self.model_fields_set and _meets(scene):
+        if self.integrator == "ssp-rk3" and _meets(scene):
             expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
         faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+        refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
+        faults += [refused] if refused is not None else []
         return faults + self._edge_faults(scene)
 
     def _edge_faults(self, scene: Any) -> list[Detail]:

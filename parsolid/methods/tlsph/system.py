@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.boxes import cut_boxes
 from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, minimum
@@ -15,13 +16,14 @@ from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_are_rounded, weights_of_bodies
+from parsolid.methods.tlsph.body_weights import ON_LATTICES, meshes_of, weights_are_rounded, weights_of_bodies
 from parsolid.methods.tlsph.box_bodies import BoxBodies
 from parsolid.methods.tlsph.fixed_walls import fixed_walls_of
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.list_bodies import ListBodies
+from parsolid.methods.tlsph.mesh_bodies import MeshBodies
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
 from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
 from parsolid.methods.tlsph.updated_reference import UpdatedReference
@@ -54,7 +56,7 @@ class TotalLagrangianSPH(ParticleSystem):
         self.owned, self.dimension = particle_set.position.shape
         self.laws = laws_of(scene)
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
-        groups = _groups_of(self.laws, boxes_of(scene, self.body_weights))
+        groups = _groups_of(self.laws, boxes_of(scene, self.body_weights), meshes_of(self.body_weights))
         self.particles = Particles(particle_set.body, groups)
         staged = self.settings.integrator == "ssp-rk3"
         self.branches = max(len(law.branch_moduli or ()) for law in self.laws)
@@ -62,8 +64,9 @@ class TotalLagrangianSPH(ParticleSystem):
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
         self.blocks = [LawBlock(self.particles, *one) for one in found]
+        meshes = meshes_of(self.body_weights)
         without_images = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
-        self.conditions = Conditions(comm, scene, particle_set, self.particles, without_images)
+        self.conditions = Conditions(comm, scene, particle_set, self.particles, without_images, frozenset(meshes))
         held = (self.conditions.planes, self.conditions.held)
         self.lattice_bodies = find_lattice_bodies(comm, scene, particle_set, self.body_weights, *held, self.laws)
         # lattices have volumes and areas of their own
@@ -73,7 +76,8 @@ class TotalLagrangianSPH(ParticleSystem):
         self.particles.declare(Field("mass", 1, "kg"), particle_set.volume / share * density)
         self.particles.declare(Field("share", 1, "1"), share)
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
-        self.spacing = minimum(comm, float(particle_set.spacing.min(initial=np.inf)))
+        others = ~np.isin(particle_set.body, meshes)
+        self.spacing = minimum(comm, float(particle_set.spacing[others].min(initial=np.inf)))
         self.reactions = self.conditions.reactions
         self.leapfrog = None if staged else Leapfrog(self, scene)
         self.staged_step = StagedStep(self, scene) if staged else None
@@ -81,7 +85,8 @@ class TotalLagrangianSPH(ParticleSystem):
         self.initial_stress = initial_stress_of(self, scene)
         self.boxes = self._box_bodies(scene)
         self.lists: Any = self._list_bodies(scene, particle_set)
-        self.sweeps = [one for one in (self.lists, self.boxes) if one is not None]
+        self.meshes = self._mesh_bodies(scene, particle_set)
+        self.sweeps = [one for one in (self.lists, self.meshes, self.boxes) if one is not None]
         self.fixed_walls = None if self.lists is None else fixed_walls_of(self, self.lists)
         fixed = self.settings.reference == "fixed"
         self.reference = None if fixed else UpdatedReference(self, particle_set.position)
@@ -95,13 +100,22 @@ class TotalLagrangianSPH(ParticleSystem):
         each by its memory axes; collective."""
         laws, cuts = laws_of(scene), BoxCuts(scene, comm.size)
         order = sort_for_speed(comm, particle_set, laws)
-        return cuts.order(comm, particle_set, order, _groups_of(laws, cuts.bodies)[particle_set.body])
+        meshes = meshes_of(weights_of_bodies(scene.method.pair_weights, scene))
+        return cuts.order(comm, particle_set, order, _groups_of(laws, cuts.bodies, meshes)[particle_set.body])
 
     @staticmethod
     def owners(comm: Any, scene: Any, particle_set: ParticleSet) -> np.ndarray | None:
         """Ranks (n,) of nodes of boxes, which are cut along their planes, -1 of other particles; collective."""
         cuts = BoxCuts(scene, comm.size)
         return cuts.owners(comm, particle_set) if cuts.bodies else None
+
+    def busiest(self, total: int, ranks: int) -> int:
+        """See `ParticleSystem.busiest`; boxes are cut along their planes."""
+        if self.boxes is None:
+            return super().busiest(total, ranks)
+        parts = cut_boxes(self.boxes.nodes, ranks)
+        nodes = np.prod(parts[:, :, 1] - parts[:, :, 0], axis=2).sum(axis=0)
+        return int(nodes.max()) + super().busiest(total - int(nodes.sum()), ranks)
 
     def _box_bodies(self, scene: Any) -> BoxBodies | None:
         cuts = BoxCuts(scene, self.comm.size)
@@ -114,10 +128,10 @@ class TotalLagrangianSPH(ParticleSystem):
 
     def _list_bodies(self, scene: Any, particle_set: Any) -> ListBodies | None:
         settings, conditions, surface = self.settings, self.conditions, None
-        boxes = boxes_of(scene, self.body_weights)
-        if len(boxes) == len(self.body_weights):
+        others = [*boxes_of(scene, self.body_weights), *meshes_of(self.body_weights)]
+        if len(others) == len(self.body_weights):
             return None
-        rows = slice(0, int(np.sum(~np.isin(particle_set.body, boxes))))
+        rows = slice(0, int(np.sum(~np.isin(particle_set.body, others))))
         if "closure" in self.body_weights:
             here = np.array(self.body_weights)[particle_set.body] == "closure"
             area = surface_area(self.comm, particle_set, conditions.planes, here)
@@ -139,6 +153,16 @@ class TotalLagrangianSPH(ParticleSystem):
         weights = ListWeights(kernel, factor, waves >= 2, surface, cells, rounded)
         blocks = [block for block in self.blocks if block.last <= rows.stop]
         return ListBodies(self, blocks, weights, waves, scene.unbonded)
+
+    def _mesh_bodies(self, scene: Any, particle_set: Any) -> MeshBodies | None:
+        numbers = meshes_of(self.body_weights)
+        if not numbers:
+            return None
+        body = self.particles.owned_rows("body")
+        blocks = [block for block in self.blocks if body[block.first] in numbers]
+        bodies = MeshBodies(self, blocks, 1 if self.settings.dissipation > 0.0 else 0)
+        bodies.find_pairs(scene, particle_set, numbers)
+        return bodies
 
     def _smoothing(self, particle_set: Any) -> Any:
         """h/dx, (n, 1) where bodies of cells have their own, by which neighbours are found."""
@@ -170,6 +194,8 @@ class TotalLagrangianSPH(ParticleSystem):
             derived &= ~where
         if self.initial_stress is not None:
             self.initial_stress.begin(*place)
+        if self.meshes is not None:
+            self.meshes.begin()
         self.complete_strain(derived)
         take_state(self.comm, scene, self, particle_set)
         self.conditions.hold(0.0)
@@ -217,6 +243,8 @@ class TotalLagrangianSPH(ParticleSystem):
             self.initial_stress.resume()
         if self.reference is not None:
             self.reference.resume()
+        if self.meshes is not None:
+            self.meshes.begin()
 
     def forget(self) -> None:
         """Forces of the laws and weights of the checkpoint."""
@@ -256,6 +284,7 @@ class TotalLagrangianSPH(ParticleSystem):
         """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
         kinetic = kinetic_energy(self.owned, self.particles.storage("velocity"), self.mass, self.share)
         stored = 0.0 if self.initial_stress is None else self.initial_stress.energy()
+        stored += 0.0 if self.meshes is None else self.meshes.stabiliser_energy()
         return float(kinetic), stored + sum(block.energy() for block in self.blocks)
 
     # --- what contact asks ------------------------------------------------------------------------------------
@@ -302,7 +331,16 @@ class TotalLagrangianSPH(ParticleSystem):
     def summary(self) -> dict[str, Any]:
         """How often the reference was moved, and which weights each body has where a scene leaves the choice."""
         moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
-        return moved if self.settings.weights != "best" else {**moved, "pair_weights": list(self.body_weights)}
+        chosen = self.settings.weights in ("best", "mesh")
+        return {**moved, "pair_weights": list(self.body_weights)} if chosen else moved
+
+    def cost_notes(self) -> list[str]:
+        """Elements of second order, of which the corners are taken."""
+        found = {} if self.meshes is None else self.meshes.of_second_order
+        return [
+            f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) are taken by their corners"
+            for i, kinds in found.items()
+        ]
 
     def advice(self) -> str:
         """What most likely helps when a run goes wrong, by the settings."""
@@ -324,8 +362,9 @@ class TotalLagrangianSPH(ParticleSystem):
 
     @property
     def farthest(self) -> float:  # type: ignore[override]
-        """Distance of the farthest neighbour of nodes of lattices [m]."""
-        return max((one.reach * max(axis.step for axis in one.axes) for one in self.lattice_bodies), default=0.0)
+        """Distance of the farthest ghost of nodes of lattices [m]: boxes have two planes of them."""
+        reaches = [(2 if one.box else one.reach) * max(axis.step for axis in one.axes) for one in self.lattice_bodies]
+        return max(reaches, default=0.0)
 
     def numbers(self) -> dict[str, int]:
         """Ghosts and interactions."""
@@ -340,11 +379,14 @@ class TotalLagrangianSPH(ParticleSystem):
         return self.evaluations * sum(bodies.bytes_a_step() for bodies in self.sweeps)
 
 
-def _groups_of(laws: list[Any], boxes: list[int]) -> np.ndarray:
-    """A number for each body: the same for bodies with pair lists that share a law, and one for every box behind."""
+def _groups_of(laws: list[Any], boxes: list[int], meshes: list[int]) -> np.ndarray:
+    """A number for each body: the same for bodies with kernels in pair lists that share a law, then for those with
+    weights of meshes, and one for every box behind."""
     _, numbers = block_numbers(laws, np.arange(len(laws)))
-    others = [i for i in range(len(laws)) if i not in boxes]
-    found = np.unique(numbers[others])
-    groups = np.searchsorted(found, numbers)
-    groups[boxes] = len(found) + np.arange(len(boxes))
+    groups, first = np.zeros(len(laws), np.int64), 0
+    for some in ([i for i in range(len(laws)) if i not in (*boxes, *meshes)], meshes):
+        found = np.unique(numbers[some])
+        groups[some] = first + np.searchsorted(found, numbers[some])
+        first += len(found)
+    groups[boxes] = first + np.arange(len(boxes))
     return groups

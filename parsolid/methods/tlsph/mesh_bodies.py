@@ -1,0 +1,298 @@
+"""Bodies with the weights of their own mesh (`pairs.mesh_weights`): what they do beyond other bodies with pair lists.
+
+Their pairs are those of nodes that share an element. Beside the sweeps of all pair lists there are two short ones over
+pairs on the surface, where the weight is not antisymmetric, and one with the stabilising force. There are no mirror
+images: a plane is a face of the body on which components of the velocity are held. Masses are corrected.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from decomposition.halo import Halo
+from decomposition.reduction import sums
+from parsolid.collective import anywhere
+from parsolid.kernels import aligned_zeros
+from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.materials.viscoelastic.maxwell import total_modulus
+from parsolid.methods.tlsph.list_bodies import ListBodies, clear_rows
+from parsolid.methods.tlsph.list_update import add_forces
+from parsolid.pairs.mesh_weights import (
+    MeshPairs,
+    corrected_volumes,
+    on_surface,
+    pairs_of_elements,
+    stretch_energy,
+    stretch_forces,
+    surface_divergence,
+    surface_gradient,
+)
+from parsolid.pairs.pair_list import MirrorImages, PairList
+from parsolid.particles.declaration import Columns, Field
+from parsolid.particles.mesh_elements import elements_around
+
+# part of the largest stable step that method.safety = 1 means, and iterations that find the highest frequency
+_SAFETY, _ITERATIONS = 0.9, 30
+# figures of the frequency that count, rounded up, so that rounding on other ranks changes no step
+_FIGURES = 3
+
+
+class SurfacePairs(NamedTuple):
+    """Pairs of a list whose weight has a symmetric part: start, neighbour as in `PairList`; half (k, d): s_ab/2."""
+
+    start: np.ndarray
+    neighbour: np.ndarray
+    half: np.ndarray
+
+
+class MeshNeighbours:
+    """The pairs of a rank's nodes of meshes, with what `pair_list.Neighbours` offers; there are no images.
+
+    surface, stiffness: for the lists inner and outer, `SurfacePairs` and c_ab (m,) [N/m] of the stabilisation.
+    volume (rows,) [m^3], area (owned, d) [m^2]: of the weights; mass_volume (owned,) [m^3]: corrected masses over the
+    density; limited: how many of this rank's nodes have less of the correction.
+    """
+
+    def __init__(
+        self, comm: Any, elements: Any, extent: float, positions: np.ndarray, identifiers: np.ndarray, factor: float
+    ) -> None:
+        """elements: blocks by identifiers, all around owned particles; extent: the largest distance [m] of two nodes of
+        an element on any rank; positions (owned, d), identifiers (owned,); factor on the dissipation. Collective."""
+        self.comm, (self.owned, d) = comm, positions.shape
+        # a hair more, because distances are found in other arithmetic
+        halo = Halo.plan(comm, np.ascontiguousarray(positions), extent * (1.0 + 1e-9))
+        around = np.unique(np.concatenate([np.zeros(0, np.int64), *(cells.ravel() for _, cells in elements)]))
+        self.halo = halo = halo.keep(np.isin(halo.with_ghosts(identifiers)[self.owned :], around))
+        self.local = self.rows = self.owned + halo.ghosts
+        self.positions = halo.with_ghosts(positions)
+        none = np.zeros((0, d))
+        self.images = MirrorImages(np.zeros(0, np.int64), none, none, none, np.zeros(0))
+        everyone = halo.with_ghosts(identifiers)
+        order = np.argsort(everyone)
+        blocks = [(kind, order[np.searchsorted(everyone, cells, sorter=order)]) for kind, cells in elements]
+        pairs, volume, area = pairs_of_elements(blocks, self.owned, self.positions)
+        # rows of other bodies have no pairs
+        volume[volume == 0.0] = 1.0
+        self.volume, self.area = halo.with_ghosts(volume[: self.owned]), area[: self.owned]
+        self.mass_volume, self.limited = corrected_volumes(
+            pairs, self.positions, self.volume, halo, lambda flag: anywhere(comm, flag)
+        )
+        surface, inside = on_surface(pairs), pairs.neighbour < self.owned
+        parts = [(inside, surface[inside[surface]]), (~inside, surface[~inside[surface]])]
+        self.inner, self.outer = (_pair_list(pairs, np.flatnonzero(kept), factor) for kept, _ in parts)
+        self.stretch = [pairs.stretch[kept] for kept, _ in parts]
+        self.surface = [_surface_pairs(pairs, kept) for _, kept in parts]
+
+    @property
+    def lists(self) -> tuple[PairList, PairList]:
+        """Both lists."""
+        return self.inner, self.outer
+
+
+def _starts(pairs: MeshPairs, kept: np.ndarray) -> np.ndarray:
+    """First pair of each particle among some of the pairs (k,)."""
+    row = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start))[kept]
+    return np.concatenate(([0], np.cumsum(np.bincount(row, minlength=len(pairs.start) - 1)))).astype(np.int64)
+
+
+def _pair_list(pairs: MeshPairs, kept: np.ndarray, factor: float) -> PairList:
+    """Some of the pairs with g_ab and k_ab = S |g_ab|, as impedances have no direction."""
+    d = pairs.difference.shape[1]
+    weight = aligned_zeros((len(kept), 4))
+    weight[:, :d] = pairs.difference[kept]
+    weight[:, d] = factor * np.linalg.norm(pairs.difference[kept], axis=1)
+    return PairList(_starts(pairs, kept).astype(np.uint32), pairs.neighbour[kept].astype(np.uint32), weight)
+
+
+def _surface_pairs(pairs: MeshPairs, kept: np.ndarray) -> SurfacePairs:
+    return SurfacePairs(_starts(pairs, kept), pairs.neighbour[kept], 0.5 * pairs.surface[kept])
+
+
+class MeshBodies(ListBodies):
+    """The nodes of a rank's meshes, with what `ListBodies` offers.
+
+    largest_step [s]: of leapfrog at rest, on all ranks; limited: how many nodes of all ranks have less than the whole
+    correction of their masses; of_second_order: kinds of such elements by number of the body; stiffness: c_ab (m,)
+    [N/m] of the pairs of the inner and of the outer list.
+    """
+
+    near: Any
+    added_stress = "stabiliser_stress"
+    # pressure waves alone: how stiff the laws have become since the body was at rest
+    signals = (1.0, 0.0) * 3
+
+    def __init__(self, system: Any, blocks: list[Any], waves: int) -> None:
+        """system: `system.TotalLagrangianSPH` with its fields declared; blocks: the `state.LawBlock` of these
+        particles."""
+        # there are no weights of kernels
+        weights: Any = None
+        super().__init__(system, blocks, weights, waves, None)
+        d, part = self.dimension, float(system.settings.stabilisation)
+        # P - beta mu F is the stress of a law with the initial stress -beta mu
+        self.particles.declare(Field("stabiliser_stress", d * d, "Pa", layout=Columns(), carried=False))
+        self.stabiliser = np.zeros(self.last)
+        for block in blocks:
+            self.stabiliser[block.first : block.last] = part * elastic_moduli(block.law)[0]
+        stress = self.particles.owned_rows("stabiliser_stress")
+        stress[: self.last] = -self.stabiliser[:, None] * np.eye(d).ravel()
+
+    def find_pairs(self, scene: Any, particle_set: Any, numbers: list[int]) -> None:
+        """Pairs, weights, volumes, areas, masses and the largest step; numbers: of the bodies. Collective."""
+        comm, of = self.system.comm, self.particles.owned_rows
+        found = {
+            number: elements_around(
+                comm, scene.bodies[number], self.dimension, particle_set.identifier[particle_set.body == number]
+            )
+            for number in numbers
+        }
+        self.of_second_order = {number: one.of_second_order for number, one in found.items() if one.of_second_order}
+        elements = [block for one in found.values() for block in one.blocks]
+        extent = max(one.extent for one in found.values())
+        rows = slice(0, self.last)
+        place = np.ascontiguousarray(particle_set.position[rows]), particle_set.identifier[rows]
+        near = MeshNeighbours(comm, elements, extent, *place, float(self.system.settings.dissipation))
+        self._make_rows(near)
+        self.take_corrections(np.eye(self.dimension), near.volume[: near.owned])
+        for block in self.blocks:
+            own = slice(block.first, block.last)
+            of("volume")[own] = near.volume[own]
+            of("area")[own] = near.area[own]
+            of("mass")[own] = block.law.density * near.mass_volume[own]
+        # both particles of a pair are of one body
+        rows_of = [np.repeat(np.arange(near.owned), np.diff(pairs.start)) for pairs in near.lists]
+        self.stiffness = [self.stabiliser[row] * stretch for row, stretch in zip(rows_of, near.stretch)]
+        self.limited = int(sums(comm, np.array([float(near.limited)]))[0])
+        self.largest_step = self._largest_step()
+
+    def begin(self) -> None:
+        """Places of ghosts, which the energy of the state needs; collective."""
+        at, X = self.columns, self.particles.owned_rows
+        self.motion[: self.last, : self.dimension] = X("velocity")[: self.last]
+        self.motion[: self.last, at.position : at.position + self.dimension] = X("position")[: self.last]
+        self._motion.start()
+        self._motion.finish()
+
+    def stabiliser_energy(self) -> float:
+        """beta mu/2 [sum over elements of V |F|^2 - sum over particles of V |F|^2] [J] of this rank; a pair of two
+        ranks counts half on each."""
+        at, d, near = self.columns, self.dimension, self.near
+        places = self.motion, at.position, at.reference, d
+        total = 0.0
+        for pairs, stiffness, part in zip(near.lists, self.stiffness, (1.0, 0.5)):
+            total += part * stretch_energy(pairs.start, pairs.neighbour, stiffness, *places)
+        # of H = F - 1, in which nothing large cancels
+        H = self.particles.owned_rows("deformation_gradient")[: self.last] - np.eye(d).ravel()
+        of_particles = np.einsum("n,nc,nc->", self.stabiliser * near.volume[: self.last], H, H)
+        return total - 0.5 * float(of_particles)
+
+    def displacement_gradient(self, result: np.ndarray) -> None:
+        """See `ListBodies.displacement_gradient`; of these particles alone."""
+        found = np.zeros_like(result)
+        super().displacement_gradient(found)
+        for block in self.blocks:
+            result[block.first : block.last] = found[block.first : block.last]
+
+    def step_of(self, block: Any, signal: float) -> float:
+        """The largest step at rest, less where pressure waves have become faster than they are there."""
+        shear, lame = self._moduli(block.law)
+        if not signal > 0.0:
+            return 0.0
+        safety = float(self.system.settings.safety)
+        return safety * self.largest_step * min(1.0, float(np.sqrt(lame + 2.0 * shear)) / signal)
+
+    @staticmethod
+    def _moduli(law: Any) -> tuple[float, float]:
+        """Shear modulus and Lame's first [Pa] of fast changes at rest."""
+        shear, lame = elastic_moduli(law)
+        return shear + total_modulus(law.branch_moduli), lame
+
+    def _add_own_sums(self) -> None:
+        sums = self.record[:, self.columns.gradient :]
+        for pairs in self.near.surface:
+            surface_gradient(*pairs, self.motion, sums)
+
+    def _add_own_forces(self) -> None:
+        place = self.motion, self.columns.position, self.dimension
+        for pairs, surface, stiffness in zip(self.near.lists, self.near.surface, self.stiffness):
+            surface_divergence(*surface, self.record, self.force)
+            stretch_forces(pairs.start, pairs.neighbour, stiffness, *place, self.force)
+
+    # --- the largest step at rest -----------------------------------------------------------------------------------
+
+    def _largest_step(self) -> float:
+        """Part of 2/omega over 1 + S/2, with the highest frequency of small motions; collective."""
+        system = self.system
+        frequency = highest_frequency(system.comm, self._linear_forces, self._start(), self._mass())
+        figures = 10.0 ** (np.floor(np.log10(frequency)) + 1 - _FIGURES)
+        frequency = figures * np.ceil(frequency / figures)
+        return float(_SAFETY * 2.0 / frequency / (1.0 + 0.5 * float(system.settings.dissipation)))
+
+    def _mass(self) -> np.ndarray:
+        """(last, 1) [kg], 1 for particles of other bodies."""
+        mass = np.ones((self.last, 1))
+        for block in self.blocks:
+            own = slice(block.first, block.last)
+            mass[own, 0] = block.law.density * self.near.mass_volume[own]
+        return mass
+
+    def _start(self) -> np.ndarray:
+        """Numbers (last, d) between -1 and 1 that depend on identifiers alone, 0 for particles of other bodies."""
+        d, identifier = self.dimension, self.particles.owned_rows("identifier")[: self.last, None]
+        phase = np.modf(np.sin((identifier % 100_003 + 1) * 12.9898 + 78.233 * np.arange(d)) * 43758.5453)[0]
+        of_meshes = np.zeros((self.last, 1))
+        for block in self.blocks:
+            of_meshes[block.first : block.last] = 1.0
+        return np.asarray(phase * of_meshes)
+
+    def _linear_forces(self, u: np.ndarray) -> np.ndarray:
+        """Forces (last, d) [N] of small displacements (last, d) [m] by the sweeps of a step; collective."""
+        at, d, near = self.columns, self.dimension, self.near
+        X = self.motion[:, at.reference : at.reference + d].copy()
+        self.motion[: self.last, :d] = self.motion[: self.last, at.position : at.position + d] = u
+        H = self._sum_gradients() / near.volume[: self.last, None, None]
+        P = -self.stabiliser[:, None, None] * H
+        for block in self.blocks:
+            own, (shear, lame) = slice(block.first, block.last), self._moduli(block.law)
+            P[own] += shear * (H[own] + H[own].swapaxes(1, 2))
+            P[own] += lame * np.einsum("nii->n", H[own])[:, None, None] * np.eye(d)
+        stride = 4 if d == 3 else 2
+        self.record[:] = 0.0
+        for j in range(d):
+            self.record[: self.last, stride * j : stride * j + d] = P[:, :, j]
+        self._record.start()
+        self._record.finish()
+        for pairs in near.lists:
+            add_forces(d, pairs, 0, near.owned, None, self.record, None, None, self.force)
+        self._add_own_forces()
+        forces = self.force[: self.last, :d].copy()
+        clear_rows(0, near.rows, 0, self.force)
+        self.record[:] = 0.0
+        self.motion[:, at.reference : at.reference + d] = X
+        return forces
+
+
+def highest_frequency(comm: Any, forces: Any, start: np.ndarray, mass: np.ndarray) -> float:
+    """Highest frequency omega [1/s] of M u'' = forces(u) by Lanczos' iteration.
+
+    start (n, d): a vector without symmetries; mass (n, 1) [kg]. forces must be linear and symmetric. The frequency that
+    is found is at most the highest one, and after `_ITERATIONS` about 1e-3 of it less. Collective.
+    """
+
+    def product(a: np.ndarray, b: np.ndarray) -> float:
+        return float(sums(comm, np.array([np.sum(a * b)]))[0])
+
+    root = np.sqrt(mass)
+    vector = start / np.sqrt(product(start, start))
+    before, off = np.zeros_like(vector), 0.0
+    diagonal, beside = [], []
+    for _ in range(_ITERATIONS):
+        image = -forces(vector / root) / root - off * before
+        diagonal.append(product(image, vector))
+        image = image - diagonal[-1] * vector
+        off = np.sqrt(product(image, image))
+        if off <= 1e-12 * max(abs(one) for one in diagonal):
+            break
+        beside.append(off)
+        before, vector = vector, image / off
+    matrix = np.diag(diagonal) + np.diag(beside[: len(diagonal) - 1], 1) + np.diag(beside[: len(diagonal) - 1], -1)
+    return float(np.sqrt(np.linalg.eigvalsh(matrix)[-1]))
