@@ -112,7 +112,9 @@ def _emit(
         begin[i] = at
         if at + candidates > len(hits):
             longer = np.empty(2 * len(hits) + candidates, np.int32)
-            longer[:at] = hits[:at]
+            # numba takes 2 s to compile an assignment of slices
+            for k in range(at):
+                longer[k] = hits[k]
             hits = longer
         if candidates > len(close):
             close = np.empty(2 * candidates, np.uint8)

@@ -34,7 +34,12 @@ class Solid:
     def of(cls, law) -> "Solid":
         """From the solver's law."""
         return cls(
-            law.density, law.xi, law.zeta or 0.0, law.lambda_hat, law.branch_moduli or (), law.relaxation_times or ()
+            law.density,
+            law.xi,
+            getattr(law, "zeta", 0.0),
+            law.lambda_hat,
+            law.branch_moduli or (),
+            law.relaxation_times or (),
         )
 
     def stress(self, F, H, J, A):

@@ -1,11 +1,10 @@
 """How the bodies of a scene meet, in words: bonded, in contact, apart, and what flies or lies in another unnoticed."""
 
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from parsolid.contact.boxes import body_motions, meeting
+from parsolid.contact.broad_phase import body_motions, meetings
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.contact import contact_pairs
@@ -25,6 +24,12 @@ def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[st
     pairs = {one[:2]: one.contact for one in contact_pairs(scene.contact, [body.name for body in scene.bodies])}
     tied = {one[:2] for one in tied_pairs(scene)}
     lower, upper, velocity, spacing = body_motions(comm, len(names), systems)
+    first, second = np.triu_indices(len(names), 1)
+    between = np.maximum(lower[first] - upper[second], lower[second] - upper[first])
+    gaps = np.linalg.norm(np.maximum(between, 0.0), axis=1)
+    touching = gaps <= _TOUCHING * np.maximum(spacing[first], spacing[second])
+    boxes = [(lower[of], upper[of], velocity[of]) for of in (first, second)]
+    times = meetings(boxes[0], boxes[1], np.zeros(len(first)))
     home = {body: system for system in systems for body in system.bodies}
     words = dict.fromkeys(system.settings.touching() for system in systems)
     told: dict[str, list[str]] = {how: [] for how in ("in contact", "tied", *words, "apart")}
@@ -32,18 +37,16 @@ def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[st
     idle: list[str] = []
     for i, contact in ((one[0], contact) for one, contact in pairs.items() if one[0] == one[1]):
         told["in contact"].append(f"{names[i]} with itself{_words(contact)}")
-    for i, j in combinations(range(len(names)), 2):
+    for i, j, touch, when in zip(first.tolist(), second.tolist(), touching, times):
         both = f"{names[i]} and {names[j]}"
-        gap = float(np.linalg.norm(np.maximum(np.maximum(lower[i] - upper[j], lower[j] - upper[i]), 0.0)))
         if (i, j) in pairs:
             told["in contact"].append(both + _words(pairs[i, j]))
         elif (i, j) in tied:
             told["tied"].append(both)
-        elif gap <= _TOUCHING * max(spacing[i], spacing[j]):
+        elif touch:
             (told[home[i].settings.touching()] if home[i] is home[j] else idle).append(both)
         else:
             told["apart"].append(both)
-            when = meeting((lower[i], upper[i], velocity[i]), (lower[j], upper[j], velocity[j]), 0.0)
             if (home[i] is not home[j] or not home[i].settings.bodies_meet) and when < scene.end_time:
                 blind.append(f"{both} (at about t = {when:.3g} s)")
     notes = [f"bodies {how}: {_listed(which)}" for how, which in told.items() if which]

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.contact.body_pairs import BodyPair, BodyPairs
 from parsolid.contact.kernel import norm, shapes
-from parsolid.contact.sides import Side, Sides
 from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 
 _APART = 2.0
@@ -19,11 +19,9 @@ _APART = 2.0
 class WithinBodies:
     """Broken pairs of the systems whose bodies touch themselves, as of the last `look`."""
 
-    def __init__(self, sides: Sides, systems: list[ParticleSystem]) -> None:
-        self.sides, self.systems = sides, systems
-        self.own = np.array([side.own == side.other for side in sides.sides], bool)
-        self.reach = np.array([_APART * side.reach for side in sides.sides])
-        bodies = {side.own for side in sides.sides if side.own == side.other}
+    def __init__(self, pairs: BodyPairs, systems: list[ParticleSystem]) -> None:
+        self.systems, self.own, self.reach = systems, pairs.own == pairs.other, _APART * pairs.reach
+        bodies = set(pairs.own[self.own].tolist())
         self.touching = [bool(bodies & set(system.bodies)) for system in systems]
         self.broken: list[BrokenPairs | None] = [None] * len(systems)
         self._keys = np.zeros(0, np.int64)
@@ -44,10 +42,10 @@ class WithinBodies:
                     keys.append(_key(mine.astype(np.int64), found.identifier))
         self._keys = np.concatenate(keys)
 
-    def excluded(self, side: Any, row: Any, neighbour: Any, reference: Any, particle: Any) -> np.ndarray:
-        """Pairs (row, neighbour) of entries of one body that do not touch although they are near, of arrays with
-        ghosts: side, reference place [m] and identifier of each entry."""
-        number = side[row]
+    def excluded(self, pair: Any, row: Any, neighbour: Any, reference: Any, particle: Any) -> np.ndarray:
+        """Which candidates (row, neighbour) of one body do not touch although they are near, by arrays with ghosts:
+        body pair, reference place [m] and identifier of each candidate."""
+        number = pair[row]
         close = np.linalg.norm(reference[row] - reference[neighbour], axis=1) < self.reach[number]
         result = self.own[number] & close
         if len(self._keys):
@@ -55,13 +53,13 @@ class WithinBodies:
             result[here] = ~np.isin(_key(particle[row[here]], particle[neighbour[here]]), self._keys)
         return np.asarray(result)
 
-    def least_thresholds(self, index: int, side: Side, rows: np.ndarray, dimension: int) -> np.ndarray | None:
+    def least_thresholds(self, index: int, pair: BodyPair, rows: np.ndarray, dimension: int) -> np.ndarray | None:
         """Colour (k,) in the reference of what rows of a system are no longer bonded to; None without any."""
         found = self.broken[index]
-        if side.own != side.other or found is None or not len(found.row):
+        if pair.own != pair.other or found is None or not len(found.row):
             return None
-        count = self.systems[index].owned
-        weight = norm(dimension, side.reach) * found.volume * shapes(found.distance / side.reach)
+        count = self.systems[index].particles.owned
+        weight = norm(dimension, pair.law.reach) * found.volume * shapes(found.distance / pair.law.reach)
         return np.asarray(np.bincount(found.row, weight, minlength=count)[rows])
 
 

@@ -9,6 +9,8 @@ ends times the displacement. Kinetic energy then changes by all works and by the
 sum m |dt a/2|^2 / 2 with the total acceleration a, of both ends of the step: velocity Verlet conserves
 m/2 v(-1/2).v(+1/2), which is the kinetic energy less this offset (Hairer, Lubich and Wanner, Geometric Numerical
 Integration, 2006, section I.5). The offset swings with the forces and does not grow; nothing but this file books it.
+Where dt changes, the offset of the same forces changes, too: that energy the scheme takes or gives, as numerical
+dissipation.
 
 An impulse P at the end of a step, where contact has begun or ended within it, works on v', too, or on the mean velocity
 of the common step where a system takes several of its own; what it changes of the kinetic energy besides, of second
@@ -151,6 +153,8 @@ class Leapfrog:
         # of the last step, None where nothing acts between bodies; the energy [J] that it gave beyond its work
         self.impulse: ImpulseAtEnd | None = None
         self.given = 0.0
+        # length [s] of the step before the present one, 0 at the start and after a jump of the loads
+        self.last_step = 0.0
 
     def open_step(self, time: float, step: float) -> None:
         """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
@@ -177,10 +181,21 @@ class Leapfrog:
         which the ledger has the change of the kinetic offset, None where it has not."""
         first, second = self.opening, self.closing
         guided = self.conditions.end_step(step, ledger)
-        numerical = first.dissipated + second.dissipated - self.given
+        taken = self.taken_by_step_change(step, first.offset)
+        numerical = first.dissipated + second.dissipated - self.given + taken
         ledger.add(1.0, internal, numerical, first.external + second.external + guided)
         if offset_term is not None:
-            ledger.add_term(offset_term, second.offset - first.offset)
+            ledger.add_term(offset_term, second.offset - first.offset + taken)
+
+    def taken_by_step_change(self, step: float, offset: float) -> float:
+        """Energy [J] that the scheme takes because this step [s] is longer than the last one (or gives, if shorter), of
+        the kinetic offset [J] of its opening kick; called once a step.
+
+        The offset of the same forces is (dt/dt_last)^2 times that of the last closing kick. The scheme does not give
+        the difference back, so that it is numerical dissipation and no part of the offset, which vanishes with forces.
+        """
+        last, self.last_step = self.last_step, step
+        return offset * (1.0 - (last / step) ** 2) if last > 0.0 and step > 0.0 else 0.0
 
     def _half_kick(self, opening: bool, time: float, step: float) -> KickEnergies:
         particles, conditions = self.particles, self.conditions

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 from decomposition.reduction import MinimumAhead
 from decomposition.talking import TALKING
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.contact.contact import build_contact
 from parsolid.contact.grid import build_grid_contact
-from parsolid.contact.kernel_contact import build_contact
 from parsolid.contact.tie import build_ties
 from parsolid.contact.tools import build_tools
 from parsolid.methods.interaction import Interaction
@@ -257,6 +257,7 @@ class Simulation:
             self._counting(self._complete_step, number, step)
         self.phases.sent += TALKING.seconds - sent
         self.clock.time, self.clock.step_size = arrival, step
+        self.time_steps.last = step
         self.clock.step += 1
         now = clock.perf_counter()
         if self.interactions:

@@ -134,9 +134,9 @@ class Restart:
         balance.largest = header["largest_energy"]
         balance.worst, balance.entered = header.get("largest_balance", 0.0), header.get("energy_entered", 0.0)
         balance.growth = header.get("largest_growth", 0.0)
-        balance.gained = header.get("given_by_scheme", 0.0)
+        balance.gained, balance.offset = header.get("given_by_scheme", 0.0), header.get("largest_offset", 0.0)
         balance.lost = float(self.rows[:, 1].sum())
-        simulation.time_steps.jumped = header["jumped"]
+        simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header.get("last_step", 0.0)
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
         simulation.judged = header["judged_step" if "judged_step" in header else "step"]
         simulation.stable = header["stable_step"]
@@ -186,6 +186,7 @@ def header_of(
         "particles": simulation.particles,
         "time": simulation.clock.time,
         "step": simulation.clock.step,
+        "last_step": simulation.time_steps.last,
         "stable_step": simulation.stable,
         "stable_steps": simulation.subcycling.stable,
         "jumped": simulation.time_steps.jumped,
@@ -196,6 +197,7 @@ def header_of(
         "largest_balance": simulation.balance.worst,
         "largest_growth": simulation.balance.growth,
         "given_by_scheme": simulation.balance.gained,
+        "largest_offset": simulation.balance.offset,
         "judged_step": simulation.judged,
         "energy_entered": simulation.balance.entered,
         "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import SolverError
+from parsolid.contact.contact import declare_fields
 from parsolid.contact.grid import expect_blows
-from parsolid.contact.kernel_contact import declare_fields
 from parsolid.contact.tie import declare_tie_fields
 from parsolid.contact.tools import declare_tool_fields
 from parsolid.methods import method_class

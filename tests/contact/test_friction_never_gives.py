@@ -7,29 +7,33 @@ from meeting import BONDS, discs
 from mpi4py import MPI
 from solids import Record
 
-from parsolid.contact.friction_kernels import slide
+from parsolid.contact.friction import return_mapping, tangential, turned
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
 
 
 def test_a_spring_that_is_turned_round_or_cut_gives_nothing():
     """And has at most its old force where the limit has fallen below it, else at most that of Coulomb's law."""
-    chance, rigidity, turned = np.random.default_rng(3), 2.0, 0
+    chance, rigidity, reversed_springs = np.random.default_rng(3), 2.0, 0
     for d in (2, 3) * 2000:
-        n, stick, slip = (chance.normal(size=d) for _ in range(3))
+        n, spring, slip = np.zeros((3, 3))
+        for vector in (n, spring, slip):
+            vector[:d] = chance.normal(size=d)
         n /= math.sqrt(n @ n)
         # between Coulomb's limit and in the plane, as a step before has left it
-        stick -= n * (n @ stick)
-        old, most, moved = stick.copy(), rigidity * chance.uniform(0.0, 1.5), slip - n * (n @ slip)
-        lost = slide(d, n, slip.copy(), stick, np.empty(d), rigidity, most)
+        old, moved = (np.array(tangential(vector, n)) for vector in (spring, slip))
+        assert np.allclose(turned(old, n), old, atol=1e-14)
+        most = rigidity * chance.uniform(0.0, 1.5)
+        stick, lost = return_mapping(old, old + moved, rigidity, most)
+        stick = np.array(stick)
         length, before = math.sqrt(stick @ stick), math.sqrt(old @ old)
         assert lost >= 0.0 and length <= max(most / rigidity, before) * (1.0 + 1e-12)
         # what both half impulses do along the slip is what is stored and what is lost
         work = 0.5 * rigidity * (old + stick) @ moved
         stored = 0.5 * rigidity * (stick @ stick - old @ old)
         assert abs(work - stored - lost) < 1e-12 * rigidity * (1.0 + moved @ moved + old @ old)
-        turned += length > most / rigidity * (1.0 + 1e-12)
-    assert turned > 100
+        reversed_springs += length > most / rigidity * (1.0 + 1e-12)
+    assert reversed_springs > 100
 
 
 def test_discs_that_rub_and_part_keep_their_balance():

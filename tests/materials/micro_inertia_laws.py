@@ -34,9 +34,9 @@ def solved(law, increments, x):
         count = min(solve.TILE, x.shape[1] - first)
         tile = solve.new_tile()
         rows = tile.reshape(solve.ROWS, solve.TILE)
-        rows[:10, :count] = x[:, first : first + count]
+        rows[solve.DENSITY : solve.NEW_RATE, :count] = x[:, first : first + count]
         solve.advance_micro(in_numbers(law), increments, tile)
-        result[:, first : first + count] = rows[10:16, :count]
+        result[:, first : first + count] = rows[solve.NEW_RATE : solve.LOST + 1, :count]
     return result
 
 

@@ -188,7 +188,7 @@ def test_the_library_states_table_1():
     assert list(library()) == ["4340 steel, Rahaman"]
     # the speed of the energetic micro wave, and that of heat
     energetic = in_numbers(STEEL._replace(energetic_length=5e-5))
-    step = laws.micro_time_step(energetic, 1.0, 7830.0, 0.0, 0.0, 0.0, 0.0, 298.0)
+    step = laws.micro_time_step(energetic, 1.0, 7830.0, laws.resistance(energetic, 0.0, 0.0, 0.0, 0.0, 298.0))
     assert 1.0 / step == pytest.approx(5.03, abs=5e-3)
     # where the wave is slower than diffusion
     assert 1e-9 / laws.heat_time_step(law, 1e-9) == pytest.approx(10.09, abs=5e-3)

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from solids import Record, run_into
 
 from parsolid.collective import SolverError
-from parsolid.contact import closing, kernel_contact
+from parsolid.contact import time_step
 from parsolid.methods.mpm.external_forces import power, power_at_end
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
@@ -89,8 +89,8 @@ def test_points_fall_alike_in_steps_of_any_length():
 def test_bodies_that_close_fast_take_shorter_steps(monkeypatch):
     """A force that stiffens does not change evenly in a third of a spacing."""
     data, off = blocks(LEAPFROG, 60.0, 1e-4, RUBBER), []
-    for bound in (closing.MOST_CLOSED, (1e9, 0.0)):
-        monkeypatch.setattr(closing, "MOST_CLOSED", bound)
+    for bound in (time_step.MOST_CLOSED, (1e9, 0.0)):
+        monkeypatch.setattr(time_step, "MOST_CLOSED", bound)
         found = run(data)
         pressed = found["contact_energy"].argmax()
         assert found["contact_energy"][pressed] > 0.02 * found["kinetic"][0]
@@ -111,8 +111,8 @@ def test_bodies_that_come_into_sight_fast_begin_to_press_gently(gap, monkeypatch
     first = []
     for looks in (True, False):
         if not looks:
-            monkeypatch.setattr(kernel_contact, "step_ahead", lambda *arguments: np.inf)
-            monkeypatch.setattr(kernel_contact, "first_step", lambda *arguments: np.inf)
+            monkeypatch.setattr(time_step.StepRule, "_step_ahead", lambda *arguments: np.inf)
+            monkeypatch.setattr(time_step.StepRule, "begin", lambda *arguments: None)
         found = run(apart(gap, 120.0))
         first.append(found["contact_energy"][found["contact_energy"] > 0.0][0] / found["kinetic"][0])
         assert not looks or np.abs(found["balance"]).max() < 2.5e-3 * found["kinetic"][0]
@@ -134,7 +134,7 @@ def test_what_damps_nothing_takes_a_third_of_a_contacts_step():
     longest = {}
     for name, method, law in (("damped", LEAPFROG, RUBBER), ("undamped", {"kind": "peridynamics"}, RUBBER)):
         sim = Simulation(MPI.COMM_SELF, parse_scene(blocks(method, 4.0, 1e-4, law)))
-        longest[name] = sim.interactions[0].sides.sides[0].longest
+        longest[name] = sim.interactions[0].body_pairs.pairs[0].law.longest
     assert longest["undamped"] == pytest.approx(0.36 * longest["damped"])
 
 

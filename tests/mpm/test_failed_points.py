@@ -134,3 +134,21 @@ def test_a_scene_without_failure_has_nothing_of_it():
     # as one of several systems it is asked all the same
     for name, zeros in (("failed_mass", 1), ("maximum_damage", 1), ("deleted_mass", 1), ("deleted_momentum", 2)):
         np.testing.assert_array_equal(sim.systems[0].measure(name)[1], np.zeros(zeros))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_tools_let_go_of_what_is_deleted(method):
+    ball = {"name": "ball", "shape": {"sphere": {"centre": [0.0, 3e-3], "radius": 1e-3}}, "friction": 0.2}
+    failure = {"criteria": [{"kind": "plastic-strain", "strain": 0.05}], "after": "delete"}
+    data = scene([-2e-3, 0.0], [2e-3, 2e-3], 5e-4, 1e-3, material=COPPER | {"failure": failure}, end_time=1.0)
+    data["tools"] = [ball | {"mass": 0.2, "free": ["Y"], "velocity": [0.0, -400.0]}]
+    if METHODS[method] is not None:
+        data["method"] = METHODS[method]
+    sim, rows = run_steps(data, 60)
+    given = rows["kinetic"][0]
+    assert sim.systems[0].measure("deleted_mass")[1][0] > 0.0 and rows["deleted_stored"][-1] > 0.0
+    # most of what is deleted was pressed by the ball
+    assert np.abs(rows["balance"]).max() < 1e-3 * given
+    # what has no mass shortens no step
+    steps = np.diff(rows["time"])
+    assert steps.min() > 0.05 * steps.max()

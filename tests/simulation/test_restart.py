@@ -53,7 +53,7 @@ def test_every_rank_goes_on_with_its_own_sums(comm):
     assert (sim.clock.time, sim.clock.step, sim.stable, sim.time_steps.jumped) == (0.3, 7, 0.01, True)
     assert sim.judged == 4
     lost = sum(4.0 * rank + 1.0 for rank in range(comm.size))
-    judged = {"largest": 50.0, "worst": 0.5, "entered": 3.0, "growth": 0.7, "gained": 0.2}
+    judged = {"largest": 50.0, "worst": 0.5, "entered": 3.0, "growth": 0.7, "gained": 0.2, "offset": 0.0}
     assert vars(sim.balance) == judged | {"lost": lost}
 
 

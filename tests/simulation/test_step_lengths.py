@@ -59,3 +59,13 @@ def test_a_jump_has_one_step_of_length_zero():
 
 def test_the_longest_step_bounds_the_stable_one():
     assert TimeSteps([], [], 1.0, longest=1e-3).next(0.0, 0.1) == (1e-3, 1e-3)
+
+
+def test_where_bodies_meet_steps_grow_by_a_quarter_at_most():
+    steps, lengths, time = TimeSteps([], [], 1.0, growth=1.25), [], 0.0
+    for stable in (0.01, 0.001, *[0.1] * 8):
+        step, time = steps.next(time, stable)
+        steps.last = step
+        lengths.append(step)
+    assert lengths[:2] == [0.01, 0.001]
+    assert lengths[2:] == pytest.approx([0.001 * 1.25**k for k in range(1, 9)], rel=1e-12)

@@ -47,16 +47,32 @@ def test_forces_keep_momenta(method, dimension):
     assert np.abs(total[3:]).max() > 1e-3
 
 
+def light(method: str, mass: float, friction: float = 0.0) -> dict:
+    """A disc of a mass [kg] at 40 m/s onto a free block of 9 x 9 cells of 17 kg each."""
+    data = block(method, (9, 9))
+    data["bodies"][0]["material"] = data["bodies"][0]["material"] | {"density": 17.0 / SPACING**2}
+    shape = {"sphere": {"centre": [0.55 * 9 * SPACING, 9 * SPACING + RADIUS + 0.01], "radius": RADIUS}}
+    disc = {"name": "disc", "shape": shape, "mass": mass, "velocity": [0.0, -40.0], "friction": friction}
+    return data | {"end_time": {0.1: 4e-3, 1.0: 8e-3, 10.0: 2e-2}[mass], "tools": [disc]}
+
+
+@pytest.mark.parametrize("mass", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("method", METHODS)
-def test_a_light_disc_leaves_as_fast_as_it_came(method):
-    """The step knows its mass before it touches; 80 J became hundreds to thousands when it did not."""
-    data = hit(method, mass=0.1, velocity=[0.0, -40.0], friction=0.0, spin=0.0) | {"end_time": 4e-3}
-    sim, watch = run(data)
-    energy = watch["kinetic"][0]
-    assert watch["contact_energy"].max() > 0.9 * energy
-    assert 36.0 < np.linalg.norm(sim.interactions[0].tools[0].body.pose.velocity) < 40.1
+def test_a_light_disc_leaves_no_faster_than_it_came(method, mass):
+    """The step knows its mass before it touches; 80 J became hundreds to thousands when it did not.
+
+    Energy is kept within 1 % in every step, also by the plain sum without the kinetic offset, which vanishes when the
+    disc has left, but for waves in the block; and the scheme gives none.
+    """
+    sim, watch = run(light(method, mass))
+    energy, speed = watch["kinetic"][0], np.linalg.norm(sim.interactions[0].tools[0].body.pose.velocity)
+    assert watch["contact_energy"].max() > 0.6 * energy and abs(watch["contact_energy"][-1]) < 1e-12 * energy
+    assert 10.0 < speed < 40.0
     assert max(watch["kinetic"].max(), watch["stored"].max()) < 1.01 * energy
-    assert np.abs(watch["balance"]).max() < 2e-3 * energy and np.abs(watch["kinetic_offset"]).max() < 0.02 * energy
+    assert np.abs(watch["balance"]).max() < 2e-4 * energy
+    assert np.abs(watch["balance"] + watch["kinetic_offset"]).max() < 0.01 * energy
+    assert abs(watch["kinetic_offset"][-1]) < 1e-3 * energy
+    assert watch["dissipation_numerical"].min() > -5e-3 * energy
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -105,7 +121,7 @@ def test_restart_in_the_middle_of_contact(comm, shared_path, method):
     restart = Restart(comm, shared_path / "c.h5")
     again, other = Simulation(comm, parse_scene(data), restart), Watch()
     again.run(other, Limits(steps=15), StopRequest())
-    assert sim.interactions[0].tools[0].total.any()
+    assert sim.interactions[0].tools[0].total.force.any()
     for name in (
         "kinetic",
         "stored",

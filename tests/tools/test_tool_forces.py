@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from parsolid.contact.tools import forces
-from parsolid.contact.tools.forces import Approach, Frame, Friction, Resistance
+from parsolid.contact.tools.forces import Approach, Frame, Friction, Nearby, Particles, Resultant, Touched, press
 from parsolid.contact.tools.rigid_body import rotation_matrix, turn
 from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod
 from parsolid.contact.tools.surface import make_surface
@@ -23,31 +22,16 @@ FRAME = Frame(np.array([0.1, -0.05, 0.02]), rotation_matrix(turn(np.array([2.0, 
 
 
 def pressed(shape, places, friction=None):
-    """Forces (n, 3) and sums; all particles of radius 0.1."""
+    """Forces (n, 3) and their resultant; all particles of radius 0.1."""
     n = len(places)
-    rows, found, sums = np.zeros(n, np.int64), np.zeros((2, n, 3)), np.zeros(forces.SUMS)
-    resistance = Resistance(np.full(n, 0.1), np.full(n, 3.0), 2.0)
-    body, meant = np.zeros(n, np.int64), np.ones(1, bool)
-    level, new = np.zeros(n), True
-    arguments = (
-        friction,
-        resistance,
-        n,
-        places,
-        body,
-        meant,
-        rows,
-        found,
-        None,
-        level,
-        new,
-        sums,
-        Approach(0.0, 0.0, places),
-    )
-    count, _ = forces.press(shape, FRAME, *arguments)
-    result = np.zeros((n, 3))
-    result[rows[:count]] = found[0, :count]
-    return result, sums
+    body, touchable = np.zeros(n, np.int64), np.ones(1, bool)
+    numbers = np.full(n, 0.1), np.full(n, 3.0), np.zeros(n)
+    particles = Particles(n, places, np.zeros((n, 3)), body, touchable, *numbers)
+    touched = Touched.of_size(n)
+    count, *near = press(shape, FRAME, friction, 2.0, particles, Approach(0.0, 0.0), False, touched)
+    touched, result = touched.first(count), np.zeros((n, 3))
+    result[touched.row] = touched.force
+    return result, Resultant.of(touched, Nearby(*near))
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -60,13 +44,13 @@ def test_the_force_is_the_gradient_of_the_energy(name):
         for k in range(3):
             moved = places.copy()
             moved[i, k] += step
-            ahead = pressed(shape, moved)[1][forces.STORED]
+            ahead = pressed(shape, moved)[1].stored
             moved[i, k] -= 2.0 * step
-            slope = -(ahead - pressed(shape, moved)[1][forces.STORED]) / (2.0 * step)
+            slope = -(ahead - pressed(shape, moved)[1].stored) / (2.0 * step)
             wrong += abs(found[i, k] - slope) > 1e-6
     assert wrong == 0
-    assert np.allclose(sums[forces.FORCE], found.sum(axis=0))
-    assert np.allclose(sums[forces.MOMENT], np.cross(places - FRAME.place, found).sum(axis=0))
+    assert np.allclose(sums.force, found.sum(axis=0))
+    assert np.allclose(sums.moment, np.cross(places - FRAME.place, found).sum(axis=0))
 
 
 def test_friction_sticks_as_a_spring_and_slips_at_its_limit():
@@ -75,10 +59,10 @@ def test_friction_sticks_as_a_spring_and_slips_at_its_limit():
     normal, _ = pressed(plane, place, friction)
     along = FRAME.rotation @ np.array([0.0, 0.6, 0.8])
     stuck, sums = pressed(plane, place + 1e-4 * along, friction)
-    assert np.allclose(stuck - normal, -0.5 * 6.0 * 1e-4 * along[None], atol=1e-12) and sums[forces.LOST] == 0.0
-    assert abs(sums[forces.STUCK] - 0.25 * 6.0 * 1e-8) < 1e-18
+    assert np.allclose(stuck - normal, -0.5 * 6.0 * 1e-4 * along[None], atol=1e-12) and sums.lost == 0.0
+    assert abs(sums.stuck - 0.25 * 6.0 * 1e-8) < 1e-18
     slid, sums = pressed(plane, place + along, friction)
-    assert abs(np.linalg.norm(slid - normal) - 0.2 * np.linalg.norm(normal)) < 1e-12 and sums[forces.LOST] > 0.0
+    assert abs(np.linalg.norm(slid - normal) - 0.2 * np.linalg.norm(normal)) < 1e-12 and sums.lost > 0.0
     again, _ = pressed(plane, place + along, friction._replace(slipping=False))
     assert np.array_equal(again, slid)
 

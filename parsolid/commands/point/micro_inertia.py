@@ -10,6 +10,7 @@ from parsolid.materials.plastic import micro_inertia as laws
 from parsolid.materials.plastic import micro_inertia_solve as solve
 from parsolid.materials.plastic.jaumann_rate import deviatoric_strain, returned_deviator
 from parsolid.tensors import combine_symmetric, congruence, contract_symmetric, spin_rotation
+from parsolid.tiles import TILE
 
 
 class MicroInertiaState(NamedTuple):
@@ -50,10 +51,11 @@ class MicroInertiaPoint(PointLaw):
         turned = congruence(turn, state.deviator)
         trial = combine_symmetric(1.0, turned, 2.0 * law.shear_modulus, deviatoric_strain(turn, gradient, step))
         J = float(np.linalg.det(F))
-        middle, rows = 0.5 * (J + float(np.linalg.det(state.F))), self.tile.reshape(solve.ROWS, solve.TILE)
+        middle, rows = 0.5 * (J + float(np.linalg.det(state.F))), self.tile.reshape(solve.ROWS, TILE)
         # without gradients FORCE, CURL and GRADIENT_SQUARE stay 0
-        rows[:8, 0] = (law.density / middle, state.tau, contract_symmetric(trial, trial) ** 0.5, state.rate,
-                       state.stress, state.gamma, 0.0, state.temperature)  # fmt: skip
+        start = (state.rate, state.stress, state.gamma, 0.0, state.temperature)
+        tau = contract_symmetric(trial, trial) ** 0.5
+        rows[solve.DENSITY : solve.FORCE, 0] = (law.density / middle, state.tau, tau, *start)
         solve.advance_micro(law, solve.increments_of(law, step), self.tile)
         rate, mean, tau, stress, heat, _ = rows[solve.NEW_RATE : solve.LOST + 1, 0].tolist()
         deviator = returned_deviator(turned, trial, state.tau, tau, law.shear_modulus * mean * step)

@@ -10,6 +10,7 @@ from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic import tile_update as update
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.tiles import TILE
 
 
 class PlasticState(NamedTuple):
@@ -64,7 +65,7 @@ class PlasticPoint(PointLaw):
     def advanced(self, state: PlasticState, F: np.ndarray, step: float) -> PlasticState:
         if step == 0.0:
             raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
-        law, rows = self.law, self.tile.reshape(-1, update.TILE)
+        law, rows = self.law, self.tile.reshape(-1, TILE)
         rows[update.DEFORMATION : update.DEFORMATION + 9, 0] = state.F.ravel()
         gradient = (F - state.F) @ np.linalg.inv(state.F) / step
         rows[update.VELOCITY_GRADIENT : update.VELOCITY_GRADIENT + 9, 0] = gradient.ravel()
@@ -102,7 +103,7 @@ class PlasticPoint(PointLaw):
         return PlasticState(F, deviator, *flow, state.plastic_work + work + released, state.heat + heat, damage)
 
     def _rotation(self) -> np.ndarray:
-        rows = self.tile.reshape(-1, update.TILE)
+        rows = self.tile.reshape(-1, TILE)
         return rows[update.ROTATION : update.ROTATION + 9, 0].reshape(3, 3)
 
     def stress(self, state: PlasticState) -> np.ndarray:

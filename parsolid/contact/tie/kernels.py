@@ -9,8 +9,8 @@ import math
 import numpy as np
 from numba.extending import register_jitable
 
+from parsolid.contact.friction import linear_weights
 from parsolid.contact.kernel import shape, slope
-from parsolid.contact.passes import inverse_of
 from parsolid.kernels import kernel
 
 # halvings of the stretch on which a face is looked for
@@ -89,46 +89,42 @@ def faces(source, length, start, rows, place, volume, other, inverse, points):
 def weigh(points, start, rows, place, volume, inverse, sign, weight):
     """Weights of particles around points that reproduce linear fields there, times a sign, into weight (k,).
 
-    w'_j = w_j [1 + b . (x_j - xm)], w_j = V_j W_j/c, xm = sum w_j x_j, b = [sum w_j (x_j - xm)(x_j - xm)^T]^-1 (x - xm)
-    Returns how far sum w'_j x_j is from its point at most [m].
+    w_j [1 + b . (x_j - x - mean)], w_j = V_j W_j/c, see `friction.linear_weights`. Returns how far the sum of weights
+    times x_j is from its point at most [m].
     """
-    d, worst = place.shape[1], 0.0
-    matrix, solved, mean, b, got = np.empty((3, 3)), np.empty((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
+    d, worst, away, mean, second = place.shape[1], 0.0, np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for m in range(len(points)):
-        total = 0.0
+        total, miss = 0.0, 0.0
+        mean[:], second[:] = 0.0, 0.0
         for k in range(start[m], start[m + 1]):
-            j, square = rows[k], 0.0
+            square = 0.0
             for i in range(d):
-                square += (points[m, i] - place[j, i]) ** 2
-            weight[k] = volume[j] * shape(math.sqrt(square) * inverse)
+                away[i] = place[rows[k], i] - points[m, i]
+                square += away[i] * away[i]
+            weight[k] = volume[rows[k]] * shape(math.sqrt(square) * inverse)
             total += weight[k]
-        matrix[:], mean[:], b[:], got[:] = 0.0, 0.0, 0.0, 0.0
-        for k in range(start[m], start[m + 1]):
-            weight[k] /= max(total, 1e-300)
             for i in range(d):
-                mean[i] += weight[k] * (place[rows[k], i] - points[m, i])
+                mean[i] += weight[k] * away[i]
                 for j in range(d):
-                    x = (place[rows[k], i] - points[m, i]) * (place[rows[k], j] - points[m, j])
-                    matrix[i, j] += weight[k] * x
-        for i in range(d):
-            for j in range(d):
-                matrix[i, j] -= mean[i] * mean[j]
-        inverse_of(matrix, d, solved)
-        for i in range(d):
-            for j in range(d):
-                b[i] -= solved[i, j] * mean[j]
+                    second[i, j] += weight[k] * away[i] * away[j]
+        total = max(total, 1e-300)
+        mean /= total
+        second /= total
+        upper = second[0, 0], second[0, 1], second[0, 2], second[1, 1], second[1, 2], second[2, 2]
+        tilt = linear_weights(d, (mean[0], mean[1], mean[2]), upper)
         for k in range(start[m], start[m + 1]):
             part = 1.0
             for i in range(d):
-                part += b[i] * (place[rows[k], i] - points[m, i] - mean[i])
-            weight[k] *= part
-            for i in range(d):
-                got[i] += weight[k] * (place[rows[k], i] - points[m, i])
-            weight[k] *= sign
-        away = 0.0 if start[m + 1] > start[m] else 1e300
+                part += tilt[i] * (place[rows[k], i] - points[m, i] - mean[i])
+            weight[k] *= part / total
         for i in range(d):
-            away = max(away, abs(got[i]))
-        worst = max(worst, away)
+            got = 0.0
+            for k in range(start[m], start[m + 1]):
+                got += weight[k] * (place[rows[k], i] - points[m, i])
+            miss = max(miss, abs(got))
+        for k in range(start[m], start[m + 1]):
+            weight[k] *= sign
+        worst = max(worst, miss if start[m + 1] > start[m] else 1e300)
     return worst
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from decomposition.close_pairs import ClosePairs
 from decomposition.halo import Halo
+from parsolid.boundary.forces import tributary_mass
 from parsolid.collective import maximum, raise_together
-from parsolid.contact.list_kernels import sort_rows
+from parsolid.contact.search import sort_rows
 from parsolid.contact.tie import kernels
 from parsolid.methods.protocol import ParticleSystem
 
@@ -174,10 +175,7 @@ class TiedFaces:
     def frequency(self) -> float:
         """Square of the highest frequency [1/s^2] of what this rank owns, at most."""
         mass = np.concatenate(
-            [
-                (side.system.mass[: side.system.owned] * side.system.share[: side.system.owned])[rows]
-                for side, rows in zip(self.sides, self.rows)
-            ]
+            [tributary_mass(side.system.particles, rows) for side, rows in zip(self.sides, self.rows)]
         )
         return float(kernels.frequency(*self.lists(), mass, self.owned))
 

@@ -7,10 +7,11 @@ import numpy as np
 
 from decomposition.reduction import sums as over_ranks
 from parsolid.collective import SolverError, minimum, raise_together
-from parsolid.contact.tools import forces
 from parsolid.contact.tools.bodies import make_body, shaped
+from parsolid.contact.tools.forces import Resultant
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
-from parsolid.contact.tools.touch import STIFFNESS, Touch, meant_by
+from parsolid.contact.tools.touch import STIFFNESS, Touch, touchable_by
+from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
@@ -25,13 +26,13 @@ _OVERLAP = 0.5
 # with its square, which waves of the body take up again, unless nothing damps them
 _STEP, _STEP_UNDAMPED = 1.0, 0.5
 # the same of a free tool on the springs of all particles that it may touch in the next step
-_STEP_OF_TOOL = 0.25
+_STEP_OF_TOOL = 0.2
 
 
 class Tool:
     """One tool, the same on all ranks.
 
-    own (18,): `forces.press`'s sums over all systems on this rank; total: over all ranks, of a free tool. quiet_until
+    own: over all systems on this rank; total: over all ranks, of a free tool. quiet_until
     [s]: before it nothing touches a free tool, on any rank; longest [s]: a step that is longer than any stable one of
     what it may touch. whole: of the force [N] over that of what the systems' masses are of.
     """
@@ -45,11 +46,13 @@ class Tool:
         self.whole = 2.0 * np.pi if polar else 1.0
         self.body: FreeBody | GuidedBody = make_body(stated, form, dimension, 1.0 / self.whole)
         self.touches: list[Touch] = []
-        self.own, self.total = np.zeros(forces.SUMS), np.zeros(forces.SUMS)
+        self.own, self.total = Resultant.none(), Resultant.none()
         self.quiet_until = -np.inf
         self.longest = 0.0
         # goes on from a checkpoint, or from another run's state
         self.resumed = False
+        # length [s] of the step before the present one, 0 at the start
+        self.last_step = 0.0
 
     @property
     def free(self) -> bool:
@@ -65,16 +68,20 @@ class Tool:
     def resultant(self, opening: bool) -> tuple[np.ndarray, np.ndarray]:
         """Force [N] and moment [N m] on the particles before or after a step, of a free tool on all
         ranks."""
-        sums = self.total if self.free else self.own
-        force, moment = sums[forces.FORCE], sums[forces.MOMENT]
-        return (force, moment) if opening else (force + sums[forces.MORE_FORCE], moment + sums[forces.MORE_MOMENT])
+        of = self.total if self.free else self.own
+        return (of.force, of.moment) if opening else (of.force + of.more_force, of.moment + of.more_moment)
+
+    def taken_by_step_change(self, step: float, offset: float) -> float:
+        """As `methods.leapfrog.Leapfrog.taken_by_step_change`, of half a step [s]."""
+        last, self.last_step = self.last_step, step
+        return offset * (1.0 - (last / step) ** 2) if last > 0.0 and step > 0.0 else 0.0
 
     def evaluate(self, time: float, slipping: bool) -> None:
         """Forces on this rank at a time [s], see `Touch.evaluate`."""
-        self.own = np.zeros(forces.SUMS)
+        self.own = Resultant.none()
         for touch in self.touches:
             touch.evaluate(time, slipping)
-            self.own += touch.sums
+            self.own = self.own.plus(touch.resultant)
 
 
 class RigidTools(Interaction):
@@ -100,9 +107,9 @@ class RigidTools(Interaction):
             own = [system.wave_modulus(body) for body in range(len(system.bodies))]
             signal = max(float(np.sqrt(modulus / density)) for modulus, density in own)
             for tool in self.tools:
-                meant = meant_by(tool.stated, scene, system)
-                if meant.any():
-                    tool.touches.append(Touch(tool, system, meant, signal))
+                touchable = touchable_by(tool.stated, scene, system)
+                if touchable.any():
+                    tool.touches.append(Touch(tool, system, touchable, signal))
                     tool.longest = max(tool.longest, self._spacing(tool.touches[-1]) / signal)
         self._refuse_small()
         self.energy_scale = max((self._particle_energy(system) for system in systems), default=0.0)
@@ -112,7 +119,7 @@ class RigidTools(Interaction):
     def _spacing(self, touch: Touch) -> float:
         """The widest of what a tool touches [m]; collective."""
         rows = touch.system.particles.owned_rows
-        return -minimum(self.comm, -float(rows("spacing")[touch.meant[rows("body")]].max(initial=0.0)))
+        return -minimum(self.comm, -float(rows("spacing")[touch.touchable[rows("body")]].max(initial=0.0)))
 
     def _particle_energy(self, system: ParticleSystem) -> float:
         """The largest M V of a system's particles [J]; collective."""
@@ -169,7 +176,7 @@ class RigidTools(Interaction):
         particles, depth = touch.system.particles, -minimum(self.comm, float(touch.clearance))
         spacing = float(particles.owned_rows("spacing")[touch.rows].min(initial=np.inf))
         allowed = _OVERLAP * minimum(self.comm, spacing)
-        if not depth > allowed * (1.0 + 1e-9) or not touch.count:
+        if not depth > allowed * (1.0 + 1e-9) or not len(touch.rows):
             return None
         bodies = np.unique(particles.owned_rows("body")[touch.rows])
         named = " and ".join(repr(self.names[touch.system.bodies[body]]) for body in bodies)
@@ -189,7 +196,10 @@ class RigidTools(Interaction):
         self._evaluate(time, slipping=True)
         self._give(step)
         stored = self._energies()
-        ledger.add_term("friction_dissipation", sum(float(tool.own[forces.LOST]) for tool in self.tools))
+        ledger.add_term("friction_dissipation", sum(tool.own.lost for tool in self.tools))
+        deleted = sum(touch.deleted for tool in self.tools for touch in tool.touches)
+        if deleted > 0.0:
+            ledger.add_term(DELETED_STORED, deleted)
         stored_heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
         if stored_heat:
             ledger.add_term("friction_heat", stored_heat)
@@ -205,10 +215,10 @@ class RigidTools(Interaction):
         asked = [tool for tool in self.tools if tool.free and not time < tool.quiet_until]
         if not asked:
             return
-        totals = over_ranks(self.comm, np.array([tool.own for tool in asked]))
+        totals = over_ranks(self.comm, np.array([tool.own.numbers for tool in asked]))
         for tool, total in zip(asked, totals):
-            tool.total = total
-        apart = [tool for tool in asked if tool.total[forces.COUNT] == 0.0]
+            tool.total = Resultant.from_numbers(total)
+        apart = [tool for tool in asked if tool.total.pressed == 0.0]
         if apart:
             quiet = [min((touch.quiet_until for touch in tool.touches), default=np.inf) for tool in apart]
             for tool, until in zip(apart, minimum(self.comm, np.array(quiet))):
@@ -233,9 +243,12 @@ class RigidTools(Interaction):
                 tool.body.kick(-step * force, -step * moment)
                 work += self._weigh(tool.body, time, step)
                 offset = tool.body.energy_of_change(*before) if self.comm.rank == 0 else 0.0
-                ledger.add_term(KINETIC_OFFSET, -offset if opening else offset)
-                if not opening:
+                if opening:
+                    taken = tool.taken_by_step_change(step, offset)
+                    lost, offset = lost + taken, taken - offset
+                else:
                     lost += self._give_rest(tool, step, *before)
+                ledger.add_term(KINETIC_OFFSET, offset)
             else:
                 work += step * tool.body.pose.power(*tool.resultant(opening))
         ledger.add(1.0, 0.0, lost, work)
@@ -272,14 +285,14 @@ class RigidTools(Interaction):
                 if touch.greatest_square > 0.0:
                     own = touch.greatest_square / (_STEP_UNDAMPED if touch.system.undamped else _STEP) ** 2
                     if isinstance(tool.body, FreeBody):
-                        of_tool = tool.body.square_of(tool.total[forces.STIFFNESS], tool.total[forces.TURNING])
+                        of_tool = tool.body.square_of(tool.total.stiffness, tool.total.turning)
                         own += of_tool / _STEP_OF_TOOL**2
                     square = max(square, own)
         return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
 
     def _energies(self) -> np.ndarray:
         """Stored in what is pressed and in friction's springs (2,) [J], of this rank."""
-        return np.array([sum(tool.own[place] for tool in self.tools) for place in (forces.STORED, forces.STUCK)])
+        return np.array([sum(getattr(tool.own, name) for tool in self.tools) for name in ("stored", "stuck")])
 
     def energies(self) -> tuple[float, float]:
         """Of tools with mass, on one rank; of the contacts of this one [J]."""
@@ -292,17 +305,17 @@ class RigidTools(Interaction):
 
     def state(self) -> dict[str, Any]:
         """Where tools are and how they move."""
-        return {tool.name: tool.body.state() for tool in self.tools}
+        return {tool.name: tool.body.state() | {"last_step": tool.last_step} for tool in self.tools}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         for tool in self.tools:
             tool.body.set_state(state[tool.name])
-            tool.resumed = True
+            tool.last_step, tool.resumed = state[tool.name]["last_step"], True
 
     def handed_on(self) -> dict[str, Any]:
-        """As `state`, for another run."""
-        return self.state()
+        """Where tools are and how they move, for another run."""
+        return {tool.name: tool.body.state() for tool in self.tools}
 
     # --- what the history shows ---------------------------------------------------------------------------------
 
@@ -313,11 +326,11 @@ class RigidTools(Interaction):
 
     def sample(self) -> list[float]:
         """Values of the columns; collective."""
-        totals, d = over_ranks(self.comm, np.array([tool.own for tool in self.tools])), self.dimension
+        totals, d = over_ranks(self.comm, np.array([tool.own.numbers for tool in self.tools])), self.dimension
         turning = {1: slice(0, 0), 2: slice(2, 3), 3: slice(0, 3)}[d]
         result: list[float] = []
-        for tool, total in zip(self.tools, totals):
-            force, moment = -tool.whole * total[forces.FORCE], -tool.whole * total[forces.MOMENT]
+        for tool, total in zip(self.tools, map(Resultant.from_numbers, totals)):
+            force, moment = -tool.whole * total.force, -tool.whole * total.moment
             if tool.whole != 1.0:
                 # around the axis, what is across it cancels
                 force[0], moment[:] = 0.0, 0.0

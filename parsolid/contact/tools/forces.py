@@ -4,25 +4,18 @@
 
 so the force k_i g_i along the gradient of d is exact, and the tool takes its opposite at the place of the particle.
 Friction keeps for each particle the place on the tool where it took hold and the stretch xi of the spring k_i/2 from
-there, which slips where the spring would pull by more than mu f_n (Cundall and Strack 1979).
+there, which slips where the spring would pull by more than mu f_n (`contact.friction`).
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
 
-from parsolid.contact.passes import crossing
+from parsolid.contact.friction import combined, dot, gap_correction, return_mapping, tangential
 from parsolid.contact.tools.shapes import distance
-from parsolid.kernels import kernel
-
-# places in `press`'s sums: force, moment about the tool's place, energies [J], stiffness of all particles together, how
-# many there are; force and moment that the impulse at the end of the step has besides
-FORCE, MOMENT = slice(0, 3), slice(3, 6)
-STORED, STUCK, LOST, STIFFNESS, TURNING, COUNT = 6, 7, 8, 9, 10, 11
-MORE_FORCE, MORE_MOMENT = slice(12, 15), slice(15, 18)
-SUMS = 18
+from parsolid.kernels import inlined, kernel
 
 
 class Frame(NamedTuple):
@@ -41,213 +34,187 @@ class Friction(NamedTuple):
     slipping: bool
 
 
-class Resistance(NamedTuple):
-    """Of each particle the radius r [m] and the stiffness k [N/m] of a tool with alpha = 1; factor: alpha."""
+class Particles(NamedTuple):
+    """Of owned particles: position, velocity (n, d); body (n,); radius (n,) [m] and stiffness (n,) [N/m] of a tool with
+    alpha = 1; level (n,) [m]: how deep each is, below zero where it is apart, of the last call.
 
+    touchable (bodies,): bodies that the tool is for.
+    """
+
+    owned: int
+    position: np.ndarray
+    velocity: np.ndarray
+    body: np.ndarray
+    touchable: np.ndarray
     radius: np.ndarray
     stiffness: np.ndarray
-    factor: float
+    level: np.ndarray
 
 
-@register_jitable
-def _to_frame(frame, x, y, z):
-    """A place in the frame of the tool."""
-    R, a, b, c = frame.rotation, x - frame.place[0], y - frame.place[1], z - frame.place[2]
-    return (
-        R[0, 0] * a + R[1, 0] * b + R[2, 0] * c,
-        R[0, 1] * a + R[1, 1] * b + R[2, 1] * c,
-        R[0, 2] * a + R[1, 2] * b + R[2, 2] * c,
-    )
+class Touched(NamedTuple):
+    """The particles that a tool presses or has pressed, first `count` rows of each array.
 
-
-@register_jitable
-def _turned(R, a, b, c):
-    """R (a, b, c)."""
-    return (
-        R[0, 0] * a + R[0, 1] * b + R[0, 2] * c,
-        R[1, 0] * a + R[1, 1] * b + R[1, 2] * c,
-        R[2, 0] * a + R[2, 1] * b + R[2, 2] * c,
-    )
-
-
-@register_jitable
-def _component(places, i, k):
-    return places[i, k] if k < places.shape[1] else 0.0
-
-
-@register_jitable
-def _let_go(friction, stiffness, i):
-    """Forget what a particle held; the energy of its spring [J]."""
-    record = friction.record
-    d = (record.shape[1] - 1) // 2
-    energy = 0.0
-    for k in range(1 + d, 1 + 2 * d):
-        energy += record[i, k] * record[i, k]
-    record[i, :] = 0.0
-    return 0.25 * stiffness * energy
-
-
-@register_jitable
-def _hold(friction, frame, i, x, y, z):
-    """Let a particle take hold where it is."""
-    record = friction.record
-    d = (record.shape[1] - 1) // 2
-    here = _to_frame(frame, x, y, z)
-    record[i, 0] = 1.0
-    for k in range(d):
-        record[i, 1 + k], record[i, 1 + d + k] = here[k], 0.0
-
-
-@register_jitable
-def _stretch(friction, frame, i, x, y, z, n, most):
-    """xi after the motion, at most as long as friction holds [m], and the energy lost over the stiffness [m^2].
-
-    The loss is that of the mean of the forces before and after, exact for slip in one direction.
+    row (n,); arm (n, 3) [m]: place from that of the tool; force (n, 3) [N]; correction (n, 3) [N]: what the impulse at
+    the end of the step has besides, over half the step, see `friction.gap_correction`; pressed: 1 where it is in the
+    tool now; stored, stuck, lost (n,) [J]: energies of what is pressed and of the spring of friction, and what friction
+    took.
     """
-    record = friction.record
-    d = (record.shape[1] - 1) // 2
-    third = record[i, 3] if d == 3 else 0.0
-    ax, ay, az = _turned(frame.rotation, record[i, 1], record[i, 2], third)
-    a, b, c = x - frame.place[0] - ax, y - frame.place[1] - ay, z - frame.place[2] - az
-    across = a * n[0] + b * n[1] + c * n[2]
-    a, b, c = a - across * n[0], b - across * n[1], c - across * n[2]
-    long = math.sqrt(a * a + b * b + c * c)
-    lost = 0.0
-    if long > most:
-        keep = most / long
-        oa, ob, oc = record[i, 1 + d], record[i, 2 + d], record[i, 3 + d] if d == 3 else 0.0
-        sa, sb, sc = (1.0 - keep) * a, (1.0 - keep) * b, (1.0 - keep) * c
-        a, b, c = keep * a, keep * b, keep * c
-        lost = max(0.0, 0.5 * ((oa + a) * sa + (ob + b) * sb + (oc + c) * sc))
-        here = _to_frame(frame, x - a, y - b, z - c)
-        for k in range(d):
-            record[i, 1 + k] = here[k]
-    record[i, 1 + d], record[i, 2 + d] = a, b
-    if d == 3:
-        record[i, 3 + d] = c
-    return lost
 
+    row: np.ndarray
+    arm: np.ndarray
+    force: np.ndarray
+    correction: np.ndarray
+    pressed: np.ndarray
+    stored: np.ndarray
+    stuck: np.ndarray
+    lost: np.ndarray
 
-@register_jitable
-def _pull(friction, frame, i, x, y, z, n, depth, k, sums):
-    """The force [N] of a particle's spring, which has half the stiffness k; its energies go to the sums."""
-    d = (friction.record.shape[1] - 1) // 2
-    if friction.slipping:
-        if friction.record[i, 0] == 0.0:
-            _hold(friction, frame, i, x, y, z)
-        most = 2.0 * friction.coefficient * depth
-        sums[LOST] += 0.5 * k * _stretch(friction, frame, i, x, y, z, n, most)
-    a, b = friction.record[i, 1 + d], friction.record[i, 2 + d]
-    c = friction.record[i, 3 + d] if d == 3 else 0.0
-    sums[STUCK] += 0.25 * k * (a * a + b * b + c * c)
-    return -0.5 * k * a, -0.5 * k * b, -0.5 * k * c
+    @classmethod
+    def of_size(cls, n: int) -> "Touched":
+        """Room for n particles."""
+        vectors, numbers = [np.zeros((n, 3)) for _ in range(3)], [np.zeros(n) for _ in range(4)]
+        return cls(np.zeros(n, np.int64), *vectors, *numbers)
 
-
-@register_jitable
-def _put(vector, place, x, y, z):
-    """Three numbers into the components that a row has."""
-    vector[place, 0] = x
-    if vector.shape[1] > 1:
-        vector[place, 1] = y
-    if vector.shape[1] > 2:
-        vector[place, 2] = z
-
-
-@register_jitable
-def _add_up(sums, first, a, b, c, fx, fy, fz):
-    """A force and its moment by the arm (a, b, c) to sums from a place on."""
-    total = (fx, fy, fz, b * fz - c * fy, c * fx - a * fz, a * fy - b * fx)
-    for m in range(6):
-        sums[first + m] += total[m]
-
-
-@register_jitable
-def _force(friction, frame, i, x, y, z, n, depth, k, heat, sums):
-    """The force [N] on a particle of a depth [m], three components; its energies, and what friction takes of it."""
-    fx, fy, fz, lost = 0.0, 0.0, 0.0, sums[LOST]
-    if depth > 0.0:
-        push = k * depth
-        fx, fy, fz = push * n[0], push * n[1], push * n[2]
-        sums[STORED] += 0.5 * push * depth
-        if friction is not None:
-            tx, ty, tz = _pull(friction, frame, i, x, y, z, n, depth, k, sums)
-            fx, fy, fz = fx + tx, fy + ty, fz + tz
-    elif friction is not None:
-        sums[LOST] += _let_go(friction, k, i)
-    if heat is not None:
-        heat[i] = sums[LOST] - lost
-    return fx, fy, fz
+    def first(self, count: int) -> "Touched":
+        """Views of the first rows."""
+        return Touched(*(array[:count] for array in self))
 
 
 class Approach(NamedTuple):
-    """How far particles and tool may come nearer: a time [s], the greatest speed of the tool's points [m/s], and the
-    velocities (n, d) of the particles."""
+    """How far particles and tool may come nearer: a time [s], and the greatest speed of the tool's points [m/s]."""
 
     time: float
     speed: float
-    velocity: np.ndarray
+
+
+class Nearby(NamedTuple):
+    """Of all particles that the tool may touch in the time of `Approach`: stiffness [N/m], the same times squared arms
+    [N m] of normal and tangential springs; clearance [m]: the least distance of any face of a particle from the shape,
+    below zero where it touches."""
+
+    stiffness: float
+    turning: float
+    clearance: float
+
+
+@inlined
+def _to_frame(frame, a):
+    """A vector from the place of the tool in the frame of the tool."""
+    R = frame.rotation
+    return (
+        R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
+        R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
+        R[0, 2] * a[0] + R[1, 2] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@inlined
+def _to_space(frame, a):
+    """A vector of the frame of the tool in space."""
+    R = frame.rotation
+    return (
+        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
+        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
+        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
+    )
 
 
 @register_jitable
-def _speed(velocity, i):
-    square = 0.0
-    for k in range(velocity.shape[1]):
-        square += velocity[i, k] * velocity[i, k]
-    return math.sqrt(square)
+def _vector(rows, i, first, d):
+    """d numbers of a row from a column on."""
+    return rows[i, first], rows[i, first + 1] if d > 1 else 0.0, rows[i, first + 2] if d > 2 else 0.0
+
+
+@register_jitable
+def _put(rows, i, first, d, vector):
+    rows[i, first] = vector[0]
+    if d > 1:
+        rows[i, first + 1] = vector[1]
+    if d > 2:
+        rows[i, first + 2] = vector[2]
+
+
+@register_jitable
+def _rub(friction, frame, i, arm, normal, depth, stiffness):
+    """Friction's force [N] on a pressed particle, the energy of its spring and what it dissipates [J].
+
+    stiffness [N/m]: of the normal spring, twice that of friction's.
+    """
+    record, rigidity, lost = friction.record, 0.5 * stiffness, 0.0
+    d = (record.shape[1] - 1) // 2
+    if friction.slipping:
+        if record[i, 0] == 0.0:
+            record[i, 0] = 1.0
+            _put(record, i, 1, d, _to_frame(frame, arm))
+            _put(record, i, 1 + d, d, (0.0, 0.0, 0.0))
+        before, anchor = _vector(record, i, 1 + d, d), _to_space(frame, _vector(record, i, 1, d))
+        trial = tangential(combined(1.0, arm, -1.0, anchor), normal)
+        stretch, lost = return_mapping(before, trial, rigidity, friction.coefficient * stiffness * depth)
+        if stretch != trial:
+            _put(record, i, 1, d, _to_frame(frame, combined(1.0, arm, -1.0, stretch)))
+        _put(record, i, 1 + d, d, stretch)
+    stretch = _vector(record, i, 1 + d, d)
+    return combined(-rigidity, stretch, 0.0, stretch), 0.5 * rigidity * dot(stretch, stretch), lost
+
+
+@register_jitable
+def _let_go(friction, i, stiffness):
+    """Forget what a particle held; the energy of its spring [J]."""
+    record = friction.record
+    d = (record.shape[1] - 1) // 2
+    stretch = _vector(record, i, 1 + d, d)
+    record[i, :] = 0.0
+    return 0.25 * stiffness * dot(stretch, stretch)
 
 
 @kernel
-def press(
-    shape, frame, friction, resistance, owned, places, body, meant, rows, forces, heat, level, new, sums, approach
-):
-    """Forces (2, owned, d) [N] on the `rows` of particles that a shape touches, and their `sums` as named above: the
-    force, and what the impulse at the end of the step has besides, see `passes.crossing`.
+def press(shape, frame, friction, alpha, particles, approach, known, touched):
+    """Forces of a shape on particles into `touched`; how many rows that has, and `Nearby` as a tuple.
 
-    meant (bodies,): bodies that it is for; heat (owned,): what friction takes of each [J], or None; level (owned,): how
-    deep [m] each is, below zero where it is apart, of the last call unless `new`. Stiffnesses are those of all
-    particles that the shape may touch in the time of `approach`. Returns how many rows there are, the
-    least distance [m] of any face of a particle from the shape (below zero where it touches).
+    alpha: factor on the stiffness; friction: None without any; known: whether particles.level is that of the last step.
     """
-    count, clearance = 0, math.inf
-    sums[:] = 0.0
-    for i in range(owned):
-        if heat is not None:
-            heat[i] = 0.0
-        if not meant[body[i]]:
+    count, clearance, together, turning = 0, math.inf, 0.0, 0.0
+    position, level, d = particles.position, particles.level, particles.position.shape[1]
+    for i in range(particles.owned):
+        if not particles.touchable[particles.body[i]]:
             continue
-        x, y, z = _component(places, i, 0), _component(places, i, 1), _component(places, i, 2)
-        radius = resistance.radius[i]
-        u, v, w = _to_frame(frame, x, y, z)
-        pressed = level[i] > 0.0 and not new
-        reach = approach.time * (approach.speed + _speed(approach.velocity, i))
+        x, v = _vector(position, i, 0, d), _vector(particles.velocity, i, 0, d)
+        arm = (x[0] - frame.place[0], x[1] - frame.place[1], x[2] - frame.place[2])
+        local, stiffness = _to_frame(frame, arm), alpha * particles.stiffness[i]
+        before = level[i] if known else 0.0
+        reach = approach.time * (approach.speed + math.sqrt(dot(v, v)))
         # of what has just parted the direction counts, too
-        away, nx, ny, nz = distance(shape, u, v, w, math.inf if pressed else radius + reach)
-        depth, k = radius - away, resistance.factor * resistance.stiffness[i]
-        clearance = min(clearance, -depth)
-        more = 0.0 if new else k * crossing(level[i], depth)
+        look = math.inf if before > 0.0 else particles.radius[i] + reach
+        away, nx, ny, nz = distance(shape, local[0], local[1], local[2], look)
+        depth = particles.radius[i] - away
+        correction = stiffness * gap_correction(before, depth) if known else 0.0
         level[i] = depth
+        clearance = min(clearance, -depth)
         if depth > -reach:
             # the tangential spring of friction has half the stiffness
             share = 0.0 if friction is None else 0.5
-            p, q, r = v * nz - w * ny, w * nx - u * nz, u * ny - v * nx
+            p, q, r = local[1] * nz - local[2] * ny, local[2] * nx - local[0] * nz, local[0] * ny - local[1] * nx
             lever = p * p + q * q + r * r
-            sums[STIFFNESS] += k
-            sums[TURNING] += k * (lever + share * (u * u + v * v + w * w - lever))
-        if friction is None and not (depth > 0.0 or pressed):
-            continue
-        n = _turned(frame.rotation, nx, ny, nz)
-        fx, fy, fz = _force(friction, frame, i, x, y, z, n, depth, k, heat, sums)
-        if not (depth > 0.0 or pressed):
-            continue
-        a, b, c = x - frame.place[0], y - frame.place[1], z - frame.place[2]
-        rows[count] = i
-        _put(forces[0], count, fx, fy, fz)
-        _put(forces[1], count, more * n[0], more * n[1], more * n[2])
-        count += 1
-        _add_up(sums, 0, a, b, c, fx, fy, fz)
-        _add_up(sums, 12, a, b, c, more * n[0], more * n[1], more * n[2])
-    sums[COUNT] = count
-    return count, clearance
+            together += stiffness
+            turning += stiffness * (lever + share * (dot(local, local) - lever))
+        force, stored, stuck, lost = (0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+        normal = _to_space(frame, (nx, ny, nz))
+        if depth > 0.0:
+            push = stiffness * depth
+            force, stored = combined(push, normal, 0.0, normal), 0.5 * push * depth
+            if friction is not None:
+                drag, stuck, lost = _rub(friction, frame, i, arm, normal, depth, stiffness)
+                force = combined(1.0, force, 1.0, drag)
+        elif friction is not None:
+            lost = _let_go(friction, i, stiffness)
+        if depth > 0.0 or before > 0.0 or lost > 0.0:
+            touched.row[count], touched.pressed[count] = i, 1.0 if depth > 0.0 else 0.0
+            touched.stored[count], touched.stuck[count], touched.lost[count] = stored, stuck, lost
+            _put(touched.arm, count, 0, 3, arm)
+            _put(touched.force, count, 0, 3, force)
+            _put(touched.correction, count, 0, 3, combined(correction, normal, 0.0, normal))
+            count += 1
+    return count, together, turning, clearance
 
 
 @kernel
@@ -261,3 +228,47 @@ def fastest(owned, velocity):
         if not square <= most:
             most = square
     return math.sqrt(most)
+
+
+class Resultant(NamedTuple):
+    """What a tool does to particles, all together: force (3,) [N] and moment (3,) [N m] about its place, the same of
+    what impulses have besides; energies [J]; how many are pressed, and `Nearby`'s stiffnesses."""
+
+    force: np.ndarray
+    moment: np.ndarray
+    more_force: np.ndarray
+    more_moment: np.ndarray
+    stored: float = 0.0
+    stuck: float = 0.0
+    lost: float = 0.0
+    pressed: float = 0.0
+    stiffness: float = 0.0
+    turning: float = 0.0
+
+    @classmethod
+    def none(cls) -> "Resultant":
+        """Of a tool that touches nothing."""
+        return cls(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3))
+
+    @classmethod
+    def of(cls, touched: Touched, near: Nearby) -> "Resultant":
+        """The sums of some rows."""
+        moment, more_moment = (np.cross(touched.arm, force) for force in (touched.force, touched.correction))
+        vectors = touched.force, moment, touched.correction, more_moment
+        numbers = touched.stored, touched.stuck, touched.lost, touched.pressed
+        sums: list[Any] = [one.sum(axis=0) for one in (*vectors, *numbers)]
+        return cls._make([*sums, near.stiffness, near.turning])
+
+    def plus(self, other: "Resultant") -> "Resultant":
+        """The sum of two."""
+        return Resultant.from_numbers(self.numbers + other.numbers)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """All of them in a row, for sums over ranks."""
+        return np.concatenate([np.ravel(one) for one in self])
+
+    @classmethod
+    def from_numbers(cls, numbers: np.ndarray) -> "Resultant":
+        """What `numbers` gave."""
+        return cls(*numbers[:12].reshape(4, 3), *map(float, numbers[12:]))

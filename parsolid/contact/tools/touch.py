@@ -5,9 +5,20 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
-from parsolid.contact.tools import forces
-from parsolid.contact.tools.forces import Approach, Frame, Friction, Resistance
+from parsolid.boundary.forces import tributary_mass
+from parsolid.contact.tools.forces import (
+    Approach,
+    Frame,
+    Friction,
+    Nearby,
+    Particles,
+    Resultant,
+    Touched,
+    fastest,
+    press,
+)
 from parsolid.contact.tools.resistance import radii, stiffnesses
+from parsolid.contact.tools.shapes import distance
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
 from parsolid.scene import Scene
@@ -18,6 +29,8 @@ RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
 _LOOK_AFTER = 0.5
 # in so many of the longest steps what is near may be touched: until then steps are as short as contact wants
 _NEAR = 2.0
+# radius [m] of particles that no tool touches
+_OUT_OF_REACH = -1e9
 
 
 def record_of(tool: str) -> str:
@@ -32,7 +45,7 @@ def level_of(tool: str) -> str:
 
 def declare(scene: Scene, system: ParticleSystem) -> None:
     """What a system's particles need to be touched by a scene's tools; nothing where there are none."""
-    touching = [tool for tool in scene.tools if meant_by(tool, scene, system).any()]
+    touching = [tool for tool in scene.tools if touchable_by(tool, scene, system).any()]
     if not touching:
         return
     system.take_external_forces(keep_rows=False)
@@ -49,7 +62,7 @@ def declare(scene: Scene, system: ParticleSystem) -> None:
             particles.declare(Field(record_of(tool.name), 1 + 2 * system.dimension, "m", checkpointed=True))
 
 
-def meant_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
+def touchable_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
     """Which bodies (bodies,) of a system a tool is for; tool: `scene.tools.Tool`."""
     wanted = tool.bodies
     return np.array([wanted is None or scene.bodies[number].name in wanted for number in system.bodies])
@@ -58,71 +71,83 @@ def meant_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
 class Touch:
     """A tool on a system.
 
-    rows (n,), forces (2, n, d) [N]: what it touches, and what the impulse at the end of the step has besides; sums
-    (18,): as `forces.press` has them, of this rank; clearance [m]:
-    of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to that of a
-    particle, where one is near; quiet_until [s]: nothing can be touched before.
+    touched: the particles on which it acts, on their parts on this side of mirror planes; resultant: of this rank;
+    clearance [m]: of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to
+    that of a particle, where one is near; quiet_until [s]: nothing can be touched before; deleted [J]: energy of
+    contact that went with deleted particles in the last step.
     """
 
-    def __init__(self, tool: Any, system: ParticleSystem, meant: np.ndarray, signal: float) -> None:
-        """tool: `contact.Tool`; meant (bodies,): which bodies of the system it is for; signal: the speed [m/s] that
+    def __init__(self, tool: Any, system: ParticleSystem, touchable: np.ndarray, signal: float) -> None:
+        """tool: `contact.Tool`; touchable (bodies,): which bodies of the system it is for; signal: the speed [m/s] that
         particles may gain before they are looked at again."""
-        self.tool, self.system, self.meant, self.signal = tool, system, meant, signal
+        self.tool, self.system, self.touchable, self.signal = tool, system, touchable, signal
         self.record = record_of(tool.name) if tool.friction > 0.0 else None
-        self.sums = np.zeros(forces.SUMS)
-        self.heat = np.zeros(0) if self.record is not None and system.takes_heat else None
-        self.count, self.clearance, self.greatest_square = 0, np.inf, 0.0
-        self._rows, self._forces = np.zeros(0, np.int64), np.zeros((2, 0, system.dimension))
+        self._room = Touched.of_size(0)
+        self.touched, self.resultant = self._room, Resultant.none()
+        self.clearance, self.greatest_square, self.deleted = np.inf, 0.0, 0.0
         # whether places of the last step were looked at
         self._followed = False
         self._layout, self._hardest, self.quiet_until = -1, 0.0, -np.inf
 
     @property
     def rows(self) -> np.ndarray:
-        """Rows (n,) of particles that it touches."""
-        return self._rows[: self.count]
-
-    @property
-    def forces(self) -> np.ndarray:
-        """Forces (2, n, d) [N] on them, on their parts on this side of mirror planes."""
-        return self._forces[:, : self.count]
+        """Rows (n,) of particles on which it acts."""
+        return self.touched.row
 
     def evaluate(self, time: float, slipping: bool) -> None:
         """Forces at a time [s]; slipping: friction follows the motion, or what is recorded is asked for again."""
-        particles, tool = self.system.particles, self.tool
+        particles, tool, self.deleted = self.system.particles, self.tool, 0.0
         if time < tool.quiet_until or (time < self.quiet_until and self._layout == particles.layout):
-            self.count, self.greatest_square, self._followed = 0, 0.0, False
-            self.sums[:] = 0.0
-            if self.heat is not None:
-                self.heat[:] = 0.0
+            self.touched, self.resultant = self._room.first(0), Resultant.none()
+            self.greatest_square, self._followed = 0.0, False
             return
-        if len(self._rows) < particles.owned:
-            self._rows = np.zeros(particles.capacity, np.int64)
-            self._forces = np.zeros((2, particles.capacity, self.system.dimension))
-            self.heat = None if self.heat is None else np.zeros(particles.capacity)
+        if len(self._room.row) < particles.owned:
+            self._room = Touched.of_size(particles.capacity)
+        self._leave_out_deleted()
         friction = None
         if self.record is not None:
             friction = Friction(tool.friction, particles.storage(self.record), slipping)
-        resistance = Resistance(particles[RADIUS], particles[STIFFNESS], tool.stiffness)
-        self.count, self.clearance = forces.press(
+        seen = Particles(
+            particles.owned,
+            particles["position"],
+            particles["velocity"],
+            particles["body"],
+            self.touchable,
+            particles[RADIUS],
+            particles[STIFFNESS],
+            particles.storage(level_of(tool.name)),
+        )
+        count, *near = press(
             tool.shape,
             Frame(tool.body.pose.place, tool.body.pose.matrix),
             friction,
-            resistance,
-            particles.owned,
-            particles["position"],
-            particles["body"],
-            self.meant,
-            self._rows,
-            self._forces,
-            self.heat,
-            particles.storage(level_of(tool.name)),
-            not self._followed,
-            self.sums,
-            Approach(tool.longest, tool.speed(time), particles["velocity"]),
+            tool.stiffness,
+            seen,
+            Approach(tool.longest, tool.speed(time)),
+            self._followed,
+            self._room,
         )
-        self._followed = True
+        self._followed, self.touched = True, self._room.first(count)
+        self.resultant, self.clearance = Resultant.of(self.touched, Nearby(*near)), near[-1]
         self._look_ahead(time)
+
+    def _leave_out_deleted(self) -> None:
+        """Particles that have failed and were deleted, which have no mass, are not touched any more.
+
+        In the last step the force that they were pressed with acts at its start alone: from k d^2/2 at a depth d to a
+        depth e the energy becomes k d e/2."""
+        particles, tool = self.system.particles, self.tool
+        if "deleted_mass" not in particles:
+            return
+        rows, pose = particles.owned_rows, tool.body.pose
+        gone, level = rows("deleted_mass") > 0.0, rows(level_of(tool.name))
+        for i in np.flatnonzero(gone & (level > 0.0)):
+            if self._followed:
+                place = np.append(rows("position")[i], np.zeros(3 - self.system.dimension))
+                deeper = rows(RADIUS)[i] - distance(tool.shape, *((place - pose.place) @ pose.matrix), np.inf)[0]
+                self.deleted += 0.5 * tool.stiffness * rows(STIFFNESS)[i] * level[i] * deeper
+            level[i] = _OUT_OF_REACH
+        rows(RADIUS)[gone] = _OUT_OF_REACH
 
     def _look_ahead(self, time: float) -> None:
         """When to look again, and how stiff what may be touched by then is."""
@@ -132,7 +157,7 @@ class Touch:
         speed = self.signal + self.tool.speed(time)
         if self.clearance > _NEAR * self.tool.longest * speed:
             # what moves faster than that will be seen in time
-            speed += forces.fastest(system.particles.owned, system.particles["velocity"])
+            speed += fastest(system.particles.owned, system.particles["velocity"])
         near = self.clearance <= _NEAR * self.tool.longest * speed
         self.greatest_square = self._hardest if near else 0.0
         self.quiet_until = -np.inf if near else time + _LOOK_AFTER * self.clearance / speed
@@ -141,21 +166,21 @@ class Touch:
         """The greatest square of an angular frequency [1/s^2] that the contact may add to that of a particle."""
         system = self.system
         rows = system.particles.owned_rows
-        here = self.meant[rows("body")]
-        mass = (system.mass[: system.owned] * system.share[: system.owned])[here]
+        here = np.flatnonzero(self.touchable[rows("body")] & (rows(RADIUS) > _OUT_OF_REACH))
+        mass = tributary_mass(system.particles, here)
         return self.tool.stiffness * float((rows(STIFFNESS)[here] / mass).max(initial=0.0))
 
     def warm(self) -> float:
         """Give the particles half of what friction took of each, for the tool has no temperature; what of it their
         stored energy holds [J]."""
-        if self.heat is None:
+        if self.record is None or not self.system.takes_heat:
             return 0.0
-        warmed = np.flatnonzero(self.heat[: self.system.owned])
-        return self.system.take_heat(0.5 * self.heat[warmed], warmed)
+        warmed = self.touched.lost > 0.0
+        return self.system.take_heat(0.5 * self.touched.lost[warmed], self.rows[warmed])
 
     def give(self, step: float) -> None:
         """Add the forces to those on the particles, and the impulse that a step [s] has besides."""
-        if self.count:
-            owned = self.system.particles.owned_rows
-            owned(EXTERNAL_FORCE)[self.rows] += self.forces[0]
-            owned(EXTERNAL_IMPULSE)[self.rows] += 0.5 * step * self.forces[1]
+        if len(self.rows):
+            owned, d = self.system.particles.owned_rows, self.system.dimension
+            owned(EXTERNAL_FORCE)[self.rows] += self.touched.force[:, :d]
+            owned(EXTERNAL_IMPULSE)[self.rows] += 0.5 * step * self.touched.correction[:, :d]

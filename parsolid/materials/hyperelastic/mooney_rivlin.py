@@ -20,14 +20,22 @@ from parsolid.tensors import add_spherical, combine, combine_symmetric, contract
 
 
 class MooneyRivlin(NamedTuple):
-    """Parameters in SI units; `zeta` is None for the neo-Hookean solid, the branches None without viscosity.
-
-    density [kg/m^3], xi, zeta, lambda_hat [Pa]; branch_moduli [Pa] and relaxation_times [s] are tuples of equal length.
-    """
+    """Parameters in SI units: density [kg/m^3], xi, zeta, lambda_hat [Pa]; branch_moduli [Pa] and relaxation_times [s]
+    are tuples of equal length, None without viscosity."""
 
     density: float
     xi: float
-    zeta: float | None
+    zeta: float
+    lambda_hat: float
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
+
+
+class NeoHookean(NamedTuple):
+    """The same with zeta = 0, of which nothing is computed."""
+
+    density: float
+    xi: float
     lambda_hat: float
     branch_moduli: tuple[float, ...] | None
     relaxation_times: tuple[float, ...] | None
@@ -79,11 +87,12 @@ class StatedMooneyRivlin:
         """Shear modulus and first Lame constant [Pa] as stated, without the rounding of a way there and back."""
         return self.moduli.shear_modulus, self.moduli.first_lame
 
-    def equilibrium_law(self) -> MooneyRivlin:
+    def equilibrium_law(self) -> MooneyRivlin | NeoHookean:
         """The law without branches."""
-        moduli = self.moduli
-        zeta = float(moduli.zeta) or None
-        return MooneyRivlin(float(self.density), float(moduli.xi), zeta, float(moduli.lambda_hat), None, None)
+        density, xi, zeta, lambda_hat = map(float, (self.density, *self.moduli[:3]))
+        if zeta == 0.0:
+            return NeoHookean(density, xi, lambda_hat, None, None)
+        return MooneyRivlin(density, xi, zeta, lambda_hat, None, None)
 
     def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
         """What is not a polyconvex solid."""
@@ -103,7 +112,7 @@ class StatedMooneyRivlin:
         return details
 
 
-@energy.of(MooneyRivlin, lacking="zeta")
+@energy.of(NeoHookean)
 def _neo_hookean_energy(law, F, H, J):
     # (19)
     return law.xi * (contract(F, F) - 3.0) - 2.0 * law.xi * log(J) + 0.5 * law.lambda_hat * (J - 1.0) * (J - 1.0)
@@ -117,7 +126,7 @@ def _energy(law, F, H, J):
     return chains - 2.0 * (law.xi + 2.0 * law.zeta) * log(J) + volume
 
 
-@stress.of(MooneyRivlin, lacking="zeta")
+@stress.of(NeoHookean)
 def _neo_hookean_stress(law, F, H, J):
     # (A.1): P = Sigma_F + Sigma_J H
     r = 1.0 / J
@@ -132,7 +141,7 @@ def _stress(law, F, H, J):
     return combine(1.0, combine(2.0 * law.xi, F, sigma_J, H), 2.0 * law.zeta, cross(H, F))
 
 
-@pressure_waves.of(MooneyRivlin, lacking="zeta")
+@pressure_waves.of(NeoHookean)
 def _neo_hookean_pressure_waves(law, F, H, J):
     # (56), exact for every N: 2 xi + f'' Lambda_H^2
     r = 1.0 / J
@@ -149,11 +158,6 @@ def _pressure_waves(law, F, H, J):
     return add_spherical(waves, 2.0 * law.xi + 2.0 * law.zeta * (C[0] + C[1] + C[2]))
 
 
-@shear_waves.of(MooneyRivlin, lacking="zeta")
-def _neo_hookean_shear_waves(law, F):
-    return (2.0 * law.xi, 2.0 * law.xi, 2.0 * law.xi, 0.0, 0.0, 0.0)
-
-
 @shear_waves.of(MooneyRivlin)
 def _shear_waves(law, F):
     # (59) averaged over both waves: 2 xi + zeta Lambda_T^2
@@ -166,12 +170,7 @@ def _direction_dependent(law):
     return None
 
 
-@isotropic_shear_modulus.of(MooneyRivlin, lacking="zeta branch_moduli")
-def _isotropic(law):
-    return 2.0 * law.xi
-
-
-@elastic_moduli.of(MooneyRivlin, lacking="zeta")
+@elastic_moduli.of(NeoHookean)
 def _neo_hookean_moduli(law):
     return 2.0 * law.xi, law.lambda_hat
 

@@ -164,17 +164,16 @@ def micro_kinetic_energy(law, density, rate):
 
 
 @inlined
-def micro_time_step(law, length, density, rate, gradient_square, gamma, curl, temperature):
-    """Stable step [s] of micro-rate and micro-flux at a state, for particles whose operators see wave numbers up to
-    2/length; very long without energetic and dissipative length.
+def micro_time_step(law, length, density, resistance):
+    """Stable step [s] of micro-rate and micro-flux at a state with a `resistance`, for particles whose operators see
+    wave numbers up to 2/length; very long without energetic and dissipative length.
 
     Energetic wave: (l_1/l_m) sqrt(S_0/rho); dissipative wave: (l_3/l_m) sqrt(S_g R_1 R_2/(rho d^p t_xi)), or its
     diffusion where t_xi is shorter than the step. The micro-oscillator and t_pi are implicit and set no limit.
     """
     inertia = max(law.inertia_length * law.inertia_length * density, 1e-300)
     energetic = law.energetic_length / length * (law.yield_stress / inertia) ** 0.5
-    resisted = resistance(law, rate, gradient_square, gamma, curl, temperature)
-    diffusivity = law.dissipative_length * law.dissipative_length * resisted / inertia
+    diffusivity = law.dissipative_length * law.dissipative_length * resistance / inertia
     dissipative = delayed_rate(diffusivity, law.flux_relaxation_time, length)
     return 1.0 / (energetic * energetic + dissipative * dissipative + 1e-60) ** 0.5
 

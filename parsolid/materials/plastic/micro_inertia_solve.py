@@ -9,8 +9,8 @@ With v = (1 - theta) v0 + theta v1 and what relaxes in a step, w = 1 - exp(-dt/t
 the root from the left, and lands left of it from the right. Halley's method is used first, which needs no other power:
 G and its derivatives share one exp and one log.
 
-A tile is a flat array (ROWS * TILE,), row r of particle p at r * TILE + p. `new_tile` makes it. The method fills of the
-start of the step
+`new_tile` makes a tile (`parsolid.tiles`), whose first 12 rows are the method's: DEVIATOR and STRAIN of `tile_update`.
+The method fills of the start of the step
 
     DENSITY (the present one) [kg/m^3], TAU |S|, TRIAL |S_tr| of the elastic step, RATE v^p [1/s], STRESS pi [Pa],
     GAMMA, CURL eta^p [1/m], TEMPERATURE [K], FORCE div xi [Pa], GRADIENT_SQUARE |grad v^p|^2 [1/(m s)^2]
@@ -26,12 +26,12 @@ import numpy as np
 from parsolid.elementary import exp, log
 from parsolid.kernels import inlined, kernel
 from parsolid.materials.plastic.micro_inertia import MicroIncrements, flow_strength, least_rate_square
+from parsolid.tiles import TILE
 
-TILE = 32
-DENSITY, TAU, TRIAL, RATE, STRESS, GAMMA, CURL, TEMPERATURE, FORCE, GRADIENT_SQUARE = range(10)
-NEW_RATE, MEAN_RATE, NEW_TAU, NEW_STRESS, HEAT, LOST = range(10, 16)
-_LOW, _HIGH, _DRIVE, _STRENGTH, _LEAST, _RESULT, _MOVES = range(16, 23)
-ROWS = 23
+DENSITY, TAU, TRIAL, RATE, STRESS, GAMMA, CURL, TEMPERATURE, FORCE, GRADIENT_SQUARE = range(12, 22)
+NEW_RATE, MEAN_RATE, NEW_TAU, NEW_STRESS, HEAT, LOST = range(22, 28)
+_LOW, _HIGH, _DRIVE, _STRENGTH, _LEAST, _RESULT, _MOVES = range(28, 35)
+ROWS = 35
 # Halley's method is cubic: what a change of this leaves is below rounding
 _SETTLED, _SETTLED_NEWTON = 1e-5, 1e-8
 _HALLEY_STEPS, _MOST_STEPS = 8, 60
@@ -50,11 +50,11 @@ def increments_of(law, step: float) -> MicroIncrements:
     return MicroIncrements(float(step), theta, law.reference_rate**-law.rate_exponent, *shares)
 
 
-def new_tile() -> np.ndarray:
-    """A tile at rest."""
-    tile = np.zeros(ROWS * TILE)
-    tile.reshape(ROWS, TILE)[[DENSITY, TEMPERATURE]] = 1.0
-    return tile
+def new_tile(rows: int = ROWS) -> np.ndarray:
+    """A tile at rest; rows: with those that a method adds, which are 1."""
+    tile = np.zeros((rows, TILE))
+    tile[[DENSITY, TEMPERATURE]], tile[ROWS:] = 1.0, 1.0
+    return tile.ravel()
 
 
 @inlined

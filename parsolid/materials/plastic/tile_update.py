@@ -2,15 +2,14 @@
 
     sigma = s - P 1,   P = A(J) + gamma E,   s along the elastic trial s + 2 mu e, returned to the flow stress
 
-A tile is a flat array (rows * TILE,) with row r of particle p at r * TILE + p: in one flat array LLVM sees that rows do
-not overlap, and vectorises the loops. A method makes it by `new_tile`, and for every 32 particles
+A method makes a tile (`parsolid.tiles`) by `new_tile`, and for every 32 particles
 
-    copies what they carry into rows; `fill_idle` gives rows of a part-filled tile a state at rest
+    load_state(...), and loads what else they carry; `fill_idle` gives rows of a part-filled tile a state at rest
     start_step(law, law.failure, tile)         pressure, melting temperature, shear modulus, heat capacity, wave speed
     adds to HEAT what else heats, which may depend on these (viscous pressure)
     flow(law, law.failure, step, tile)         return to the flow stress, plastic work
     finish_step(law, law.failure, step, tile)  energy, temperature, pressure; failure; wave speed
-    copies rows back
+    store_state(...)
 
 Rows that the method fills; those with * are replaced by their values at the end of the step:
 
@@ -73,8 +72,8 @@ from parsolid.tensors import (
     times_symmetric,
     transpose,
 )
+from parsolid.tiles import TILE, load, load_rows, load_symmetric, store, store_rows, store_symmetric
 
-TILE = 32
 DEVIATOR, STRAIN = 0, 6
 PLASTIC_STRAIN, ENERGY, TEMPERATURE = 12, 13, 14
 JACOBIAN, MIDDLE_JACOBIAN, NEW_JACOBIAN = 15, 16, 17
@@ -100,35 +99,33 @@ def new_tile(criteria: int = 0) -> np.ndarray:
 
 
 @inlined
-def load_symmetric(tile, row, p):
-    """Six rows of particle p from `row` on, a symmetric tensor."""
-    i = row * TILE + p
-    return (tile[i], tile[i + TILE], tile[i + 2 * TILE], tile[i + 3 * TILE], tile[i + 4 * TILE], tile[i + 5 * TILE])
+def load_state(deviator, numbers, failing, strength, first, count, tile):
+    """What particles first .. first + count - 1 carry, fields (components, particles).
+
+    numbers: fields of PLASTIC_STRAIN, ENERGY and TEMPERATURE; failing: damage and damage by each criterion, None where
+    the law never fails; strength: its factors, or None.
+    """
+    load_rows(deviator, first, count, tile, DEVIATOR)
+    load_rows(numbers[0], first, count, tile, PLASTIC_STRAIN)
+    load_rows(numbers[1], first, count, tile, ENERGY)
+    load_rows(numbers[2], first, count, tile, TEMPERATURE)
+    if failing is not None:
+        load_rows(failing[0], first, count, tile, DAMAGE)
+        load_rows(failing[1], first, count, tile, CRITERIA)
+    if strength is not None:
+        load_rows(strength, first, count, tile, STRENGTH)
 
 
 @inlined
-def store_symmetric(tile, row, p, S):
-    """Put a symmetric tensor into six rows of particle p."""
-    i = row * TILE + p
-    tile[i], tile[i + TILE], tile[i + 2 * TILE] = S[0], S[1], S[2]
-    tile[i + 3 * TILE], tile[i + 4 * TILE], tile[i + 5 * TILE] = S[3], S[4], S[5]
-
-
-@inlined
-def load_general(tile, row, p):
-    """Nine rows of particle p from `row` on, a general tensor."""
-    i = row * TILE + p
-    return (tile[i], tile[i + TILE], tile[i + 2 * TILE], tile[i + 3 * TILE], tile[i + 4 * TILE],
-            tile[i + 5 * TILE], tile[i + 6 * TILE], tile[i + 7 * TILE], tile[i + 8 * TILE])  # fmt: skip
-
-
-@inlined
-def store_general(tile, row, p, A):
-    """Put a general tensor into nine rows of particle p."""
-    i = row * TILE + p
-    tile[i], tile[i + TILE], tile[i + 2 * TILE] = A[0], A[1], A[2]
-    tile[i + 3 * TILE], tile[i + 4 * TILE], tile[i + 5 * TILE] = A[3], A[4], A[5]
-    tile[i + 6 * TILE], tile[i + 7 * TILE], tile[i + 8 * TILE] = A[6], A[7], A[8]
+def store_state(deviator, numbers, failing, first, count, tile):
+    """The way back of `load_state`."""
+    store_rows(deviator, first, count, tile, DEVIATOR)
+    store_rows(numbers[0], first, count, tile, PLASTIC_STRAIN)
+    store_rows(numbers[1], first, count, tile, ENERGY)
+    store_rows(numbers[2], first, count, tile, TEMPERATURE)
+    if failing is not None:
+        store_rows(failing[0], first, count, tile, DAMAGE)
+        store_rows(failing[1], first, count, tile, CRITERIA)
 
 
 @kernel
@@ -153,21 +150,21 @@ def advance_deformation(step, plane, tile):
     strain and axial symmetry.
     """
     for p in range(TILE):
-        F, rate = load_general(tile, DEFORMATION, p), load_general(tile, VELOCITY_GRADIENT, p)
+        F, rate = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
         new = combine(1.0, F, step, matmul(rate, F))
         J, new_J = determinant(F), determinant(new)
         tile[JACOBIAN * TILE + p], tile[NEW_JACOBIAN * TILE + p] = J, new_J
         tile[MIDDLE_JACOBIAN * TILE + p] = 0.5 * (J + new_J)
         # the rotation of the middle of the step needs F + F+; both are made from F+ and l again
-        store_general(tile, ROTATION, p, new)
+        store(tile, ROTATION * TILE + p, new)
     if plane is not None:
         for p in range(TILE):
-            store_general(tile, ROTATION, p, plane_rotation(load_general(tile, ROTATION, p)))
+            store(tile, ROTATION * TILE + p, plane_rotation(load(tile, ROTATION * TILE + p)))
     else:
         _rotate(tile)
     for p in range(TILE):
-        F, rate = load_general(tile, DEFORMATION, p), load_general(tile, VELOCITY_GRADIENT, p)
-        R = load_general(tile, ROTATION, p)
+        F, rate = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
+        R = load(tile, ROTATION * TILE + p)
         new = combine(1.0, F, step, matmul(rate, F))
         half = (1.0 + 0.5 * step * rate[0], 0.5 * step * rate[1], 0.5 * step * rate[2],
                 0.5 * step * rate[3], 1.0 + 0.5 * step * rate[4], 0.5 * step * rate[5],
@@ -177,8 +174,8 @@ def advance_deformation(step, plane, tile):
         D = congruence(transpose(half_R), D)
         volume_rate = D[0] + D[1] + D[2]
         tile[VOLUME_RATE * TILE + p] = volume_rate
-        store_symmetric(tile, STRAIN, p, times_symmetric(step, add_spherical(D, -volume_rate / 3.0)))
-        store_general(tile, DEFORMATION, p, new)
+        store_symmetric(tile, STRAIN * TILE + p, times_symmetric(step, add_spherical(D, -volume_rate / 3.0)))
+        store(tile, DEFORMATION * TILE + p, new)
 
 
 @kernel
@@ -189,12 +186,12 @@ def _rotate(tile):
     for _ in range(30):
         moving = 0
         for p in range(TILE):
-            X = load_general(tile, ROTATION, p)
+            X = load(tile, ROTATION * TILE + p)
             new = rotation_step(X)
             change = combine(1.0, new, -1.0, X)
             # a particle that has settled is not changed again, whatever its neighbours do
             moves = tile[_MOVES * TILE + p]
-            store_general(tile, ROTATION, p, combine(moves, change, 1.0, X))
+            store(tile, ROTATION * TILE + p, combine(moves, change, 1.0, X))
             settled = contract(change, change) <= ROTATION_SETTLED
             moves = 0.0 if settled else moves
             tile[_MOVES * TILE + p] = moves
@@ -223,7 +220,7 @@ def start_step(law, failure, tile):
 def flow(law, failure, step, tile):
     """Return the deviator to the flow stress after a step [s]: DEVIATOR, PLASTIC_STRAIN, INCREMENT, PLASTIC_WORK."""
     for p in range(TILE):
-        s, strain = load_symmetric(tile, DEVIATOR, p), load_symmetric(tile, STRAIN, p)
+        s, strain = load_symmetric(tile, DEVIATOR * TILE + p), load_symmetric(tile, STRAIN * TILE + p)
         twice = 2.0 * tile[SHEAR_MODULUS * TILE + p]
         trial = (s[0] + twice * strain[0], s[1] + twice * strain[1], s[2] + twice * strain[2],
                  s[3] + twice * strain[3], s[4] + twice * strain[4], s[5] + twice * strain[5])  # fmt: skip
@@ -233,7 +230,7 @@ def flow(law, failure, step, tile):
         # without time to flow in, a stress above that of slow flow stays
         plastic_increments(law.flow_stress, law.taylor_quinney, step, tile)
     for p in range(TILE):
-        s, strain = load_symmetric(tile, DEVIATOR, p), load_symmetric(tile, STRAIN, p)
+        s, strain = load_symmetric(tile, DEVIATOR * TILE + p), load_symmetric(tile, STRAIN * TILE + p)
         mu, trial, increment = tile[SHEAR_MODULUS * TILE + p], tile[_TRIAL * TILE + p], tile[INCREMENT * TILE + p]
         returned = trial - 3.0 * mu * increment
         factor = returned / trial if increment > 0.0 else 1.0
@@ -251,7 +248,7 @@ def flow(law, failure, step, tile):
                factor * (s[4] + twice * strain[4]), factor * (s[5] + twice * strain[5]))  # fmt: skip
         both = contract_symmetric(s, strain) + contract_symmetric(new, strain)
         tile[_WORK * TILE + p] = 0.5 * tile[MIDDLE_JACOBIAN * TILE + p] * both
-        store_symmetric(tile, DEVIATOR, p, new)
+        store_symmetric(tile, DEVIATOR * TILE + p, new)
         tile[INCREMENT * TILE + p], tile[PLASTIC_WORK * TILE + p] = increment, work
         tile[PLASTIC_STRAIN * TILE + p] += increment
 
@@ -284,7 +281,7 @@ def _guarded_increments(flow, taylor_quinney, step, tile):
         yielding = flow_stress(flow, tile[PLASTIC_STRAIN * TILE + p], SLOWEST_RATE, tile[TEMPERATURE * TILE + p], mu,
                                tile[MELTING * TILE + p])  # fmt: skip
         flows = trial > yielding
-        strain = load_symmetric(tile, STRAIN, p)
+        strain = load_symmetric(tile, STRAIN * TILE + p)
         # in steady flow the whole strain of the step is plastic
         expected, high = (2.0 / 3.0 * contract_symmetric(strain, strain)) ** 0.5, trial / (3.0 * mu)
         tile[INCREMENT * TILE + p] = min(expected, 0.999 * high) if flows else 0.0
@@ -380,8 +377,14 @@ def _advance_criterion(criterion, row, step, tile):
     for p in range(TILE):
         increment = tile[INCREMENT * TILE + p]
         loading = Loading(
-            load_symmetric(tile, DEVIATOR, p), tile[PRESSURE * TILE + p], tile[PLASTIC_STRAIN * TILE + p], increment,
-            increment / max(step, 1e-300), tile[TEMPERATURE * TILE + p], tile[MELTING * TILE + p])  # fmt: skip
+            load_symmetric(tile, DEVIATOR * TILE + p),
+            tile[PRESSURE * TILE + p],
+            tile[PLASTIC_STRAIN * TILE + p],
+            increment,
+            increment / max(step, 1e-300),
+            tile[TEMPERATURE * TILE + p],
+            tile[MELTING * TILE + p],
+        )
         damage = damage_after(criterion, tile[row * TILE + p], tile[STRENGTH * TILE + p], loading)
         tile[row * TILE + p] = damage
         tile[_WORST * TILE + p] = max(tile[_WORST * TILE + p], damage)
@@ -397,7 +400,11 @@ def _fail(law, failure, step, tile):
         old = tile[DAMAGE * TILE + p]
         damage = min(tile[_WORST * TILE + p], 1.0) if old < 1.0 else old
         failed, fails = damage >= 1.0, damage >= 1.0 and old < 1.0
-        s, strain, J = load_symmetric(tile, DEVIATOR, p), load_symmetric(tile, STRAIN, p), tile[NEW_JACOBIAN * TILE + p]
+        s, strain, J = (
+            load_symmetric(tile, DEVIATOR * TILE + p),
+            load_symmetric(tile, STRAIN * TILE + p),
+            tile[NEW_JACOBIAN * TILE + p],
+        )
         pressure, mu = tile[PRESSURE * TILE + p], tile[SHEAR_MODULUS * TILE + p]
         tension, change = min(pressure, 0.0), J - tile[JACOBIAN * TILE + p]
         # the forces of the next step do not know the stress that is lost, so its half of this step's work was not done
@@ -410,5 +417,5 @@ def _fail(law, failure, step, tile):
         tile[ENERGY * TILE + p] -= unpaid if fails else 0.0
         tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[CAPACITY * TILE + p], released)
         left = 0.0 if failed else 1.0
-        store_symmetric(tile, DEVIATOR, p, times_symmetric(left, s))
+        store_symmetric(tile, DEVIATOR * TILE + p, times_symmetric(left, s))
         tile[PRESSURE * TILE + p] = max(pressure, 0.0) if failed else pressure

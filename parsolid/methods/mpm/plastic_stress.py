@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import kernel
+from parsolid.kernels import inlined, kernel
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.functions import specific_heat
 from parsolid.materials.plastic.tile_update import (
-    CRITERIA,
     DAMAGE,
     DEFORMATION,
     DEVIATOR,
@@ -19,32 +18,30 @@ from parsolid.materials.plastic.tile_update import (
     JACOBIAN,
     MIDDLE_JACOBIAN,
     NEW_JACOBIAN,
-    PLASTIC_STRAIN,
     PLASTIC_WORK,
     PRESSURE,
     RELEASED,
     ROOM,
     ROTATION,
     SPEED,
-    STRENGTH,
     TEMPERATURE,
-    TILE,
     VELOCITY_GRADIENT,
     VOLUME_RATE,
     advance_deformation,
     fill_idle,
     finish_step,
     flow,
-    load_general,
-    load_symmetric,
+    load_state,
     new_tile,
     start_step,
+    store_state,
 )
 from parsolid.tensors import congruence
+from parsolid.tiles import TILE, load, load_placed, load_symmetric, store_placed
 
-# components, of nine and of six, that the fields have in two and three dimensions
+# components of nine that F has in two and three dimensions; the first ones of six that the deviator has
 TENSOR_ROWS = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
-SYMMETRIC_ROWS = {2: np.arange(4), 3: np.arange(6)}
+SYMMETRIC_ROWS = {2: 4, 3: 6}
 
 
 class PlasticState(NamedTuple):
@@ -85,42 +82,25 @@ def new_state(dimension: int, capacity: int, criteria: int = 0) -> PlasticState:
     failure."""
     deformation = np.zeros((len(TENSOR_ROWS[dimension]), capacity))
     deformation[np.isin(TENSOR_ROWS[dimension], (0, 4, 8))] = 1.0
-    deviator = np.zeros((len(SYMMETRIC_ROWS[dimension]), capacity))
+    deviator = np.zeros((SYMMETRIC_ROWS[dimension], capacity))
     damage = [np.zeros((rows, capacity)) for rows in (1, criteria)] if criteria else []
     return PlasticState(deformation, deviator, *(np.zeros((1, capacity)) for _ in range(3)), *damage)
 
 
-@kernel
-def load_rows(tile, first, places, field, i, count):
-    """Rows first + places[c] of a tile from rows c of a field, particles i..i+count-1."""
-    for c in range(places.size):
-        row, at = field[c], (first + places[c]) * TILE
-        for p in range(count):
-            tile[at + p] = row[i + p]
-
-
-@kernel
-def store_rows(tile, first, places, field, i, count):
-    """The way back of `load_rows`."""
-    for c in range(places.size):
-        row, at = field[c], (first + places[c]) * TILE
-        for p in range(count):
-            row[i + p] = tile[at + p]
-
-
-@kernel
+@inlined
 def load_rates(tile, rate, deleted, i, count):
     """Velocity gradients [1/s] of particles i..i+count-1; deleted particles do not deform any more."""
     for p in range(count):
+        q = np.uintp(i + p)
         for a in range(3):
             for b in range(3):
-                gradient = rate[i + p, 4 * a + b]
+                gradient = rate[q, 4 * a + b]
                 if deleted is not None:
-                    gradient = 0.0 if deleted[0, i + p] > 0.0 else gradient
+                    gradient = 0.0 if deleted[0, q] > 0.0 else gradient
                 tile[(VELOCITY_GRADIENT + 3 * a + b) * TILE + p] = gradient
 
 
-@kernel
+@inlined
 def add_viscous_heat(law, failure, viscosity, motion, stress, i, count, tile, q):
     """Viscous pressure q (TILE,) [Pa] of the step, whose work goes to HEAT; after `start_step`.
 
@@ -160,26 +140,19 @@ def forget_shape(plane, tile):
 
 @kernel
 def advance_tiles(
-    law, failure, plane, rows, first, last, step, viscosity, carried, failing, strength, deleted, rise, motion, rate,
+    law, failure, plane, places, first, last, step, viscosity, carried, failing, strength, deleted, rise, motion, rate,
     stress, tile,
 ):  # fmt: skip
-    """See `advance_stress`. rows: TENSOR_ROWS and SYMMETRIC_ROWS of the dimension; carried: F, deviator, plastic
+    """See `advance_stress`. places: TENSOR_ROWS of the dimension; carried: F, deviator, plastic
     strain, energy and temperature (rows, capacity); failing: damage and criterion damage, or None."""
     sound, fastest, plastic, viscous, released = True, 0.0, 0.0, 0.0, 0.0
-    one, q = np.zeros(1, np.int64), np.zeros(TILE)
+    q = np.zeros(TILE)
     deformation, deviator, plastic_strain, energy, temperature = carried
     numbers = (plastic_strain, energy, temperature)
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
-        load_rows(tile, DEFORMATION, rows[0], deformation, i, count)
-        load_rows(tile, DEVIATOR, rows[1], deviator, i, count)
-        for k in range(3):
-            load_rows(tile, PLASTIC_STRAIN + k, one, numbers[k], i, count)
-        if failing is not None:
-            load_rows(tile, DAMAGE, one, failing[0], i, count)
-            load_rows(tile, CRITERIA, np.arange(len(failing[1])), failing[1], i, count)
-        if strength is not None:
-            load_rows(tile, STRENGTH, one, strength, i, count)
+        load_placed(deformation, places, i, count, tile, DEFORMATION)
+        load_state(deviator, numbers, failing, strength, i, count, tile)
         load_rates(tile, rate, deleted, i, count)
         if count < TILE:
             fill_idle(law, tile, count)
@@ -190,15 +163,12 @@ def advance_tiles(
         finish_step(law, failure, step, tile)
         if failing is not None:
             forget_shape(plane, tile)
-            store_rows(tile, DAMAGE, one, failing[0], i, count)
-            store_rows(tile, CRITERIA, np.arange(len(failing[1])), failing[1], i, count)
-        store_rows(tile, DEFORMATION, rows[0], deformation, i, count)
-        store_rows(tile, DEVIATOR, rows[1], deviator, i, count)
-        for k in range(3):
-            store_rows(tile, PLASTIC_STRAIN + k, one, numbers[k], i, count)
+        store_placed(deformation, places, i, count, tile, DEFORMATION)
+        store_state(deviator, numbers, failing, i, count, tile)
         for p in range(count):
-            r, volume = i + p, motion[i + p, 7]
-            s = congruence(load_general(tile, ROTATION, p), load_symmetric(tile, DEVIATOR, p))
+            r = np.uintp(i + p)
+            volume = motion[r, 7]
+            s = congruence(load(tile, ROTATION * TILE + p), load_symmetric(tile, DEVIATOR * TILE + p))
             V, pressure = volume * tile[NEW_JACOBIAN * TILE + p], tile[PRESSURE * TILE + p] + q[p]
             stress[r, 0], stress[r, 1], stress[r, 2] = (
                 V * (s[0] - pressure),
@@ -244,12 +214,12 @@ def advance_stress(
     or not a number.
     """
     tile = new_tile(0 if state.criterion_damage is None else len(state.criterion_damage))
-    rows, plane = (TENSOR_ROWS[dimension], SYMMETRIC_ROWS[dimension]), True if dimension == 2 else None
+    places, plane = TENSOR_ROWS[dimension], True if dimension == 2 else None
     failing = None
     if law.failure is not None:
         failing = state.damage, state.criterion_damage
     viscous = (0.0, 0.0, 0.0, False) if viscosity is None else tuple(viscosity)
     more = failing, state.strength_factor, state.deleted_mass, rise
     return advance_tiles(
-        law, law.failure, plane, rows, first, last, step, viscous, tuple(state[:5]), *more, motion, rate, stress, tile
+        law, law.failure, plane, places, first, last, step, viscous, tuple(state[:5]), *more, motion, rate, stress, tile
     )  # fmt: skip

@@ -1,7 +1,6 @@
 """Deformation, state and stress of material points after a step, by the kind of their law.
 
-Kernels work on tiles of 32 particles: component c of particle p stands at c * TILE + p of a flat array, general tensors
-with nine components. LLVM sees that components do not overlap, without which it does not vectorise these loops.
+Kernels work on tiles of 32 particles (`parsolid.tiles`), general tensors with nine components.
 """
 
 from functools import partial
@@ -32,8 +31,8 @@ from parsolid.tensors import (
     matmul,
     matmul_transposed,
 )
+from parsolid.tiles import TILE, load, load_placed, store, store_placed
 
-TILE = 32
 # fields of the container in the order of PlasticState
 _STATE = (
     *("deformation_gradient", "unrotated_deviator", "plastic_strain", "internal_energy", "temperature"),
@@ -51,20 +50,6 @@ def load_gradient(deformation, p):
         F = (deformation[0, p], deformation[1, p], 0.0, deformation[2, p], deformation[3, p], 0.0,
              0.0, 0.0, deformation[4, p])  # fmt: skip
     return F
-
-
-@inlined
-def load(t, p):
-    """General tensor of particle p of a tile."""
-    return (t[p], t[TILE + p], t[2 * TILE + p], t[3 * TILE + p], t[4 * TILE + p],
-            t[5 * TILE + p], t[6 * TILE + p], t[7 * TILE + p], t[8 * TILE + p])  # fmt: skip
-
-
-@inlined
-def store(t, p, A):
-    """Put a general tensor into a tile."""
-    t[p], t[TILE + p], t[2 * TILE + p], t[3 * TILE + p], t[4 * TILE + p] = A[0], A[1], A[2], A[3], A[4]
-    t[5 * TILE + p], t[6 * TILE + p], t[7 * TILE + p], t[8 * TILE + p] = A[5], A[6], A[7], A[8]
 
 
 @kernel
@@ -94,19 +79,16 @@ def advance_hyperelastic(law, first, last, step, components, deformation, motion
     sound, fastest = True, 0.0
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
-        for c in range(components.size):
-            for p in range(count):
-                F[components[c] * TILE + p] = deformation[c, i + p]
+        load_placed(deformation, components, i, count, F, 0)
         for p in range(count):
             for a in range(3):
                 for b in range(3):
-                    rates[(3 * a + b) * TILE + p] = rate[i + p, 4 * a + b]
+                    rates[(3 * a + b) * TILE + p] = rate[np.uintp(i + p), 4 * a + b]
         hyperelastic_tile(law, step, F, rates, tau, speed)
-        for c in range(components.size):
-            for p in range(count):
-                deformation[c, i + p] = F[components[c] * TILE + p]
+        store_placed(deformation, components, i, count, F, 0)
         for p in range(count):
-            q, V = i + p, motion[i + p, 7]
+            q = np.uintp(i + p)
+            V = motion[q, 7]
             t = load(tau, p)
             stress[q, 0], stress[q, 1], stress[q, 2], stress[q, 3] = V * t[0], V * t[4], V * t[8], 0.0
             stress[q, 4], stress[q, 5] = 0.5 * V * (t[5] + t[7]), 0.5 * V * (t[2] + t[6])
@@ -168,7 +150,7 @@ class ElasticPlasticUpdate:
         self.points, viscosity = points, scene.method.viscosity
         self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), float(scene.method.cell))
         kept = partial(Field, checkpointed=True, layout=Columns())
-        points.declare(kept("unrotated_deviator", len(SYMMETRIC_ROWS[points.dimension]), "Pa"))
+        points.declare(kept("unrotated_deviator", SYMMETRIC_ROWS[points.dimension], "Pa"))
         for field in PLASTIC_STATE:
             points.declare(field)
         # planes at a temperature take up the plastic heat of the particles beside them, see `heat.Conduction`

@@ -104,12 +104,12 @@ class VelocityVerlet:
         return []
 
     def state(self) -> dict[str, Any]:
-        """The largest eigenvalue, which decides on the step."""
-        return {"largest_eigenvalue": self.largest_eigenvalue}
+        """The largest eigenvalue, which decides on the step, and the length of the last step [s]."""
+        return {"largest_eigenvalue": self.largest_eigenvalue, "last_step": self.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take it back."""
-        self.largest_eigenvalue = state["largest_eigenvalue"]
+        self.largest_eigenvalue, self.leapfrog.last_step = state["largest_eigenvalue"], state["last_step"]
 
     def unsound(self) -> tuple[int, str] | None:
         """The first particle whose velocity is not finite."""

@@ -77,6 +77,14 @@ class Leapfrog:
         ]
         return min(self.system.conditions.largest_step, *found, np.inf)
 
+    def state(self) -> dict[str, Any]:
+        """Whether the particles have the forces that a step begins with, and the length of the last step [s]."""
+        return {"forces_of": self.forces_of, "last_step": self.kicks.last_step}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Take it back."""
+        self.forces_of, self.kicks.last_step = state["forces_of"], state["last_step"]
+
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:
         """Opening half kick, drift, and prescribed motion."""
         system = self.system

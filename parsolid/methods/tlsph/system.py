@@ -228,14 +228,14 @@ class TotalLagrangianSPH(ParticleSystem):
     def state(self) -> dict[str, Any]:
         """When the reference was moved, and whether the particles have the forces that a step begins with."""
         moved = {} if self.reference is None else self.reference.state()
-        return moved if self.leapfrog is None else {**moved, "forces_of": self.leapfrog.forces_of}
+        return moved if self.leapfrog is None else {**moved, **self.leapfrog.state()}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         if self.reference is not None:
             self.reference.set_state(state)
         if self.leapfrog is not None:
-            self.leapfrog.forces_of = state["forces_of"]
+            self.leapfrog.set_state(state)
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""

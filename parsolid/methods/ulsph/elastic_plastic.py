@@ -9,33 +9,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE
-from parsolid.kernels import kernel
+from parsolid.kernels import inlined, kernel
 from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
-    CRITERIA,
-    DAMAGE,
-    DEVIATOR,
-    ENERGY,
     HEAT,
     JACOBIAN,
     MIDDLE_JACOBIAN,
     NEW_JACOBIAN,
-    PLASTIC_STRAIN,
     PLASTIC_WORK,
     PRESSURE,
     RELEASED,
     ROOM,
     SPEED,
-    STRENGTH,
-    TEMPERATURE,
-    TILE,
     fill_idle,
     finish_step,
     flow,
+    load_state,
     new_tile,
     start_step,
+    store_state,
 )
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.ulsph.kinematics import (
@@ -46,15 +40,14 @@ from parsolid.methods.ulsph.kinematics import (
     ROWS,
     carry_on_correction,
     find_gradients,
-    load_columns,
     load_rates,
-    store_columns,
     store_pair_stress,
     symmetric_times,
     turn_deviator,
 )
 from parsolid.particles.container import Particles
 from parsolid.scene import Scene, initial_zero_energy_temperature
+from parsolid.tiles import TILE, load_rows, store_rows
 
 
 class State(NamedTuple):
@@ -71,34 +64,7 @@ class State(NamedTuple):
     sound_speed: np.ndarray
 
 
-@kernel
-def load_state(state, failing, strength, first, count, tile):
-    """Rows of `tile_update` from the particles' fields."""
-    load_columns(state.deviator, 6, first, count, tile, DEVIATOR)
-    load_columns(state.plastic_strain, 1, first, count, tile, PLASTIC_STRAIN)
-    load_columns(state.energy, 1, first, count, tile, ENERGY)
-    load_columns(state.temperature, 1, first, count, tile, TEMPERATURE)
-    if failing is not None:
-        load_columns(failing[0], 1, first, count, tile, DAMAGE)
-        load_columns(failing[1], failing[1].shape[0], first, count, tile, CRITERIA)
-    if strength is not None:
-        load_columns(strength, 1, first, count, tile, STRENGTH)
-
-
-@kernel
-def store_state(state, failing, first, count, tile):
-    """The particles' fields from rows of `tile_update`."""
-    store_columns(state.deviator, 6, first, count, tile, DEVIATOR)
-    store_columns(state.plastic_strain, 1, first, count, tile, PLASTIC_STRAIN)
-    store_columns(state.energy, 1, first, count, tile, ENERGY)
-    store_columns(state.temperature, 1, first, count, tile, TEMPERATURE)
-    store_columns(state.sound_speed, 1, first, count, tile, SPEED)
-    if failing is not None:
-        store_columns(failing[0], 1, first, count, tile, DAMAGE)
-        store_columns(failing[1], failing[1].shape[0], first, count, tile, CRITERIA)
-
-
-@kernel
+@inlined
 def advance_density(density, reference, first, count, kinematics, tile):
     """Densities after a step, and Jacobians of its start, middle and end."""
     for p in range(count):
@@ -110,7 +76,7 @@ def advance_density(density, reference, first, count, kinematics, tile):
         density[0, a] *= growth * growth
 
 
-@kernel
+@inlined
 def viscous_losses(step, mean_step, mass, force, viscous_force, heat, impulse_power, external, first, count, tile):
     """HEAT [J] of the artificial viscosity: the loss that its forces V are in both half kicks around their time, the
     halves of the step before and of this one, together mean_step [s].
@@ -161,12 +127,12 @@ def advance_state(
     particle is compressed beyond its equation of state, and all are numbers.
     """
     sound, plastic, viscous, released = True, 0.0, 0.0, 0.0
-    kinematics = np.zeros(ROWS * TILE)
+    kinematics, numbers = np.zeros(ROWS * TILE), (state.plastic_strain, state.energy, state.temperature)
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
         load_rates(rates, state.mass, state.density, in_plane, deleted, i, count, kinematics)
-        load_columns(state.correction, 6, i, count, kinematics, LAST)
-        load_state(state, failing, strength, i, count, tile)
+        load_rows(state.correction, i, count, kinematics, LAST)
+        load_state(state.deviator, numbers, failing, strength, i, count, tile)
         fill_idle(law, tile, count)
         find_gradients(step, most, in_plane, kinematics)
         carry_on_correction(0.5 * step if centred is not None else 0.0, mean_step, kinematics)
@@ -185,8 +151,9 @@ def advance_state(
             tile[HEAT * TILE + p] *= per_volume
         flow(law, failure, step, tile)
         finish_step(law, failure, step, tile)
-        store_state(state, failing, i, count, tile)
-        store_columns(state.correction, 6, i, count, kinematics, CORRECTION)
+        store_state(state.deviator, numbers, failing, i, count, tile)
+        store_rows(state.sound_speed, i, count, tile, SPEED)
+        store_rows(state.correction, i, count, kinematics, CORRECTION)
         store_pair_stress(tile, PRESSURE, kinematics, CARRIED, state.density, in_plane, i, count, state.pair_stress)
         for p in range(count):
             volume = state.mass[0, i + p] / law.density

@@ -1,21 +1,15 @@
 """Velocity gradients of 32 particles at a time, from the sums of the first sweep, and what follows from them alone:
 the correction B of gradients, the density, the deviator turned with the spin, the strain increment.
 
-A tile is a flat array (rows * TILE,) with row r of particle p at r * TILE + p, as in `materials.plastic.tile_update`.
+Tiles are those of `parsolid.tiles`.
 """
 
+import numpy as np
+
 from parsolid.elementary import exp
-from parsolid.kernels import inlined, kernel
+from parsolid.kernels import inlined
 from parsolid.materials.plastic.jaumann_rate import deviatoric_strain
-from parsolid.materials.plastic.tile_update import (
-    DEVIATOR,
-    STRAIN,
-    TILE,
-    load_general,
-    load_symmetric,
-    store_general,
-    store_symmetric,
-)
+from parsolid.materials.plastic.tile_update import DEVIATOR, STRAIN
 from parsolid.tensors import (
     add_spherical,
     combine_symmetric,
@@ -28,7 +22,9 @@ from parsolid.tensors import (
     times,
     times_symmetric,
     trace,
+    transpose,
 )
+from parsolid.tiles import TILE, load, load_rows, load_symmetric, store, store_rows, store_symmetric
 
 # rows of the tile: L m rho, then L [1/s]; moment m rho, then B; B for the forces; B of the last step;
 # 1/(m rho); growth of the density over half a step
@@ -46,46 +42,29 @@ def symmetric_times(B, u):
             B[4] * u[0] + B[5] * u[1] + B[2] * u[2])  # fmt: skip
 
 
-@kernel
-def load_columns(field, components, first, count, tile, row):
-    """Components of particles first .. first + count - 1 into rows of a tile."""
-    for c in range(components):
-        for p in range(count):
-            tile[(row + c) * TILE + p] = field[c, first + p]
-
-
-@kernel
-def store_columns(field, components, first, count, tile, row):
-    """Rows of a tile into components of particles first .. first + count - 1."""
-    for c in range(components):
-        for p in range(count):
-            field[c, first + p] = tile[(row + c) * TILE + p]
-
-
-@kernel
+@inlined
 def load_rates(rates, mass, density, in_plane, deleted, first, count, tile):
     """Sums of the first sweep into a tile; gradients are 0 of particles that were deleted, None where none ever is."""
     tile[:] = 0.0
     for p in range(TILE):
         tile[INVERSE * TILE + p] = 1.0
     for p in range(count):
-        a, there = first + p, 1.0
-        if deleted is not None:
-            there = 1.0 if deleted[0, a] <= 0.0 else 0.0
-        tile[INVERSE * TILE + p] = 1.0 / (mass[0, a] * density[0, a])
+        a = np.uintp(first + p)
         if in_plane is not None:
-            for c in range(4):
-                tile[(GRADIENT + 3 * (c % 2) + c // 2) * TILE + p] = there * rates[a, c]
-            store_symmetric(tile, CORRECTION, p, (rates[a, 4], rates[a, 5], 0.0, rates[a, 6], 0.0, 0.0))
+            L = (rates[a, 0], rates[a, 2], 0.0, rates[a, 1], rates[a, 3], 0.0, 0.0, 0.0, 0.0)
+            moment = (rates[a, 4], rates[a, 5], 0.0, rates[a, 6], 0.0, 0.0)
         else:
-            for j in range(3):
-                for i in range(3):
-                    tile[(GRADIENT + 3 * i + j) * TILE + p] = there * rates[a, 4 * j + i]
+            L = (rates[a, 0], rates[a, 4], rates[a, 8], rates[a, 1], rates[a, 5], rates[a, 9],
+                 rates[a, 2], rates[a, 6], rates[a, 10])  # fmt: skip
             moment = (rates[a, 3], rates[a, 12], rates[a, 13], rates[a, 7], rates[a, 11], rates[a, 14])
-            store_symmetric(tile, CORRECTION, p, moment)
+        if deleted is not None and deleted[0, a] > 0.0:
+            L = times(0.0, L)
+        tile[INVERSE * TILE + p] = 1.0 / (mass[0, a] * density[0, a])
+        store(tile, GRADIENT * TILE + p, L)
+        store_symmetric(tile, CORRECTION * TILE + p, moment)
 
 
-@kernel
+@inlined
 def find_gradients(step, most, in_plane, tile):
     """B, L and the growth of the density over half a step [s].
 
@@ -97,51 +76,53 @@ def find_gradients(step, most, in_plane, tile):
         inverse = tile[INVERSE * TILE + p]
         B = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
         if most is not None:
-            A = add_spherical(times_symmetric(inverse, load_symmetric(tile, CORRECTION, p)), _NEGLIGIBLE)
+            A = add_spherical(times_symmetric(inverse, load_symmetric(tile, CORRECTION * TILE + p)), _NEGLIGIBLE)
             if in_plane is not None:
                 A = (A[0], A[1], 1.0, A[3], A[4], A[5])
             B = inverse_symmetric(A)
             B = times_symmetric(min(most / contract_symmetric(B, B) ** 0.5, 1.0), B)
-        L = matmul(times(inverse, load_general(tile, GRADIENT, p)), general(B))
+        L = matmul(times(inverse, load(tile, GRADIENT * TILE + p)), general(B))
         growth = exp(-0.5 * step * trace(L))
-        store_general(tile, GRADIENT, p, L)
-        store_symmetric(tile, CORRECTION, p, times_symmetric(growth, B))
+        store(tile, GRADIENT * TILE + p, L)
+        store_symmetric(tile, CORRECTION * TILE + p, times_symmetric(growth, B))
         tile[GROWTH * TILE + p] = growth
 
 
-@kernel
+@inlined
 def carry_on_correction(after, since, tile):
     """B for forces that act a time `after` [s] after its own, from that of a time `since` before, linearly."""
     for p in range(TILE):
-        B, last = load_symmetric(tile, CORRECTION, p), load_symmetric(tile, LAST, p)
+        B, last = load_symmetric(tile, CORRECTION * TILE + p), load_symmetric(tile, LAST * TILE + p)
         change = combine_symmetric(1.0, B, -1.0, last)
         # neighbours that come or go change it at once
         most = _MOST_CHANGE * (contract_symmetric(B, B) / max(contract_symmetric(change, change), 1e-300)) ** 0.5
         factor = min(after / max(since, 1e-300), most)
-        store_symmetric(tile, CARRIED, p, combine_symmetric(1.0, B, factor, change))
+        store_symmetric(tile, CARRIED * TILE + p, combine_symmetric(1.0, B, factor, change))
 
 
-@kernel
+@inlined
 def turn_deviator(step, tile, state):
     """DEVIATOR and STRAIN of a tile of `tile_update` after a step [s] in Jaumann's rate: S turned with the spin, half
     of dev D dt before the turn and half after it."""
     for p in range(TILE):
-        L = load_general(tile, GRADIENT, p)
+        L = load(tile, GRADIENT * TILE + p)
         turn = spin_rotation(L, step)
-        store_symmetric(state, STRAIN, p, deviatoric_strain(turn, L, step))
-        store_symmetric(state, DEVIATOR, p, congruence(turn, load_symmetric(state, DEVIATOR, p)))
+        store_symmetric(state, STRAIN * TILE + p, deviatoric_strain(turn, L, step))
+        store_symmetric(state, DEVIATOR * TILE + p, congruence(turn, load_symmetric(state, DEVIATOR * TILE + p)))
 
 
-@kernel
+@inlined
 def store_pair_stress(state, pressure_row, tile, correction_row, density, in_plane, first, count, pair_stress):
-    """sigma B/rho^2 of a tile, with DEVIATOR, a row of pressures and rows of B, into the particles' columns."""
-    for p in range(count):
-        a = first + p
-        S = general(add_spherical(load_symmetric(state, DEVIATOR, p), -state[pressure_row * TILE + p]))
-        factor = 1.0 / (density[0, a] * density[0, a])
-        P = matmul(S, general(times_symmetric(factor, load_symmetric(tile, correction_row, p))))
+    """sigma B/rho^2 of a tile, with DEVIATOR, a row of pressures and rows of B, into the particles' columns; takes the
+    place of L in the tile."""
+    load_rows(density, first, count, tile, INVERSE)
+    for p in range(TILE):
+        S = load_symmetric(state, DEVIATOR * TILE + p)
+        S = general(add_spherical(S, -state[pressure_row * TILE + p]))
+        factor = 1.0 / (tile[INVERSE * TILE + p] * tile[INVERSE * TILE + p])
+        P = matmul(S, general(times_symmetric(factor, load_symmetric(tile, correction_row * TILE + p))))
+        columns = transpose(P)
         if in_plane is not None:
-            pair_stress[0, a], pair_stress[1, a], pair_stress[2, a], pair_stress[3, a] = P[0], P[3], P[1], P[4]
-        else:
-            for c in range(3):
-                pair_stress[3 * c, a], pair_stress[3 * c + 1, a], pair_stress[3 * c + 2, a] = P[c], P[3 + c], P[6 + c]
+            columns = (P[0], P[3], P[1], P[4], 0.0, 0.0, 0.0, 0.0, 0.0)
+        store(tile, GRADIENT * TILE + p, columns)
+    store_rows(pair_stress, first, count, tile, GRADIENT)

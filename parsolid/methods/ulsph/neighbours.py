@@ -17,14 +17,22 @@ from parsolid.particles.container import Particles
 
 # which components of a field stand in which columns of a row: name, first component, components, column
 Places = list[tuple[str, int, int, int]]
+# rows that stay in the fastest cache while their columns are filled
+_TOGETHER = 64
 
 
 @kernel
-def fill_rows(first, last, field, component, components, rows, column):
-    """Copy components of a field (components, particles) of particles first..last-1 into columns of rows."""
-    for a in range(first, last):
-        for c in range(components):
-            rows[a, column + c] = field[component + c, a]
+def fill_rows(first, last, fields, columns, rows):
+    """Copy components of fields (components, particles) of particles first..last-1 into rows.
+
+    columns (k, 3): number of a field, its component, and the column of the rows that it fills.
+    """
+    for start in range(first, last, _TOGETHER):
+        end = min(start + _TOGETHER, last)
+        for k in range(columns.shape[0]):
+            field, component, column = fields[columns[k, 0]], columns[k, 1], columns[k, 2]
+            for a in range(start, end):
+                rows[a, column] = field[component, a]
 
 
 @kernel
@@ -61,17 +69,24 @@ class Neighbours:
             self.stride, mass, length = 4, 3, 7
             self._add_rates, self._add_forces = sweeps.add_rates_in_space, sweeps.add_forces_in_space
         d, stride = dimension, self.stride
-        self._motion: Places = [("velocity", 0, d, 0), ("position", 0, d, stride)]
-        self._motion += [("mass", 0, 1, mass), ("smoothing_length", 0, 1, length)]
+        motion: Places = [("velocity", 0, d, 0), ("position", 0, d, stride)]
+        self._motion = self._there([*motion, ("mass", 0, 1, mass), ("smoothing_length", 0, 1, length)])
         numbers = ("density", "sound_speed", "micro_rate", "temperature")
-        stress = [("pair_stress", d * j, d, stride * j) for j in range(d)]
+        stress: Places = [("pair_stress", d * j, d, stride * j) for j in range(d)]
         self._record = self._there([*stress, *((name, 0, 1, stride * d + k) for k, name in enumerate(numbers))])
         self._flux = self._there([("pair_micro_flux", 0, d, 0), ("pair_heat_flux", 0, d, stride)])
 
-    def _there(self, places: Places) -> Places:
-        """Fields that ghosts know."""
+    def _there(self, places: Places) -> tuple[list[str], np.ndarray]:
+        """Fields that ghosts know, and the columns of rows that they fill, as `fill_rows` takes them."""
         fields = self.particles.fields
-        return [one for one in places if one[0] in fields and fields[one[0]].ghosts is not None]
+        there = [one for one in places if one[0] in fields and fields[one[0]].ghosts is not None]
+        names = sorted({name for name, *_ in there})
+        columns = [
+            (names.index(name), component + c, column + c)
+            for name, component, components, column in there
+            for c in range(components)
+        ]
+        return names, np.array(columns, np.int64).reshape(-1, 3)
 
     def follow(self) -> None:
         """Make room for the particles and pairs of a list that was just made."""
@@ -79,7 +94,7 @@ class Neighbours:
         known = n + particles.ghosts
         rows = known if pairs.images is None else known + len(pairs.images.source)
         self._rows_of_motion, self._rows_of_record = np.zeros((rows, 8)), np.zeros((rows, 4 * stride))
-        self._rows_of_flux = np.zeros((rows, 2 * stride)) if self._flux else None
+        self._rows_of_flux = np.zeros((rows, 2 * stride)) if self._flux[0] else None
         self.rates, self.flows, self.slopes = np.zeros((n, 4 * stride)), np.zeros((n, 4)), np.zeros((n, 2 * stride))
         self._forces, self._heating = np.zeros((n, 2 * stride)), np.zeros(n)
         if pairs.images is not None:
@@ -160,10 +175,11 @@ class Neighbours:
         fields = of("force"), of("viscous_force"), of("viscous_heat")
         collect_forces(owned, self.stride, self._forces, self._heating, *fields)
 
-    def _fill(self, first: int, last: int, places: Places, rows: Any) -> None:
+    def _fill(self, first: int, last: int, places: tuple[list[str], np.ndarray], rows: Any) -> None:
         """Rows first..last-1 from the particles' fields."""
-        for name, component, components, column in places:
-            fill_rows(first, last, self.particles.storage(name), component, components, rows, column)
+        names, columns = places
+        if names and last > first:
+            fill_rows(first, last, tuple(map(self.particles.storage, names)), columns, rows)
 
     def _mirror_motion(self) -> None:
         """Rows of motion and fluxes of mirror images."""

@@ -269,11 +269,13 @@ class UpdatedLagrangianSPH(ParticleSystem):
     ) -> None:
         """Enter the energies of a step [s]; plastic, lost: plastic heat and numerical loss of the state [J]."""
         guided = self.conditions.end_step(step, ledger)
-        ledger.add(1.0, plastic, lost + opening.lost + closing.lost, opening.external + closing.external + guided)
+        taken = self.leapfrog.taken_by_step_change(step, opening.offset)
+        lost += opening.lost + closing.lost + taken
+        ledger.add(1.0, plastic, lost, opening.external + closing.external + guided)
         ledger.add_term("viscous_dissipation", self.viscous_loss(step, opening.viscous + closing.viscous))
         if self.warms:
             ledger.add_term("viscous_heat_to_come", self.viscous_heat.finish(step, closing.to_come))
-        ledger.add_term("kinetic_offset", closing.offset - opening.offset)
+        ledger.add_term("kinetic_offset", closing.offset - opening.offset + taken)
         ledger.add_term("heat_supplied", self.temperatures.supplied)
         ledger.add_term("heat_stored", self.temperatures.stored)
         for part in (*self.solids, *([] if self.deletion is None else [self.deletion])):
@@ -314,11 +316,13 @@ class UpdatedLagrangianSPH(ParticleSystem):
         """The list, whether it is used up, and viscous heat to come; collective."""
         news = anywhere(self.comm, self.news)
         heat = self.viscous_heat.state(self.comm)
-        return {"pairs": self.pairs.state(), "time": self.time, "news": news, "viscous_heat": heat}
+        kept = {"pairs": self.pairs.state(), "time": self.time, "news": news, "viscous_heat": heat}
+        return kept | {"last_step": self.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.checkpoint, self.time, self.news = state, state["time"], state["news"]
+        self.leapfrog.last_step = state["last_step"]
         self.viscous_heat.set_state(self.comm, state["viscous_heat"])
 
     # --- contact --------------------------------------------------------------------------------------------------

@@ -6,14 +6,15 @@ one look at each particle's place. Where two are near, no pair that was not list
 particles within reach of the other's box move less than half a skin in the frame of the mean of both motions.
 """
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import maximum
-from parsolid.contact.list_kernels import time_left
-from parsolid.contact.sides import Sides
+from parsolid.contact.body_pairs import BodyPairs
+from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.pairs.displacement import body_bounds
 
@@ -23,23 +24,78 @@ _SHARE = 0.25
 _FASTER = 0.01
 
 
-class Boxes:
+class MovingBoxes(NamedTuple):
+    """Of bodies: lower, upper corners now (bodies, d) [m], mean velocity [m/s]; margin (bodies,) [m], negative of
+    bodies without contact; faster (bodies,) [m/s]: by how much particles may get faster."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    velocity: np.ndarray
+    margin: np.ndarray
+    faster: np.ndarray
+
+
+class Partners(NamedTuple):
+    """Near bodies of each body, start (bodies + 1,): lower and upper corners now (n, d) [m]; velocity [m/s] of the
+    frame of both and how far it has moved [m] since the build, (n, d); allowed displacement in it, and the reach in
+    which that counts (n,) [m]."""
+
+    start: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    velocity: np.ndarray
+    moved: np.ndarray
+    allowed: np.ndarray
+    reach: np.ndarray
+
+
+@kernel
+def time_left(place, velocity, listed, body, of_body, near, ahead):
+    """How long [s] this rank's particles stay within what lists and boxes allow, at most `ahead`.
+
+    place, velocity, listed (n, d); body (n,). of_body: `MovingBoxes` of the bodies now; near: `Partners` of each.
+    """
+    d, left = place.shape[1], ahead
+    for a in range(len(place)):
+        A = body[a]
+        margin, more = of_body.margin[A], of_body.faster[A]
+        if margin < 0.0:
+            continue
+        for i in range(d):
+            room = min(place[a, i] - of_body.lower[A, i], of_body.upper[A, i] - place[a, i]) + margin
+            speed = abs(velocity[a, i] - of_body.velocity[A, i]) + more
+            if room < left * speed:
+                left = room / speed
+        for p in range(near.start[A], near.start[A + 1]):
+            gap, square, faster = 0.0, 0.0, 0.0
+            for i in range(d):
+                v = velocity[a, i] - near.velocity[p, i]
+                out = max(near.lower[p, i] - place[a, i], place[a, i] - near.upper[p, i], 0.0)
+                gap += out * out
+                u = place[a, i] - listed[a, i] - near.moved[p, i]
+                square += u * u
+                faster += v * v
+            speed = math.sqrt(faster) + more
+            if gap < (near.reach[p] + speed * left) ** 2:
+                left = min(left, (near.allowed[p] - math.sqrt(square)) / speed)
+    return left
+
+
+class BroadPhase:
     """Boxes (bodies, d) [m] of the scene's bodies when they were agreed on, mean velocities [m/s], and margins [m].
 
-    near: whether lists are needed for each side, any_near: for one at least; beyond (sides,) [m]: by what they reach
-    farther than the kernel; expires: the time [s] at which bodies that are apart may meet; until (sides,) [s]: how long
-    after the agreement those of each may at first, 0 where near.
+    near: for each body pair, whether lists are needed, any_near: for one at least; beyond (pairs,) [m]: by what they
+    reach farther than the kernel; expires: the time [s] at which bodies that are apart may meet; until (pairs,) [s]:
+    how long after the agreement those of each may at first, 0 where near.
     """
 
-    def __init__(self, comm: Any, bodies: int, sides: Sides, systems: list[ParticleSystem]) -> None:
-        self.comm, self.sides, self.systems, self.bodies = comm, sides, systems, bodies
+    def __init__(self, comm: Any, bodies: int, pairs: BodyPairs, systems: list[ParticleSystem]) -> None:
+        self.comm, self.systems, self.bodies = comm, systems, bodies
         self.numbers = [np.array(system.bodies) for system in systems]
         self.faster = np.zeros(bodies)
-        for body, facts in sides.facts.items():
-            self.faster[body] = _FASTER * facts.speed
-        all_sides = sides.sides
-        self.own, self.other = (np.array([pair[k] for pair in all_sides], np.int64) for k in (0, 1))
-        self.reach, self.skin = (np.array([getattr(side, name) for side in all_sides]) for name in ("reach", "skin"))
+        for body, kind in pairs.kinds.items():
+            self.faster[body] = _FASTER * kind.speed
+        self.own, self.other, self.reach, self.skin = pairs.own, pairs.other, pairs.reach, pairs.skin
 
     def agree(self, time: float) -> None:
         """Boxes and motions at a time [s]; collective."""
@@ -65,9 +121,8 @@ class Boxes:
         self.beyond = np.maximum(self.skin, distance)
         self.near = self.gap < self.reach + self.beyond
         self.any_near = bool(self.near.any())
-        self._near_of_body: dict[int, list[int]] = {}
-        for number in np.flatnonzero(self.near):
-            self._near_of_body.setdefault(int(self.own[number]), []).append(int(number))
+        near = np.flatnonzero(self.near)
+        self._near_by_body = near[np.argsort(self.own[near], kind="stable")]
         self.until[self.near] = 0.0
         self.expires = self.time + float(self.until[~self.near].min(initial=np.inf))
 
@@ -76,14 +131,13 @@ class Boxes:
         left = min(ahead, self.expires - time)
         elapsed = time - self.time
         moved = self.velocity * elapsed
-        margins, faster = np.zeros_like(moved), np.zeros_like(moved)
-        margins[:, 0], faster[:, 0] = self.margin, self.faster
-        now = np.stack((self.lower + moved, self.upper + moved, self.velocity, margins, faster), axis=1)
+        now = MovingBoxes(self.lower + moved, self.upper + moved, self.velocity, self.margin, self.faster)
         for system, number in zip(self.systems, self.numbers):
             if (self.margin[number] >= 0.0).any():
                 rows = system.particles.owned_rows
                 fields = rows("position"), rows("velocity"), rows("contact_listed"), rows("body")
-                left = time_left(*fields, now[number], self._partners(number, elapsed), left)
+                of_body = MovingBoxes(*(values[number] for values in now))
+                left = time_left(*fields, of_body, self._partners(number, now, elapsed), left)
         return left
 
     def fastest(self, ahead: float) -> float:
@@ -100,20 +154,16 @@ class Boxes:
                     most = max(most, float(square.max()) ** 0.5)
         return most
 
-    def _partners(self, numbers: np.ndarray, elapsed: float) -> tuple[np.ndarray, np.ndarray]:
-        """Near bodies of each of some bodies, as `list_kernels.time_left` takes them."""
-        d, start, rows = self.velocity.shape[1], [0], []
-        for body in numbers:
-            for number in self._near_of_body.get(int(body), ()):
-                side = self.sides.sides[number]
-                other, frame = side.other, 0.5 * (self.velocity[side.own] + self.velocity[side.other])
-                row = np.zeros((5, d))
-                row[0], row[1] = (bound[other] + self.velocity[other] * elapsed for bound in (self.lower, self.upper))
-                row[2], row[3] = frame, frame * elapsed
-                row[4, 0], row[4, 1] = 0.5 * side.skin, side.reach + 0.5 * side.skin
-                rows.append(row)
-            start.append(len(rows))
-        return np.array(start, np.int64), np.array(rows).reshape(-1, 5, d)
+    def _partners(self, numbers: np.ndarray, now: MovingBoxes, elapsed: float) -> Partners:
+        """Near bodies of each of some bodies."""
+        near = self._near_by_body
+        first, last = (np.searchsorted(self.own[near], numbers, side) for side in ("left", "right"))
+        start = np.concatenate(([0], np.cumsum(last - first))).astype(np.int64)
+        pairs = np.concatenate([near[:0], *(near[i:j] for i, j in zip(first, last))])
+        other = self.other[pairs]
+        frame, allowed = 0.5 * (self.velocity[self.own[pairs]] + self.velocity[other]), 0.5 * self.skin[pairs]
+        reach = self.reach[pairs] + allowed
+        return Partners(start, now.lower[other], now.upper[other], frame, elapsed * frame, allowed, reach)
 
 
 def body_motions(comm: Any, bodies: int, systems: list[ParticleSystem]) -> tuple[np.ndarray, ...]:
@@ -133,14 +183,11 @@ def body_motions(comm: Any, bodies: int, systems: list[ParticleSystem]) -> tuple
     return -bounds[:, 0], bounds[:, 1], np.ascontiguousarray((sums[:d] / np.maximum(sums[d], 1.0)).T), spacing
 
 
-def meeting(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...], reach: float) -> float:
-    """Time [s] until two boxes (lower, upper, velocity) overlap, one of them widened by a reach [m]; inf if never."""
-    first, second = (tuple(values[None] for values in box) for box in (one, other))
-    return float(meetings(first, second, np.array([reach]))[0])
-
-
 def meetings(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...], reach: np.ndarray) -> np.ndarray:
-    """Times (n,) [s] of `meeting` of n pairs of boxes, arrays (n, d) of each side, and reaches (n,) [m]."""
+    """Times (n,) [s] until n pairs of boxes overlap, one of them widened by a reach (n,) [m]; inf where never.
+
+    one, other: lower, upper corners [m] and velocities [m/s], (n, d) each.
+    """
     speed = one[2] - other[2]
     low, high = other[0] - one[1] - reach[:, None], other[1] - one[0] + reach[:, None]
     still = speed == 0.0
