@@ -1,11 +1,17 @@
 """Domain decomposition for particles and points on many processors: MPI and geometry, no physics.
 
-    partition    bisect: weighted recursive coordinate bisection in parallel
-    migration    migrate: hand rows of arrays to their new owners
-    neighbours   order_along_cells, half_pairs: cell-list search
-    halo         Halo, Exchange: ghost layers, owner -> ghost and ghost -> owner
-    grid         RankGrid, Mirror: cells owned by ranks, nodes shared between them, particles handed over by cell
-    reduction    sums, ordered_sum, MinimumAhead
+    plan          Plan: which rows go to which neighbours, in persistent messages; swap, send_to_some: once
+    halo          Halo: ghost layers, owner -> ghost and ghost -> owner
+    bisection     bisect, cut_cells, CutTree: weighted recursive coordinate bisection of points and of cells
+    boxes         cuts of boxes of lattice nodes along their planes, and messages across these
+    migration     migrate: hand rows of arrays to their new owners
+    pair_search   ClosePairs, half_pairs: pairs of points closer than the sum of their radii
+    grid          RankGrid: cells owned by ranks, nodes shared between them, particles handed over by cell
+    occupied      OccupiedCells, Mirror: the cells that hold particles, and their nodes
+    shared_nodes  SharedNodes: nodes on which two grids meet
+    reduction     sums, ordered_sum, MinimumAhead
+    measured_load shares of ranks by which all take as long
+    timer         COMMUNICATION: the clock of what a rank spends on messages
 
 No rank ever holds all points. Every result has the same order, to the bit, for the same input on the same ranks.
 The public names below are loaded when they are first used.
@@ -15,12 +21,15 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {
-    "bisect": "partition",
+    "bisect": "bisection",
+    "cut_cells": "bisection",
+    "CutTree": "bisection",
     "migrate": "migration",
-    "order_along_cells": "neighbours",
-    "half_pairs": "neighbours",
+    "ClosePairs": "pair_search",
+    "half_pairs": "pair_search",
+    "Plan": "plan",
+    "Exchange": "plan",
     "Halo": "halo",
-    "Exchange": "halo",
     "RankGrid": "grid",
     "Mirror": "occupied",
     "sums": "reduction",

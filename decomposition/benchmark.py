@@ -1,6 +1,6 @@
 """How long the decomposition takes: `mpirun -n 2 python -m decomposition.benchmark [--points-per-rank N]`.
 
-A cubic lattice, reach 2.4 spacings (about 56 neighbours a point), is partitioned, ordered, planned, paired, exchanged.
+A cubic lattice, reach 2.4 spacings (about 56 neighbours a point), is bisected, sorted, paired and exchanged.
 Times are the slowest rank's, best of several. "Beyond the messages" is packing, unpacking and Python.
 """
 
@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from . import Halo, bisect, half_pairs, migrate, order_along_cells, ordered_sum
-from .close_pairs import ClosePairs
-from .exchange import Exchange
+from . import ClosePairs, Exchange, Halo, bisect, half_pairs, migrate, ordered_sum
+from .pair_search import checked_bounds, strips_of
 
 _REACH = 2.4
 
@@ -41,21 +40,19 @@ def _exchange_seconds(comm: MPI.Comm, exchange: Exchange, repeats: int) -> tuple
     """Seconds of one start and finish, and of its bare messages, best of five series."""
 
     def bare() -> None:
-        MPI.Prequest.Startall(exchange._receives)
+        exchange.messages.receive()
         # fresh data must travel between the processors' caches, as in earnest
-        exchange._buffers[0].fill(1.0)
-        MPI.Prequest.Startall(exchange._sends)
-        MPI.Prequest.Waitall(exchange._all)
-
-    def whole() -> None:
-        exchange.start()
-        exchange.finish()
+        exchange.messages.outgoing.fill(1.0)
+        exchange.messages.send()
+        exchange.messages.wait()
 
     def series(work: Callable[[], None]) -> None:
         for _ in range(repeats):
             work()
 
-    return _timed(comm, lambda: series(whole), 5)[0] / repeats, _timed(comm, lambda: series(bare), 5)[0] / repeats
+    return _timed(comm, lambda: series(exchange.now), 5)[0] / repeats, _timed(comm, lambda: series(bare), 5)[
+        0
+    ] / repeats
 
 
 def main() -> None:
@@ -80,8 +77,8 @@ def main() -> None:
 
     owner = report("bisect", lambda: bisect(comm, points))
     points = report("migrate", lambda: migrate(comm, owner, {"points": points})["points"])
-    points = points[report("order_along_cells", lambda: order_along_cells(points, _REACH))]
-    halo = report("Halo.plan", lambda: Halo.plan(comm, points, _REACH))
+    points = points[report("sort", lambda: strips_of(*checked_bounds(points), _REACH).order(points)[0])]
+    halo = report("Halo", lambda: Halo(comm, points, _REACH))
     everywhere = np.concatenate((points, halo.ghost_positions()))
     start, neighbour = report("half_pairs", lambda: half_pairs(everywhere, halo.owned, _REACH))
     search, radius = ClosePairs(), np.full(len(everywhere), 0.5 * _REACH)
@@ -90,7 +87,7 @@ def main() -> None:
     say(f"{len(neighbour)} pairs ({neighbour.nbytes / 2**20:.0f} MiB), {halo.ghosts} ghosts on rank 0")
     capacity = halo.owned + halo.ghosts
     for columns in (1, 10, 27):
-        exchange = halo.exchange([np.zeros((columns, capacity)).T])
+        exchange = halo.forward(np.zeros((columns, capacity)).T)
         whole, bare = _exchange_seconds(comm, exchange, 200)
         say(
             f"exchange {columns:2d} columns  {whole * 1e6:9.1f} us, {exchange.bytes_sent} bytes from rank 0; "

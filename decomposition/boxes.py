@@ -1,19 +1,17 @@
 """Boxes of lattice nodes on many ranks: cuts along lattice planes, which parts touch, and messages between them.
 
-Every rank computes all cuts from the same few numbers, so that no rank asks another. A box is cut across its two
-slowest axes in memory only: nodes along the fastest one stay together.
+Every rank computes all cuts from the same few numbers, so that no rank asks another, as `bisection` would: parts are
+boxes, too, which cuts between single points are not. A box is cut across its two slowest axes in memory only: nodes
+along the fastest one stay together.
 """
 
-import weakref
 from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
-from .talking import TALKING
-
-# beyond those of `decomposition.exchange`
-_TAGS = 1 << 15 - 1
+from .plan import Messages
+from .timer import COMMUNICATION
 
 
 class BoxOfNodes(NamedTuple):
@@ -221,46 +219,42 @@ class GhostExchange:
     Transfers of a pair of ranks stand in the same order on both.
     """
 
-    def __init__(self, comm: MPI.Comm, transfers: list[Transfer], tag: int) -> None:
-        """tag: another one for every exchange; the same order of making, starting and finishing on all ranks."""
-        self._sent, self._received, self._requests = [], [], []
-        self.bytes_sent = 0
-        for rank in sorted({transfer.rank for transfer in transfers}):
-            pieces = [transfer for transfer in transfers if transfer.rank == rank]
-            out, into = (np.empty(sum(getattr(one, side).size for one in pieces)) for side in ("sent", "received"))
-            at_out = at_into = 0
-            for one in pieces:
-                self._sent.append((out[at_out : at_out + one.sent.size].reshape(one.sent.shape), one.sent))
-                place = into[at_into : at_into + one.received.size].reshape(one.received.shape)
-                self._received.append((one.received, place))
-                at_out, at_into = at_out + one.sent.size, at_into + one.received.size
-            self._requests += [comm.Recv_init(into, rank, _TAGS + tag), comm.Send_init(out, rank, _TAGS + tag)]
-            self.bytes_sent += out.nbytes
-        self._release = weakref.finalize(self, _free, self._requests)
+    def __init__(self, comm: MPI.Comm, transfers: list[Transfer]) -> None:
+        """Exchanges are started and finished in the same order on all ranks."""
+        ranks = sorted({transfer.rank for transfer in transfers})
+        pieces = [[transfer for transfer in transfers if transfer.rank == rank] for rank in ranks]
+        sent, received = (
+            [sum(getattr(one, way).size for one in each) for each in pieces] for way in Transfer._fields[1:]
+        )
+        self.messages = Messages(comm, ranks, sent, received)
+        self.bytes_sent = self.messages.outgoing.nbytes
+        together = [one for each in pieces for one in each]
+        self._sent = _places(self.messages.outgoing, [one.sent for one in together])
+        self._received = _places(self.messages.incoming, [one.received for one in together])
 
     def start(self) -> None:
         """Send what this rank's nodes hold now."""
-        if self._requests:
-            with TALKING:
-                for buffer, view in self._sent:
-                    buffer[...] = view
-                MPI.Prequest.Startall(self._requests)
+        if not self.messages.silent:
+            with COMMUNICATION:
+                self.messages.receive()
+                for place, view in self._sent:
+                    place[...] = view
+                self.messages.send()
 
     def finish(self) -> None:
         """Wait for the ghosts."""
-        if self._requests:
-            with TALKING:
-                MPI.Prequest.Waitall(self._requests)
-                for view, buffer in self._received:
-                    view[...] = buffer
+        if not self.messages.silent:
+            with COMMUNICATION:
+                self.messages.wait()
+                for place, view in self._received:
+                    view[...] = place
 
     def free(self) -> None:
         """Give the requests back to MPI."""
-        self._release()
+        self.messages.free()
 
 
-def _free(requests: list[MPI.Prequest]) -> None:
-    if not MPI.Is_finalized():
-        for request in requests:
-            request.Free()
-    requests.clear()
+def _places(buffer: np.ndarray, views: list[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Views, and where they stand in a buffer, one after the other, as arrays of their shapes."""
+    ends = np.cumsum([0, *(view.size for view in views)])
+    return [(buffer[a:b].reshape(view.shape), view) for a, b, view in zip(ends, ends[1:], views)]

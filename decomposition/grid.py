@@ -1,30 +1,52 @@
 """A background grid over many ranks: ranks own cells and the particles in them, and share the nodes between their
 cells.
 
-Each rank sums what its own particles give to the nodes; `NodeSum` adds these partial sums of all ranks that have a
-node, in the order of ranks, so that all of them go on with the same numbers. There are no ghost particles.
+Each rank sums what its own particles give to the nodes; the sums of a `Plan` add these partial sums of all ranks that
+have a node, in the order of ranks, so that all of them go on with the same numbers. There are no ghost particles.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from .cell_partition import CellPartition, balanced
+from .bisection import CutTree, cut_cells
 from .migration import migrate
-from .node_sum import NodeSum, Sharing
-from .occupied import FARTHEST, Mirror, OccupiedCells, indices_of, reflected
-from .swap import swap
-from .talking import TALKING
+from .occupied import FARTHEST, Mirror, OccupiedCells, reflected
+from .plan import Plan, swap
+from .timer import COMMUNICATION
 
-_PARTICLES_TAG, _OFFER_TAG, _SUM_TAG = 21, 22, 23
 # cells without particles are forgotten when they are this many times as many as the others
 _TOO_MANY_EMPTY, _ALWAYS_KEPT = 1.0, 64
 
 
+class Told:
+    """Arrays of whole numbers that a rank and its neighbours tell each other, only when they have changed.
+
+    mine, theirs: an array a neighbour.
+    """
+
+    def __init__(self, comm: MPI.Comm, neighbours: Sequence[int]) -> None:
+        self.comm, self.neighbours = comm, list(neighbours)
+        self.mine = [np.zeros(0, np.int64) for _ in self.neighbours]
+        self.theirs = list(self.mine)
+
+    def update(self, mine: list[np.ndarray] | None) -> bool:
+        """Tell the neighbours new arrays, or, with None, that they are as before; whether any are new here."""
+        nothing, changed = np.zeros(0, np.int64), mine is not None
+        if mine is not None:
+            self.mine = mine
+        messages = [np.append(-1, array) if changed else nothing for array in self.mine]
+        for number, message in enumerate(swap(self.comm, self.neighbours, messages)):
+            if len(message):
+                self.theirs[number], changed = message[1:].copy(), True
+        return changed
+
+
 class RankGrid:
-    """The cells of one rank (`cells`, see `OccupiedCells`) and what it shares with others. Every call but `sum` is
-    collective.
+    """The cells of one rank (`cells`, see `OccupiedCells`), what it shares with others (`shared`, a plan of slots of
+    nodes, by which they are summed) and the owners of all cells (`partition`). Every call is collective.
 
     The particles are an object with `owned`, their number, and the methods
 
@@ -36,36 +58,31 @@ class RankGrid:
     before particles are dealt out.
     """
 
-    def __init__(self, comm: MPI.Comm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
+    def __init__(self, comm: MPI.Intracomm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
         """dimension 2 or 3; width: nodes of a stencil along one direction; mirrors: planes that the grid is
         folded at.
         """
         self.comm, self.dimension = comm, dimension
         self.cells = OccupiedCells(dimension, width, tuple(mirrors))
-        self.sharing = Sharing([], [])
+        self.shared, self._agreed = Plan(comm, [], [], []), 0
         self.migrated, self.slack = 0, 0
-        self._adopt(CellPartition.whole(dimension))
+        self._adopt(CutTree.whole(dimension))
 
-    def _adopt(self, partition: CellPartition) -> None:
+    def _adopt(self, partition: CutTree) -> None:
         self.partition = partition
         # a particle crosses less than one cell a step, a stencil reaches width - 1 cells; two ranks' guests may meet
         self.neighbours = partition.neighbours(self.comm.rank, self.cells.width + 2 * self.slack)
-        self._offered_version = -1
-        self._forget_pairs()
-        self._offers = {rank: np.zeros(0, np.int64) for rank in self.neighbours}
-        self._theirs = dict(self._offers)
+        self._candidates, self._told_version = Told(self.comm, self.neighbours), -1
 
     @property
     def version(self) -> tuple[int, int]:
         """Changes whenever cells, nodes or what is shared change: then stencils and sums must be fetched anew."""
-        return self.cells.version, self.sharing.version
+        return self.cells.version, self._agreed
 
-    def deal_out(
-        self, particles: Any, partition: CellPartition | None = None, shares: np.ndarray | None = None
-    ) -> bool:
+    def deal_out(self, particles: Any, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
         """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`.
 
-        A partition that is given is taken for that of the particles, whose guests stay. shares: see `balanced`.
+        A partition that is given is taken for that of the particles, whose guests stay. shares: see `cut_cells`.
         """
         kept = partition is not None and self.slack > 0
         bases = np.array(particles.bases()[: particles.owned], np.int64)
@@ -74,7 +91,7 @@ class RankGrid:
             self.cells.compact()
             cells, counts = np.unique(bases[inside], axis=0, return_counts=True)
             # what a cell costs beside its particles: its nodes are added and read once
-            partition = balanced(self.comm, cells, counts + 1, shares)
+            partition = cut_cells(self.comm, cells, counts + 1, shares)
         if self.comm.size > 1:
             owner = partition.owners(bases)
             leaving = np.flatnonzero(owner != self.comm.rank)
@@ -90,9 +107,10 @@ class RankGrid:
 
     def imbalance(self, owned: int) -> float:
         """Largest over mean number of particles on a rank."""
-        with TALKING:
-            counts = np.array(self.comm.allgather(owned))
-        return float(counts.max() / max(counts.mean(), 1e-300))
+        with COMMUNICATION:
+            largest = self.comm.allreduce(owned, MPI.MAX)
+            total = self.comm.allreduce(owned)
+        return float(largest * self.comm.size / max(total, 1e-300))
 
     def settle(self, particles: Any, release: bool = True) -> bool:
         """List particles by cell, hand those that left to their new owners, and agree on the shared nodes.
@@ -116,7 +134,6 @@ class RankGrid:
             sound = sound and bool(self._near_own(self.partition, at).all())
         if len(self.cells.index) > _ALWAYS_KEPT + (1.0 + _TOO_MANY_EMPTY) * self.cells.occupied.sum():
             self.cells.compact()
-            self._forget_pairs()
             self._sort(particles, bases)
         if self.neighbours:
             self._agree()
@@ -132,7 +149,7 @@ class RankGrid:
             [np.zeros(0, np.int64), *(cells.order[cells.start[c] : cells.start[c + 1]] for c in foreign)]
         )
 
-    def _near_own(self, partition: CellPartition, cells: np.ndarray) -> np.ndarray:
+    def _near_own(self, partition: CutTree, cells: np.ndarray) -> np.ndarray:
         """Which cells (n, d) are at most `slack` from one that may be this rank's own (n,) bool."""
         result = np.full(len(cells), partition.ranks == 1)
         found = partition.touching(cells + self.slack, 2 * self.slack + 1, -1)
@@ -153,9 +170,7 @@ class RankGrid:
             sound = bool(np.isin(owner, [self.comm.rank, *self.neighbours]).all())
             leaving = [strays[owner == rank] for rank in self.neighbours]
             at = at[~np.isin(owner, self.neighbours)]
-        arrived = np.concatenate(
-            swap(self.comm, self.neighbours, [particles.packed(rows) for rows in leaving], _PARTICLES_TAG)
-        )
+        arrived = np.concatenate(swap(self.comm, self.neighbours, [particles.packed(rows) for rows in leaving]))
         gone = np.concatenate(leaving)
         self.cells.add(at)
         if len(gone):
@@ -173,47 +188,30 @@ class RankGrid:
         return bases, sound
 
     def _agree(self) -> None:
-        """Tell neighbours which nodes here may concern them, if they have changed, and find the shared ones."""
-        changed = self._offered_version != self.cells.version
-        if changed:
-            self._find_offers()
-            self._offered_version = self.cells.version
-        nothing = np.zeros(0, np.int64)
-        messages = [np.concatenate(([-1], self._offers[rank])) if changed else nothing for rank in self.neighbours]
-        for rank, message in zip(self.neighbours, swap(self.comm, self.neighbours, messages, _OFFER_TAG)):
-            if len(message):
-                self._theirs[rank] = message[1:].copy()
-                changed = True
-        if changed:
-            self._share()
+        """Find the nodes that this rank shares with its neighbours, if those of any have changed."""
+        changed = self._told_version != self.cells.version
+        self._told_version = self.cells.version
+        told = self._candidates
+        if told.update(self._shared_candidates() if changed else None):
+            common = [np.intersect1d(mine, theirs) for mine, theirs in zip(told.mine, told.theirs)]
+            slots = [self.cells.slots(word) for word in common]
+            self.shared, self._agreed = Plan(self.comm, self.neighbours, slots, slots), self._agreed + 1
 
-    def _forget_pairs(self) -> None:
-        """Pairs (word of a node, rank that it may concern) of the nodes known by their words."""
-        self._known, self._pairs = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
-
-    def _find_offers(self) -> None:
-        word = np.setdiff1d(self.cells.node_words, self._known, assume_unique=True)
-        new = indices_of(word, self.dimension)
-        width, here, slack = self.cells.width, self.comm.rank, self.slack
-        pairs = [self.partition.touching(new + slack, width + 2 * slack, here)]
-        for mirror in self.cells.mirrors:
-            rows, images = reflected(new, mirror, width)
+    def _shared_candidates(self) -> list[np.ndarray]:
+        """Words of this rank's nodes that each neighbour may have, too, rising."""
+        cells, here, slack, width = self.cells, self.comm.rank, self.slack, self.cells.width
+        pairs = [self.partition.touching(cells.nodes + slack, width + 2 * slack, here)]
+        for mirror in cells.mirrors:
+            rows, images = reflected(cells.nodes, mirror, width)
             found = self.partition.touching(images + slack, width + 2 * slack, here)
             pairs.append(np.stack((rows[found[:, 0]], found[:, 1]), axis=1))
-        found = np.concatenate(pairs)
-        found[:, 0] = word[found[:, 0]]
-        self._pairs, self._known = np.concatenate((self._pairs, found)), self.cells.node_words
-        for rank in self.neighbours:
-            self._offers[rank] = np.unique(self._pairs[self._pairs[:, 1] == rank, 0])
+        return [cells.node_words[rows] for rows in rows_of_ranks(np.concatenate(pairs), self.neighbours)]
 
-    def _share(self) -> None:
-        common = [np.intersect1d(self._offers[rank], self._theirs[rank]) for rank in self.neighbours]
-        shared = [self.cells.slots(word) for word in common]
-        self.sharing = Sharing(self.neighbours, shared, self.sharing.version + 1)
+    def shared_slots(self) -> np.ndarray:
+        """Slots of the nodes that other ranks have, too, rising."""
+        return np.unique(np.concatenate([np.zeros(0, np.int64), *self.shared.send_rows]))
 
-    def sum(self, nodes: np.ndarray, first: int, last: int, tag: int) -> NodeSum:
-        """Adds up columns first..last-1 of nodes (slots, c) over the ranks; for the present `version` only.
 
-        tag: a small number that tells sums under way at one time apart.
-        """
-        return NodeSum(self.comm, self.sharing, nodes, (first, last), _SUM_TAG + tag)
+def rows_of_ranks(pairs: np.ndarray, ranks: Sequence[int]) -> list[np.ndarray]:
+    """Rows, rising, that stand in pairs (row, rank) with each of some ranks."""
+    return [np.unique(pairs[pairs[:, 1] == rank, 0]) for rank in ranks]

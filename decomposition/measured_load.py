@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.talking import TALKING
+from decomposition.timer import COMMUNICATION
 
 # a new partition must be able to bring the busiest rank so much nearer to the mean
 _WORTH = 0.03
@@ -32,7 +32,7 @@ class MeasuredLoad:
         its price; collective, the same on all ranks."""
         now = np.array(self.work)
         spent, self._seen = now - self._seen, now
-        with TALKING:
+        with COMMUNICATION:
             table = np.array(self.comm.allgather((spent[self.number], spent.sum(), owned)), float)
         own, total, count = table.T
         if not total.sum() > 0.0 or not count.sum() > 0.0:

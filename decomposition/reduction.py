@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 from numba import njit
 
-from decomposition.talking import TALKING
+from decomposition.timer import COMMUNICATION
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -29,7 +29,7 @@ def sums(comm: MPI.Comm, values: "ArrayLike") -> np.ndarray:
     if comm.size == 1:
         return values
     result = np.empty_like(values)
-    with TALKING:
+    with COMMUNICATION:
         comm.Allreduce(values, result, MPI.SUM)
     return result
 
@@ -98,7 +98,7 @@ def ordered_sum(comm: MPI.Comm, values: np.ndarray) -> float | np.ndarray:
     limbs = np.zeros((columns.shape[1], _LIMBS + 3), np.int64)
     for column, total in zip(columns.T, limbs):
         _accumulate(np.ascontiguousarray(column), total)
-    with TALKING:
+    with COMMUNICATION:
         comm.Allreduce(MPI.IN_PLACE, limbs, MPI.SUM)
     result = np.array([_rounded(total) for total in limbs])
     return float(result[0]) if values.ndim == 1 else result

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 import numpy as np
 from mpi4py import MPI
 
-from decomposition.talking import TALKING
+from decomposition.timer import COMMUNICATION
 
 Value = TypeVar("Value", float, int, np.ndarray)
 
@@ -35,15 +35,15 @@ def maximum(comm: MPI.Comm, value: Value) -> Value:
 
 def anywhere(comm: MPI.Comm, flag: bool) -> bool:
     """True when the flag is true on any rank; collective."""
-    with TALKING:
+    with COMMUNICATION:
         return bool(comm.allreduce(bool(flag), MPI.LOR))
 
 
 def _reduce(comm: MPI.Comm, value: Any, operation: MPI.Op) -> Any:
     if not isinstance(value, np.ndarray):
-        with TALKING:
+        with COMMUNICATION:
             return comm.allreduce(value, operation)
     result = np.empty_like(value)
-    with TALKING:
+    with COMMUNICATION:
         comm.Allreduce(np.ascontiguousarray(value), result, operation)
     return result

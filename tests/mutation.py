@@ -42,17 +42,13 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
         {
             f"decomposition/{name}.py": f"tests/decomposition/{tests}"
             for name, tests in {
-                "partition": "test_partition.py tests/decomposition/test_random_points.py",
-                "exchange": "test_migration.py tests/decomposition/test_random_points.py",
+                "bisection": "test_bisection.py tests/decomposition/test_ends.py tests/decomposition/test_grid.py",
+                "plan": "test_halo.py tests/decomposition/test_migration.py tests/decomposition/test_grid.py",
                 "migration": "test_migration.py tests/decomposition/test_ends.py",
-                "halo": "test_halo.py tests/decomposition/test_random_points.py",
-                "cells": "test_neighbours.py",
-                "neighbours": "test_neighbours.py",
-                "close_pairs": "test_close_pairs.py",
+                "halo": "test_halo.py tests/decomposition/test_directory.py",
+                "pair_search": "test_pair_search.py",
                 "grid": "test_grid.py",
-                "cell_partition": "test_grid.py tests/decomposition/test_ends.py",
                 "occupied": "test_grid.py",
-                "node_sum": "test_grid.py",
                 "reduction": "test_reduction.py",
             }.items()
         },

@@ -11,6 +11,7 @@ import numpy as np
 
 from parsolid.commands.plot.results import Results
 from parsolid.output.errors import OutputError, words
+from parsolid.output.field_sums import rows_of_step
 from parsolid.output.vtkhdf import Layout
 from parsolid.scene import SceneError
 from parsolid.scene.validation_errors import suggestion, told
@@ -170,13 +171,9 @@ class FieldsAtTime(Mapping[str, np.ndarray]):
         """One system's values, None where it has no such field."""
         if name != "position" and name not in layout.varying and name not in layout.constant:
             return None
-        n = layout.particles
-        first = 0 if name in layout.constant else self._step * n
+        whole = "VTKHDF/Points" if name == "position" else f"VTKHDF/PointData/{name}"
         with h5py.File(path, "r", locking=False) as file:
-            values: np.ndarray = file["VTKHDF/Points" if name == "position" else f"VTKHDF/PointData/{name}"][
-                first : first + n
-            ]
-        return values
+            return rows_of_step(file, path, whole, self._step, layout.particles, name in layout.constant)
 
     def __contains__(self, name: object) -> bool:
         return name in list(iter(self))

@@ -3,17 +3,15 @@
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from parsolid.collective import maximum, minimum
-from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.previous_results import methods_of
 from parsolid.scene.systems import notes_of
 from parsolid.simulation.loop import Simulation
+from parsolid.simulation.representation import layers, thinnest
 
 # stiffness of a cantilever ten times as long as thick, in plane strain, in its first mode over that of many particles
 # across, by method and placement: particles across -> figure; with grid methods two particles a cell
@@ -31,8 +29,6 @@ _LARGE = 5.0
 # spacing [m] of such a mesh from which it may be so in equilibrium, which knows no waves; structures that are so large
 # have finer elements, or weight
 _COARSE = 0.5
-# a part is bent rather than sheared where it is so many times as long as thick
-_SLENDER = 4.0
 
 
 def scene_advice(scene: Scene) -> list[str]:
@@ -42,15 +38,17 @@ def scene_advice(scene: Scene) -> list[str]:
         place = ".".join(map(str, system.place))
         # settings do not know where they stand; bodies have the scene's numbers already
         result += [_METHOD.sub(place, note) for note in system.settings.notes(scene, system.bodies)]
-    names = [
-        f"bodies.{i}"
+    uneven = [
+        (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "nodes")
         for system in scene.systems
         for i in system.bodies
         if getattr(system.settings, "pair_weights", "") == "kernel" and _uneven(scene.bodies[i])
     ]
-    if names:
-        advice = 'method.weights = "closure" makes them many times more accurate'
-        result.append(f"{', '.join(names)}: uneven particles; {advice}")
+    for weights, of_meshes in (("mesh", True), ("closure", False)):
+        if names := ", ".join(f"bodies.{i}" for i, of_mesh in uneven if of_mesh == of_meshes):
+            result.append(
+                f'{names}: uneven particles; method.weights = "{weights}" makes them many times more accurate'
+            )
     return result
 
 
@@ -74,12 +72,19 @@ def advice(simulation: Simulation) -> list[str]:
     """The same, and bodies that are slender and have too few particles across; collective, the same on all ranks."""
     scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
     result += cost_advice(simulation)
-    for stated, system in zip(scene.systems, simulation.systems):
+    for stated in scene.systems:
         result += stated.settings.choices(scene, stated.bodies)
+    return result + thin_advice(simulation)
+
+
+def thin_advice(simulation: Simulation) -> list[str]:
+    """Slender bodies that have too few particles across; collective, the same on all ranks."""
+    scene, result = simulation.scene, list[str]()
+    for stated, system in zip(scene.systems, simulation.systems):
         # the figures are of the kernel's weights
         kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
         for number, i in enumerate(stated.bodies):
-            thin = _thinnest(scene, i, _layers(simulation.comm, system, number))
+            thin = thinnest(scene, i, layers(simulation.comm, system, number))
             if thin is not None:
                 result += _told(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
     return result
@@ -99,7 +104,7 @@ def size_advice(simulation: Simulation) -> list[str]:
         for number, i in enumerate(stated.bodies):
             if scene.bodies[i].shape.kind != "mesh" or scene.bodies[i].shape.model.scale != 1.0:
                 continue
-            lower, upper, spacing = _layers(simulation.comm, system, number)
+            lower, upper, spacing = layers(simulation.comm, system, number)
             modulus, density = system.wave_modulus(number)
             side = float((upper - lower).max())
             crossing = side * float(np.sqrt(density / modulus))
@@ -120,48 +125,3 @@ def _told(body: str, across: int, axis: str, kind: str, placement: str) -> Itera
         yield f"{here}; a cantilever with so many bends as if it were {figure:g} times as stiff"
     elif across <= _FEW and (kind, placement) not in BENDING:
         yield f"{here}; too few for bending"
-
-
-def _layers(comm: Any, system: ParticleSystem, body: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lower and upper bounds of a body's particles and their mean spacing, each (d,) [m]; collective."""
-    rows = system.particles.owned_rows
-    here = rows("body") == body
-    place, spacing = rows("reference_position")[here][:, : system.dimension], rows("spacing")[here]
-    lower = minimum(comm, place.min(axis=0, initial=np.inf))
-    upper = maximum(comm, place.max(axis=0, initial=-np.inf))
-    count = max(1, comm.allreduce(len(place)))
-    return lower, upper, np.asarray(comm.allreduce(spacing.sum(axis=0))) / count
-
-
-def _thinnest(scene: Scene, number: int, layers: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[int, str] | None:
-    """Particles across a slender body where they are fewest, and the name of that direction; None if it is stout."""
-    body = scene.bodies[number]
-    if body.shape.kind == "cylindrical_shell":
-        shape = body.shape.model
-        across = round(shape.thickness / float(layers[2][-1])) + (body.placed_on == "nodes")
-        return (across, "the thickness") if shape.radius > _SLENDER * shape.thickness else None
-    lower, upper, spacing = layers
-    counts, gap = np.rint((upper - lower) / spacing) + 1.0, 0.0 if body.placed_on == "nodes" else 1.0
-    lengths = np.maximum(counts - 1.0 + gap, 1.0) * spacing
-    best: tuple[int, str] | None = None
-    for axis in range(len(counts)):
-        images, bends = _symmetry(scene, axis, (lower[axis], upper[axis]), spacing[axis])
-        if not bends or lengths.max() < _SLENDER * lengths[axis] * (1 + images):
-            continue
-        across = int(counts[axis] * (1 + images) - images * (1.0 - gap))
-        if best is None or across < best[0]:
-            best = across, "XYZ"[axis]
-    return best
-
-
-def _symmetry(scene: Scene, axis: int, ends: tuple[float, float], spacing: float) -> tuple[int, bool]:
-    """Planes of symmetry that a body ends at along an axis, at most one, and whether it may bend across it."""
-    found = 0
-    for boundary in scene.boundaries:
-        plane = getattr(boundary, "plane", None)
-        if plane is None or plane.axis != axis or min(abs(plane.offset - end) for end in ends) > 0.6 * spacing:
-            continue
-        if boundary.kind == "fixed":
-            return 0, False
-        found += boundary.kind in ("roller", "antisymmetric")
-    return min(found, 1), found < 2

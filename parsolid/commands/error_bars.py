@@ -13,6 +13,7 @@ from parsolid.collective import anywhere
 from parsolid.commands.standard_pictures import draw
 from parsolid.errors.bars import ErrorTable, error_table, lines, summary_of_bars
 from parsolid.errors.files import NAME, history_of, write_error_columns
+from parsolid.errors.places import Corners
 from parsolid.errors.running import FOLDER, Done, Interrupted, run_companions, seconds_without_loading
 from parsolid.errors.variants import Companion, companions_of
 from parsolid.output.checkpoint import DEFAULT_NAME, partial_name, previous_name
@@ -86,9 +87,12 @@ def without_checkpoint(comm: MPI.Intracomm, options: Namespace, folder: Path) ->
         options.restart = None
 
 
-def write_bars(scene: Scene, folder: Path, done: list[Done], refused: list[str]) -> tuple[ErrorTable, dict[str, Any]]:
-    """Make the bars of a run in its folder and write them beside its history and into its summary; for one rank."""
-    table = error_table(scene, history_of(folder), done)
+def write_bars(
+    scene: Scene, folder: Path, done: list[Done], refused: list[str], corners: tuple[Corners, ...] = ()
+) -> tuple[ErrorTable, dict[str, Any]]:
+    """Make the bars of a run in its folder and write them beside its history and into its summary; corners: see
+    `error_table`; for one rank."""
+    table = error_table(scene, history_of(folder), done, corners)
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     told = summary_of_bars(table, scene, done, refused) | {"extra_time": extra_time(folder, done)}
     write_summary(folder / "summary.json", summary | {"error_bars": told})

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from parsolid.collective import SolverError, anywhere
 from parsolid.commands.asked import bars_asked, targets
-from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice
+from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice, thin_advice
 from parsolid.commands.profiling import profiled
 from parsolid.commands.standard_pictures import draw
 from parsolid.contact.relations import relations
@@ -133,23 +133,25 @@ def _run_in(
 ) -> int:
     """Run a simulation into its files; began: reading of the performance counter at the command's start [s]."""
     scene = simulation.scene
-    told = size_advice(simulation) + cost_advice(simulation)
+    told = size_advice(simulation) + thin_advice(simulation) + cost_advice(simulation)
     progress, meetings = None, told + relations(comm, scene, simulation.systems)
     if comm.rank == 0:
         level = 0 if options.quiet else 2 if options.verbose else 1
         moved = [f"the results of an earlier run are in {aside} now" for aside in files.moved]
         notes = [*moved, *scene_advice(scene), *(restart.notes if restart else ()), *meetings]
-        for note in notes:
-            LOG.say(f"note: {note}")
+        for line in (*map(str, simulation.warnings), *(f"note: {note}" for note in notes)):
+            LOG.say(line)
             if level:
-                aloud(f"note: {note}")
+                aloud(line)
         streams = [(level, None), (NORMAL, LOG.stream)][: 1 + (LOG.stream is not None)]
         progress = Several(*(Progress(scene.title, scene.end_time, simulation.particles, *one) for one in streams))
+    if restart:
+        # before anything is read that may be damaged: a failure tells it
+        simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
     watch = Recorder(simulation, files, progress)
     files.open_history(watch.columns)
     if restart:
         watch.resume(restart.header)
-        simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
     limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
     with profiled(comm, files.directory if options.profile else None):
         return _follow(comm, simulation, watch, limits, options)
@@ -230,6 +232,6 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
     simulation = Simulation(comm, scene)
     notes = advice(simulation)
     print_report(comm, simulation, elsewhere, base, idle)
-    for note in notes if comm.rank == 0 else ():
-        print(f"note: {note}", flush=True)
+    for line in (*map(str, simulation.warnings), *(f"note: {note}" for note in notes)) if comm.rank == 0 else ():
+        print(line, flush=True)
     return 0

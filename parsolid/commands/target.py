@@ -4,6 +4,7 @@ from argparse import Namespace
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import SolverError
@@ -11,8 +12,9 @@ from parsolid.commands.asked import targets
 from parsolid.commands.error_bars import Alone, companions_done, speaker, without_checkpoint, write_bars
 from parsolid.errors.bars import ErrorTable, told
 from parsolid.errors.coarsening import NotCoarsened, coarser, lattice_words, parsed, unasked
+from parsolid.errors.places import with_corners
 from parsolid.errors.running import Done, result_of
-from parsolid.errors.targets import Cost, Target, finer_by, predicted_seconds
+from parsolid.errors.targets import Cost, Target, finer_by, predicted_seconds, steps_grow
 from parsolid.errors.variants import RATIOS, SPACING, Companion, companions_of
 from parsolid.observables.reaction import reaction_columns
 from parsolid.scene import Scene
@@ -21,6 +23,8 @@ from parsolid.simulation.ledger import Ledger, terms_of
 # spacings over that of the scene at which levels may begin, the coarsest that has companions
 _STARTS = (2.25, 1.5, 1.0)
 MOST_LEVELS, TO_BE_CONTINUED = 10, 75
+# exit status of a search that ends without the bars that were asked for
+NOT_REACHED = 4
 
 
 @dataclass
@@ -43,8 +47,19 @@ class Search:
     def level(self, ratio: float) -> Companion:
         """The scene nearest to a ratio, below 1 for a finer one. Raises NotCoarsened."""
         made = None if ratio == 1.0 else coarser(self.scene, ratio, 0.0)
-        scene = parsed(unasked(self.scene) if made is None else made.tables, self.options.trust_code)
-        return Companion(scene, SPACING, 1.0 if made is None else made.ratio, lattice_words(scene))
+        tables = unasked(self.scene) if made is None else made.tables
+        scene = parsed(tables, self.options.trust_code)
+        # values of all levels are those at the places that were asked for
+        tables, corners = with_corners(scene, scene, tables)
+        watching = parsed(tables, self.options.trust_code) if corners else scene
+        return Companion(watching, SPACING, 1.0 if made is None else made.ratio, lattice_words(scene), corners)
+
+    def plain(self, level: Companion) -> Scene:
+        """A level's scene without the particles that are watched around its probes."""
+        watched = {name for one in level.corners for name in one.names}
+        tables = level.scene.resolved()
+        tables["probes"] = [probe for probe in tables["probes"] if probe["name"] not in watched]
+        return parsed(tables, self.options.trust_code) if watched else level.scene
 
     def folder_of(self, level: Companion) -> Path:
         """Where a level is."""
@@ -71,12 +86,14 @@ def run_to_targets(comm: MPI.Intracomm, scene: Scene, options: Namespace, began:
             say("target: stopped before it was reached, by a signal or the wall time: the same command goes on")
             return status
         say(f"target: {level.lattices}: {search.done[-1].processor_seconds:.3g} core-s{foretold(predicted)}")
-        for one in wanted if table.bars else ():
+        for one in wanted:
+            if one.column not in table.bars:
+                continue
             say(f"target: {told(table, one.column)}; asked for {one}")
         excess = comm.bcast(worst(table, wanted) if comm.rank == 0 else None)
         if excess is None:
-            say(f"target: {wanted[0]} has no bar: {table.without or table.bars[wanted[0].column].verdict}")
-            return 0
+            say(comm.bcast(f"target: {no_bar(table, wanted)}" if comm.rank == 0 else None))
+            return NOT_REACHED
         if excess[0] <= 1.0:
             say(f"target: reached with {level.lattices} after {search.spent:.3g} core-s in {search.folder_of(level)}")
             return 0
@@ -84,9 +101,20 @@ def run_to_targets(comm: MPI.Intracomm, scene: Scene, options: Namespace, began:
         say(f"target: {search.done[-1].companion.lattices} -> {level.lattices}, about {predicted:.3g} core-s")
         if limit is not None and search.spent + predicted > limit:
             say(f"target: not reached: the cost limit of {limit:g} core-s, of which {search.spent:.3g} are spent")
-            return 0
+            return NOT_REACHED
     say(f"target: not reached after {MOST_LEVELS} levels")
-    return 0
+    return NOT_REACHED
+
+
+def no_bar(table: ErrorTable, wanted: list[Target]) -> str:
+    """Which target has no bar, and why."""
+    for one in wanted:
+        bar = table.bars.get(one.column)
+        if bar is None:
+            return f"{one} has no bar: {table.without or 'not all of its values are numbers'}"
+        if not np.isfinite(bar.error[-1]):
+            return f"{one} has no bar: {bar.verdict}"
+    return f"{wanted[0]} has no bar: it is 0 throughout"
 
 
 def foretold(predicted: float | None) -> str:
@@ -112,7 +140,7 @@ def first_level(search: Search) -> Companion:
         except NotCoarsened as reason:
             reasons.append(str(reason))
             continue
-        found, refused = companions_of(level.scene, search.options.trust_code, search.ratios)
+        found, refused = companions_of(search.plain(level), search.options.trust_code, search.ratios)
         if sum(one.purpose == SPACING for one in found) >= len(search.ratios):
             return level
         reasons += refused
@@ -124,7 +152,7 @@ def run_level(search: Search, level: Companion, alone: Alone) -> tuple[int, Erro
     comm, options, folder = search.comm, search.options, search.folder_of(level)
     say = speaker(comm, options)
     if not search.done:
-        plans, _ = companions_of(level.scene, options.trust_code, search.ratios)
+        plans, _ = companions_of(search.plain(level), options.trust_code, search.ratios)
         found = companions_done(comm, plans, search.folder, options, search.began, say)
         if found is None:
             return TO_BE_CONTINUED, None
@@ -141,7 +169,7 @@ def run_level(search: Search, level: Companion, alone: Alone) -> tuple[int, Erro
     others = search.rebased(level.ratio)
     table = ErrorTable.nothing()
     if comm.rank == 0:
-        table, _ = write_bars(level.scene, folder, others, [])
+        table, _ = write_bars(level.scene, folder, others, [], level.corners)
     search.done.append(result)
     search.spent += result.processor_seconds
     return 0, table
@@ -165,5 +193,7 @@ def next_level(search: Search, level: Companion, excess: float, order: float) ->
     share = level.ratio / finer.ratio
     last = search.done[-1]
     particles = round(last.particles * share**search.scene.dimension)
-    known = [Cost(o.particles, o.steps, o.processor_seconds) for o in search.done if o.companion.purpose == SPACING]
-    return finer, predicted_seconds(known, particles, last.steps * share)
+    runs = [one for one in search.done if one.companion.purpose == SPACING and one.steps]
+    known = [Cost(one.particles, one.steps, one.processor_seconds) for one in runs]
+    steps = last.steps * share ** steps_grow([one.ratio for one in runs], [one.steps for one in runs])
+    return finer, predicted_seconds(known, particles, steps)

@@ -241,8 +241,8 @@ class KernelContact(Interaction):
             lost, per_colour, given = np.zeros(owned), np.zeros(whole), np.zeros(whole)
             self.rubbing = Rubbing._make([friction, np.zeros((owned, 3)), lost, per_colour, *vectors, given])
             sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
-        self.places = search.halo.exchange([search.points.rows, search.points.moved])
-        self.pressures = search.halo.exchange(sent)
+        self.places = search.halo.forward(search.points.rows, search.points.moved)
+        self.pressures = search.halo.forward(*sent)
         self.hosts = [Host(system, i, search) for i, system in enumerate(self.systems)]
 
     def _constants(self, segments: list[Segment], volume: np.ndarray, share: np.ndarray) -> list[np.ndarray]:

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.close_pairs import ClosePairs
 from decomposition.halo import Halo
+from decomposition.pair_search import ClosePairs
 from parsolid.collective import maximum, raise_together
 from parsolid.contact.body_pairs import BodyPair, BodyPairs, reflections, shares_of
 from parsolid.contact.kernel import norm, over_planes, shape
@@ -92,7 +92,7 @@ def own_colours(comm: Any, system: ParticleSystem, local: int, pair: BodyPair) -
     read = system.particles.owned_rows
     rows = np.flatnonzero(read("body") == local)
     place = np.ascontiguousarray(read("reference_position")[rows])
-    halo = Halo.plan(comm, place, pair.law.reach * (1.0 + 1e-9))
+    halo = Halo(comm, place, pair.law.reach * (1.0 + 1e-9))
     whole = halo.with_ghosts(place)
     volume = halo.with_ghosts(np.ascontiguousarray(read("volume")[rows] / shares_of(system, rows, pair)))
     d, inverse = place.shape[1], 1.0 / pair.law.reach

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from decomposition.close_pairs import ClosePairs
 from decomposition.halo import Halo
+from decomposition.pair_search import ClosePairs
 from parsolid.contact.body_pairs import BodyPairs, reflections, shares_of
 from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.forces import Candidates, Pairs, may_press
@@ -106,13 +106,13 @@ class Search:
         pair = np.concatenate([np.full(one.last - one.first, one.pair) for one in self.segments] or [np.zeros(0, int)])
         place, share = self.gathered("position"), self._shares()
         reach = float(reaches[boxes.near].max(initial=0.0))
-        halo = Halo.plan(self.comm, place, reach * _HAIR if reach > 0.0 else 1.0)
+        halo = Halo(self.comm, place, reach * _HAIR if reach > 0.0 else 1.0)
         d, volume = place.shape[1], self.gathered("volume") / share
         of_law: Any = constants(self.segments, volume, share)
         skin, identifier = self.body_pairs.skin[pair], self.gathered("identifier").astype(np.int64)
         rows = np.zeros((self.owned + halo.ghosts, 4))
         rows[: self.owned, :d], rows[: self.owned, 3] = place, volume
-        halo.update([rows])
+        halo.forward(rows).now()
         pair, particle = halo.with_ghosts(pair.astype(np.int64)), halo.with_ghosts(identifier)
         start, neighbour = self._neighbours(np.ascontiguousarray(rows[:, :d]), pair, particle)
         if excluded is not None:
@@ -143,7 +143,7 @@ class Search:
         used[row[keep]] = used[neighbour] = True
         number = (np.cumsum(used) - 1).astype(np.int32)
         mine = used[: self.owned]
-        self.halo = halo.keep(used[self.owned :], mine)
+        self.halo = halo.subset(used[self.owned :], mine)
         neighbour, image, start = number[neighbour], image[keep], start[np.append(mine, True)]
         sort_rows(start, neighbour, image, particle[used])
         of_owned: Any = [values[mine] for values in points[2:-1]]

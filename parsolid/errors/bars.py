@@ -9,7 +9,7 @@ import numpy as np
 
 from parsolid.errors.estimate import LOST, SAFE, UNSAFE, Bar, Series, nearby_reach, spacing_bar
 from parsolid.errors.orders import kind_of, order_in_spacing, order_in_time, rough, stepped_by_hand, unconverging
-from parsolid.errors.places import placed
+from parsolid.errors.places import Corners, asked_for, placed
 from parsolid.errors.running import Done
 from parsolid.errors.swinging import phase_and_amplitude
 from parsolid.errors.variants import LOOSER, SOLVER, SPACING, STEP
@@ -17,6 +17,8 @@ from parsolid.scene import Scene
 from parsolid.splines import cubic_spline
 
 History = dict[str, np.ndarray]
+# of the largest component of a vector or tensor, what is rounding of the others
+ROUNDING = 1e-12
 # columns of the history that are no results
 NO_RESULTS = ("step", "time", "dt", "balance")
 
@@ -43,9 +45,15 @@ class ErrorTable:
         return error / largest if largest > 0.0 and math.isfinite(error) else math.inf
 
 
-def error_table(scene: Scene, history: History, done: list[Done]) -> ErrorTable:
-    """The bars of a run's history from the companions that have been run; for one rank alone."""
-    done, apart = at_own_places(scene, done)
+def error_table(scene: Scene, history: History, done: list[Done], corners: tuple[Corners, ...] = ()) -> ErrorTable:
+    """The bars of a run's history from the companions that have been run; for one rank alone.
+
+    corners: of probes of the run itself, whose values are then those at the places that were asked for, in all runs.
+    """
+    if corners:
+        history = asked_for(scene, history, corners)
+        done = [replace(one, history=asked_for(scene, one.history, one.companion.corners)) for one in done]
+    done, apart = (done, {}) if corners else at_own_places(scene, done)
     coarse = sorted((one for one in done if one.companion.purpose == SPACING and one.history), key=lambda d: d.ratio)
     times = history["time"]
     columns = {name: values for name, values in history.items() if name not in NO_RESULTS}
@@ -85,9 +93,18 @@ def at_own_places(scene: Scene, done: list[Done]) -> tuple[list[Done], History]:
 
 
 def on_times(history: History, name: str, times: np.ndarray) -> np.ndarray:
-    """A column of another run at the times (n,) of this one [s]; of a jump what follows it."""
+    """A column of another run at the times (n,) of this one [s]: at a jump, of which this one has two rows, what
+    is before it for the first row and what follows it for the second."""
     own, values = history["time"], history[name]
-    kept = np.append(np.diff(own) > 0.0, True)
+    after = _between(own, values, np.append(np.diff(own) > 0.0, True), times)
+    first = np.append(np.diff(times) == 0.0, False)
+    if first.any():
+        after[first] = _between(own, values, np.insert(np.diff(own) > 0.0, 0, True), times[first])
+    return after
+
+
+def _between(own: np.ndarray, values: np.ndarray, kept: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Values (n,) at times from those of the rows that are kept."""
     own, values = own[kept], values[kept]
     result: np.ndarray = np.interp(times, own, values)
     if len(own) > 3:
@@ -123,9 +140,21 @@ def _add_parts(scene: Scene, name: str, bar: Bar, times: np.ndarray, done: list[
 
 
 def told_columns(table: ErrorTable, scene: Scene) -> list[str]:
-    """The columns of the last lines: of probes and reactions, or the energies where there are none."""
+    """The columns of the last lines: of probes and reactions but for rounding, or the energies where there are none."""
     known = [name for name in table.bars if "." in name]
-    return known or [name for name in ("kinetic", "stored") if name in table.bars]
+    if not known:
+        return [name for name in ("kinetic", "stored") if name in table.bars]
+    largest = {name: float(np.abs(table.values[name]).max(initial=0.0)) for name in known}
+    alike: dict[str, float] = {}
+    for name, value in largest.items():
+        alike[_without_axes(name)] = max(value, alike.get(_without_axes(name), 0.0))
+    return [name for name in known if largest[name] > ROUNDING * alike[_without_axes(name)]]
+
+
+def _without_axes(name: str) -> str:
+    """What components of one vector or tensor have in common."""
+    stem, _, axes = name.rpartition("_")
+    return stem if stem and set(axes) <= set("xyz") else name
 
 
 def lines(table: ErrorTable, scene: Scene, extra: float | None) -> Iterator[str]:

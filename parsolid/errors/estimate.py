@@ -76,12 +76,31 @@ def fitted_error(series: Series, order: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def nearby_largest(values: np.ndarray, times: np.ndarray, reach: float) -> np.ndarray:
-    """The largest of |values| (n,) within a time [s] of each."""
+    """The largest of |values| (n,) within a time [s] of each; at the ends of time, where there is nothing on one side,
+    as much more on the other."""
     size = np.abs(values)
-    first, last = np.searchsorted(times, times - reach), np.searchsorted(times, times + reach, side="right")
+    beyond, before = np.maximum(times + reach - times[-1], 0.0), np.maximum(times[0] - times + reach, 0.0)
+    first = np.searchsorted(times, times - reach - beyond)
+    last = np.searchsorted(times, times + reach + before, side="right")
     return np.array([size[a:b].max() for a, b in zip(first, last)])
 
 
+def quarter_swing(values: np.ndarray, times: np.ndarray) -> float:
+    """A quarter of the period [s] of a series that swings, so that an error that swings alike is seen near its largest;
+    0 where nothing swings."""
+    crossed = swings(values)
+    return float(np.ptp(times)) / (2.0 * crossed) if crossed >= _SWINGS else 0.0
+
+
+def swings(values: np.ndarray) -> int:
+    """How often a series (n,) crosses its mean, small ripples aside."""
+    about = values - values.mean()
+    sound = np.abs(about) > 0.1 * np.abs(about).max(initial=0.0)
+    return int(np.sum(np.diff(np.sign(about[sound])) != 0.0))
+
+
+# crossings of the mean from which a series swings
+_SWINGS = 3
 # of the duration, within which the largest error counts; of the observed order below the known one that is believed
 REACH, TOLERANCE = 0.04, 0.5
 # observed orders below and above this are no orders; estimates with more than the known one are never made
@@ -103,21 +122,21 @@ def spacing_bar(series: Series, known: float, duration: float) -> Bar:
     scale = float(changes.max()) if changes.size else 0.0
     differences = np.diff(values, axis=0)
     norms = [rms(one) for one in differences]
-    if max(norms, default=0.0) <= 1e-13 * float(np.abs(values).max(initial=0.0)) or scale == 0.0:
+    if max(norms, default=0.0) <= 1e-13 * float(np.abs(values).max(initial=0.0)):
         return Bar(np.abs(values).max(axis=0) * 1e-13, None, max(known, LEAST_ORDER), SAFE, "exact to rounding")
     order, alike = None, 0.0
     if len(values) > 2 and norms[0] > 0.0:
         order = observed_order(norms[0], norms[1], ratios)
         alike = float(np.mean(differences[0] * differences[1])) / (norms[0] * norms[1]) if norms[1] > 0.0 else 0.0
-        if norms[0] > UNRESOLVED * rms(values[0] - values[0].mean()) and norms[0] > STILL * norms[1]:
+        varies = scale > 0.0 and norms[0] > UNRESOLVED * rms(values[0] - values[0].mean())
+        if varies and norms[0] > STILL * norms[1]:
             return unresolved(series, known)
     used, factor, verdict = judged_order(order, alike, known)
     if order is not None and alike < UNLIKE:
         error, missed = unlike_error(series, used), np.zeros(len(times))
     else:
         error, missed = largest_fitted_error(series, used)
-    reach = REACH * duration
-    near = nearby_largest(error, times, reach)
+    near = nearby_largest(error, times, max(REACH * duration, quarter_swing(values[0], times)))
     # errors grow: a zero of the difference is none of the error
     total = factor * np.maximum(near, 0.5 * running_rms(error, times)) + missed
     return Bar(total, order, used, factor, verdict, {"spacing": near})

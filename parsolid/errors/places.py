@@ -120,3 +120,19 @@ def placed(scene: Scene, history: History, corners: tuple[Corners, ...]) -> tupl
                 result[column] = there
                 apart |= {column: asked - there} if off else {}
     return result, apart
+
+
+def asked_for(scene: Scene, history: History, corners: tuple[Corners, ...]) -> History:
+    """A history with probes at the places that the scene asks for, between particles that were watched around them."""
+    result = dict(history)
+    for one in corners if history else ():
+        probe = next((each for each in scene.probes if each.name == one.probe), None)
+        if probe is None or probe.at is None:
+            continue
+        for column in probe.columns(scene.dimension):
+            value = one.value(history, column.partition(".")[2], np.array(probe.at, float))
+            if value is not None:
+                result[column] = value
+        for name in one.names:
+            result = {column: values for column, values in result.items() if not column.startswith(name + ".")}
+    return result

@@ -2,17 +2,10 @@
 
 import numpy as np
 
-from parsolid.errors.estimate import Series
+from parsolid.errors.estimate import Series, swings
 
 # stretches of time that are tried, and how many swings a series needs to have a phase
 _LARGEST, _TRIALS, _SWINGS = 0.08, 41, 3
-
-
-def swings(values: np.ndarray) -> int:
-    """How often a series (n,) crosses its mean, small ripples aside."""
-    about = values - values.mean()
-    sound = np.abs(about) > 0.1 * np.abs(about).max(initial=0.0)
-    return int(np.sum(np.diff(np.sign(about[sound])) != 0.0))
 
 
 def phase_and_amplitude(series: Series, order: float) -> tuple[float | None, float | None]:

@@ -57,6 +57,15 @@ def finer_by(excess: float, order: float) -> float:
     return min(MOST_FINER, max(LEAST_FINER, (excess / AIM) ** (1.0 / order)))
 
 
+def steps_grow(ratios: list[float], steps: list[int]) -> float:
+    """The power of the resolution with which the number of steps has grown: 1 of waves, 2 of conduction, 0 of steps
+    that are stated; ratios: of the spacings of runs; 1 where there is but one."""
+    if len(set(ratios)) < 2:
+        return 1.0
+    slope = np.polyfit(-np.log(ratios), np.log(np.maximum(steps, 1)), 1)[0]
+    return float(min(2.0, max(0.0, slope)))
+
+
 def predicted_seconds(known: list[Cost], particles: int, steps: float) -> float:
     """Core-seconds of a run, from a time a step and one a particle and step that fit the runs known, the largest best.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from parsolid.errors.coarsening import Coarser, NotCoarsened, coarser, lattices_of, methods_of, parsed
+from parsolid.errors.orders import stepped_by_hand
 from parsolid.errors.places import Corners, with_corners
 from parsolid.scene import Scene
 from parsolid.sources import source_digest
@@ -81,7 +82,9 @@ def companions_of(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()) 
         found.insert(0, Companion(parsed(coarse, trust_code), SPACING, made.ratio, made.lattices, corners))
     if coarse is not None:
         one = found[0]
-        found.insert(1, Companion(parsed(half_step(coarse), trust_code), STEP, one.ratio, one.lattices, corners))
+        if stepped_by_hand(scene):
+            # elsewhere steps follow the spacing, and their error is in the differences of the spacings
+            found.insert(1, Companion(parsed(half_step(coarse), trust_code), STEP, one.ratio, one.lattices, corners))
         looser = looser_solver(coarse)
         if looser is not None:
             stopped = parsed(looser, trust_code)

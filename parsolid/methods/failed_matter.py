@@ -52,8 +52,7 @@ def note_deleted(particles: Particles, rows: np.ndarray, mass: np.ndarray, veloc
     """Note what goes with some particles: mass (n,) [kg] and velocity (n, d) [m/s]; their kinetic energy [J]."""
     particles.owned_rows("deleted_mass")[rows] = mass
     momentum = mass[:, None] * velocity
-    rows_of_momentum = particles.owned_rows("deleted_momentum")
-    rows_of_momentum.reshape(len(rows_of_momentum), -1)[rows] = momentum
+    particles.owned_rows("deleted_momentum")[rows] = momentum
     return 0.5 * float((momentum * velocity).sum())
 
 
@@ -73,7 +72,7 @@ def measure(particles: Particles, mass: np.ndarray, name: str) -> tuple[str, np.
     if name == "deleted_mass":
         return "sum", np.array([field(name).sum()])
     if name == "deleted_momentum":
-        lost = field(name).reshape(particles.owned, -1).sum(axis=0)
+        lost = field(name).sum(axis=0)
         return "sum", lost + np.zeros(particles.fields["velocity"].components)
     return None
 

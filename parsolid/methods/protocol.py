@@ -14,6 +14,7 @@ from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
+from parsolid.scene.warned import Warned
 
 # what a file of fields has in any case
 ALWAYS_WRITTEN = ("identifier", "body", "volume")
@@ -242,6 +243,11 @@ class ParticleSystem:
     def doubt(self) -> str | None:
         """Why the state is beyond what the method describes; collective, the same on all ranks."""
         return None
+
+    def warnings(self) -> list[Warned]:
+        """What is likely to be wrong for what the scene asks of the method, in the system's keys; collective, the same
+        on all ranks."""
+        return []
 
     def advice(self) -> str:
         """What most likely helps when a run goes wrong."""

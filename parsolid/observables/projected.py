@@ -25,7 +25,7 @@ class Projected(Sampler):
         for name in self.fields:
             field = watched.field(name)
             field = field[:, :d, :d] if field.ndim == 3 else field
-            values += list(measure @ field.reshape(len(measure), -1))
+            values += np.tensordot(measure, field, 1).ravel().tolist()
         return np.array([*values, float(measure @ self._weights)])
 
     def values(self, joined: np.ndarray) -> np.ndarray:

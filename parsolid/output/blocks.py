@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.reduction import sums
+from parsolid.collective import maximum, minimum
 from parsolid.output import vtkhdf
 from parsolid.output.errors import together
 from parsolid.output.fields import Fields, FieldSeries
@@ -49,11 +51,11 @@ class FieldBlocks:
 
     def _first_of_bodies(self, identifier: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First identifier and first row of every body; collective."""
-        count: int = max(self._comm.allgather(int(body.max(initial=-1)))) + 1
+        count = maximum(self._comm, int(body.max(initial=-1))) + 1
         least = np.full(count, np.iinfo(np.int64).max)
         np.minimum.at(least, body, identifier)
-        first = np.min(self._comm.allgather(least), axis=0)
-        sizes = np.sum(self._comm.allgather(np.bincount(body, minlength=count)), axis=0)
+        first = minimum(self._comm, least)
+        sizes = sums(self._comm, np.bincount(body, minlength=count))
         order = np.argsort(first, kind="stable")
         rows = np.zeros(count, np.int64)
         rows[order[1:]] = np.cumsum(sizes[order])[:-1]

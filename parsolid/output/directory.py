@@ -20,6 +20,7 @@ RESULTS = (
     "fields.vtkhdf",
     "fields.*.vtkhdf",
     "fields_*.vtkhdf",
+    "fields*.sums",
     "checkpoint.h5",
     "checkpoint.previous.h5",
     "scene.toml",

@@ -13,8 +13,10 @@ from mpi4py import MPI
 
 from decomposition.migration import migrate
 from parsolid.output import vtkhdf
+from parsolid.output.checksums import added, sum_of_rows
 from parsolid.output.directory import next_free
 from parsolid.output.errors import OutputError, agree, together
+from parsolid.output.field_sums import append_sums, keep_sums, move_sums, sums_path
 from parsolid.output.slabs import DataSet, SlabWriter, open_serial, places, probe
 from parsolid.scene.previous_results import STATE
 
@@ -98,13 +100,28 @@ class FieldSeries:
         if len(self._times) == self._layout.capacity:
             self._start_new_file()
         step = len(self._times) * self._layout.particles + rows.first
+        sums: dict[str, int] = {}
         with SlabWriter(self._comm, self.path, self._places, self._method) as writer:
-            writer.write("VTKHDF/Points", step, rows.arrange(_in_space(position)))
+            self._write_rows(writer, "VTKHDF/Points", step, rows, _in_space(position), sums)
             for name, values in varying.items():
-                writer.write(f"VTKHDF/PointData/{name}", step, rows.arrange(self._shown(values, name)))
+                self._write_rows(writer, f"VTKHDF/PointData/{name}", step, rows, self._shown(values, name), sums)
             if len(self._times) == 0:
-                self._write_constants(writer, rows, constant)
+                self._write_constants(writer, rows, constant, sums)
+        sums = added(self._comm, sums)
+        with together(self._comm, f"cannot write {sums_path(self.path)}"):
+            if self._comm.rank == 0:
+                # before the step is shown: a step that is, has its checksums
+                keep_sums(self.path, len(self._times))
+                append_sums(self.path, len(self._times), time, sums)
         self._publish(np.append(self._times, time))
+
+    def _write_rows(
+        self, writer: SlabWriter, name: str, first: int, rows: "_ByIdentifier", values: np.ndarray, sums: dict[str, int]
+    ) -> None:
+        """Rows of a data set from `first` on; their part of its checksum into `sums`."""
+        arranged = np.ascontiguousarray(rows.arrange(values), self._places[name].dtype)
+        writer.write(name, first, arranged)
+        sums[name] = sum_of_rows(arranged, rows.first)
 
     def _begin(self, owned: int, varying: Fields, constant: Fields) -> None:
         kinds = [
@@ -190,14 +207,20 @@ class FieldSeries:
                 partial = self.path.with_name(self.path.name + ".partial")
                 laid = self._lay_out(partial, 1)
                 if self.path.exists():
-                    self.path.rename(next_free(self.path))
+                    aside = next_free(self.path)
+                    self.path.rename(aside)
+                    move_sums(self.path, aside)
+                sums_path(self.path).unlink(missing_ok=True)
                 partial.rename(self.path)
         self._places = self._comm.bcast(laid)
         self._times = np.empty(0)
 
-    def _write_constants(self, writer: SlabWriter, rows: "_ByIdentifier", constant: Fields) -> None:
+    def _write_constants(
+        self, writer: SlabWriter, rows: "_ByIdentifier", constant: Fields, sums: dict[str, int]
+    ) -> None:
         for name in self._layout.constant:
-            writer.write(f"VTKHDF/PointData/{name}", rows.first, rows.arrange(self._shown(constant[name], name)))
+            values = self._shown(constant[name], name)
+            self._write_rows(writer, f"VTKHDF/PointData/{name}", rows.first, rows, values, sums)
         for name, entries in (("Connectivity", vtkhdf.vertex_connectivity), ("Offsets", vtkhdf.vertex_offsets)):
             total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
             first, last = (total * rank // self._comm.size for rank in self._mine)

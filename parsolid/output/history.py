@@ -6,9 +6,9 @@ A row that is damaged on the disk is found when the file is read or gone on with
 import csv
 import os
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -39,7 +39,8 @@ class History:
             found, rows = _read(self.path)
             if found != self._columns:
                 raise OutputError(f"{self.path}: cannot go on: expected the columns {self._columns}, found {found}")
-        self._begin([",".join(row) for row in rows if int(row[0]) <= at_step])
+        steps = _numbers(self.path, rows, int, [0])
+        self._begin([",".join(row) for row, (step,) in zip(rows, steps) if step <= at_step])
 
     def append(self, row: Sequence[float | None]) -> None:
         """Add a row: numbers in the order of the columns, None for an empty cell. Raises OutputError."""
@@ -82,7 +83,19 @@ class History:
 def read_history(path: Path | str) -> dict[str, list[float]]:
     """Column name -> values; an empty cell is read as NaN. Raises OutputError when the file is no history."""
     columns, rows = _read(Path(path))
-    return {name: [float(row[i] or "nan") for row in rows] for i, name in enumerate(columns)}
+    values = _numbers(Path(path), rows, lambda text: float(text or "nan"), range(len(columns)))
+    return {name: [row[i] for row in values] for i, name in enumerate(columns)}
+
+
+def _numbers(path: Path, rows: list[list[str]], kind: Callable[[str], Any], places: Iterable[int]) -> list[list[Any]]:
+    """Cells of rows as numbers. Raises OutputError with the line of the first that is none."""
+    places, result = list(places), []
+    for line, row in enumerate(rows, 2):
+        try:
+            result.append([kind(row[place]) for place in places])
+        except ValueError:
+            raise OutputError(f"{path}: damaged: line {line} holds what is no number") from None
+    return result
 
 
 def _read(path: Path) -> tuple[list[str], list[list[str]]]:

@@ -397,7 +397,7 @@ class BoxSweeps:
                     motion.append(_transfer(box, link, self.x, slice(None), 1))
                     stress.append(_transfer(box, link, self.G, of_axis, 1))
                     stress.append(_transfer(box, link, self.Z, of_axis if self.directional else slice(None), 1))
-        return GhostExchange(comm, motion, 0), GhostExchange(comm, stress, 1)
+        return GhostExchange(comm, motion), GhostExchange(comm, stress)
 
     def exchange_motion(self, velocity: np.ndarray, position: np.ndarray) -> None:
         """Take v and x of the fields (d, n) of the particles, and of the ghosts; collective."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.neighbours import half_pairs
+from decomposition.pair_search import half_pairs
 from parsolid.collective import maximum, minimum
 
 

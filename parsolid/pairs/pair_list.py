@@ -151,7 +151,7 @@ class Neighbours:
         if codes is not None:
             raise_together(comm, codes.too_close(reach.scale * support))
         self.comm = comm
-        self.halo = halo = Halo.plan(comm, np.ascontiguousarray(positions / reach.scale), reach.distance)
+        self.halo = halo = Halo(comm, np.ascontiguousarray(positions / reach.scale), reach.distance)
         self.owned, self.local = halo.owned, halo.owned + halo.ghosts
         places = halo.with_ghosts(np.ascontiguousarray(positions))
         start, neighbour, code = plain_candidates(places, self.owned, reach)

@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from decomposition.cells import checked_bounds
-from decomposition.close_pairs import ClosePairs, strips_of
+from decomposition.bisection import bisect
 from decomposition.halo import Halo
 from decomposition.measured_load import MeasuredLoad
 from decomposition.migration import migrate
-from decomposition.partition import bisect
+from decomposition.pair_search import ClosePairs, checked_bounds, strips_of
 from parsolid.collective import maximum, raise_together
 from parsolid.pairs.candidates import coincident, images_near
 from parsolid.pairs.displacement import LATE, Allowance, body_bounds, body_motions, skin_use
@@ -217,7 +216,7 @@ class VerletList:
         """Ghosts and pairs of the listed positions; collective."""
         particles = self.particles
         points = np.ascontiguousarray(particles.owned_rows("listed_position"))
-        self.halo = Halo.plan(self.comm, points, self.reach * _HAIR)
+        self.halo = Halo(self.comm, points, self.reach * _HAIR)
         particles.attach(self.halo)
         half_reach = 0.5 * self.support * (1.0 + self.skin) * particles.owned_rows("smoothing_length")
         whole = self.halo.with_ghosts(np.column_stack((points, half_reach, particles.owned_rows("body"))))
@@ -302,8 +301,8 @@ class VerletList:
             "velocities": self.motions.velocity.tolist(),
             "builds": self.builds,
             "distributions": self.distributions,
-            "late": self.comm.allgather(self.late),
-            "migrated": self.comm.allgather(self.migrated),
+            "late": self.comm.allreduce(self.late),
+            "migrated": self.comm.allreduce(self.migrated),
             "load_then": self._load_then,
             "builds_since": self._builds_since,
             "shares": None if self._shares is None else self._shares.tolist(),
@@ -314,14 +313,13 @@ class VerletList:
         the message "reference" is sent."""
         self.builds, self.distributions = state["builds"], state["distributions"]
         self._load_then, self._builds_since = state["load_then"], state["builds_since"]
+        if self.comm.rank == 0:
+            self.late, self.migrated = state["late"], state["migrated"]
         if state["ranks"] != self.comm.size:
             # distributed by reference positions so far
             self._builds_since = _MOST_BUILDS
-            if self.comm.rank == 0:
-                self.late, self.migrated = sum(state["late"]), sum(state["migrated"])
             self.rebuild(time)
             return
-        self.late, self.migrated = state["late"][self.comm.rank], state["migrated"][self.comm.rank]
         self._shares = None if state["shares"] is None else np.array(state["shares"])
         self.built_at = state["built_at"]
         _, boxes = self._survey(self.particles.owned_rows("listed_position"))

@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from decomposition.talking import TALKING
 from parsolid.kernels import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 from parsolid.particles.selection import Selection
@@ -188,24 +187,17 @@ class Particles:
                     f"{name}: expected a message of fields that go one way, found {sorted(map(str, kinds))}"
                 )
             halo: Any = self._halo
-            make = halo.exchange if kinds == {"forward"} else halo.accumulate
-            self._messages[name] = make([self[field.name] for field in members])
+            make = halo.forward if kinds == {"forward"} else halo.reverse
+            self._messages[name] = make(*(self[field.name] for field in members))
         return self._messages[name]
 
     def send(self, message: str) -> None:
         """Start to exchange the fields of a message with the neighbouring ranks."""
-        exchange = self._messages.get(message) or self._message(message)
-        # a rank without neighbours has no time to take
-        if not exchange.silent:
-            with TALKING:
-                exchange.start()
+        (self._messages.get(message) or self._message(message)).start()
 
     def receive(self, message: str) -> None:
         """Finish what `send` has started."""
-        exchange = self._messages[message]
-        if not exchange.silent:
-            with TALKING:
-                exchange.finish()
+        self._messages[message].finish()
 
     def update(self, message: str) -> None:
         """Send and receive a message once, for set-up: its buffers are given back.

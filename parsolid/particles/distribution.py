@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.bisection import bisect
 from decomposition.migration import migrate
-from decomposition.partition import bisect
 from parsolid.collective import anywhere
 from parsolid.materials.blocks import block_numbers
 

@@ -7,7 +7,7 @@ every node is compared with a list of allowed ones, and what numexpr compiles is
 import ast
 import math
 import os
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numexpr
 import numpy as np
@@ -135,6 +135,23 @@ def _value_in_time(tree: ast.expr, time: float) -> float | None:
         return None
 
 
+class NotFinite(NamedTuple):
+    """A formula that was no finite number at a place [m] and a time [s]."""
+
+    source: str
+    value: float
+    place: list[float]
+    time: float
+
+    def __str__(self) -> str:
+        place = ", ".join(f"{one:.6g}" for one in self.place)
+        return f"the formula {self.source!r} is {self.value} at X = ({place}), t = {self.time:.6g} s"
+
+
+# the first of this rank; a failed run tells of it
+NOT_FINITE: list[NotFinite] = []
+
+
 class Formula:
     """One scalar formula; `source` is what the scene says (text or a number), with whole paths of tables.
 
@@ -168,10 +185,13 @@ class Formula:
         self._constant = None
         try:
             self._text = ast.unparse(tree)
-            value = self.evaluate(np.zeros((1, len(AXES))))[0]
+            with np.errstate(all="ignore"):
+                value = self._values(np.zeros((1, len(AXES))), 0.0)[0]
         except (TypeError, ValueError, RuntimeError, LookupError, AttributeError, ArithmeticError) as error:
             raise ValueError(f"a formula that cannot be compiled ({error})") from None
         if not self.names:
+            if not math.isfinite(value):
+                raise ValueError(f"the value {value} where a finite one is wanted,")
             self._constant = float(value)
 
     @classmethod
@@ -205,6 +225,13 @@ class Formula:
         """Values (n,) at points (n, d) [m] and a time [s]."""
         if self._constant is not None:
             return np.full(len(points), self._constant)
+        values = self._values(points, time)
+        if not np.isfinite(values).all() and not NOT_FINITE:
+            index = int(np.argmin(np.isfinite(values)))
+            NOT_FINITE.append(NotFinite(str(self.source), float(values[index]), points[index].tolist(), time))
+        return values
+
+    def _values(self, points: np.ndarray, time: float) -> np.ndarray:
         if self._compiled is None:
             self._compiled = numexpr.NumExpr(self._text, signature=[(name, np.float64) for name in self._own])
         values = self._compiled(*(self._given(name, points, time) for name in self._own))

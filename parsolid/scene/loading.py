@@ -177,7 +177,8 @@ def dump_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 
 def apply_override(data: dict[str, Any], override: str) -> str | None:
-    """Set one "key.path=value" in raw tables; the fault when there is no such place, else None."""
+    """Set one "key.path=value" in raw tables, or take the key away with "key.path=": what else there is then holds. The
+    fault when there is no such place, else None."""
     path, equals, text = override.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
@@ -193,7 +194,9 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
             key = int(key)
         elif not isinstance(place, dict):
             return f"--set {path.strip()}: expected a table at {key_path(keys[:depth])}, found {told(place)}"
-        if last:
+        if last and not text.strip():
+            place.pop(key) if isinstance(place, list) else place.pop(key, None)
+        elif last:
             place[key] = override_value(text.strip())
         else:
             place = place[key] if isinstance(place, list) else place.setdefault(key, {})

@@ -1,6 +1,7 @@
 """What the settings of all methods have in common."""
 
 from collections.abc import Iterable
+from math import inf
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -110,6 +111,18 @@ class MethodSettings(SceneModel):
     def touching(self) -> str:
         """What bodies of the method do that touch and that no contact names, in words."""
         return "bonded where they touch"
+
+    def largest_spacing(self) -> float | None:
+        """The largest particle spacing [m] that the method bears; None where there is no such limit."""
+        return None
+
+    def bonded_spacings(self, scene: Any) -> float:
+        """By which factor spacings of bodies may differ that the method bonds."""
+        return inf
+
+    def bonded_densities(self, scene: Any) -> float:
+        """The same of their densities."""
+        return inf
 
     def contact_refused(self, scene: Any) -> str | None:
         """Why bodies of the method cannot be in contact, None where they can."""

@@ -197,7 +197,7 @@ class PreviousField:
     def _columns(self, rows: np.ndarray) -> np.ndarray:
         """The components of rows of a file, in which vectors and tensors of the plane are padded to those in space."""
         d, count = self.dimension, len(self)
-        whole = rows.reshape(len(rows), -1)
+        whole = rows.reshape(len(rows), int(np.prod(rows.shape[1:])))
         if self.width is None:
             whole = whole.astype(float)
             if self.name in _TENSORS:

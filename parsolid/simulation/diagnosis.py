@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.collective import maximum, minimum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.scene.formulas import NOT_FINITE
 from parsolid.scene.systems import in_words_of
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ def describe_failure(simulation: "Simulation", otherwise: str) -> str:
             f"  particle   {found['identifier']} on rank {found['rank']}{found.get('why', '')}, "
             f"at X = ({found['reference']}), now x = ({found['position']})"
         )
+    formula = _first_of(simulation.comm, {"formula": str(NOT_FINITE[0])} if NOT_FINITE else None)
+    if formula is not None:
+        lines.append(f"  formula    {formula['formula']}")
     lines.append(f"  checkpoint {simulation.last_checkpoint or 'none was written'}")
     lines.append(f"  try        {found.get('advice') or _advice(simulation.scene, *simulation.systems)}")
     return "\n".join(lines)

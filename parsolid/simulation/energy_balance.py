@@ -1,4 +1,7 @@
-"""Whether energy is kept: the ledger's balance against the largest energy a run has shown, and what its end says."""
+"""Whether energy is kept: the ledger's balance against the largest energy a run has shown, and what its end says.
+
+A run's end has one word of trust for every method, see `EnergyBalance.verdict`.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -6,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.scene.method_settings import KINETIC_OFFSET
+from parsolid.scene.warned import Warned
 
 # of the largest energy, by how much leapfrog's kinetic energy may differ from the one that is conserved
 _OFFSET = 0.05
@@ -15,6 +19,25 @@ _ROUND_OFF, _TOLD = 1e-12, 1e-5
 # so many steps as in the one in which they have grown most, which a limit of 5 % makes 1.6 steps, and which is
 # forgotten in as many
 _STEPS_TO_COME = 32
+
+
+# of the sum of their particles' parts, what of momenta may be lost where nothing acts from outside
+_MOMENTUM = 0.01
+
+# words of trust, the last counts most; and the codes of what speaks against a run
+WORDS = ("resolved", "dissipative", "inapplicable", "unbalanced")
+ENERGY_UNACCOUNTED, ENERGY_GIVEN, LONG_STEP = "energy-unaccounted", "energy-given", "long-step"
+MOMENTUM_LOST, ANGULAR_MOMENTUM_LOST = "momentum-lost", "angular-momentum-lost"
+BEYOND_THE_METHOD = "beyond-the-method"
+NUMERICAL_DISSIPATION, ARTIFICIAL_VISCOSITY = "numerical-dissipation", "artificial-viscosity"
+
+
+class Finding(NamedTuple):
+    """What speaks against a run: the word of trust it leaves, a code, the reason in words."""
+
+    word: str
+    code: str
+    reason: str
 
 
 class EnergyLimits(NamedTuple):
@@ -85,47 +108,32 @@ class EnergyBalance:
         over = self.largest if self.largest > _ROUND_OFF * scale else scale
         return balance / over if over > 0.0 else None
 
-    def verdict(self, scale: float, doubts: Sequence[str] = ()) -> dict[str, Any]:
+    def verdict(
+        self,
+        scale: float,
+        doubts: Sequence[str] = (),
+        momenta: tuple[float, float] = (0.0, 0.0),
+        warnings: Sequence[Warned] = (),
+    ) -> dict[str, Any]:
         """Entries of summary.json: the largest |balance| over the largest energy, numerical dissipation [J] and its
-        share of the energy that went in, and a word of trust with its reason; doubts: why methods do not apply.
+        share of the energy that went in, that of the artificial viscosity, and a word of trust with its code and
+        reason; doubts: why methods do not apply; momenta: shares of linear and angular momentum lost; warnings: of the
+        scene, see `representation`.
 
-        "resolved" says that the energy is accounted for and that little of it went into the scheme: an answer needs
-        that, but is not right by that alone.
+        "resolved" says that energy and momentum are accounted for and that little of the energy went into the scheme
+        and its artificial viscosity: an answer needs that, but is not right by that alone.
         """
-        balance = self.relative(self.worst, scale) or 0.0
+        balance, gained, offset = (self.relative(one, scale) or 0.0 for one in (self.worst, self.gained, self.offset))
         share, viscous = (
             energy / self.entered if self.entered > _ROUND_OFF * scale else 0.0 for energy in (self.lost, self.viscous)
         )
-        limits, gained = self.limits, self.relative(self.gained, scale) or 0.0
-        offset = self.relative(self.offset, scale) or 0.0
-        word, reason = (
-            "resolved",
-            f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme",
-        )
-        if gained > _TOLD:
-            reason += f", {gained:.2g} given by it"
-        if viscous:
-            # in a shock that is what heats matter, elsewhere it is a loss: told, not judged
-            reason += f", {viscous:.2g} in artificial viscosity"
-        if abs(share) > limits.dissipation_warning:
-            word = "dissipative"
-            reason = f"the scheme, not the material, took {share:.2g} of the energy that went in"
-            reason += f" (method.dissipation_warning = {limits.dissipation_warning:g})"
-        if offset > _OFFSET:
-            word = "unbalanced"
-            reason = (
-                f"the time step is too long: within a step kinetic energy swings by {offset:.2g} of the largest energy"
-            )
-        if doubts:
-            word, reason = "inapplicable", doubts[0]
-        if not balance <= limits.balance_warning or self.broken is not None:
-            word = "unbalanced"
-            reason = f"{balance:.2g} of the largest energy is not accounted for"
-            reason += f" (method.balance_warning = {limits.balance_warning:g})"
-        elif gained > limits.balance_warning:
-            word = "unbalanced"
-            reason = f"the scheme gave {gained:.2g} of the largest energy, {self.gained:.3g} J"
-            reason += f" (method.balance_warning = {limits.balance_warning:g})"
+        findings = self._findings(balance, gained, offset, share, viscous, doubts, momenta)
+        findings += [Finding("inapplicable", one.code, one.text) for one in warnings if one.inapplicable]
+        if not findings:
+            reason = f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme"
+            reason += f", {gained:.2g} given by it" if gained > _TOLD else ""
+            reason += f", {viscous:.2g} in artificial viscosity" if viscous else ""
+        verdict = max(findings, key=lambda one: WORDS.index(one.word)) if findings else Finding("resolved", "", reason)
         return {
             "energy_balance_largest": balance,
             "energy_given_by_scheme": gained,
@@ -133,6 +141,47 @@ class EnergyBalance:
             "dissipation_numerical": self.lost,
             "dissipation_numerical_share": share,
             **({"artificial_viscosity_share": viscous} if self.viscous_terms else {}),
-            "trust": word,
-            "trust_reason": reason,
+            "momentum_lost_share": momenta[0],
+            "angular_momentum_lost_share": momenta[1],
+            "trust": verdict.word,
+            "trust_code": verdict.code or None,
+            "trust_reason": verdict.reason,
+            "trust_findings": [one._asdict() for one in findings],
         }
+
+    def _findings(
+        self,
+        balance: float,
+        gained: float,
+        offset: float,
+        share: float,
+        viscous: float,
+        doubts: Sequence[str],
+        momenta: tuple[float, float],
+    ) -> list[Finding]:
+        """Everything that speaks against a run, the first of a word counting most."""
+        limits, found = self.limits, []
+        allowed = f"(method.balance_warning = {limits.balance_warning:g})"
+        if not balance <= limits.balance_warning or self.broken is not None:
+            told = f"{balance:.2g} of the largest energy is not accounted for {allowed}"
+            found.append(Finding("unbalanced", ENERGY_UNACCOUNTED, told))
+        if gained > limits.balance_warning:
+            told = f"the scheme gave {gained:.2g} of the largest energy, {self.gained:.3g} J {allowed}"
+            found.append(Finding("unbalanced", ENERGY_GIVEN, told))
+        if offset > _OFFSET:
+            told = f"within a step kinetic energy swings by {offset:.2g} of the largest energy"
+            found.append(Finding("unbalanced", LONG_STEP, f"the time step is too long: {told}"))
+        for lost, code in zip(momenta, (MOMENTUM_LOST, ANGULAR_MOMENTUM_LOST)):
+            if not lost <= _MOMENTUM:
+                told = f"nothing acts from outside, and the {code.removesuffix('-lost').replace('-', ' ')} changes by"
+                found.append(Finding("unbalanced", code, f"{told} {lost:.2g} of what moves"))
+        found += [Finding("inapplicable", BEYOND_THE_METHOD, doubt) for doubt in doubts]
+        if max(abs(share), abs(share + viscous)) > limits.dissipation_warning:
+            own = abs(share) > limits.dissipation_warning
+            told = f"the scheme, not the material, took {share:.2g} of the energy that went in"
+            if viscous:
+                told += f", its artificial viscosity {viscous:.2g}"
+            told += f" (method.dissipation_warning = {limits.dissipation_warning:g})"
+            code = NUMERICAL_DISSIPATION if own else ARTIFICIAL_VISCOSITY
+            found.append(Finding("dissipative", code, told))
+        return found

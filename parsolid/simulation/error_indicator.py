@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.halo import Halo
 from parsolid.collective import maximum
 from parsolid.observables.declared import field_of
 
 NAME = "error_indicator"
 # neighbours are within so many spacings; pairs that are looked at together
-_REACH, _PAIRS = 2.3, 2_000_000
+_REACH, _PAIRS, _HAIR = 2.3, 2_000_000, 1.0 + 1e-9
 _COMPONENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -29,27 +30,13 @@ def indicate(comm: Any, systems: list[Any]) -> None:
         rows, d = system.particles.owned_rows, system.dimension
         place, body = np.array(rows("reference_position")[:, :d]), np.array(rows("body"))
         reach = _REACH * float(maximum(comm, np.max(rows("spacing"), initial=0.0)))
-        others = neighbours_of_ranks(comm, place, reach, np.column_stack([place, body, values]))
-        everything = np.concatenate([np.column_stack([place, body, values]), others])
+        # a hair farther, for distances are rounded in another way
+        everything = Halo(comm, place, reach * _HAIR).with_ghosts(np.column_stack([place, body, values]))
         fitted = fit_of_neighbours(place, body, everything, reach, d)
         # components off the diagonal count twice
         difference = np.where(np.isfinite(fitted), (fitted - values) ** 2, 0.0) @ (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)
         moduli = np.array([system.wave_modulus(number)[0] for number in range(len(system.bodies))])
         system.indicated = 0.5 * difference / moduli[body.astype(int)]
-
-
-def neighbours_of_ranks(comm: Any, place: np.ndarray, reach: float, rows: np.ndarray) -> np.ndarray:
-    """Rows (m, k) of other ranks' particles that are within a reach [m] of the box of this rank's places (n, d)."""
-    if comm.size == 1:
-        return rows[:0]
-    far = np.full(place.shape[1], np.inf)
-    boxes = comm.allgather((place.min(axis=0, initial=np.inf), place.max(axis=0, initial=-np.inf)))
-    sent = []
-    for rank, (lower, upper) in enumerate(boxes):
-        empty = rank == comm.rank or (lower >= far).any()
-        near = ((place >= lower - reach) & (place <= upper + reach)).all(axis=1)
-        sent.append(rows[:0] if empty else rows[near])
-    return np.concatenate(comm.alltoall(sent))
 
 
 def fit_of_neighbours(place: np.ndarray, body: np.ndarray, rows: np.ndarray, reach: float, d: int) -> np.ndarray:

@@ -8,8 +8,9 @@ from math import inf, isfinite, sqrt
 from typing import Any, Protocol
 
 from decomposition.reduction import MinimumAhead
-from decomposition.talking import TALKING
+from decomposition.timer import COMMUNICATION
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.collective import minimum
 from parsolid.contact.contact import build_contact
 from parsolid.contact.grid import build_grid_contact
 from parsolid.contact.tie import build_ties
@@ -20,7 +21,9 @@ from parsolid.scene import Scene
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
+from parsolid.simulation.momentum_balance import MomentumBalance, isolated
 from parsolid.simulation.phases import Phases
+from parsolid.simulation.representation import representation
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
@@ -87,6 +90,9 @@ class Simulation:
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
+        self.warnings = representation(comm, scene, self.systems)
+        # None where something acts from outside
+        self.momenta = MomentumBalance(comm, self.systems) if isolated(scene) else None
         self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
         self.clock.work, self.phases = [0.0] * len(self.systems), Phases()
         for number, system in enumerate(self.systems):
@@ -98,6 +104,9 @@ class Simulation:
             *build_grid_contact(comm, scene, self.systems),
         ]
         self.time_steps = TimeSteps.of(scene, self.systems)
+        # systems whose particles have a temperature, and the lowest [K] in the last row
+        self._warm = [one for one in self.systems if "temperature" in one.particles]
+        self.coldest = inf
         # step of the last row that was judged
         self.judged = 0
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
@@ -170,6 +179,11 @@ class Simulation:
         jump = steps > 0 and self.clock.step_size == 0.0
         told = None if jump else steps, self.ledger.last_work
         self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0, *told)
+        if self.momenta is not None:
+            self.momenta.look()
+        if self._warm:
+            temperatures = [one.particles.owned_rows("temperature") for one in self._warm]
+            self.coldest = minimum(self.comm, min(float(one.min(initial=inf)) for one in temperatures))
         return row
 
     def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:
@@ -240,29 +254,29 @@ class Simulation:
     def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
         """One step [s] to a time [s]; the next stable step and wishes are agreed on while the last system advances."""
         began, processor_began = clock.perf_counter(), clock.process_time()
-        sent_processor = TALKING.processor_seconds
+        sent_processor = COMMUNICATION.processor_seconds
         self._told.clear()
         self._wishes = wishes
         self.ledger.begin_step()
         for interaction in self.interactions:
             interaction.start_step(self.clock.time, step, self.ledger)
-        started, sent = clock.perf_counter(), TALKING.seconds
+        started, sent = clock.perf_counter(), COMMUNICATION.seconds
         for number in range(len(self.systems)):
             self._counting(self._advance_positions, number, step)
         positions = clock.perf_counter()
-        self.phases.sent += TALKING.seconds - sent
+        self.phases.sent += COMMUNICATION.seconds - sent
         self._find_external_forces(arrival, step)
-        forces, sent = clock.perf_counter(), TALKING.seconds
+        forces, sent = clock.perf_counter(), COMMUNICATION.seconds
         for number in range(len(self.systems)):
             self._counting(self._complete_step, number, step)
-        self.phases.sent += TALKING.seconds - sent
+        self.phases.sent += COMMUNICATION.seconds - sent
         self.clock.time, self.clock.step_size = arrival, step
         self.time_steps.last = step
         self.clock.step += 1
         now = clock.perf_counter()
         if self.interactions:
             self.phases.contact += started - began + forces - positions
-        self.phases.sent_processor += TALKING.processor_seconds - sent_processor
+        self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor
         self._count(now - began, clock.process_time() - processor_began)
 
     def _advance_positions(self, number: int, step: float) -> None:
@@ -307,11 +321,11 @@ class Simulation:
 
     def _counting(self, part: Callable[[int, float], None], number: int, step: float) -> None:
         """A part of a step [s] of one system, and what work it is for this rank."""
-        began, waited = clock.perf_counter(), TALKING.seconds
+        began, waited = clock.perf_counter(), COMMUNICATION.seconds
         part(number, step)
         if self.clock.step > self.first_step:
             # without what the first step of a program loads
-            self.clock.work[number] += clock.perf_counter() - began - (TALKING.seconds - waited)
+            self.clock.work[number] += clock.perf_counter() - began - (COMMUNICATION.seconds - waited)
 
     def _hear_within(self, sound: bool, stable: float) -> None:
         """What a system announces of a step that is not its last in the common one."""
@@ -344,6 +358,8 @@ class Simulation:
 
     def _check_balance(self) -> None:
         balance = self.balance
+        if not self.coldest >= 0.0:
+            raise RunFailed(describe_failure(self, f"an absolute temperature has fallen to {self.coldest:.6g} K"))
         if balance.broken is not None:
             share, limit = balance.relative(abs(balance.broken), self.energy_scale), balance.limits.balance_limit
             off = f"the energy balance is off by {balance.broken:.4g} J, {share or 0.0:.2g} of the largest energy"

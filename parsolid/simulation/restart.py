@@ -135,6 +135,8 @@ class Restart:
         balance.worst, balance.entered = header.get("largest_balance", 0.0), header.get("energy_entered", 0.0)
         balance.growth = header.get("largest_growth", 0.0)
         balance.gained, balance.offset = header.get("given_by_scheme", 0.0), header.get("largest_offset", 0.0)
+        if simulation.momenta is not None and header.get("momenta") is not None:
+            simulation.momenta.set_state(header["momenta"])
         balance.lost = float(self.rows[:, 1].sum())
         simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header.get("last_step", 0.0)
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
@@ -198,6 +200,7 @@ def header_of(
         "largest_growth": simulation.balance.growth,
         "given_by_scheme": simulation.balance.gained,
         "largest_offset": simulation.balance.offset,
+        "momenta": None if simulation.momenta is None else simulation.momenta.state(),
         "judged_step": simulation.judged,
         "energy_entered": simulation.balance.entered,
         "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],

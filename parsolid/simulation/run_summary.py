@@ -23,6 +23,7 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
     mine = simulation.phases.seconds(spent.first_step_seconds, spent.loop_seconds)
     plans = {plan.bodies: plan for plan in scene.systems}
     doubts = [in_words_of(scene, plans[s.bodies], doubt) for s in systems if (doubt := s.doubt()) is not None]
+    momenta = (0.0, 0.0) if simulation.momenta is None else simulation.momenta.shares()
     return {
         "scene": scene.title,
         "method": " and ".join(dict.fromkeys(system.settings.kind for system in systems)),
@@ -45,7 +46,8 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
         "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
         **of_all_ranks(comm, mine, wall, _work_processor(simulation)),
         "energy_balance": None if balance is None else simulation.balance.relative(balance, simulation.energy_scale),
-        **simulation.balance.verdict(simulation.energy_scale, doubts),
+        **simulation.balance.verdict(simulation.energy_scale, doubts, momenta, simulation.warnings),
+        "warnings": [{"code": one.code, "text": one.text} for one in simulation.warnings],
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
         **_of_methods(systems),
         **_of_several(simulation, steps),

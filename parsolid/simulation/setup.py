@@ -20,7 +20,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.systems import SystemOfScene, in_words_of
 from parsolid.simulation.restart import Restart
-from parsolid.simulation.starting_state import refuse_unsound_start
+from parsolid.simulation.starting_state import refuse_damaged_results, refuse_unsound_start
 
 
 def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[list[ParticleSystem], list[ParticleSet]]:
@@ -29,6 +29,8 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
     Raises SceneError or SolverError on all ranks when the scene cannot be set up.
     """
     plans = scene.systems
+    if not restart:
+        refuse_damaged_results(comm, scene)
     if restart and not restart.same_ranks:
         restart.distribute(scene)
     drawn = restart.particle_sets if restart else _generated(comm, scene, plans)

@@ -6,18 +6,37 @@ import numpy as np
 
 from parsolid.collective import raise_together
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.output.errors import OutputError
+from parsolid.output.field_sums import check_step
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement
 from parsolid.scene.initial import taken_from_results
 
 # of a spacing, for differences of the formulas; what they may be off by, over 1 + |grad u|
 _DIFFERENCE, _TOLERANCE = 1e-5, 1e-3
+# that counts as one
+_STRAIN = 1e-8
 
 
 def refuse_unsound_start(comm: Any, scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> None:
     """scene, particle_set: of the system alone. Raises SolverError, on all ranks, which names the key; collective."""
     raise_together(comm, _misfit(scene, system, particle_set))
     raise_together(comm, _inside_out(scene, system))
+    raise_together(comm, _strained(scene, system, particle_set))
+
+
+def refuse_damaged_results(comm: Any, scene: Scene) -> None:
+    """Raises SolverError, on all ranks, where results that a start is taken from are not as they were written;
+    collective."""
+    fault = None
+    if comm.rank == 0:
+        taken = [one.steps for state in scene.initial if state.results for one in state.of_results]
+        try:
+            for step in {step.path: step for steps in taken for step in steps}.values():
+                check_step(step.path, step.first // max(1, step.count), step.count)
+        except OutputError as error:
+            fault = str(error)
+    raise_together(comm, fault)
 
 
 def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
@@ -27,11 +46,50 @@ def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
     index, what = found
     rows = system.particles.owned_rows
     body = int(rows("body")[index])
-    key = "displacement" if scene.bodies[body].deformation_gradient is None else "deformation_gradient"
-    return (
-        f"bodies.{system.bodies[body]}.{key}: expected a start that is not folded, found particle "
-        f"{int(rows('identifier')[index])} at X = ({_told(rows('reference_position')[index])}): {what}"
+    place = _told(rows("reference_position")[index])
+    number = int(rows("identifier")[index])
+    stated = [key for key in ("deformation_gradient", "displacement") if getattr(scene.bodies[body], key) is not None]
+    key = ".".join(["bodies", str(system.bodies[body]), *stated[:1]])
+    expected = "a start that is not folded" if stated or scene.initial else "a start that the method can hold"
+    return f"{key}: expected {expected}, found particle {number} at X = ({place}): {what}"
+
+
+def _strained(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> str | None:
+    """The first particle that starts folded, or with a strain of which its law has no stress."""
+    place, body = particle_set.position, particle_set.body
+    if not len(particle_set) or initial_displacement(scene, body[:1], place[:1], _first(particle_set.regions)) is None:
+        return None
+    small = _DIFFERENCE * float(particle_set.spacing.min())
+    F = np.stack(
+        [_column(scene, particle_set, axis, step) for axis, step in enumerate(small * np.eye(len(place[0])))], 2
     )
+    stated = ~taken_from_results(scene, body, particle_set.regions)
+    folded = stated & ~(np.linalg.det(F) > 0.0)
+    if folded.any():
+        return _start_of(system, particle_set, folded, "a start that is not folded")
+    carries = [_stress_of_strain(system.settings, one.material) for one in scene.bodies]
+    strain = np.abs(F.swapaxes(1, 2) @ F - np.eye(len(place[0]))).max(axis=(1, 2))
+    # rounding of places far away is no strain
+    rounding = np.finfo(float).eps * (1.0 + np.abs(system.particles.owned_rows("position")).max(initial=0.0)) / small
+    lost = stated & (strain > _STRAIN + 10.0 * rounding) & ~np.array(carries)[body]
+    if not lost.any():
+        return None
+    return _start_of(system, particle_set, lost, "no strain (this law's stress is integrated in time, not of a strain)")
+
+
+def _stress_of_strain(settings: Any, material: Any) -> bool:
+    """Whether a displacement at the start has its stress."""
+    return bool(settings.strained) and material.kind != "elastic-plastic"
+
+
+def _first(regions: np.ndarray | None) -> np.ndarray | None:
+    return None if regions is None else regions[:1]
+
+
+def _start_of(system: ParticleSystem, particle_set: ParticleSet, bad: np.ndarray, expected: str) -> str:
+    index = int(np.argmax(bad))
+    key = f"bodies.{system.bodies[int(particle_set.body[index])]}.displacement"
+    return f"{key}: expected {expected}, found one at X = ({_told(particle_set.position[index])})"
 
 
 def _misfit(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> str | None:

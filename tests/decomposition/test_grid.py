@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from decomposition.cell_partition import CellPartition, balanced
+from decomposition.bisection import CutTree, cut_cells
 from decomposition.grid import RankGrid
 from decomposition.occupied import Mirror, OccupiedCells, indices_of, words
 
@@ -75,9 +75,7 @@ def totals(position, name, dimension):
 def summed(grid, particles):
     """Node values (nodes, 4) after the sum over ranks."""
     nodes = scatter(grid, particles)
-    total = grid.sum(nodes, 1, 3, 0)
-    total.start()
-    total.finish()
+    grid.shared.sum(nodes[:, 1:3]).now()
     return nodes
 
 
@@ -109,7 +107,7 @@ def test_parts_are_equal_and_every_cell_has_one_owner(dimension, parts):
     class Ranks:
         """One rank that cuts for many."""
 
-        size = parts
+        size, rank = parts, 0
 
         @staticmethod
         def Allreduce(send, receive, operation):
@@ -117,16 +115,16 @@ def test_parts_are_equal_and_every_cell_has_one_owner(dimension, parts):
 
     index = np.unique(np.random.default_rng(2).integers(-9, 12, (500, dimension)), axis=0)
     weights = np.random.default_rng(3).integers(1, 9, len(index))
-    partition = balanced(Ranks, index, weights)
+    partition = cut_cells(Ranks, index, weights)
     owner = partition.owners(index)
     load = np.bincount(owner, weights, minlength=parts)
     assert load.max() - load.min() <= 4 * weights.max()
-    again = CellPartition.from_state(partition.state(), dimension)
+    again = CutTree.from_state(partition.state(), dimension)
     far = np.array([[-(10**6)] * dimension, [10**6] * dimension])
     np.testing.assert_array_equal(
         again.owners(np.concatenate((index, far))), partition.owners(np.concatenate((index, far)))
     )
-    boxes = partition.boxes()
+    boxes = np.array([partition.box(rank) for rank in range(parts)])
     assert ((boxes[owner, 0] <= index) & (index <= boxes[owner, 1])).all()
     # every rank that owns a cell of a node's neighbourhood is named, and is a neighbour of the owner
     nodes = index[:40]

@@ -7,8 +7,7 @@ hypothesis = pytest.importorskip("hypothesis")
 from hypothesis import given  # noqa: E402 (after it is known to be there)
 from hypothesis import strategies as st  # noqa: E402
 
-from decomposition import Halo, migrate  # noqa: E402
-from decomposition.partition import bisect  # noqa: E402
+from decomposition import Halo, bisect, migrate  # noqa: E402
 
 # every rank draws as many examples and takes rank 0's, for constants of modules that a rank has loaded are drawn, too;
 # none looks for a smaller one while the others wait
@@ -72,7 +71,7 @@ def test_a_halo_has_the_ghosts_of_a_serial_model_and_adds_up_what_they_give(comm
     # of the order of the spacing, whatever the scale is
     points, rows = points_of(count, dimension, seed, kind), own(comm, count, seed)
     reach = comm.bcast(reach) * max(float(np.std(points)) if count else 0.0, 0.1)
-    halo = Halo.plan(comm, points[rows], reach)
+    halo = Halo(comm, points[rows], reach)
     expected = []
     for rank in range(comm.size):
         theirs = comm.bcast(rows, root=rank)
@@ -85,7 +84,7 @@ def test_a_halo_has_the_ghosts_of_a_serial_model_and_adds_up_what_they_give(comm
     assert comm.allreduce(int(same)) == comm.size
     given_back = np.random.default_rng(seed + 3).standard_normal((comm.size, count, 2))
     values = given_back[comm.rank, everyone].copy()
-    accumulate = halo.accumulate([values])
+    accumulate = halo.reverse(values)
     accumulate.start()
     accumulate.finish()
     held = comm.allgather(everyone)

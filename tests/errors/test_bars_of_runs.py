@@ -14,6 +14,9 @@ from mpi4py import MPI
 from parsolid.api.results import load
 from parsolid.commands.cli import parse
 from parsolid.commands.run import run_scene
+from parsolid.commands.target import NOT_REACHED, no_bar, worst
+from parsolid.errors.bars import ErrorTable
+from parsolid.errors.estimate import Bar
 from parsolid.errors.files import history_of
 from parsolid.errors.running import Interrupted, run_companions
 from parsolid.errors.targets import Cost, Target, predicted_seconds
@@ -47,9 +50,9 @@ def test_bars_hold_the_true_errors_and_are_the_same_on_any_ranks(comm, shared_pa
             inside.append(np.mean(true <= results.errors[column] + 1e-9))
             assert np.median(results.errors[column][5:] / np.maximum(true[5:], 1e-12)) < 8.0
         assert np.mean(inside) > 0.95, inside
-        assert [one["for"] for one in told["companions"]] == ["spacing", "step", "spacing"]
+        assert [one["for"] for one in told["companions"]] == ["spacing", "spacing"]
         kinetic = told["columns"]["kinetic"]
-        assert kinetic["order"] > 1.0 and set(kinetic["parts"]) == {"spacing", "step", "dissipation"}
+        assert kinetic["order"] > 1.0 and set(kinetic["parts"]) == {"spacing", "dissipation"}
     if comm.size > 1:
         # the same on one rank
         status = run(MPI.COMM_SELF, shared_path / f"alone-{comm.rank}", "--error-bars") if comm.rank == 0 else 0
@@ -117,14 +120,23 @@ def test_a_target_is_reached_or_the_limit_is_told(comm, shared_path, capsys):
     assert run_scene(comm, scene, words, 0.0) == 0
     said = capsys.readouterr().out
     words = parse(["run", str(SCENE), "-o", str(shared_path / "t"), "--target", "kinetic 1e-9 %", "--cost", "1e-6"])
-    assert run_scene(comm, scene, words, 0.0) == 0
+    assert run_scene(comm, scene, words, 0.0) == NOT_REACHED == 4
     limited = capsys.readouterr().out
     if comm.rank == 0:
-        assert "target: reached with" in said and "companion 1 of 3" in said
+        assert "target: reached with" in said and "companion 1 of 2" in said
         # what is there is not run again
         assert "the cost limit of 1e-06 core-s" in limited and "companion" not in limited
         levels = sorted((shared_path / "t" / "levels").iterdir())
         assert all(len(history_of(level)["time"]) > 2 for level in levels)
+
+
+def test_a_column_without_a_bar_is_told():
+    """One that has a NaN has none at all."""
+    values = {"tip.u_x": np.array([0.0, np.nan]), "kinetic": np.array([0.0, 1.0])}
+    table = ErrorTable(np.arange(2.0), values, {"kinetic": Bar(np.array([0.0, 0.1]), 2.0, 2.0, 1.25, "order 2.0")})
+    wanted = [Target("kinetic", 0.2, True), Target("tip.u_x", 0.2, True)]
+    assert worst(table, wanted) is None and no_bar(table, wanted).startswith("tip.u_x 20 % has no bar")
+    assert worst(table, wanted[:1]) == pytest.approx((0.5, 2.0))
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parsolid.errors.estimate import LOST, SAFE, UNSAFE, Series, observed_order, spacing_bar
+from parsolid.errors.estimate import LOST, SAFE, UNSAFE, Series, nearby_largest, observed_order, spacing_bar
 from parsolid.errors.orders import order_in_spacing, unconverging
 from parsolid.errors.swinging import phase_and_amplitude
+from parsolid.errors.targets import steps_grow
 from parsolid.scene import load_scene
 
 TIMES = np.linspace(0.0, 1.0, 201)
@@ -66,6 +67,50 @@ def test_zeros_of_a_swinging_error_are_no_zeros_of_the_bar():
     found, exact = series(lambda h, t: 0.01 * h**2 * np.sin(80.0 * t))
     bar = spacing_bar(found, 2.0, 1.0)
     assert (bar.error >= 0.999 * 0.01 * np.abs(np.sin(80.0 * TIMES))).all() and bar.error[20:].min() > 0.008
+
+
+def test_a_column_that_does_not_change_in_time_has_the_bar_of_its_differences():
+    """Resolutions that differ by 10 % are not exact to rounding, however still they are."""
+    found, exact = series(lambda h, t: 0.05 * h**2 + 0.0 * t, exact=np.ones(201))
+    bar = spacing_bar(found, 2.0, 1.0)
+    assert bar.order == pytest.approx(2.0, abs=0.01) and bar.factor == SAFE
+    assert bar.error == pytest.approx(np.full(201, 1.25 * 0.05), rel=0.02)
+    still, _ = series(lambda h, t: 0.0 * t, exact=np.ones(201))
+    assert spacing_bar(still, 2.0, 1.0).error.max() < 1e-12
+
+
+@pytest.mark.parametrize("end", [5.0, 2.0 * np.pi, 7.0, 9.0])
+def test_the_window_of_the_end_is_as_wide_as_elsewhere(end):
+    """An error that swings through zero at the end: the bar is that of its largest within half a swing."""
+    own = lambda h, t: 0.01 * h**2 * np.sin(2.0 * end * (1.0 - t))  # noqa: E731
+    found, _ = series(own, exact=np.sin(2.0 * end * TIMES))
+    assert found.values[0][-1] == np.sin(2.0 * end)
+    bar = spacing_bar(found, 2.0, 1.0)
+    assert bar.error[-1] > 0.0099 and nearby_largest(1.0 - TIMES, TIMES, 0.1)[-1] == pytest.approx(0.2)
+
+
+def test_rows_before_a_jump_are_compared_with_rows_before_it():
+    from parsolid.errors.bars import on_times
+
+    other = {"time": np.array([0.0, 0.0, 1.0, 2.0, 2.0, 3.0]), "u": np.array([0.0, 5.0, 6.0, 7.0, 1.0, 0.0])}
+    times = np.array([0.0, 0.0, 0.5, 2.0, 2.0, 3.0])
+    found = on_times(other, "u", times)
+    assert found[[0, 1, 3, 4, 5]] == pytest.approx([0.0, 5.0, 7.0, 1.0, 0.0])
+
+
+def test_steps_of_waves_and_of_conduction_grow_as_they_did():
+    assert steps_grow([2.0, 1.0], [100, 200]) == pytest.approx(1.0)
+    assert steps_grow([4.0, 2.0, 1.0], [10, 40, 160]) == pytest.approx(2.0)
+    assert steps_grow([2.0, 1.0], [50, 50]) == pytest.approx(0.0, abs=1e-12) and steps_grow([1.5], [7]) == 1.0
+
+
+def test_components_that_are_rounding_are_not_told():
+    from parsolid.errors.bars import ErrorTable, told_columns
+
+    values = {"tip.u_x": 1e-15, "tip.u_y": -2.0, "tip.u_z": 0.0, "all.stress_xx": 1e-15, "p.maximum_temperature": 3.0}
+    columns = {name: np.array([0.0, value]) for name, value in values.items()}
+    table = ErrorTable(np.arange(2.0), columns, dict.fromkeys(values))
+    assert told_columns(table, None) == ["tip.u_y", "all.stress_xx", "p.maximum_temperature"]
 
 
 def test_a_lag_and_a_loss_are_told_apart():

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from parsolid.errors.bars import error_table
+from parsolid.errors.coarsening import parsed
 from parsolid.errors.estimate import SAFE
-from parsolid.errors.places import box_of, nearest, placed
+from parsolid.errors.places import box_of, nearest, placed, with_corners
 from parsolid.errors.running import Done
-from parsolid.errors.variants import RATIOS, STEP, companions_of, usual_ratios
+from parsolid.errors.variants import RATIOS, SPACING, STEP, Companion, companions_of, usual_ratios
 from parsolid.scene import load_scene
 
 RUNS = Path(__file__).parents[2] / "runs"
@@ -81,8 +82,8 @@ def test_probes_at_particles_of_all_lattices_need_nothing_more():
 @pytest.mark.parametrize(
     "name, particles, expected",
     [
-        ("tlsph/tensile_smooth", [57, 57], (0, [3.5, 3.5, 56 / 30])),
-        ("tlsph/torsion", [9, 49, 9], (0, [8 / 3, 8 / 3, 2.0])),
+        ("tlsph/tensile_smooth", [57, 57], (0, [3.5, 56 / 30])),
+        ("tlsph/torsion", [9, 49, 9], (0, [8 / 3, 2.0])),
         # two intervals through the thickness are what the method needs
         ("tlsph/tensile_smooth", [57, 5], (1, None)),
         ("mpm/cosine_mode", [96, 12], (1, None)),
@@ -96,3 +97,18 @@ def test_companions_are_so_coarse_that_enough_particles_are_left(name, particles
     assert usual_ratios(scene) == RATIOS[scene.dimension][place]
     if ratios:
         assert [one.ratio for one in companions_of(scene, False)[0]] == pytest.approx(ratios, rel=0.05)
+
+
+def test_levels_of_a_search_are_compared_where_probes_are_asked_for(scene):
+    """Each has its own particle near the place, and an error of the second order that is the same at any of them."""
+    found, _ = companions_of(scene, False)
+    tables, corners = with_corners(scene, scene, scene.resolved())
+    level = Companion(parsed(tables, False), SPACING, 1.0, "", corners)
+    own = run_of(level, 0.5).history | {"step": np.arange(101.0)}
+    scene.__dict__["end_time"] = 1.0
+    table = error_table(scene, own, [run_of(one, 0.5) for one in found], corners)
+    assert set(table.bars) == {"third.temperature"}
+    assert np.allclose(table.values["third.temperature"], field(PLACE, 0.5), rtol=1e-12)
+    bar = table.bars["third.temperature"]
+    assert set(bar.parts) == {"spacing"} and bar.order == pytest.approx(2.0, abs=0.02)
+    assert bar.error[-1] == pytest.approx(SAFE * 0.5, rel=0.02)

@@ -220,8 +220,8 @@ def test_kernels_of_decomposition_are_kept_there_whatever_is_imported_first():
         import decomposition.halo
         import parsolid.kernels
         from parsolid.kernel_cache import cache_folder
-        import decomposition.cells
-        kept = {decomposition.halo._near_box._cache.cache_path, decomposition.cells._slot._cache.cache_path}
+        import decomposition.pair_search
+        kept = {decomposition.halo._near_box._cache.cache_path, decomposition.pair_search.bounds._cache.cache_path}
         assert kept == {str(cache_folder())}, kept
     """)
     variables = os.environ | {"PYTHONPATH": str(ROOT)}

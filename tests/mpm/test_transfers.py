@@ -66,7 +66,8 @@ def test_driven_nodes_add_no_energy(comm, order):
 
 def test_flip_has_slopes_beside_driven_nodes_alone(comm):
     pulled = [{"kind": "velocity", "box": {"lower": [-1.0, -1.0], "upper": [0.11, 1.0]}, "velocity": ["10*Y", 0.0]}]
-    sim, _ = run_steps(scene([0.0, 0.0], [1.0, 0.2], 0.025, 0.05, material=SOFT, boundaries=pulled), 20, comm)
+    data = scene([0.0, 0.0], [1.0, 0.2], 0.025, 0.05, material=SOFT, method={"transfer": "flip"}, boundaries=pulled)
+    sim, _ = run_steps(data, 20, comm)
     x, slope = gathered(sim, "position", "velocity_slope")
     sloped = np.abs(slope).max(axis=1) > 0.0
     # the last driven node is at 0.1, and weights reach a cell and a half

@@ -93,3 +93,14 @@ class TestHistory:
         (tmp_path / "other.csv").write_text("a,b\n1,2\n")
         with pytest.raises(OutputError, match="not a history"):
             read_history(tmp_path / "other.csv")
+
+
+def test_a_cell_that_is_no_number_is_told_with_its_line(tmp_path):
+    """In a history without checksums, as one that somebody has edited."""
+    path = tmp_path / "history.csv"
+    path.write_text("step,time\n0,0.0\n1,0.x1\n")
+    with pytest.raises(OutputError, match="line 3"):
+        read_history(path)
+    path.write_text("step,time\n0,0.0\nx,0.1\n")
+    with pytest.raises(OutputError, match="line 3"):
+        History(path, ["step", "time"]).resume(1)

@@ -81,7 +81,7 @@ def sweeps(near, velocity: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, 
     motion, record = np.zeros((near.rows, at.motion)), np.zeros((near.rows, at.record))
     motion[:owned, :d], record[:owned, : at.gradient] = velocity, by_columns(stress)
     motion[:, at.reference : at.reference + d] = near.positions
-    near.halo.update([motion, record])
+    near.halo.forward(motion, record).now()
     mirror_motion(near.local, near.images, motion, at.position, at.reference)
     mirror_records(near.local, near.images, record, at.gradient)
     force = np.zeros((near.rows, at.force))

@@ -81,7 +81,7 @@ def test_a_second_field_of_a_name_is_refused():
 def test_ghosts_take_their_owners_values_and_owners_add_up(comm):
     # a row of points, two a rank; each rank reaches one beyond its own
     place = 2.0 * comm.rank + np.arange(2.0)
-    halo = Halo.plan(comm, place[:, None], 1.5)
+    halo = Halo(comm, place[:, None], 1.5)
     found = Particles(np.zeros(2, np.int64))
     found.declare(Field("record", 4, ""))
     found.declare(Field("name", 1, "1", ghosts="forward", message="out", layout=Within("record", 2)), place)
@@ -100,7 +100,7 @@ def test_ghosts_take_their_owners_values_and_owners_add_up(comm):
 
 def test_what_was_sent_once_can_be_sent_after_arrays_were_replaced(comm):
     place = 2.0 * comm.rank + np.arange(2.0)
-    halo = Halo.plan(comm, place[:, None], 1.5)
+    halo = Halo(comm, place[:, None], 1.5)
     found = Particles(np.zeros(2, np.int64))
     found.declare(Field("name", 1, "1", ghosts="forward", message="out"), place)
     for _ in range(2):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from decomposition.halo import Halo
-from decomposition.neighbours import half_pairs
+from decomposition.pair_search import half_pairs
 from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane
 from parsolid.methods.peridynamics.bonds import rows_in
 from parsolid.methods.peridynamics.damage import BondDamage
@@ -37,7 +37,7 @@ class BondedBody:
             np.floor(positions[:, 0] / SHAPE[dimension][0] * comm.size).astype(int).clip(0, comm.size - 1) == comm.rank
         )
         self.owned = int(mine.sum())
-        halo = Halo.plan(comm, positions[mine], REACH)
+        halo = Halo(comm, positions[mine], REACH)
         self.halo, self.positions = halo, halo.with_ghosts(positions[mine])
         self.identifier = halo.with_ghosts(identifiers[mine].astype(np.int64))
         self.volume = 1.0 + 0.01 * self.identifier

@@ -197,7 +197,7 @@ def test_the_dead_lose_all_bonds_at_the_next_inspection(comm):
     dead = body.of_owned(limit[: body.owned] < 0.0)
     damage = body.of_owned(body.damage.damage)
     assert any(dead.values()) and all(dead[a] for a in damage if damage[a] > 0.7)
-    body.halo.update([limit])
+    body.halo.forward(limit).now()
     body.displace(np.zeros_like)
     failed = body.damage.failing(None)
     if failed is not None:

@@ -46,7 +46,7 @@ def faults_of(tables) -> list[str]:
 def test_sound_scene_and_back(tables, tmp_path):
     scene = parse_scene(tables)
     method = scene.method
-    assert (method.basis, method.transfer, method.order, method.cfl) == ("quadratic-spline", "flip", "musl", 0.3)
+    assert (method.basis, method.transfer, method.order, method.cfl) == ("quadratic-spline", "apic", "musl", 0.3)
     assert (method.viscosity.linear, method.viscosity.quadratic) == (0.2, 2.0)
     dump_scene(scene, tmp_path / "scene.toml")
     assert load_scene(tmp_path / "scene.toml", [f"output.directory={scene.output.directory}"]) == scene

@@ -22,8 +22,10 @@ def blocks(method: dict, contact: dict | None) -> dict:
 @pytest.mark.parametrize(
     ("method", "contact", "transfer", "fraction"),
     [
-        ({}, None, "flip", 1.0),
-        ({}, {"model": "grid"}, "flip", 1.0),
+        ({}, None, "apic", 1.0),
+        ({"flip_fraction": 0.9}, None, "flip", 0.9),
+        ({"basis": "linear"}, None, "flip", 1.0),
+        ({}, {"model": "grid"}, "apic", 1.0),
         ({}, {}, "aflip", 0.99),
         ({"transfer": "flip"}, {}, "flip", 1.0),
         ({"transfer": "apic"}, {}, "apic", 1.0),

@@ -160,18 +160,55 @@ def test_what_the_scheme_has_given_is_kept():
     assert judge.gained == 0.05 and judge.verdict(0.0)["energy_given_by_scheme"] == 0.025
 
 
-def test_what_artificial_viscosity_took_is_told():
+@pytest.mark.parametrize(
+    "lost, viscous, word, code",
+    [
+        (0.01, 0.08, "resolved", None),
+        (0.01, 0.86, "dissipative", "artificial-viscosity"),
+        (0.06, 0.05, "dissipative", "artificial-viscosity"),
+        (0.3, 0.86, "dissipative", "numerical-dissipation"),
+        (0.3, 0.0, "dissipative", "numerical-dissipation"),
+    ],
+)
+def test_what_artificial_viscosity_took_counts_as_lost(lost, viscous, word, code):
     judge = EnergyBalance(LIMITS, ("viscous_work", "viscous_heat"))
-    for one in (row(0.0), row(0.0, lost=0.01)):
-        judge.judge(one | {"viscous_work": 0.1, "viscous_heat": 0.2}, 0.0, initial=1.0)
+    for part in (0.0, 0.5):
+        one = row(0.0, lost=2.0 * part * lost)
+        judge.judge(one | {"viscous_work": part * viscous, "viscous_heat": part * viscous}, 0.0, initial=1.0)
     said = judge.verdict(0.0)
-    assert (
-        said["trust"] == "resolved" and "0.01 lost in the scheme, 0.3 in artificial viscosity" in said["trust_reason"]
-    )
-    assert said["artificial_viscosity_share"] == pytest.approx(0.3)
-    # nothing of it is said where there was none
-    judge.judge(row(0.0) | {"viscous_work": 0.0, "viscous_heat": 0.0}, 0.0, initial=1.0)
-    assert "viscosity" not in judge.verdict(0.0)["trust_reason"]
+    assert (said["trust"], said["trust_code"]) == (word, code)
+    assert said["artificial_viscosity_share"] == pytest.approx(viscous)
+
+
+@pytest.mark.parametrize(
+    "momenta, word, code",
+    [
+        ((0.009, 0.009), "resolved", None),
+        ((0.011, 0.0), "unbalanced", "momentum-lost"),
+        ((0.0, 0.011), "unbalanced", "angular-momentum-lost"),
+        ((0.0, float("nan")), "unbalanced", "angular-momentum-lost"),
+    ],
+)
+def test_lost_momentum_is_unbalanced(momenta, word, code):
+    judge = EnergyBalance(LIMITS)
+    judge.judge(row(0.0), 0.0, initial=1.0)
+    said = judge.verdict(0.0, momenta=momenta)
+    assert (said["trust"], said["trust_code"]) == (word, code)
+    assert said["momentum_lost_share"] == momenta[0]
+
+
+def test_all_that_speaks_against_a_run_is_listed_and_the_gravest_counts():
+    judge = EnergyBalance(LIMITS)
+    judge.judge(row(0.05, lost=0.5), 0.0, initial=1.0)
+    said = judge.verdict(0.0, ["bonds are long"], (0.0, 0.5))
+    assert [one["code"] for one in said["trust_findings"]] == [
+        "energy-unaccounted",
+        "angular-momentum-lost",
+        "beyond-the-method",
+        "numerical-dissipation",
+    ]
+    assert (said["trust"], said["trust_code"]) == ("unbalanced", "energy-unaccounted")
+    assert judge.verdict(0.0)["trust_code"] == "energy-unaccounted"
 
 
 def test_nothing_that_moves_is_resolved():

@@ -28,7 +28,7 @@ def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
     # the shear wave tensor goes with the branches; the motion is the same
     padded = {2: 4, 3: 8}[dimension]
     assert one.systems[0].lists.slow.shape[1] == padded
-    sent = sum(len(rows) for rows in one.systems[0].lists.near.halo.send_lists)
+    sent = sum(len(rows) for rows in one.systems[0].lists.near.halo.plan.send_rows)
     assert one.systems[0].bytes_a_step() - without.systems[0].bytes_a_step() == 3 * 8 * padded * sent
     assert sent > 0 or comm.size == 1
 
@@ -37,7 +37,7 @@ def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
 def test_the_step_sends_motion_and_record_only(dimension, comm):
     sim = built(dimension, comm)
     lists = sim.systems[0].lists
-    sent = sum(len(rows) for rows in lists.near.halo.send_lists)
+    sent = sum(len(rows) for rows in lists.near.halo.plan.send_rows)
     # the places are sent once, when the pairs are found
     motion, record = lists.columns.reference, lists.columns.record + lists.columns.tensor
     assert sim.systems[0].bytes_a_step() == 3 * 8 * (motion + record) * sent

@@ -2,6 +2,8 @@
 
 import json
 
+import meshio
+import numpy as np
 import pytest
 from solids import SOFT
 
@@ -110,3 +112,41 @@ def test_a_resolution_of_a_study_that_states_its_step_keeps_what_it_has(tmp_path
     (tmp_path / "study.toml").write_text("\n".join([*study, "settings = [", *settings, "]"]))
     coarse, fine = (case.scene.systems[0].settings for case in cases_of(load_study(tmp_path / "study.toml")))
     assert (coarse.integrator, coarse.cfl, fine.integrator) == ("ssp-rk3", 0.3, "leapfrog")
+
+
+def of_mesh(tmp_path, method=None, bodies=1, **body):
+    """A scene of bodies from one mesh."""
+    meshio.write(tmp_path / "m.vtu", meshio.Mesh(np.eye(3)[[2, 0, 1]] - [0, 0, 1.0], [("triangle", [[0, 1, 2]])]))
+    data = tables(method=method)
+    one = {"shape": {"mesh": {"file": str(tmp_path / "m.vtu")}}, "material": SOFT, **body}
+    data["bodies"] = [{"name": f"body-{i}", **one} for i in range(bodies)]
+    return data
+
+
+def test_a_body_from_a_mesh_has_the_weights_of_its_elements(tmp_path):
+    settings = parse_scene(of_mesh(tmp_path)).method
+    assert (settings.pair_weights, settings.integrator, settings.dissipation) == ("mesh", "leapfrog", 0.1)
+    settings = parse_scene(of_mesh(tmp_path, {"dissipation": 0.5})).method
+    assert (settings.pair_weights, settings.dissipation) == ("mesh", 0.5)
+    settings = parse_scene(of_mesh(tmp_path, {"weights": "mesh"}, 2)).method
+    assert (settings.pair_weights, settings.dissipation) == ("mesh", 0.1)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"method": {"kernel": "wendland-c2"}},
+        {"method": {"weights": "kernel"}},
+        {"method": {"integrator": "ssp-rk3"}},
+        {"method": {"reference": "updated", "update_every": 5}},
+        {"method": {"reconstruction": False}},
+        {"bodies": 2},
+        {"placement": "cells"},
+        {"jitter": 0.1},
+        {"deformation_gradient": [["1.1", "0"], ["0", "1"]]},
+    ],
+    ids=str,
+)
+def test_what_was_not_confirmed_with_weights_of_meshes_has_the_kernel(tmp_path, change):
+    settings = parse_scene(of_mesh(tmp_path, **change)).method
+    assert (settings.pair_weights, settings.dissipation) == ("kernel", 1.0)

@@ -6,6 +6,7 @@ from typing import Any
 
 from parsolid.collective import SolverError
 from parsolid.commands.keys.description import Key, keys_of, meaning_of
+from parsolid.commands.point.schema import MaterialPoint
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import suggestion
@@ -22,8 +23,13 @@ def listing(path: str = "") -> str:
     model: type[SceneModel] = Scene
     words = [word for word in path.split(".") if word and not word.isdigit()]
     place = ""
-    if len(words) == 1 and words[0] not in Scene.model_fields and (found := list(_named(words[0], Scene, "", set()))):
-        return "\n\n".join(found)
+    if len(words) == 1 and words[0] not in Scene.model_fields:
+        # one word for several, as in "materials", and tables of the command `point`
+        for word in dict.fromkeys((words[0], words[0].removesuffix("s"))):
+            if found := list(_named(word, Scene, "", set())):
+                return "\n\n".join(found)
+    if words and words[0] not in Scene.model_fields and words[0] in MaterialPoint.model_fields:
+        model = MaterialPoint
     while words:
         known = {one.name: one for one in keys_of(model)}
         key = known[_among(known, words.pop(0), place, path)]

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from parsolid.output.errors import OutputError, words
+from parsolid.output.field_sums import rows_of_step
 from parsolid.output.fields import DEFAULT_NAME
 from parsolid.output.history import read_history
 from parsolid.output.vtkhdf import Layout, collected, published
@@ -199,15 +200,15 @@ class Results:
             raise SceneError([f"--exaggerate: expected the field displacement in {self.fields_path}, found none"])
         name, component = self._split(field)
         with ExitStack() as kept:
-            files = [kept.enter_context(h5py.File(file, "r", locking=False))["VTKHDF"] for file, _ in blocks]
+            files = [kept.enter_context(h5py.File(file, "r", locking=False)) for file, _ in blocks]
             for step in steps:
                 values, positions = [], []
-                for vtk, (_, layout) in zip(files, blocks):
-                    rows = slice(step * layout.particles, (step + 1) * layout.particles)
-                    values.append(_of_block(vtk, layout, name, component, rows))
-                    positions.append(vtk["Points"][rows])
+                for file, (path, layout) in zip(files, blocks):
+                    values.append(_of_block(file, path, layout, name, component, step))
+                    positions.append(rows_of_step(file, path, "VTKHDF/Points", step, layout.particles))
                     if exaggeration != 1.0:
-                        positions[-1] += (exaggeration - 1.0) * vtk["PointData/displacement"][rows]
+                        moved = rows_of_step(file, path, "VTKHDF/PointData/displacement", step, layout.particles)
+                        positions[-1] += (exaggeration - 1.0) * moved
                 yield Frame(float(self.times[step]), np.concatenate(positions), np.concatenate(values))
 
     def constant(self, name: str) -> np.ndarray:
@@ -215,7 +216,7 @@ class Results:
         pieces = []
         for path, layout in self._published[0]:
             with h5py.File(path, "r", locking=False) as file:
-                pieces.append(file[f"VTKHDF/PointData/{name}"][: layout.particles])
+                pieces.append(rows_of_step(file, path, f"VTKHDF/PointData/{name}", 0, layout.particles, True))
         return np.concatenate(pieces)
 
     @cached_property
@@ -224,9 +225,9 @@ class Results:
         pieces = []
         for path, layout in self._published[0]:
             with h5py.File(path, "r", locking=False) as file:
-                first = np.asarray(file["VTKHDF/Points"][: layout.particles])
+                first = rows_of_step(file, path, "VTKHDF/Points", 0, layout.particles)
                 if "displacement" in layout.varying:
-                    first = first - file["VTKHDF/PointData/displacement"][: layout.particles]
+                    first = first - rows_of_step(file, path, "VTKHDF/PointData/displacement", 0, layout.particles)
                 elif self.times[0] != 0.0:
                     expected = "fields of time 0, or the field displacement, for planes of the reference (X)"
                     raise SceneError([f"{self.fields_path}: expected {expected}, found none (x cuts what is shown)"])
@@ -240,12 +241,13 @@ class Results:
         return name, _COMPONENTS[part] if part in _COMPONENTS else _TENSOR.index(part)
 
 
-def _of_block(vtk: Any, layout: Layout, name: str, component: int | None, rows: slice) -> np.ndarray:
+def _of_block(file: Any, path: Path, layout: Layout, name: str, component: int | None, step: int) -> np.ndarray:
     """A field's magnitude or one of its components at a step's rows of a block; not numbers where it has none."""
     n = layout.particles
     if name not in layout.varying and name not in layout.constant:
         return np.full(n, np.nan)
-    values = vtk[f"PointData/{name}"][slice(0, n) if name in layout.constant else rows].reshape(n, -1).astype(float)
+    rows = rows_of_step(file, path, f"VTKHDF/PointData/{name}", step, n, name in layout.constant)
+    values = rows.reshape(n, -1).astype(float)
     if component is None and values.shape[1] > 1:
         return np.linalg.norm(values, axis=1)
     result: np.ndarray = values[:, component or 0]

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from decomposition.close_pairs import ClosePairs
 from decomposition.halo import Halo
+from decomposition.pair_search import ClosePairs
 from parsolid.boundary.forces import tributary_mass
 from parsolid.collective import maximum, raise_together
 from parsolid.contact.search import sort_rows
@@ -64,7 +64,7 @@ class TiedFaces:
         self.owned = self.first + len(self.rows[1])
         place = self._gathered("reference_position")[:, : self._dimension]
         # what a spring joins lies within two reaches and the way to the face of what it pulls
-        halo = Halo.plan(self.comm, place, 2.0 * reach + 2.0 * coarse)
+        halo = Halo(self.comm, place, 2.0 * reach + 2.0 * coarse)
         told = halo.with_ghosts(np.column_stack((place, self._gathered("volume"))))
         names = halo.with_ghosts(self._gathered("identifier").astype(np.int64))
         second = halo.with_ghosts((np.arange(self.owned) >= self.first).astype(np.int64)) > 0
@@ -142,7 +142,7 @@ class TiedFaces:
         raise_together(self.comm, self._fault if kept.any() else None)
         used = np.zeros(halo.ghosts, bool)
         used[self.rows_of[self.rows_of >= self.owned] - self.owned] = True
-        self.halo = halo.keep(used)
+        self.halo = halo.subset(used)
         number = np.concatenate((np.arange(self.owned), self.owned + np.cumsum(used) - 1)).astype(np.int32)
         self.rows_of = number[self.rows_of]
         source = source[kept]
@@ -152,7 +152,7 @@ class TiedFaces:
         self.moved = np.zeros((self.owned + self.halo.ghosts, self._dimension))
         self.force = np.zeros((self.owned, self._dimension))
         self.reference = self._gathered("reference_position")[:, : self._dimension]
-        self._message = self.halo.exchange([self.moved])
+        self._message = self.halo.forward(self.moved)
 
     def lists(self) -> tuple[Any, ...]:
         """Starts, rows, weights and stiffness [N/m] of the springs."""
@@ -161,9 +161,7 @@ class TiedFaces:
     def evaluate(self) -> None:
         """Forces and energy at the present places; neighbours exchange displacements."""
         self.moved[: self.owned] = self._gathered("position") - self.reference
-        if not self._message.silent:
-            self._message.start()
-            self._message.finish()
+        self._message.now()
         self.energy = kernels.pull(*self.lists(), self.counted, self.moved, self.owned, self.force)
 
     def pulled(self) -> list[tuple[TiedBody, np.ndarray, np.ndarray]]:

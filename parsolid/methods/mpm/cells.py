@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from decomposition.cell_partition import CellPartition
+from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
 from decomposition.measured_load import MeasuredLoad
+from parsolid.collective import maximum
 from parsolid.methods.mpm.points import MaterialPoints
 
 # steps between looks at the order of storage and the balance of ranks, and the share of particles out of order that
@@ -44,7 +45,7 @@ class CellMigration:
         self.keeps_rows = self.grid.comm.size > 1
         self.grid.slack = math.ceil(_PERIOD * min(self.settings.cfl, 1.0)) + 1 if self.keeps_rows else 0
 
-    def deal_out(self, partition: CellPartition | None = None, shares: np.ndarray | None = None) -> bool:
+    def deal_out(self, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
         """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
 
         False where a particle is lost, see `RankGrid.settle`.
@@ -85,15 +86,15 @@ class CellMigration:
         """As `_tidy`, with the particles that left their cells given away; all ranks know that rows have changed."""
         owned, cells = self.points.owned, self.grid.cells
         disorder, guests = cells.breaks(owned) > _DISORDER * owned, len(self.grid.guests())
-        counts = np.array(self.grid.comm.allgather((owned, guests, disorder)))
-        uneven = self.load is None and counts[:, 0].max() > self.settings.rebalance * counts[:, 0].mean()
-        if not counts[:, 1:].any() and not uneven:
+        any_guests, any_disorder = maximum(self.grid.comm, np.array([guests, disorder], float)) > 0.0
+        uneven = self.load is None and self.grid.imbalance(owned) > self.settings.rebalance
+        if not (any_guests or any_disorder or uneven):
             return True
         self.layout_version += 1
         if uneven:
             self.rebalanced += 1
             return self.deal_out()
-        sound = self.grid.settle(self.points) if counts[:, 1].any() else True
+        sound = self.grid.settle(self.points) if any_guests else True
         if disorder:
             self._sort_storage()
         return sound

@@ -100,23 +100,55 @@ class NodalWall:
 
 
 class DrivenRegion:
-    """Nodes in a region of space whose velocity components follow formulas of place and time."""
+    """Nodes in a region of space whose velocity components follow formulas of place and time.
 
-    def __init__(self, key: str, motion: MotionCondition, scene: Scene, reaction: Reaction | None):
-        """Raises SolverError for the place of a single particle and for groups of meshes."""
+    Of a plane that bounds all bodies they are also those beyond it, in which the last points of a body have a part:
+    free ones would follow the points, and these leave what drives them. Where its normal velocity is the same all over
+    it, such a plane moves with it; the last nodes that it has passed stay driven until it comes to the next ones, as
+    there are too few points beyond them to carry the load.
+
+    plane: axis, side (1: bodies are below), offset [m], or None; moved, at: how far it has moved [m] by a time [s].
+    """
+
+    def __init__(self, key: str, motion: MotionCondition, scene: Scene, reaction: Reaction | None, bounds: Any):
+        """bounds: lower and upper ones (d,) [m] of all particles. Raises SolverError for the place of a single particle
+        and for groups of meshes."""
         if isinstance(motion.region, NearestTo):
             raise SolverError(f"{key}.point: expected a plane, box or ball of grid nodes, found a point")
         self.region, self.reaction, self._seen = region_of(scene, key, motion), reaction, -1
         course = motion.course
         assert isinstance(course, LoadHistory)
         self.components = [(int(i), course.component(int(i))) for i in np.flatnonzero(~course.free)]
+        self.plane = _bounding(motion, *bounds)
+        self.moved, self.at, self._chosen_at = 0.0, 0.0, np.nan
+
+    def follow(self, time: float) -> None:
+        """Move a plane that bounds bodies to a time [s]."""
+        speed = self._normal_speed()
+        if speed is not None and time > self.at:
+            self.moved += (
+                0.5 * (time - self.at) * sum(speed.evaluate(np.zeros((1, 3)), t)[0, 0] for t in (self.at, time))
+            )
+        self.at = time
+
+    def _normal_speed(self) -> LoadHistory | None:
+        """The course of a plane's own motion; None where it stays."""
+        courses = dict(self.components)
+        found = courses.get(self.plane[0]) if self.plane is not None else None
+        return found if found is not None and not set(found.formulas[0].names) - {"t"} else None
 
     def choose(self, nodes: Nodes) -> np.ndarray:
         """Slots of the nodes in the region, found anew when there are others."""
-        if self._seen != nodes.changes:
-            self._seen = nodes.changes
+        if self._seen != nodes.changes or self._chosen_at != self.moved:
+            self._seen, self._chosen_at = nodes.changes, self.moved
             places = nodes.places[:, : nodes.points.dimension]
-            self._slots = np.flatnonzero(self.region.contains(places, _NEAR * nodes.spacing))
+            if self.plane is None:
+                inside = self.region.contains(places, _NEAR * nodes.spacing)
+            else:
+                axis, side, offset = self.plane
+                beyond = side * (places[:, axis] - offset - self.moved)
+                inside = beyond >= -(1.0 - _NEAR) * nodes.spacing
+            self._slots = np.flatnonzero(inside)
             self._places = np.ascontiguousarray(places[self._slots])
         return self._slots
 
@@ -136,6 +168,16 @@ class DrivenRegion:
         """Velocities (count, d) [m/s] in the middle of the step."""
         now, d = nodes.motion[: nodes.count], nodes.points.dimension
         return np.asarray(now[:, :d] - 0.5 * now[:, 4 : 4 + d])
+
+
+def _bounding(motion: MotionCondition, lower: np.ndarray, upper: np.ndarray) -> tuple[int, float, float] | None:
+    """Axis, side and offset [m] of a condition's plane that has all particles on one side; None for other regions."""
+    plane = getattr(motion, "plane", None)
+    if plane is None or not lower[plane.axis] <= upper[plane.axis]:
+        return None
+    if upper[plane.axis] <= plane.offset:
+        return plane.axis, 1.0, float(plane.offset)
+    return (plane.axis, -1.0, float(plane.offset)) if lower[plane.axis] >= plane.offset else None
 
 
 class ThermalPlane:
@@ -192,7 +234,7 @@ class GridConditions:
             NodalWall(RigidWall(wall, scene.dimension), self.loads.reaction_of(wall)) for _, wall in self.loads.of(Wall)
         ]
         self.driven = [
-            DrivenRegion(key, motion, scene, self.loads.reaction_of(motion))
+            DrivenRegion(key, motion, scene, self.loads.reaction_of(motion), (self.lower, self.upper))
             for key, motion in self.loads.of(MotionCondition)
         ]
         self.imposed += self.driven
@@ -231,6 +273,8 @@ class GridConditions:
         """Let velocities of nodes, nodes.motion or nodes.remapped, obey at a time [s]; the work that this takes, and
         what is lost [J]."""
         supplied, lost, d = 0.0, 0.0, self.dimension
+        for region in self.driven if array is nodes.motion else ():
+            region.follow(time)
         for one in self.imposed:
             observed = one.reaction is not None and array is nodes.motion
             before = array[: nodes.count, :d].copy() if observed else None

@@ -6,9 +6,8 @@ Only nodes near particles exist; they are numbered by slots. `transfer` has the 
 import numpy as np
 
 from decomposition.grid import RankGrid
-from decomposition.node_sum import NodeSum
 from decomposition.occupied import Mirror
-from decomposition.talking import TALKING
+from decomposition.plan import Exchange
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.collective import minimum
 from parsolid.kernels import kernel
@@ -127,12 +126,12 @@ class Nodes:
         self._base[:, :d] = cells.index
         self.places[:, :d] = self.points.origin[:d] + self.spacing * cells.nodes
         self._find_folds()
-        self._sums: dict[str, NodeSum] = {"motion": self.grid.sum(self.motion, 0, 7, 0)}
+        self._sums: dict[str, Exchange] = {"motion": self.grid.shared.sum(self.motion[:, 0:7])}
         if self._remaps:
-            self._sums["remapped"] = self.grid.sum(self.remapped, 0, 4, 1)
+            self._sums["remapped"] = self.grid.shared.sum(self.remapped[:, 0:4])
         if self._conducts:
-            self._sums["capacity"] = self.grid.sum(self.heat, 0, 2, 2)
-            self._sums["flow"] = self.grid.sum(self.heat, 4, 5, 3)
+            self._sums["capacity"] = self.grid.shared.sum(self.heat[:, 0:2])
+            self._sums["flow"] = self.grid.shared.sum(self.heat[:, 4:5])
         self.changes += 1
 
     def _find_folds(self) -> None:
@@ -146,7 +145,7 @@ class Nodes:
             self._folds.append((np.concatenate((behind, on_plane)), np.concatenate((images, on_plane)), plane.signs))
             self.share[behind] = 0.0
             self.share[on_plane] *= 0.5
-        self._common = np.unique(np.concatenate([np.zeros(0, np.int32), *self.grid.sharing.shared]))
+        self._common = self.grid.shared_slots()
         self._share_of_all = self.share[self._common]
 
     # --- in a step --------------------------------------------------------------------------------------------------
@@ -158,9 +157,7 @@ class Nodes:
     def exchange(self, name: str) -> None:
         """Add up what the particles of all ranks have given: "motion", "remapped", "capacity" or "flow"."""
         own = self.motion[self._common, 3]
-        with TALKING:
-            self._sums[name].start()
-            self._sums[name].finish()
+        self._sums[name].now()
         if name == "motion" and len(self._common):
             mass = self.motion[self._common, 3]
             self.share[self._common] = self._share_of_all * own / np.where(mass > 0.0, mass, 1.0)

@@ -149,7 +149,7 @@ class FieldPair:
         self._maps = [self._map(number) for number in range(2)]
         for number, system in enumerate(self.systems):
             first = np.ones(system.nodes.count, bool)
-            for rank, slots in zip(system.grid.sharing.neighbours, system.grid.sharing.shared):
+            for rank, slots in zip(system.grid.shared.neighbours, system.grid.shared.send_rows):
                 if rank < system.comm.rank:
                     first[slots] = False
             here = self.slots[number] >= 0
@@ -161,7 +161,7 @@ class FieldPair:
         self._reach = np.zeros((count, 2))
         # nodes of which other ranks see particles, too
         self._shared = np.zeros(count, bool)
-        for slots in shared.sharing.shared:
+        for slots in shared.plan.send_rows:
             self._shared[slots] = True
         # of the constant hardly any, so that no matrix is singular where all particles are far on their side
         kinds = np.array([1e-3, *[1.0] * d, *[0.0] * (FIT - 1 - d)])
@@ -169,8 +169,8 @@ class FieldPair:
         self._penalties = np.where(kinds > 0.0, kinds * easing, 1.0)
         self.normal = self.impulse = np.zeros((count, d))
         self.rubbed = np.zeros(count)
-        self._sums = shared.sum(self._table, 0), shared.sum(self._fits, 1)
-        self._largest = shared.largest(self._reach, 2)
+        self._sums = shared.plan.sum(self._table), shared.plan.sum(self._fits)
+        self._largest = shared.plan.largest(self._reach)
 
     def _map(self, number: int) -> tuple[np.ndarray, ...]:
         """Cells, node, signs and on_plane of `FieldParticles`."""
@@ -212,8 +212,7 @@ class FieldPair:
             table[mine, first] = node[:, 3]
             table[mine, first + 1 : first + 4] = node[:, 3:4] * node[:, :3]
             kernels.add_weights(field, self.dimension, table[:, first + 4])
-        self._sums[0].start()
-        self._sums[0].finish()
+        self._sums[0].now()
         return table.reshape(-1, 2, _OF_FIELD)
 
     # --- normals ------------------------------------------------------------------------------------------------------
@@ -255,8 +254,7 @@ class FieldPair:
         moving, fits = self.active & (self._shared | (turn == 0)), self._fits
         fits[:] = 0.0
         kernels.add_fits(self._seen, _SHRUNK, fit, moving, fits)
-        self._sums[1].start()
-        self._sums[1].finish()
+        self._sums[1].now()
         at = np.flatnonzero(moving)
         matrix = np.zeros((len(at), FIT, FIT))
         matrix[:, _UPPER[0], _UPPER[1]] = matrix[:, _UPPER[1], _UPPER[0]] = fits[at, FIT:]
@@ -276,7 +274,7 @@ class FieldPair:
         reach[:] = -np.inf
         normal[:, : self.dimension] = self.normal
         kernels.find_extremes(self._seen, normal, self.active, self.systems[0].nodes.spacing, reach)
-        self._largest.find()
+        self._largest.now()
         return np.asarray(-np.where(self.active[:, None], reach, 0.0).sum(axis=1))
 
     def losses(self) -> tuple[float, float]:

@@ -209,11 +209,14 @@ class MaterialPoints(Particles):
 
 
 def _gradient(formula: Callable[..., np.ndarray | None], scene: Scene, particle_set: ParticleSet) -> np.ndarray:
-    """(n, d, d) of the bodies' formulas, by reference place, by central differences."""
+    """(n, d, d) of the bodies' formulas, by reference place, by central differences; wider ones far from the origin,
+    where places have fewer digits."""
     columns, body, place = [], particle_set.body, particle_set.position
-    small = _DIFFERENCE * scene.method.cell
-    for step in small * np.eye(place.shape[1]):
+    cell, rounding = scene.method.cell, np.finfo(float).eps * np.abs(place).max(axis=1, initial=0.0)
+    small = cell * np.maximum(_DIFFERENCE, np.cbrt(rounding / cell))
+    for axis in np.eye(place.shape[1]):
+        step = small[:, None] * axis
         ahead, behind = (formula(scene, body, place + s * step, particle_set.regions) for s in (1.0, -1.0))
         assert ahead is not None and behind is not None
-        columns.append((ahead - behind) / (2.0 * small))
+        columns.append((ahead - behind) / (2.0 * small[:, None]))
     return np.stack(columns, axis=2)

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from functools import partial
 from typing import Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.methods.failure_fields import DAMAGE
@@ -12,6 +13,7 @@ from parsolid.particles.declaration import Field as ParticleField
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
+from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import MethodSettings, named_observables
 
 Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
@@ -23,6 +25,8 @@ PLASTIC_STATE = (
     _kept("internal_energy", 1, "J/m^3"),
     _kept("temperature", 1, "K"),
 )
+# cells from the grid's origin up to which bodies leave it where it is; a grid ends 2^20 cells from it
+_NEAR_CELLS = 2**16
 # on surfaces
 _LOADS = ("traction", "pressure", "spring")
 # what only elastic-plastic particles carry
@@ -51,9 +55,9 @@ class MaterialPoint(MethodSettings):
     origin          a point [m] of the grid; walls are exact where they lie on its planes
     geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
                     axis, per radian
-    transfer        of velocities: "flip"; "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC,
-                    which keeps it nearly and loses no energy. In contact "aflip" with flip_fraction 0.99, where neither
-                    is stated and the basis is not "linear"
+    transfer        of velocities: "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC, which
+                    keeps it nearly and loses less energy; "flip", which loses angular momentum. Unless stated "apic";
+                    in contact "aflip" with flip_fraction 0.99; "flip" on linear weights or with a flip_fraction
     order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
                     ("usl", which loses energy in contact)
     conduction      of heat, where materials have a conductivity
@@ -103,7 +107,7 @@ class MaterialPoint(MethodSettings):
     origin: Point | None = Field(None, description="a point of the grid [m], zero unless given")
     basis: Basis = Field("quadratic-spline", description="shape functions of the grid")
     geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
-    transfer: Literal["flip", "apic", "aflip"] = "flip"
+    transfer: Literal["flip", "apic", "aflip"] = "apic"
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
     order: Literal["usl", "musl"] = "musl"
     # what transfers between particles and grid do is not in the ledger to the last bit
@@ -121,7 +125,7 @@ class MaterialPoint(MethodSettings):
         details: list[Any] = []
         if dimension_of(info) == 3 and self.geometry is not None:
             details.append((("geometry",), "no such key in 3-D", self.geometry))
-        if self.transfer == "apic" and self.flip_fraction != 1.0:
+        if self.transfer == "apic" and "transfer" in self.model_fields_set and self.flip_fraction != 1.0:
             details.append((("flip_fraction",), "no such key with the transfer 'apic'", self.flip_fraction))
         reject(*details)
         return self
@@ -132,16 +136,39 @@ class MaterialPoint(MethodSettings):
         return self.transfer in ("flip", "aflip") and self.flip_fraction == 1.0
 
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
-        """In contact AFLIP with 1 % of APIC, unless transfers are stated: nodes beyond a face move slowly against what
-        presses on it, in FLIP for ever. Slopes on linear weights turn matter inside out there."""
-        stated = {"transfer", "flip_fraction"} & self.model_fields_set
-        as_ever = stated or self.basis == "linear" or not in_contact(scene, bodies)
-        return {} if as_ever else {"transfer": "aflip", "flip_fraction": 0.99}
+        """A grid that is near bodies which are far from the origin, and transfers by what bodies do."""
+        return self._usual_origin(scene, bodies) | self._usual_transfer(scene, bodies)
+
+    def _usual_origin(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+        """A whole number of cells from zero, so that nodes stay where they are, where bodies are many cells away."""
+        fillings = [
+            filling_of(scene.bodies[i], scene.dimension) for i in bodies if scene.bodies[i].shape.kind != "mesh"
+        ]
+        if self.origin is not None or not fillings:
+            return {}
+        lower = np.min([one.lower for one in fillings], axis=0)
+        upper = np.max([one.upper for one in fillings], axis=0)
+        if max(np.abs(lower).max(), np.abs(upper).max()) <= _NEAR_CELLS * self.cell:
+            return {}
+        return {"origin": [float(np.floor(place / self.cell) * self.cell) for place in lower]}
+
+    def _usual_transfer(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+        """Unless transfers are stated: in contact AFLIP with 1 % of APIC, since nodes beyond a face move slowly against
+        what presses on it, in FLIP for ever; on linear weights, where slopes turn matter inside out, FLIP."""
+        if "transfer" in self.model_fields_set:
+            return {}
+        if self.basis == "linear" or "flip_fraction" in self.model_fields_set:
+            return {"transfer": "flip"}
+        return {"transfer": "aflip", "flip_fraction": 0.99} if in_contact(scene, bodies) else {}
 
     def without_state(self, name: str) -> str:
         """Slopes are of the transfer that bodies in contact have unless it is stated."""
-        told = "; bodies in contact have method.transfer = 'aflip' unless it is stated, 'flip' does without"
+        told = "; method.transfer = 'apic', or 'aflip' in contact, has it unless another is stated, 'flip' does without"
         return told if name == "velocity_slope" else ""
+
+    def largest_spacing(self) -> float | None:
+        """A point a cell and direction."""
+        return self.cell
 
     def contact_refused(self, scene: Any) -> str | None:
         """Between bodies with grids of their own; nothing of one body could part on its grid."""
@@ -155,10 +182,10 @@ class MaterialPoint(MethodSettings):
             return [f"method.transfer = {self.transfer!r} on linear weights is unstable: 'flip', or basis = a spline"]
         # with a grid for each body one tells for all
         alike = [i for one in scene.systems if one.settings is self for i in one.bodies]
-        usual = self.usual(scene, alike) if alike[0] in bodies else {}
+        usual = self._usual_transfer(scene, alike) if alike[0] in bodies else {}
         names = ", ".join(in_contact(scene, alike) if usual else ())
         told = ", ".join(f"method.{key} = {value!r}" for key, value in usual.items())
-        return [f"{names} in contact: {told}, unless stated; without contact {self.kind} has 'flip'"] if usual else []
+        return [f"{names} in contact: {told}, unless stated; without contact {self.kind} has 'apic'"] if names else []
 
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no

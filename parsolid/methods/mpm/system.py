@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from decomposition.cell_partition import CellPartition
+from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum, minimum
@@ -42,7 +42,7 @@ class MaterialPoint(ParticleSystem):
     """The method on one rank: its particles `points`, its cells and shared nodes `grid`, the arrays of nodes
     `nodes`."""
 
-    def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet):
+    def __init__(self, comm: MPI.Intracomm, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit
         the grid. Collective."""
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
@@ -65,7 +65,7 @@ class MaterialPoint(ParticleSystem):
         # of a step whose nodes have been accelerated already
         self._energies: StepEnergies | None = None
         self._sound = True
-        self._partition: CellPartition | None = None
+        self._partition: CutTree | None = None
 
     # --- a step -------------------------------------------------------------------------------------------------------
 
@@ -204,13 +204,16 @@ class MaterialPoint(ParticleSystem):
             "steps": self.migration.steps,
             "fastest": maximum(self.comm, self.stress.fastest),
             "plastic_work": self.comm.allgather(self.stress.plastic_work),
+            "driven_planes": [[one.moved, one.at] for one in self.conditions.driven],
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave; owners of cells only for as many ranks."""
         self.migration.steps, self.stress.fastest = state["steps"], state["fastest"]
-        partition = CellPartition.from_state(state["partition"], self.dimension)
+        partition = CutTree.from_state(state["partition"], self.dimension)
         work = state["plastic_work"]
+        for one, kept in zip(self.conditions.driven, state.get("driven_planes", ())):
+            one.moved, one.at = kept
         if self.external is not None:
             self.external.set_state(self.comm, state.get("external"))
         if partition.ranks == self.comm.size:
@@ -320,7 +323,7 @@ class MaterialPoint(ParticleSystem):
         return {
             "grid cells": int(cells.occupied.sum()),
             "grid nodes": len(cells.nodes),
-            "shared nodes": self.grid.sharing.shared_nodes,
+            "shared nodes": len(self.grid.shared_slots()),
         }
 
     def arrays(self) -> list[np.ndarray]:

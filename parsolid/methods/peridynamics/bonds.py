@@ -81,7 +81,7 @@ class Bonds:
         reach = reach_of(self.comm, metric, 1.0, self.d)
         if self.codes is not None:
             raise_together(self.comm, self.codes.too_close(reach.scale))
-        self.halo = Halo.plan(self.comm, np.ascontiguousarray(X / reach.scale), reach.distance)
+        self.halo = Halo(self.comm, np.ascontiguousarray(X / reach.scale), reach.distance)
         self.particles.attach(self.halo)
         self.positions, self.volume = self.halo.with_ghosts(X), self.halo.with_ghosts(particle_set.volume / share)
         inverse_square = self.halo.with_ghosts(metric[:, 0].copy())

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.talking import TALKING
 from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
 from parsolid.methods.tlsph.list_update import add_forces, advance_stage, advance_step, find_forces
@@ -64,8 +63,8 @@ class ListBodies:
         self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
         told = [self.record if self.waves else self.record[:, : at.gradient]]
         told += [one for one in (self.fast, self.slow) if one is not None]
-        self._motion = near.halo.exchange([self.motion[:, : at.reference]])
-        self._record = near.halo.exchange(told)
+        self._motion = near.halo.forward(self.motion[:, : at.reference])
+        self._record = near.halo.forward(*told)
         self._exchanges = [self._motion, self._record]
 
     def take_corrections(self, correction: np.ndarray, volume: np.ndarray) -> None:
@@ -77,7 +76,7 @@ class ListBodies:
     def corrections(self) -> np.ndarray:
         """L (owned, d, d), a view of the rows."""
         d, stride = self.dimension, self.columns.vector
-        return self.operator[: self.near.owned, : d * stride].reshape(-1, d, stride)[:, :, :d]
+        return self.operator[: self.near.owned, : d * stride].reshape(self.near.owned, d, stride)[:, :, :d]
 
     @property
     def signals(self) -> tuple[float, ...]:
@@ -163,7 +162,8 @@ class ListBodies:
     def find_forces(self) -> None:
         """T and D [N] of the records, in the fields stress_force and dissipative_force."""
         near, at, stored = self.near, self.columns, self.particles.storage
-        _send(self._record)
+        self._record.start()
+        self._record.finish()
         if len(near.images.source):
             mirror_records(near.local, near.images, self.record, at.gradient)
             for waves in (self.fast, self.slow):
@@ -206,7 +206,8 @@ class ListBodies:
 
     def _begin_sums(self) -> None:
         near, at = self.near, self.columns
-        _send(self._motion)
+        self._motion.start()
+        self._motion.finish()
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
         if len(near.outer.neighbour):
@@ -219,14 +220,6 @@ class ListBodies:
 
     def _add_own_forces(self) -> None:
         """Add to the forces what other pair lists do not have."""
-
-
-def _send(exchange: Any) -> None:
-    """Send rows to the ranks that have them as ghosts, and take theirs."""
-    if not exchange.silent:
-        with TALKING:
-            exchange.start()
-            exchange.finish()
 
 
 @kernel

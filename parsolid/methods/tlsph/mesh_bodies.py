@@ -60,9 +60,9 @@ class MeshNeighbours:
         an element on any rank; positions (owned, d), identifiers (owned,); factor on the dissipation. Collective."""
         self.comm, (self.owned, d) = comm, positions.shape
         # a hair more, because distances are found in other arithmetic
-        halo = Halo.plan(comm, np.ascontiguousarray(positions), extent * (1.0 + 1e-9))
+        halo = Halo(comm, np.ascontiguousarray(positions), extent * (1.0 + 1e-9))
         around = np.unique(np.concatenate([np.zeros(0, np.int64), *(cells.ravel() for _, cells in elements)]))
-        self.halo = halo = halo.keep(np.isin(halo.with_ghosts(identifiers)[self.owned :], around))
+        self.halo = halo = halo.subset(np.isin(halo.with_ghosts(identifiers)[self.owned :], around))
         self.local = self.rows = self.owned + halo.ghosts
         self.positions = halo.with_ghosts(positions)
         none = np.zeros((0, d))

@@ -21,6 +21,8 @@ from parsolid.scene.method_settings import KINETIC_OFFSET, Detail, MethodSetting
 
 # keys of which a scene that states one has chosen its weights
 _OF_WEIGHTS = {"kernel", "smoothing", "weights", "pair_correction"}
+# factor on the dissipation with weights of meshes, which need little, where a scene states none
+MESH_DISSIPATION = 0.1
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
 FIXED_WALLS = "work_fixed_walls"
 
@@ -69,7 +71,9 @@ class TotalLagrangianSPH(MethodSettings):
     safety: Positive | None = Field(
         None, description="time step over the largest stable one on a lattice, 0.9 unless given; of leapfrog"
     )
-    dissipation: NotNegative = Field(1.0, description="factor on the Riemann dissipation, 0 = none")
+    dissipation: NotNegative = Field(
+        1.0, description='factor on the Riemann dissipation, 0 = none; 0.1 with weights = "mesh" unless given'
+    )
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
     reference: Literal["fixed", "updated"] = Field(
         "fixed", description='configuration in which neighbours are found; "updated" moves it to the present one'
@@ -146,12 +150,17 @@ class TotalLagrangianSPH(MethodSettings):
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
-        """Weights that close where every example of the tables confirms them: leapfrog on boxes of eight nodes or more
-        along each axis that touch nothing."""
+        """Weights that close where every example of the tables confirms them, with leapfrog: on boxes of eight nodes or
+        more along each axis that touch nothing, and on a body from a mesh that meets no other."""
+        gentle = {} if "dissipation" in self.model_fields_set else {"dissipation": MESH_DISSIPATION}
+        if self.weights == "mesh" and "weights" in self.model_fields_set:
+            return gentle
         # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
         others = self.integrator != "leapfrog" or self.reference == "updated" or not self.reconstruction
         if others or _OF_WEIGHTS & self.model_fields_set or scene.methods is not None or _meets(scene):
             return {}
+        if len(scene.bodies) == 1 and scene.bodies[0].shape.kind == "mesh":
+            return {"weights": "mesh", **gentle} if no_mesh_weights(scene) is None else {}
         return {"weights": "best"} if all_resolved_boxes(scene, bodies) else {}
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
@@ -168,8 +177,12 @@ class TotalLagrangianSPH(MethodSettings):
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """Weights, where the scene leaves them to its bodies."""
+        usual = self.usual(scene, bodies)
+        told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
         why = f"all bodies are boxes of {RESOLVED} nodes or more along each axis"
-        return [f"method.weights = 'best' unless stated, as {why}"] if self.usual(scene, bodies) else []
+        if "dissipation" in usual or usual.get("weights") == "mesh":
+            why = "the weights are those of a mesh"
+        return [f"{told} unless stated, as {why}"] if usual else []
 
     def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         loaded = any(one.kind in ("traction", "pressure") for one in scene.boundaries)
@@ -181,6 +194,14 @@ class TotalLagrangianSPH(MethodSettings):
             "below a loaded face the last two layers bear 0.77 and 1.49 of a traction, displacements err by 1 to 7 %"
         )
         return [f'{names}: {of_kernel}; method.weights = "best" has neither'] if names else []
+
+    def bonded_spacings(self, scene: Any) -> float:
+        """Kernels reach the second layer of the other body only so far; a long reach bears more (docs/limits.md)."""
+        return 2.5 if self.smoothing >= 1.3 else 1.25
+
+    def bonded_densities(self, scene: Any) -> float:
+        """Beyond, the step of either body is too long for the light layer at the bond."""
+        return 30.0
 
     def contact_refused(self, scene: Any) -> str | None:
         """It can."""

@@ -8,7 +8,7 @@ import numpy as np
 from decomposition.boxes import cut_boxes
 from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.collective import anywhere, minimum
+from parsolid.collective import anywhere, minimum, raise_together
 from parsolid.materials.blocks import block_numbers
 from parsolid.materials.hyperelastic.functions import elastic_moduli, isotropic_shear_modulus
 from parsolid.materials.registry import laws_of
@@ -158,11 +158,38 @@ class TotalLagrangianSPH(ParticleSystem):
         numbers = meshes_of(self.body_weights)
         if not numbers:
             return None
+        raise_together(self.comm, self._bonded_mesh(scene, particle_set, numbers))
         body = self.particles.owned_rows("body")
         blocks = [block for block in self.blocks if body[block.first] in numbers]
         bodies = MeshBodies(self, blocks, 1 if self.settings.dissipation > 0.0 else 0)
         bodies.find_pairs(scene, particle_set, numbers)
         return bodies
+
+    def _bonded_mesh(self, scene: Any, particle_set: Any, numbers: list[int]) -> str | None:
+        """The fault of a body with the weights of its mesh within a kernel's reach of another one, by their bounding
+        boxes, where no contact keeps them apart: it would not be bonded to it as others are. Collective."""
+        count, d = len(scene.bodies), self.dimension
+        if count == 1:
+            return None
+        # lower bounds and the negative upper ones and coarsest spacings of each body
+        bounds = np.full((count, 2 * d + 1), np.inf)
+        for number in np.unique(particle_set.body):
+            here = particle_set.body == number
+            X, spacing = particle_set.position[here], particle_set.spacing[here]
+            bounds[number] = np.concatenate([X.min(axis=0), -X.max(axis=0), [-spacing.max()]])
+        bounds = minimum(self.comm, bounds)
+        support = smoothing_kernel(self.settings.kernel).support * self.settings.smoothing
+        for i in numbers:
+            for j in range(count):
+                gap = np.maximum(bounds[i, :d] + bounds[j, d : 2 * d], bounds[j, :d] + bounds[i, d : 2 * d])
+                reach = -support * min(bounds[i, -1], bounds[j, -1])
+                apart = i == j or (scene.unbonded is not None and scene.unbonded[i, j])
+                if not apart and np.linalg.norm(np.maximum(gap, 0.0)) < reach:
+                    return (
+                        'method.weights: expected for "mesh" bodies apart from others, or in contact or tied, as those '
+                        f"that touch are bonded by a kernel, found bodies.{i} and bodies.{j}"
+                    )
+        return None
 
     def _smoothing(self, particle_set: Any) -> Any:
         """h/dx, (n, 1) where bodies of cells have their own, by which neighbours are found."""
@@ -190,7 +217,7 @@ class TotalLagrangianSPH(ParticleSystem):
             derived[:] = True
         if given is not None:
             gradient, where = given
-            rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), -1)
+            rows("deformation_gradient")[:] = gradient.reshape(len(particle_set), self.dimension**2)
             derived &= ~where
         if self.initial_stress is not None:
             self.initial_stress.begin(*place)

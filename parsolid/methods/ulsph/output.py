@@ -62,7 +62,7 @@ def unsound(system: Any) -> tuple[int, str] | None:
     density, finite = rows("density"), np.isfinite(rows("velocity")).all(axis=1)
     for name in ("deviator", "temperature", "plastic_strain"):
         values = rows(name)
-        finite &= np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        finite &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     bad = ~finite | ~(density > 0.0)
     if not bad.any():
         return _beyond_its_law(system)

@@ -116,6 +116,50 @@ _WHOLE_MOTION = ("fixed", "rotation")
 
 
 def clashes(conditions: dict[int, Any]) -> list[str]:
+    """Faults of conditions that contradict one another: on one plane, or on one region of which one says all of its
+    motion and another says it again."""
+    return _contradictions(conditions) + _said_twice(conditions)
+
+
+def _contradictions(conditions: dict[int, Any]) -> list[str]:
+    """Faults of conditions on one plane that hold a component of its motion in different ways."""
+    faults = []
+    for i, one in conditions.items():
+        for j, other in conditions.items():
+            if j >= i or one.region_name or other.region_name or getattr(other, "plane", None) is None:
+                continue
+            apart = None not in (one.body, other.body) and one.body != other.body
+            if apart or one.plane != other.plane:
+                continue
+            held, before = _held(one), _held(other)
+            if any(held[axis] != before[axis] for axis in held.keys() & before.keys()):
+                expected = f"a plane whose motion boundaries.{j} ({other.kind!r}) does not hold otherwise"
+                faults.append(fault(("boundaries", i, "plane"), expected, str(one.plane)))
+                break
+    return faults
+
+
+def _held(condition: Any) -> dict[int, str]:
+    """What motion of a plane a condition holds: axis -> its formula, "0" where it is at rest."""
+    normal = condition.plane.axis
+    if condition.kind in ("fixed", "roller", "antisymmetric"):
+        axes = {"fixed": range(3), "roller": (normal,), "antisymmetric": set(range(3)) - {normal}}[condition.kind]
+        return dict.fromkeys(axes, "0")
+    if condition.kind not in ("velocity", "displacement"):
+        return {}
+    (formulas,) = condition.formulas.values()
+    sources = {axis: one.source for axis, one in enumerate(formulas) if one is not None}
+    return {axis: "0" if _is_zero(source) else f"{condition.kind} {source}" for axis, source in sources.items()}
+
+
+def _is_zero(source: Any) -> bool:
+    try:
+        return float(source) == 0.0
+    except ValueError:
+        return False
+
+
+def _said_twice(conditions: dict[int, Any]) -> list[str]:
     """Faults of conditions on one region of which one says all of its motion and another says it again."""
     faults, seen = [], dict[tuple[str, str | None], list[int]]()
     for i, one in conditions.items():

@@ -2,9 +2,10 @@
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Plane
+from parsolid.scene.base_model import Plane, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.boundaries.condition import Condition, boundary_kind
 from parsolid.scene.formulas import FormulaVector, Scalar
@@ -20,6 +21,12 @@ class PrescribedTemperature(Condition):
     plane: Plane = Field(description="a plane such as 'Y = 0'")
     body: Name | None = None
     temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
+
+    @model_validator(mode="after")
+    def _absolute(self) -> "PrescribedTemperature":
+        if self.temperature.is_constant and self.temperature.evaluate(np.zeros((1, 3)))[0] < 0.0:
+            reject((("temperature",), "an absolute temperature", self.temperature.source))
+        return self
 
     @property
     def course(self) -> LoadHistory:

@@ -1,4 +1,8 @@
-"""Pairs of points closer than the sum of their radii, found again and again as the points move.
+"""Pairs of points closer than the sum of their radii, in one, two or three dimensions, in compressed rows.
+
+    ClosePairs     all pairs of points and ghosts, or pairs across two sets of points, found again as they move
+    half_pairs     all pairs within one reach, in rising rows
+    within_reach   which points have any of another set within reach
 
 Points are sorted by strips and finely along them; the points that may be close to one of them then lie in a few windows
 of the sorted order, whose ends only move forward as one goes along it. So there is neither grid nor table, and the time
@@ -10,12 +14,83 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from .cells import checked_bounds, checked_points, stable_order
-
 # length of a cell along its strip in widths of the strip
 _ALONG = 0.125
 # relative to the cells; more than the rounding of a cell's number below _MOST_CELLS
 _ROUNDING, _MOST_CELLS = 1e-9, 1 << 20
+# bits of a turn of the sort
+_DIGIT = 11
+_BUCKETS = 1 << _DIGIT
+
+
+def checked_points(points: np.ndarray, name: str = "points") -> np.ndarray:
+    """The points as a contiguous (n, d) float64 array, d = 1, 2 or 3. Raises ValueError for another shape."""
+    # numba compiles the kernels for one layout only
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
+        raise ValueError(f"{name}: expected shape (n, d) with d = 1, 2 or 3, found {points.shape}")
+    if len(points) >= 2**31:
+        raise ValueError(f"{name}: expected fewer than 2**31 on one rank, found {len(points)}")
+    return points
+
+
+@njit(cache=True)
+def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (d,), inf and -inf without points; NaN where a coordinate is not finite."""
+    dimension = points.shape[1]
+    lower = np.full(dimension, np.inf)
+    upper = np.full(dimension, -np.inf)
+    for i in range(len(points)):
+        for k in range(dimension):
+            x = points[i, k]
+            if not np.isfinite(x):
+                lower[k] = upper[k] = np.nan
+                return lower, upper
+            lower[k] = min(lower[k], x)
+            upper[k] = max(upper[k], x)
+    return lower, upper
+
+
+def checked_bounds(points: np.ndarray, name: str = "points") -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner. Raises ValueError for a coordinate that is not finite."""
+    lower, upper = bounds(points)
+    if np.isnan(lower).any():
+        row = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise ValueError(f"{name}: expected finite coordinates, found {points[row]} in row {row}")
+    return lower, upper
+
+
+@njit(cache=True)
+def stable_order(key: np.ndarray) -> np.ndarray:
+    """Order (int32) that sorts non-negative int64 keys, equal ones as they came; a radix sort. Overwrites the keys."""
+    n = len(key)
+    # loops in place of numpy's functions, which load a tenth of numba with the kernel
+    order, largest = np.empty(n, np.int32), 0
+    for i in range(n):
+        order[i] = i
+        largest = max(largest, key[i])
+    other_key = np.empty_like(key)
+    other = np.empty_like(order)
+    count = np.empty(_BUCKETS, np.int64)
+    shift = 0
+    while shift < 63 and largest >> shift > 0:
+        count[:] = 0
+        for i in range(n):
+            count[(key[i] >> shift) & (_BUCKETS - 1)] += 1
+        total = 0
+        for k in range(_BUCKETS):
+            here = count[k]
+            count[k] = total
+            total += here
+        for i in range(n):
+            k = (key[i] >> shift) & (_BUCKETS - 1)
+            other_key[count[k]] = key[i]
+            other[count[k]] = order[i]
+            count[k] += 1
+        key, other_key = other_key, key
+        order, other = other, order
+        shift += _DIGIT
+    return order
 
 
 class Strips(NamedTuple):
@@ -166,8 +241,10 @@ def strips_of(lower: np.ndarray, upper: np.ndarray, reach: float) -> Strips:
     shape[0] += 2 * along
     shape[1:] += 2 * across
     stride = np.cumprod(np.concatenate(([1], shape[:-1])))[1:]
-    middle = [int((np.array(step) - across) @ stride) for step in np.ndindex(*(2 * across + 1))]
-    windows = np.array([(at - along, at + along) for at in sorted(middle)], np.int64)
+    middle = np.zeros(1, np.int64)
+    for cells, step in zip(across, stride):
+        middle = (middle[:, None] + np.arange(-cells, cells + 1) * step).ravel()
+    windows = np.sort(middle)[:, None] + np.array([-along, along])
     return Strips(axes, low, inverse, shape, windows)
 
 
@@ -210,14 +287,10 @@ class ClosePairs:
         """Pairs of points (n, d) [m] and others (m, d) with radii (n,), (m,) [m]: start (n + 1,) and rows of the others
         int32, as `find` gives them for owned points and ghosts.
         """
-        points, others = checked_points(points), checked_points(others)
         if not (len(points) and len(others)):
             return np.zeros(len(points) + 1, np.int64), np.empty(0, np.int32)
-        both = [checked_bounds(points), checked_bounds(others)]
-        bounds = np.minimum(both[0][0], both[1][0]), np.maximum(both[0][1], both[1][1])
-        strips = strips_of(*bounds, float(radius.max() + other_radius.max()))
-        first = _sorted(points, np.ascontiguousarray(radius), 0, *strips.order(points))
-        second = _sorted(others, np.ascontiguousarray(other_radius), 0, *strips.order(others))
+        reach = float(radius.max() + other_radius.max())
+        strips, first, second = _two_sets(points, radius, others, other_radius, reach)
         return self._rows(first, second, strips.windows, False)
 
     def _rows(self, own: _Sorted, others: _Sorted, windows: np.ndarray, later: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -226,3 +299,94 @@ class ClosePairs:
             self._hits = _emit(own, others, windows, later, self._hits, begin)
         start, neighbour = _in_rows(own.row, self._hits, begin)
         return start, neighbour
+
+
+@njit(cache=True)
+def _rising_rows(lists: tuple[np.ndarray, ...], count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Each pair under the first of its points, neighbours rising; lists: those of `find`; count: of all points."""
+    start, neighbour, outer_start, outer = lists
+    n = len(start) - 1
+    # the other way round first: under its last point; then rows rise when these are taken one after the other
+    below = np.zeros(count + 1, np.int64)
+    above = np.zeros(n + 1, np.int64)
+    for a in range(n):
+        for k in range(start[a], start[a + 1]):
+            below[max(a, neighbour[k]) + 1] += 1
+            above[min(a, neighbour[k]) + 1] += 1
+        for k in range(outer_start[a], outer_start[a + 1]):
+            below[outer[k] + 1] += 1
+        above[a + 1] += outer_start[a + 1] - outer_start[a]
+    for b in range(count):
+        below[b + 1] += below[b]
+    for a in range(n):
+        above[a + 1] += above[a]
+    first, place = np.empty(below[count], np.int32), below[:-1].copy()
+    for a in range(n):
+        for k in range(start[a], start[a + 1]):
+            b = max(a, neighbour[k])
+            first[place[b]] = min(a, neighbour[k])
+            place[b] += 1
+        for k in range(outer_start[a], outer_start[a + 1]):
+            first[place[outer[k]]] = a
+            place[outer[k]] += 1
+    result, place = np.empty(above[n], np.int32), above[:-1].copy()
+    for b in range(count):
+        for k in range(below[b], below[b + 1]):
+            result[place[first[k]]] = b
+            place[first[k]] += 1
+    return above, result
+
+
+def half_pairs(points: np.ndarray, owned: int, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Every pair of points closer than `reach` [m] with an owned one, once, under the first of them, neighbours rising.
+
+    points, owned: as in `ClosePairs.find`. Returns start (owned + 1,) int64 and neighbour (m,) int32, all behind the
+    point of their row: so a pair of owned points stands under the first, and one with a ghost under the owned one.
+    Raises ValueError as `find` does, and for a reach that is not positive and finite.
+    """
+    if not 0.0 < reach < np.inf:
+        raise ValueError(f"reach: expected a positive finite length, found {reach!r}")
+    lists = ClosePairs().find(points, np.full(len(points), 0.5 * reach), owned)
+    return _rising_rows(lists, len(points))
+
+
+@njit(cache=True)
+def _have_near(points: _Sorted, others: _Sorted, windows: np.ndarray, reach: float) -> np.ndarray:
+    low, high = np.zeros(len(windows), np.int64), np.zeros(len(windows), np.int64)
+    result, m = np.zeros(len(points.row), np.bool_), len(others.row)
+    for i in range(len(points.row)):
+        near = False
+        for w in range(len(windows)):
+            first, last = points.key[i] + windows[w, 0], points.key[i] + windows[w, 1]
+            while low[w] < m and others.key[low[w]] < first:
+                low[w] += 1
+            while high[w] < m and others.key[high[w]] <= last:
+                high[w] += 1
+            for j in range(low[w], high[w]):
+                dx, dy, dz = points.x[i] - others.x[j], points.y[i] - others.y[j], points.z[i] - others.z[j]
+                if dx * dx + dy * dy + dz * dz < reach * reach:
+                    near = True
+                    break
+            if near:
+                break
+        result[points.row[i]] = near
+    return result
+
+
+def within_reach(points: np.ndarray, others: np.ndarray, reach: float) -> np.ndarray:
+    """Which of the points (n, d) are closer than `reach` to one of the others (m, d): bool (n,)."""
+    if not (len(points) and len(others)):
+        return np.zeros(len(points), bool)
+    strips, first, second = _two_sets(points, np.zeros(len(points)), others, np.zeros(len(others)), reach)
+    return _have_near(first, second, strips.windows, reach)
+
+
+def _two_sets(
+    points: np.ndarray, radius: np.ndarray, others: np.ndarray, other_radius: np.ndarray, reach: float
+) -> tuple[Strips, _Sorted, _Sorted]:
+    """Two sets of points in the same strips."""
+    points, others = checked_points(points), checked_points(others)
+    (lower, upper), (other_lower, other_upper) = checked_bounds(points), checked_bounds(others)
+    strips = strips_of(np.minimum(lower, other_lower), np.maximum(upper, other_upper), reach)
+    first = _sorted(points, np.ascontiguousarray(radius), 0, *strips.order(points))
+    return strips, first, _sorted(others, np.ascontiguousarray(other_radius), 0, *strips.order(others))

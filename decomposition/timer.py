@@ -1,10 +1,10 @@
-"""What a rank spends on messages: one clock of the process, which everything that sends or waits runs."""
+"""The clock of what a rank spends on messages."""
 
 import time as clock
 from types import TracebackType
 
 
-class Talking:
+class Timer:
     """Seconds in messages and in waiting for them, on the wall and of this rank's processor (a rank that waits spins).
 
     A context; one within another is counted once.
@@ -29,5 +29,5 @@ class Talking:
             self.processor_seconds += clock.process_time() - self._processor_began
 
 
-# of this process
-TALKING = Talking()
+# of this process: everything that sends or waits runs it
+COMMUNICATION = Timer()

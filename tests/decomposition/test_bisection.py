@@ -6,7 +6,7 @@ from mpi4py import MPI
 from point_sets import KINDS, lattice, point_set, share
 
 from decomposition import bisect
-from decomposition.partition import _halves
+from decomposition.bisection import _halves, cut_points, keys_of, places_of
 
 
 class _Rank0:
@@ -128,3 +128,26 @@ def test_a_wrong_point_on_one_rank_raises_on_all(comm):
     points[1, 1] = np.nan if comm.rank == 0 else 0.0
     with pytest.raises(ValueError, match="^points: expected finite"):
         bisect(comm, points)
+
+
+@pytest.mark.serial
+def test_keys_are_in_the_order_of_coordinates_and_give_them_back():
+    values = np.array([-np.inf, -1e308, -1.5, -1e-310, -0.0, 0.0, 5e-324, 1.0, np.nextafter(1.0, 2.0), np.inf])[:, None]
+    keys = keys_of(values)
+    np.testing.assert_array_equal(places_of(keys), values)
+    assert keys[4] == keys[5] and (np.diff(np.delete(keys, 4)) > 0).all()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("ranks", [1, 2, 7, 64])
+def test_the_cuts_know_owners_and_neighbours(ranks):
+    points = np.random.default_rng(ranks).random((600, 3))
+    owner, tree = cut_points(_Rank0(ranks), points)
+    np.testing.assert_array_equal(tree.owners(keys_of(points)), owner)
+    gap = np.linalg.norm(points[:, None] - points[None], axis=2)
+    for rank in range(min(ranks, 9)):
+        box = tree.box(rank)
+        assert ((points[owner == rank] >= box[0]) & (points[owner == rank] <= box[1])).all()
+        near = set(owner[(gap[owner == rank] < 0.2).any(axis=0)].tolist()) - {rank}
+        assert near <= set(tree.neighbours(rank, 0.2))
+        assert all(rank in tree.neighbours(other, 0.2) for other in tree.neighbours(rank, 0.2))

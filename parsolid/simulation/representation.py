@@ -1,0 +1,144 @@
+"""What particles cannot represent, by one rule for all methods: layers across a body, points a cell, and bonded bodies
+of unlike spacing. Found when a run is set up, told by `check` and at the run's start.
+"""
+
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.collective import SolverError, maximum, minimum
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene import Scene
+from parsolid.scene.bodies import Body
+from parsolid.scene.warned import Warned
+
+# a part is bent rather than sheared where it is so many times as long as thick
+_SLENDER = 4.0
+# bodies closer than so many of the larger spacing touch, as in `contact.relations`
+_TOUCHING = 1.5
+_ROUND_OFF = 1e-6
+
+# lower and upper bounds of a body's particles, and their mean spacing, each (d,) [m]
+Extent = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class Across(NamedTuple):
+    """Particles across a body along an axis, mirror images included, and its length [m] with them."""
+
+    axis: int
+    particles: int
+    length: float
+
+
+def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Warned]:
+    """Warnings of all systems; collective, the same on all ranks.
+
+    Raises SolverError, on all ranks, for bonded bodies whose spacings or densities differ too much.
+    """
+    extents: dict[int, Extent] = {}
+    found: list[Warned] = []
+    for system in systems:
+        for number, body in enumerate(system.bodies):
+            extents[body] = layers(comm, system, number)
+            found += _too_few(scene, body, extents[body], system.settings.largest_spacing())
+        _refuse_unlike_neighbours(scene, system, extents)
+    return found
+
+
+def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -> list[Warned]:
+    """One layer where a body is free, which has no stiffness against bending or a wrong one; spacings [m] beyond the
+    largest that the method bears."""
+    found, body = [], scene.bodies[number]
+    spacing = float(extent[2].max())
+    if largest is not None and spacing > largest * (1.0 + _ROUND_OFF):
+        told = f"bodies.{number}: a spacing of {spacing:.4g} m in cells of {largest:.4g} m, so that points fly freely"
+        found.append(Warned("cell-below-spacing", f"{told}; at least one point a cell and direction is needed", True))
+    if body.shape.kind == "cylindrical_shell":
+        shape = body.shape.model
+        counts = [(round(shape.thickness / float(extent[2][-1])) + (body.placed_on == "nodes"), "the thickness")]
+    else:
+        counts = [(one.particles, "XYZ"[one.axis]) for one in _across(scene, body, extent)]
+    few = [axis for count, axis in counts if count <= 1]
+    if few and scene.dimension > 1:
+        told = f"bodies.{number}: one particle across {' and '.join(few)}, where it is free"
+        found.append(Warned("one-layer", f"{told}; bending and strain across it are not represented", True))
+    return found
+
+
+def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dict[int, Extent]) -> None:
+    """Raises SolverError where two bodies that the method bonds differ by more than it bears."""
+    apart, settings = scene.unbonded, system.settings
+    for i, j in combinations(system.bodies, 2):
+        if apart is not None and apart[i, j]:
+            continue
+        (lower, upper, spacing), (other_lower, other_upper, other) = extents[i], extents[j]
+        gap = np.linalg.norm(np.maximum(np.maximum(lower - other_upper, other_lower - upper), 0.0))
+        if gap > _TOUCHING * max(spacing.max(), other.max()):
+            continue
+        ratio = float(max((spacing / other).max(), (other / spacing).max()))
+        density = [system.wave_modulus(system.bodies.index(k))[1] for k in (i, j)]
+        for what, found, most in (
+            ("spacings", ratio, settings.bonded_spacings(scene)),
+            ("densities", max(density) / min(density), settings.bonded_densities(scene)),
+        ):
+            if found > most * (1.0 + _ROUND_OFF):
+                expected = f"bonded bodies whose {what} differ by a factor of {most:g} at most"
+                raise SolverError(f"bodies.{j}: expected {expected}, found {found:.4g} against bodies.{i}")
+
+
+def _lengths(body: Body, extent: Extent) -> np.ndarray:
+    """Sides (d,) [m] of a body."""
+    lower, upper, spacing = extent
+    gap = 0.0 if body.placed_on == "nodes" else 1.0
+    return np.asarray(np.maximum(np.rint((upper - lower) / spacing) + gap, 1.0) * spacing)
+
+
+def _across(scene: Scene, body: Body, extent: Extent) -> list[Across]:
+    """Along all axes across which a body may deform freely."""
+    lower, upper, spacing = extent
+    lengths, found = _lengths(body, extent), []
+    counts, gap = np.rint((upper - lower) / spacing) + 1.0, 0.0 if body.placed_on == "nodes" else 1.0
+    for axis in range(len(counts)):
+        images, bends = _symmetry(scene, axis, (lower[axis], upper[axis]), spacing[axis])
+        if bends:
+            count = int(counts[axis] * (1 + images) - images * (1.0 - gap))
+            found.append(Across(axis, count, float(lengths[axis]) * (1 + images)))
+    return found
+
+
+def layers(comm: Any, system: ParticleSystem, body: int) -> Extent:
+    """Lower and upper bounds of a body's particles and their mean spacing, each (d,) [m]; collective."""
+    rows = system.particles.owned_rows
+    here = rows("body") == body
+    place, spacing = rows("reference_position")[here][:, : system.dimension], rows("spacing")[here]
+    lower = minimum(comm, place.min(axis=0, initial=np.inf))
+    upper = maximum(comm, place.max(axis=0, initial=-np.inf))
+    count = max(1, comm.allreduce(len(place)))
+    return lower, upper, np.asarray(comm.allreduce(spacing.sum(axis=0))) / count
+
+
+def thinnest(scene: Scene, number: int, extent: Extent) -> tuple[int, str] | None:
+    """Particles across a slender body where they are fewest, and the name of that direction; None if it is stout."""
+    body = scene.bodies[number]
+    if body.shape.kind == "cylindrical_shell":
+        shape = body.shape.model
+        across = round(shape.thickness / float(extent[2][-1])) + (body.placed_on == "nodes")
+        return (across, "the thickness") if shape.radius > _SLENDER * shape.thickness else None
+    lower, upper, spacing = extent
+    free = [one for one in _across(scene, body, extent) if _lengths(body, extent).max() >= _SLENDER * one.length]
+    best = min(free, key=lambda one: one.particles, default=None)
+    return None if best is None else (best.particles, "XYZ"[best.axis])
+
+
+def _symmetry(scene: Scene, axis: int, ends: tuple[float, float], spacing: float) -> tuple[int, bool]:
+    """Planes of symmetry that a body ends at along an axis, at most one, and whether it may bend across it."""
+    found = 0
+    for boundary in scene.boundaries:
+        plane = getattr(boundary, "plane", None)
+        if plane is None or plane.axis != axis or min(abs(plane.offset - end) for end in ends) > 0.6 * spacing:
+            continue
+        if boundary.kind == "fixed":
+            return 0, False
+        found += boundary.kind in ("roller", "antisymmetric")
+    return min(found, 1), found < 2

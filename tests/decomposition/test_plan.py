@@ -1,0 +1,68 @@
+"""Plans of rows that ranks share, and arrays of any length between some ranks."""
+
+import numpy as np
+import pytest
+
+from decomposition import Halo, Plan
+from decomposition.plan import send_to_some, swap
+
+
+def test_ghosts_get_their_owners_values(comm):
+    points = np.random.default_rng(comm.rank).random((200, 2))
+    halo = Halo(comm, points, 0.1)
+    assert (halo.with_ghosts(np.full(halo.owned, comm.rank))[halo.owned :] == halo.ghost_owners()).all()
+
+
+def shared_rows(comm, count=40):
+    """Every rank has some of `count` rows; a plan of those that two ranks have, and the numbers of the own ones."""
+    has = [np.flatnonzero(np.random.default_rng(rank).random(count) < 0.6) for rank in range(comm.size)]
+    mine, others = has[comm.rank], [rank for rank in range(comm.size) if rank != comm.rank]
+    rows = [np.searchsorted(mine, np.intersect1d(mine, has[rank])) for rank in others]
+    return Plan(comm, others, rows, rows), has
+
+
+def test_sums_have_the_same_bits_on_all_ranks(comm):
+    plan, has = shared_rows(comm)
+    given = [np.random.default_rng(10 + rank).standard_normal((40, 5)) for rank in range(comm.size)]
+    array = given[comm.rank][has[comm.rank]]
+    total = plan.sum(array[:, 1:4])
+    for _ in range(2):
+        array[:] = given[comm.rank][has[comm.rank]]
+        total.now()
+        expected = np.zeros((40, 5))
+        for rank in range(comm.size):
+            expected[has[rank]] += given[rank][has[rank]]
+        np.testing.assert_array_equal(array[:, 1:4], expected[has[comm.rank], 1:4])
+        np.testing.assert_array_equal(array[:, [0, 4]], given[comm.rank][has[comm.rank]][:, [0, 4]])
+
+
+def test_the_largest_of_each_number_is_found(comm):
+    plan, has = shared_rows(comm)
+    given = [np.random.default_rng(10 + rank).standard_normal((40, 2)) for rank in range(comm.size)]
+    array = given[comm.rank][has[comm.rank]]
+    plan.largest(array).now()
+    for row, values in zip(has[comm.rank], array):
+        np.testing.assert_array_equal(
+            values, np.max([given[r][row] for r in range(comm.size) if row in has[r]], axis=0)
+        )
+
+
+def test_ranks_that_know_each_other_swap_arrays_of_any_length(comm):
+    others = [rank for rank in range(comm.size) if rank != comm.rank]
+    come = swap(comm, others, [np.full((comm.rank * rank, 2), comm.rank) for rank in others])
+    assert [array.shape for array in come] == [(comm.rank * rank, 2) for rank in others]
+    assert all((array == rank).all() for rank, array in zip(others, come))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_arrays_arrive_from_ranks_that_are_not_expected(comm, share):
+    for turn in range(30):
+        # one round after the other, without a barrier in between
+        talks = np.random.default_rng(turn).random((comm.size, comm.size)) < share
+        np.fill_diagonal(talks, False)
+        targets = np.flatnonzero(talks[comm.rank]).tolist()
+        arrays = [np.full(turn % 4 + rank, 100 * turn + comm.rank) for rank in targets]
+        sources, come = send_to_some(comm, targets, arrays, np.empty(0, np.int64))
+        assert sources == np.flatnonzero(talks[:, comm.rank]).tolist()
+        for source, array in zip(sources, come):
+            np.testing.assert_array_equal(array, np.full(turn % 4 + comm.rank, 100 * turn + source))

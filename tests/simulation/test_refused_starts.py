@@ -1,0 +1,127 @@
+"""What no run starts from, in every method: strain of which a law has no stress, folds, temperatures below zero."""
+
+import numpy as np
+import pytest
+from solids import COPPER, RUBBER, Record, follow, simulation, tables
+
+from parsolid.collective import SolverError
+from parsolid.scene import SceneError, parse_scene
+from parsolid.scene.formulas import NOT_FINITE, Formula
+from parsolid.simulation.loop import RunFailed
+
+NEO = {key: value for key, value in RUBBER.items() if key != "kind"} | {"kind": "neo-hookean", "poissons_ratio": 0.3}
+LINEAR = NEO | {"kind": "linear-elastic"}
+CASES = {
+    "tlsph": ({"kind": "tlsph"}, NEO),
+    "peridynamics": ({"kind": "peridynamics"}, LINEAR),
+    "mpm": ({"kind": "mpm", "cell": 0.4}, NEO),
+    "mpm of metal": ({"kind": "mpm", "cell": 0.4}, COPPER),
+    "ulsph": ({"kind": "ulsph"}, COPPER),
+}
+
+
+def start(name: str, body: dict, comm, **rest):
+    method, material = CASES[name]
+    # 8 x 8 particles at 0.2
+    data = tables((8, 8), [1.6, 1.6], material=material, method=method, body={"placement": "cells"} | body, **rest)
+    return simulation(data, comm)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_folded_start_is_refused(name, comm):
+    with pytest.raises(SolverError) as refused:
+        start(name, {"displacement": ["-1.5*X", "0"]}, comm)
+    assert str(refused.value).startswith("bodies.0.displacement: ")
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "displacement, strained",
+    [(["1e-3*X", "0"], True), (["1e-6*Y", "0"], True), (["3", "-1e3"], False), (["-X - Y", "X - Y"], False)],
+    ids=["stretch", "small shear", "moved", "turned"],
+)
+def test_strain_at_the_start_needs_a_law_that_has_a_stress_for_it(name, displacement, strained, comm):
+    """Moved and turned by a right angle nothing is strained."""
+    if strained and CASES[name][1] is COPPER:
+        with pytest.raises(SolverError) as refused:
+            start(name, {"displacement": displacement}, comm)
+        assert str(refused.value).startswith("bodies.0.displacement: ")
+    elif not (displacement[0].startswith("-X") and name == "peridynamics"):
+        # small strain takes a turn for one, and is refused for it
+        start(name, {"displacement": displacement}, comm)
+
+
+@pytest.mark.parametrize("name", ["mpm of metal", "ulsph"])
+def test_temperatures_are_absolute(name, comm):
+    with pytest.raises(SceneError) as refused:
+        start(name, {"temperature": "300 - 400*X"}, comm)
+    assert refused.value.faults[0].startswith("bodies.0.temperature: ")
+    sim = start(name, {"temperature": "300"}, comm)
+    sim.systems[0].particles.owned_rows("temperature")[:] = -1.0
+    with pytest.raises(RunFailed):
+        follow(sim, Record(lambda one: one.energy_row()), 2)
+    assert sim.coldest < 0.0 and sim.clock.step < 2
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("temperature, sound", [(-1.0, False), ("-1 + 0*t", True), (0.0, True)])
+def test_a_plane_below_absolute_zero_is_refused(temperature, sound):
+    material = COPPER | {"conductivity": 400.0}
+    plane = [{"kind": "temperature", "plane": "X = 0", "temperature": temperature}]
+    data = tables((4, 4), material=material, method={"kind": "mpm", "cell": 0.5}, boundaries=plane)
+    data["bodies"][0]["placement"] = "cells"
+    if sound:
+        parse_scene(data)
+        return
+    with pytest.raises(SceneError) as refused:
+        parse_scene(data)
+    assert refused.value.faults[0].startswith("boundaries.0.temperature")
+
+
+PULLED = {"kind": "velocity", "plane": "X = 1", "velocity": ["1", "free"]}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "second, sound",
+    [
+        ({"kind": "fixed", "plane": "X = 1"}, False),
+        ({"kind": "velocity", "plane": "X = 1", "velocity": ["2", "free"]}, False),
+        ({"kind": "roller", "plane": "X = 1"}, False),
+        ({"kind": "velocity", "plane": "X = 1", "velocity": ["1", "0"]}, True),
+        ({"kind": "velocity", "plane": "X = 1", "velocity": ["free", "t"]}, True),
+        ({"kind": "fixed", "plane": "X = 0"}, True),
+    ],
+)
+def test_conditions_that_contradict_one_another_on_a_plane_are_refused(second, sound):
+    for boundaries in ([PULLED, second], [second, PULLED]):
+        data = tables((4, 4), method={"kind": "mpm", "cell": 0.5}, boundaries=boundaries, body={"placement": "cells"})
+        if sound:
+            parse_scene(data)
+            continue
+        with pytest.raises(SceneError) as refused:
+            parse_scene(data)
+        assert [one.split(":")[0] for one in refused.value.faults] == ["boundaries.1.plane"]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("text", ["arccos(2)", "log(-1)", "cos(1e400)", "1/0", "sqrt(-X*0 - 1)*0"])
+def test_a_formula_that_is_never_a_number_is_refused(text):
+    if "X" in text:
+        NOT_FINITE.clear()
+        assert np.isnan(Formula(text).evaluate(np.ones((1, 3)), 0.25)).all()
+        assert NOT_FINITE[0][0] == text and NOT_FINITE[0].place == [1.0, 1.0, 1.0] and NOT_FINITE[0].time == 0.25
+        NOT_FINITE.clear()
+        return
+    with pytest.raises(ValueError, match="."):
+        Formula(text)
+
+
+def test_a_load_that_is_no_number_later_is_told_with_its_formula(comm):
+    NOT_FINITE.clear()
+    load = "1e3*sqrt(1e-9 - t)"
+    sim = start("tlsph", {}, comm, loads={"body_force": [load, "0"]})
+    with pytest.raises(RunFailed) as failed:
+        follow(sim, Record(), 20)
+    NOT_FINITE.clear()
+    assert load in str(failed.value)

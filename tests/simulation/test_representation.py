@@ -1,0 +1,103 @@
+"""What particles cannot represent is told by one rule for all methods."""
+
+import json
+
+import pytest
+from solids import COPPER, RUBBER, simulation, supports, tables
+
+from parsolid.collective import SolverError
+from parsolid.commands.cli import main
+
+NEO = {key: value for key, value in RUBBER.items() if key != "kind"} | {"kind": "neo-hookean", "poissons_ratio": 0.3}
+MATERIALS = {"tlsph": NEO, "ulsph": COPPER, "mpm": NEO}
+
+
+def strip(kind: str, across: int, cell: float = 0.2, **rest) -> dict:
+    """A body of 20 particles along X at 0.1 m."""
+    method = {"kind": kind} | ({"cell": cell} if kind == "mpm" else {})
+    upper = [2.0, 0.1 * across]
+    return tables([20, across], upper, material=MATERIALS[kind], method=method, body={"placement": "cells"}, **rest)
+
+
+def codes(data: dict, comm) -> list[str]:
+    return [one.code for one in simulation(data, comm).warnings]
+
+
+@pytest.mark.parametrize("kind", MATERIALS)
+@pytest.mark.parametrize(
+    "across, held, found",
+    [
+        (1, {}, ["one-layer"]),
+        (2, {}, []),
+        # with its image it has two, between two planes as many as one likes
+        (1, {"Y": (0.0, "roller")}, []),
+        (1, {"Y0": (0.0, "roller"), "Y1": (0.1, "roller")}, []),
+    ],
+)
+def test_a_body_of_one_layer(kind, across, held, found, comm):
+    if kind == "ulsph" and len(held) == 2:
+        pytest.skip("refuses planes that are so close")
+    assert codes(strip(kind, across, boundaries=supports(**held)), comm) == found
+
+
+@pytest.mark.parametrize("cell, found", [(0.0999, ["cell-below-spacing"]), (0.1, []), (0.2, [])])
+def test_a_point_a_cell_and_direction(cell, found, comm):
+    assert codes(strip("mpm", 4, cell), comm) == found
+
+
+@pytest.mark.serial
+def test_a_run_tells_and_is_not_resolved(tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        'dimension = 2\nend_time = 1e-2\nmethod = { kind = "mpm", cell = 0.05 }\n'
+        '[[bodies]]\nspacing = 0.1\nplacement = "cells"\nshape = { box = { lower = [0, 0], upper = [1, 0.1] } }\n'
+        'material = { kind = "neo-hookean", density = 1e3, youngs_modulus = 1e5, poissons_ratio = 0.3 }\n'
+        "[output]\npictures = false\n"
+    )
+    assert main(["check", str(scene)]) == 0
+    printed = capsys.readouterr().out
+    assert "[one-layer]" in printed and "[cell-below-spacing]" in printed
+    assert main(["run", str(scene), "-o", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    assert "[one-layer]" in printed and "[cell-below-spacing]" in printed
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert {one["code"] for one in summary["warnings"]} == {"one-layer", "cell-below-spacing"}
+    assert summary["trust"] in ("inapplicable", "unbalanced")
+
+
+@pytest.mark.parametrize(
+    "spacing, density, refused",
+    [(0.1, 1100.0, False), (0.08, 1100.0, False), (0.05, 1100.0, True), (0.1, 1.1e4, False), (0.1, 1.1e5, True)],
+)
+def test_bonded_bodies_that_differ_too_much_are_refused(spacing, density, refused, comm):
+    data = strip("tlsph", 4)
+    first = data["bodies"][0] | {"name": "a"}
+    del first["particles"]
+    shape = {"box": {"lower": [0.0, 0.4], "upper": [2.0, 0.8]}}
+    second = first | {"name": "b", "shape": shape, "spacing": spacing, "material": NEO | {"density": density}}
+    data["bodies"] = [first | {"spacing": 0.1}, second]
+    if not refused:
+        simulation(data, comm)
+        return
+    with pytest.raises(SolverError) as told:
+        simulation(data, comm)
+    assert str(told.value).startswith("bodies.1: ")
+    # bodies in contact are not bonded
+    leapfrog = data["method"] | {"integrator": "leapfrog"}
+    simulation(data | {"contact": [{"bodies": ["a", "b"]}], "method": leapfrog}, comm)
+
+
+def test_a_grid_is_near_bodies_that_are_far_away(comm):
+    """Nodes stay a whole number of cells from zero, and energies are those of the same block at the origin."""
+    energies, origins = [], []
+    for x, y in ((0.0, 0.0), (450000.0, 5500000.0)):
+        data = strip("mpm", 8, cell=0.25)
+        data["bodies"][0]["shape"]["box"] = {"lower": [x, y], "upper": [x + 2.5, y + 1.0]}
+        data["bodies"][0]["velocity"] = [f"-2*(X - {x})", "0"]
+        sim = simulation(data, comm)
+        for _ in range(3):
+            sim.take_step(1e-4)
+        energies.append([comm.allreduce(one) for one in sim.energies()])
+        origins.append(sim.systems[0].settings.origin)
+    assert energies[1] == pytest.approx(energies[0], rel=1e-8) and min(energies[0]) > 0.0
+    assert origins == [None, [450000.0, 5500000.0]]
