@@ -186,7 +186,7 @@ class Search:
         return result
 
     def gathered(self, name: str) -> np.ndarray:
-        """A field of the particles of the owned entries."""
+        """A field of the particles of the owned candidates."""
         pieces = [self.systems[one.system].particles.owned_rows(name)[one.rows] for one in self.segments]
         if pieces:
             return np.ascontiguousarray(np.concatenate(pieces))
