@@ -258,6 +258,7 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     # a step of 1 s changes F by grad v
     for bodies in method.sweeps:
         bodies.advance_stage(EULER, 1.0)
+        bodies.find_forces()
     gradient = (of("deformation_gradient") - kept["deformation_gradient"]).reshape(-1, d, d)
     for name in names:
         of(name)[:] = kept[name]

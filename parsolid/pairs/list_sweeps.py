@@ -14,14 +14,15 @@ A list has every pair once, and both its particles receive; rows of ghosts and o
 gather sums that nobody reads. Arrays are rows of four numbers a vector (`rows_of_four`): in space and in plane strain
 
     motion   v 0 | x 0 | X 0                                        v x | X 0 0
-    sums     sum_b (v_b - v_a) (x) g_ab by columns: c1 0 | c2 0 | c3 0          c1 c2
     record   P L by columns: c1 Z_p | c2 Z_s | c3 0                 c1 c2
              1/2 grad v by columns: c1 0 | c2 0 | c3 0              c1 c2 | Z_p Z_s 0 0
     fast     1/2 rho^2 Q_p: 11 22 33 Z_s | 12 13 23 0               11 22 12 Z_s
     slow     1/2 rho^2 Q_s: 11 22 33 0 | 12 13 23 0                 11 22 12 0
     force    T 0 | D 0                                              T D
+    operator L by rows: l1 1/V | l2 0 | l3 0                        l1 l2 | 1/V 0 0 0
     weight   g_ab k_ab                                              g_ab k_ab 0
 
+Where the record has 1/2 grad v, the sums sum_b (v_b - v_a) (x) g_ab are gathered before; they begin at zero.
 fast and slow are None where the record holds mean impedances, and k_ab then is a length times |g_ab|; slow alone is
 None where shear waves have one speed in all directions.
 """
@@ -29,23 +30,25 @@ None where shear waves have one speed in all directions.
 from typing import NamedTuple
 
 from parsolid.kernels import inlined, kernel
+from parsolid.pairs.pair_list import weight_row
 from parsolid.pairs.rows_of_four import add, add_scaled, load_row, scale, store_row, subtract
 
 
 class RowsOfFour(NamedTuple):
-    """Widths of the rows of a particle, and the columns in them at which vectors begin, by the table above."""
+    """Widths of the rows of a particle, the columns in them at which vectors begin, and numbers a vector."""
 
     motion: int
-    sums: int
     record: int
     force: int
+    operator: int
     tensor: int
     position: int
     reference: int
     gradient: int
+    vector: int
 
 
-ROWS = {2: RowsOfFour(8, 4, 12, 4, 4, 2, 4, 4), 3: RowsOfFour(12, 12, 24, 8, 8, 4, 8, 12)}
+ROWS = {2: RowsOfFour(8, 12, 4, 8, 4, 2, 4, 4, 2), 3: RowsOfFour(12, 24, 8, 12, 8, 4, 8, 12, 4)}
 
 
 @inlined
@@ -56,46 +59,53 @@ def _along(g1, g2, g3, diagonal, rest):
 
 
 @kernel
-def gradient_in_space(pairs, motion, sums):
-    """Add the sums of the velocity gradient of the pairs of a list."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+def gradient_in_space(pairs, first, last, motion, record):
+    """Add the sums of the velocity gradient of the pairs in rows first .. last - 1 of a list. Then those of the rows
+    are complete, if all rows before them have been added: pairs stand at the lower of their rows."""
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         v = load_row(motion, a, 0)
-        c1, c2, c3 = load_row(sums, a, 0), load_row(sums, a, 4), load_row(sums, a, 8)
+        c1, c2, c3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
+            b, w = neighbour[k], weight_row(kind, k)
             jump = subtract(load_row(motion, b, 0), v)
-            g1, g2, g3 = weight[k, 0], weight[k, 1], weight[k, 2]
+            g1, g2, g3 = weight[w, 0], weight[w, 1], weight[w, 2]
             c1, c2, c3 = add_scaled(c1, g1, jump), add_scaled(c2, g2, jump), add_scaled(c3, g3, jump)
-            store_row(sums, b, 0, add_scaled(load_row(sums, b, 0), g1, jump))
-            store_row(sums, b, 4, add_scaled(load_row(sums, b, 4), g2, jump))
-            store_row(sums, b, 8, add_scaled(load_row(sums, b, 8), g3, jump))
-        store_row(sums, a, 0, c1)
-        store_row(sums, a, 4, c2)
-        store_row(sums, a, 8, c3)
+            store_row(record, b, 12, add_scaled(load_row(record, b, 12), g1, jump))
+            store_row(record, b, 16, add_scaled(load_row(record, b, 16), g2, jump))
+            store_row(record, b, 20, add_scaled(load_row(record, b, 20), g3, jump))
+        store_row(record, a, 12, c1)
+        store_row(record, a, 16, c2)
+        store_row(record, a, 20, c3)
 
 
 @kernel
-def gradient_in_plane(pairs, motion, sums):
+def gradient_in_plane(pairs, first, last, motion, record):
     """`gradient_in_space`, in plane strain."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         v1, v2 = motion[a, 0], motion[a, 1]
-        total = load_row(sums, a, 0)
+        total = load_row(record, a, 4)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            u1, u2, g1, g2 = motion[b, 0] - v1, motion[b, 1] - v2, weight[k, 0], weight[k, 1]
+            b, w = neighbour[k], weight_row(kind, k)
+            u1, u2, g1, g2 = motion[b, 0] - v1, motion[b, 1] - v2, weight[w, 0], weight[w, 1]
             pair = (u1 * g1, u2 * g1, u1 * g2, u2 * g2)
             total = add(total, pair)
-            store_row(sums, b, 0, add(load_row(sums, b, 0), pair))
-        store_row(sums, a, 0, total)
+            store_row(record, b, 4, add(load_row(record, b, 4), pair))
+        store_row(record, a, 4, total)
 
 
 @kernel
-def divergence_in_space(pairs, motion, record, fast, slow, force):
-    """Add the forces of the pairs of a list: T of the stresses and D of the dissipation [N]."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
+    """Add the forces of the pairs in rows first .. last - 1 of a list [N]: T of stresses and D of the dissipation."""
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         v, x, X = load_row(motion, a, 0), load_row(motion, a, 4), load_row(motion, a, 8)
         P1, P2, P3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         G1, G2, G3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
@@ -105,8 +115,8 @@ def divergence_in_space(pairs, motion, record, fast, slow, force):
         if slow is not None:
             slow1, slow2 = load_row(slow, a, 0), load_row(slow, a, 4)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            g1, g2, g3, jump_factor = weight[k, 0], weight[k, 1], weight[k, 2], weight[k, 3]
+            b, w = neighbour[k], weight_row(kind, k)
+            g1, g2, g3, jump_factor = weight[w, 0], weight[w, 1], weight[w, 2], weight[w, 3]
             S1, S2 = add(P1, load_row(record, b, 0)), add(P2, load_row(record, b, 4))
             S3 = add(P3, load_row(record, b, 8))
             stress = add_scaled(add_scaled(scale(g1, S1), g2, S2), g3, S3)
@@ -138,10 +148,12 @@ def divergence_in_space(pairs, motion, record, fast, slow, force):
 
 
 @kernel
-def divergence_in_plane(pairs, motion, record, fast, slow, force):
+def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
     """`divergence_in_space`, in plane strain."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         here, X1, X2 = load_row(motion, a, 0), motion[a, 4], motion[a, 5]
         P, G, waves = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         if fast is not None:
@@ -150,8 +162,8 @@ def divergence_in_plane(pairs, motion, record, fast, slow, force):
             shear = load_row(slow, a, 0)
         total = load_row(force, a, 0)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            g1, g2, jump_factor = weight[k, 0], weight[k, 1], weight[k, 2]
+            b, w = neighbour[k], weight_row(kind, k)
+            g1, g2, jump_factor = weight[w, 0], weight[w, 1], weight[w, 2]
             S, grad, step = (
                 add(P, load_row(record, b, 0)),
                 add(G, load_row(record, b, 4)),
@@ -179,32 +191,36 @@ def divergence_in_plane(pairs, motion, record, fast, slow, force):
 
 
 @kernel
-def stress_divergence_in_space(pairs, record, force):
+def stress_divergence_in_space(pairs, first, last, record, force):
     """`divergence_in_space` without dissipation."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         P1, P2, P3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         T = load_row(force, a, 0)
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
-            stress = scale(weight[k, 0], add(P1, load_row(record, b, 0)))
-            stress = add_scaled(stress, weight[k, 1], add(P2, load_row(record, b, 4)))
-            stress = add_scaled(stress, weight[k, 2], add(P3, load_row(record, b, 8)))
+            b, w = neighbour[k], weight_row(kind, k)
+            stress = scale(weight[w, 0], add(P1, load_row(record, b, 0)))
+            stress = add_scaled(stress, weight[w, 1], add(P2, load_row(record, b, 4)))
+            stress = add_scaled(stress, weight[w, 2], add(P3, load_row(record, b, 8)))
             T = add(T, stress)
             store_row(force, b, 0, subtract(load_row(force, b, 0), stress))
         store_row(force, a, 0, T)
 
 
 @kernel
-def stress_divergence_in_plane(pairs, record, force):
+def stress_divergence_in_plane(pairs, first, last, record, force):
     """`divergence_in_plane` without dissipation."""
-    start, neighbour, weight = pairs.start, pairs.neighbour, pairs.weight
-    for a in range(start.size - 1):
+    start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
+    for a in range(first, last):
+        if start[a] == start[a + 1]:
+            continue
         P, T1, T2 = load_row(record, a, 0), force[a, 0], force[a, 1]
         for k in range(start[a], start[a + 1]):
-            b = neighbour[k]
+            b, w = neighbour[k], weight_row(kind, k)
             S = add(P, load_row(record, b, 0))
-            f1, f2 = S[0] * weight[k, 0] + S[2] * weight[k, 1], S[1] * weight[k, 0] + S[3] * weight[k, 1]
+            f1, f2 = S[0] * weight[w, 0] + S[2] * weight[w, 1], S[1] * weight[w, 0] + S[3] * weight[w, 1]
             T1, T2 = T1 + f1, T2 + f2
             force[b, 0] -= f1
             force[b, 1] -= f2

@@ -27,7 +27,7 @@ class ListWeights:
     kernel: of `smoothing.smoothing_kernel`. dissipation: the factor S. directional: whether impedances depend on the
     direction of g_ab. surface: area vectors (owned, d) [m^2], shares (owned,) and which particles (owned,) are to have
     closed weights, see `closure.Closure`, or None. cells: of owned particles, or None; pairs of two lattices, or of
-    one and a particle on none, have no weight. rounded: whether weights of the kernel are rounded to float32.
+    one and a particle on none, have no weight. rounded: whether weights are float32, of which few differ on lattices.
     """
 
     def __init__(
@@ -54,18 +54,17 @@ class ListWeights:
             kernel_weights(self.kernel, pairs, near.positions, near.metric, near.volume)
             if self.cells is not None:
                 fill_cell_weights(self.cells, pairs, near.positions)
-            if self.rounded:
-                # before corrections are found: gradients of linear fields stay exact
-                pairs.weight[:] = pairs.weight.astype(np.float32)
+        if self.rounded:
+            # before corrections are found: gradients of linear fields stay exact
+            near.inner, near.outer = (one._replace(weight=one.weight.astype(np.float32)) for one in near.lists)
         correction = corrections(near)
         if self.surface is not None:
             correction = close(near, correction, self.surface, lambda: corrections(near))
         everywhere = near.with_ghosts_and_images(correction, "tensor")
         for pairs in near.lists:
             jump_factors(pairs, everywhere, self.dissipation, self.directional)
-            if self.rounded:
-                d = correction.shape[1]
-                pairs.weight[:, d] = pairs.weight[:, d].astype(np.float32)
+        if self.rounded:
+            near.inner, near.outer = (one.by_kinds() for one in near.lists)
         return correction
 
 
@@ -135,11 +134,11 @@ def jump_factors(pairs, correction, factor, directional):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b, skew, length = pairs.neighbour[k], 0.0, 0.0
             for i in range(d):
-                component = 0.0
+                component, g = 0.0, np.float64(pairs.weight[k, i])
                 for j in range(d):
                     component += (correction[a, i, j] + correction[b, i, j]) * pairs.weight[k, j]
                 skew += component * component
-                length += pairs.weight[k, i] * pairs.weight[k, i]
+                length += g * g
             if not directional:
                 pairs.weight[k, d] = 0.5 * factor * skew**0.5
             else:

@@ -47,6 +47,12 @@ def add_scaled(u, f, v):
 
 
 @inlined
+def combine_rows(f, u, v, w):
+    """f_1 u + f_2 v + f_3 w."""
+    return add_scaled(add_scaled(scale(f[0], u), f[1], v), f[2], w)
+
+
+@inlined
 def dot(u, v):
     """u . v of vectors of three components; the fourth number does not count."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]

@@ -84,7 +84,7 @@ def forces_of(sim, stress) -> np.ndarray:
         sweeps.divergence(stored("stress_force"), stored("dissipative_force"))
         return np.array(method.particles.owned_rows("stress_force"))
     owned, width, record = method.owned, {2: 2, 3: 4}[d], method.lists.record
-    L = method.particles.owned_rows("correction").reshape(owned, d, d)
+    L = method.lists.corrections
     record[:] = 0.0
     record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)
     method.lists.find_forces()

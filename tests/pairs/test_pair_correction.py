@@ -29,7 +29,7 @@ def forces_of(sim, stress) -> np.ndarray:
     engine."""
     method = sim.systems[0]
     d, owned = method.dimension, method.owned
-    L = method.particles.owned_rows("correction").reshape(owned, d, d)
+    L = method.lists.corrections
     width, record = {2: 2, 3: 4}[d], method.lists.record
     record[:] = 0.0
     record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)

@@ -197,8 +197,8 @@ def test_gradient_and_divergence_are_skew_adjoint_for_small_strains_at_an_antisy
 
 def powers(sim) -> np.ndarray:
     """Each particle's stress power V P : grad v and power of T [W], with tributary weights."""
-    d, found = sim.systems[0].dimension, evaluate(sim)
-    L = sim.systems[0].particles.owned_rows("correction").reshape(-1, d, d)
+    found = evaluate(sim)
+    L = sim.systems[0].lists.corrections
     P = found["PL"] @ np.linalg.inv(L)
     stress = sim.systems[0].particles.owned_rows("volume") * np.sum(P * found["gradient"], axis=(1, 2))
     return stress, sim.systems[0].share * np.sum(sim.systems[0].particles.owned_rows("velocity") * found["T"], axis=1)

@@ -84,11 +84,12 @@ def sweeps(near, velocity: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, 
     near.halo.forward(motion, record).now()
     mirror_motion(near.local, near.images, motion, at.position, at.reference)
     mirror_records(near.local, near.images, record, at.gradient)
-    sums, force = np.zeros((near.rows, at.sums)), np.zeros((near.rows, at.force))
+    force = np.zeros((near.rows, at.force))
     for pairs in near.lists:
-        (gradient_in_space if d == 3 else gradient_in_plane)(pairs, motion, sums)
-        (stress_divergence_in_space if d == 3 else stress_divergence_in_plane)(pairs, record, force)
-    return sums[:owned].reshape(owned, d, -1)[:, :, :d].swapaxes(1, 2), force[:owned, :d]
+        (gradient_in_space if d == 3 else gradient_in_plane)(pairs, 0, owned, motion, record)
+        (stress_divergence_in_space if d == 3 else stress_divergence_in_plane)(pairs, 0, owned, record, force)
+    sums = record[:owned, at.gradient : at.gradient + at.vector * d].reshape(owned, d, at.vector)
+    return sums[:, :, :d].swapaxes(1, 2), force[:owned, :d]
 
 
 def state_of(place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

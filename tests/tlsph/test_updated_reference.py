@@ -165,10 +165,10 @@ def test_moved_forces_keep_momentum_angular_momentum_and_energy(dimension):
 
 def test_what_alternates_is_left_out_and_what_is_linear_is_kept():
     sim = simulation(tables((20, 20), material=SOFT))
-    near, rows = sim.systems[0].lists.near, sim.systems[0].particles.owned_rows
-    X = rows("reference_position").copy()
+    lists = sim.systems[0].lists
+    near, X = lists.near, sim.systems[0].particles.owned_rows("reference_position").copy()
     index = np.round(X * 19).astype(int)
-    L, volume = rows("correction").reshape(-1, 2, 2).copy(), rows("pair_volume").copy()
+    L, volume = lists.corrections, lists.volume
     # a pass and its gradient reach two particles far from the surface
     inside = ((index > 6) & (index < 13)).all(axis=1)
     for signs in (index[:, 0], index[:, 1], index.sum(axis=1)):

@@ -12,6 +12,7 @@ import numpy as np
 
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.settings import FIXED_WALLS
+from parsolid.pairs.pair_list import weight_row
 from parsolid.particles.declaration import Field
 
 
@@ -24,14 +25,14 @@ def excess_forces(rows, pairs, local, images, record, force):
         for i in range(d):
             force[a, i] = 0.0
         for k in range(pairs.start[a], pairs.start[a + 1]):
-            m = pairs.neighbour[k] - local
+            m, w = pairs.neighbour[k] - local, weight_row(pairs.kind, k)
             if m < 0:
                 continue
             Q, R, s, b = images.signs[m], images.reflection[m], images.stress_sign[m], images.source[m]
             for i in range(d):
                 for j in range(d):
                     factor = s * Q[i] * Q[j] - Q[i] * R[j]
-                    force[a, i] += factor * record[b, stride * j + i] * pairs.weight[k, j]
+                    force[a, i] += factor * record[b, stride * j + i] * pairs.weight[w, j]
 
 
 class FixedWalls:

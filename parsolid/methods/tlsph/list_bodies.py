@@ -6,19 +6,10 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
-from parsolid.methods.tlsph.list_update import advance_stage, advance_step
-from parsolid.pairs.list_sweeps import (
-    ROWS,
-    divergence_in_plane,
-    divergence_in_space,
-    gradient_in_plane,
-    gradient_in_space,
-    stress_divergence_in_plane,
-    stress_divergence_in_space,
-)
+from parsolid.methods.tlsph.list_update import add_forces, advance_stage, advance_step, find_forces
+from parsolid.pairs.list_sweeps import ROWS, gradient_in_plane, gradient_in_space
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
-from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.runge_kutta import Stage
 
 
@@ -26,8 +17,8 @@ class ListBodies:
     """The particles of a rank that find their neighbours in lists, and what their sweeps read and write.
 
     waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
-    both waves by direction. near: lists of pairs. motion, sums, record, fast, slow, force: rows of particles, of ghosts
-    and of mirror images, see `list_sweeps`.
+    both waves by direction. near: lists of pairs; volume (owned,) [m^3]: of particles in gradients. motion, record,
+    fast, slow, force, operator: rows of particles, of ghosts and of mirror images, see `list_sweeps`.
     """
 
     near: Neighbours
@@ -40,19 +31,16 @@ class ListBodies:
         self.system, self.blocks, self.weights, self.waves, self.unbonded = system, blocks, weights, waves, unbonded
         self.last = max((block.last for block in blocks), default=0)
         self.particles, self.dimension, self.codes = system.particles, system.dimension, system.conditions.codes
-        columns: dict[str, Any] = {"layout": Columns(), "carried": False}
-        if "correction" not in self.particles:
-            self.particles.declare(Field("correction", self.dimension**2, "", **columns))
-            self.particles.declare(Field("pair_volume", 1, "m^3", **columns), 1.0)
         self.columns = ROWS[self.dimension]
+        self._gradient_sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
         self.half = 0.5 if system.settings.reconstruction else 0.0
         # half of rho c_s, where shear waves have one speed in a law
         moduli = {one: isotropic_shear_modulus(one.law) or 0.0 for one in blocks}
         self.isotropic = {one: 0.5 * float(np.sqrt(one.law.density * modulus)) for one, modulus in moduli.items()}
         self._exchanges: list[Any] = []
 
-    def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> np.ndarray:
-        """Find pairs and their weights; the corrections (owned, d, d). Arguments as in `Neighbours`; collective."""
+    def rebuild(self, positions: np.ndarray, body: np.ndarray, metric: np.ndarray, volume: np.ndarray) -> None:
+        """Find pairs, their weights and corrections. Arguments as in `Neighbours`; collective."""
         for exchange in self._exchanges:
             exchange.free()
         self.particles.detach()
@@ -62,14 +50,14 @@ class ListBodies:
         self.particles.attach(near.halo)
         correction = self.weights.fill(near)
         self._make_rows(near)
-        return correction
+        self.take_corrections(correction, volume)
 
     def _make_rows(self, near: Any) -> None:
         """Rows of particles, ghosts and images, and their messages; collective."""
         self.near = near
         at, room = self.columns, (max(near.rows, 1),)
-        self.motion, self.sums = aligned_zeros((*room, at.motion)), aligned_zeros((*room, at.sums))
-        self.record, self.force = aligned_zeros((*room, at.record)), aligned_zeros((*room, at.force))
+        self.motion, self.record = aligned_zeros((*room, at.motion)), aligned_zeros((*room, at.record))
+        self.force, self.operator = aligned_zeros((*room, at.force)), aligned_zeros((*room, at.operator))
         self.fast = aligned_zeros((*room, at.tensor)) if self.waves >= 2 else None
         self.slow = aligned_zeros((*room, at.tensor)) if self.waves == 3 else None
         self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
@@ -78,6 +66,17 @@ class ListBodies:
         self._motion = near.halo.forward(self.motion[:, : at.reference])
         self._record = near.halo.forward(*told)
         self._exchanges = [self._motion, self._record]
+
+    def take_corrections(self, correction: np.ndarray, volume: np.ndarray) -> None:
+        """L (owned, d, d) and V (owned,) [m^3] of gradients and stresses, see `list_sweeps`."""
+        self.corrections[:], self.volume = correction, volume
+        self.operator[: self.near.owned, 3 if self.dimension == 3 else 4] = 1.0 / volume
+
+    @property
+    def corrections(self) -> np.ndarray:
+        """L (owned, d, d), a view of the rows."""
+        d, stride = self.dimension, self.columns.vector
+        return self.operator[: self.near.owned, : d * stride].reshape(self.near.owned, d, stride)[:, :, :d]
 
     @property
     def signals(self) -> tuple[float, ...]:
@@ -101,8 +100,9 @@ class ListBodies:
 
     def arrays(self) -> list[np.ndarray]:
         """Arrays that count as memory."""
-        rows = [self.motion, self.sums, self.record, self.force, self.fast, self.slow]
-        return [*self.near.inner, *self.near.outer, *(one for one in rows if one is not None)]
+        lists = [*self.near.inner, *self.near.outer]
+        rows = [*lists, self.motion, self.operator, self.record, self.force, self.fast, self.slow]
+        return [one for one in rows if one is not None]
 
     def bytes_a_step(self) -> int:
         """Bytes that this rank sends in one evaluation."""
@@ -111,13 +111,13 @@ class ListBodies:
     def advance_step(self, step: float) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
         branches have dissipated, the stable step [s] of the new state)."""
-        self._sweep_gradients()
+        self._begin_gradients()
         sound, dissipated, stable = True, 0.0, np.inf
         for block in self.blocks:
             positive, lost, signal = advance_step(
                 block.solid, step, self.dimension, self.signals, block.branches(step), self.half,
-                block.first, block.last, block.places, *self._fields(block), self.sums, self.record,
-                block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
+                block.first, block.last, block.places, *self._fields(block), self.near.inner, self.motion,
+                self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
@@ -126,7 +126,7 @@ class ListBodies:
     def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
         """Deformation after a stage of SSP-RK3 and stress before it: (whether all Jacobians are positive, dissipation
         rate [W] of branches, after the last stage the stable step [s])."""
-        self._sweep_gradients()
+        self._begin_gradients()
         staged, sound, dissipated, stable = self.system.staged_step, True, 0.0, np.inf
         stored = self.particles.storage
         start = [stored(f"{name}_at_start") for name in ("deformation_gradient", "jacobian")]
@@ -137,96 +137,96 @@ class ListBodies:
                 block.solid, stage.keep, stage.take, step, stage.first, stage.last, self.dimension,
                 block.branches_at_stage(stage.time, step), self.half, self.isotropic[block],
                 block.first, block.last, block.places, gradient, cofactors[0], jacobian,
-                start[0], cofactors[1], start[1][0], *fields, self.sums, self.record, self.fast, self.slow,
-                block.tiles, block.A, block.branch_sum, *self._tiles_of_reference(block),
+                start[0], cofactors[1], start[1][0], *fields, self.near.inner, self.motion,
+                self.operator, self.record, self.fast, self.slow, block.tiles, block.A, block.branch_sum,
+                block.push if self._moved else None,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
         return sound, dissipated, stable
 
     def _fields(self, block: Any) -> tuple[Any, ...]:
-        """Deformation gradient, Jacobian, branches, correction, volumes in pairs and of the body, updated reference,
-        initial stress."""
-        stored, moved = self.particles.storage, "push" in self.particles
+        """Deformation gradient, Jacobian, branches, volumes, updated reference, initial stress."""
+        stored = self.particles.storage
         return (
-            *(stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("correction")),
-            *(stored("pair_volume")[0], stored("volume")[0]),
-            *((stored("push"), stored("inverse")) if moved else (None, None)),
+            *(stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0]),
+            *((stored("push"), stored("inverse")) if self._moved else (None, None)),
             stored(self.added_stress) if self.added_stress in self.particles else None,
         )
 
-    def _tiles_of_reference(self, block: Any) -> tuple[Any, Any]:
-        return (block.push, block.inverse) if "push" in self.particles else (None, None)
+    @property
+    def _moved(self) -> bool:
+        """Whether the reference moves."""
+        return "push" in self.particles
 
     def find_forces(self) -> None:
         """T and D [N] of the records, in the fields stress_force and dissipative_force."""
         near, at, stored = self.near, self.columns, self.particles.storage
         self._record.start()
-        self._sweep_forces(0)
         self._record.finish()
         if len(near.images.source):
             mirror_records(near.local, near.images, self.record, at.gradient)
             for waves in (self.fast, self.slow):
                 if waves is not None:
                     mirror_waves(near.local, near.images, waves)
-        self._sweep_forces(1)
+        motion = self.motion if self.waves else None
+        rows = motion, self.record, self.fast, self.slow, self.force
+        if len(near.outer.neighbour):
+            add_forces(self.dimension, near.outer, 0, near.owned, *rows)
+            clear_rows(near.owned, near.rows, 0, self.force)
+        self._add_own_forces()
         T, D = stored("stress_force"), stored("dissipative_force")
         for block in self.blocks:
-            scatter_forces(block.first, block.last, self.force, T, D, at.force // 2)
-        clear_rows(near.owned, near.rows, self.force)
+            find_forces(self.dimension, near.inner, block.first, block.last, *rows, T, D)
 
     def displacement_gradient(self, result: np.ndarray) -> None:
         """Fill grad u of these particles into result (owned, d, d) by the scheme's own operator; collective."""
-        near, d, of = self.near, self.dimension, self.particles.owned_rows
-        velocity = of("velocity").copy()
-        of("velocity")[:] = of("position") - of("reference_position")
-        self._sweep_gradients()
-        of("velocity")[:] = velocity
-        columns = (
-            self.sums[: near.owned].reshape(near.owned, d, self.sums.shape[1] // d)[:, :, :d].swapaxes(1, 2).copy()
-        )
-        clear_rows(0, near.owned, self.sums)
-        L, volume = of("correction")[: near.owned].reshape(-1, d, d), of("pair_volume")[: near.owned, None, None]
-        result[: near.owned] = columns @ L.swapaxes(1, 2) / volume
+        at, d, of, last = self.columns, self.dimension, self.particles.owned_rows, self.last
+        self.motion[:last, :d] = of("position")[:last] - of("reference_position")[:last]
+        self.motion[:last, at.position : at.position + d] = of("position")[:last]
+        sums = self._sum_gradients()
+        result[:last] = sums @ self.corrections.swapaxes(1, 2) / self.volume[:, None, None]
 
-    def _sweep_gradients(self) -> None:
+    def _sum_gradients(self) -> np.ndarray:
+        """Sums (owned, d, d) over all pairs for the gradient of the first vector of the motion; collective."""
+        near, at, d = self.near, self.columns, self.dimension
+        self._begin_sums()
+        self._gradient_sweep(near.inner, 0, near.owned, self.motion, self.record)
+        columns = self.record[: near.owned, at.gradient : at.gradient + at.vector * d]
+        sums = columns.reshape(near.owned, d, at.vector)[:, :, :d].swapaxes(1, 2).copy()
+        columns[:] = 0.0
+        return sums
+
+    def _begin_gradients(self) -> None:
+        """Motion in rows, and what ghosts and images add to the sums of gradients."""
         at, stored = self.columns, self.particles.storage
         for block in self.blocks:
             gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
-        self._sum_gradients()
+        self._begin_sums()
 
-    def _sum_gradients(self) -> None:
-        """Sums of the velocity gradients of the motion of owned particles."""
+    def _begin_sums(self) -> None:
         near, at = self.near, self.columns
         self._motion.start()
-        self._sweep_gradient(0)
         self._motion.finish()
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
-        self._sweep_gradient(1)
-        clear_rows(near.owned, near.rows, self.sums)
+        if len(near.outer.neighbour):
+            clear_rows(near.owned, near.rows, at.gradient, self.record)
+            self._gradient_sweep(near.outer, 0, near.owned, self.motion, self.record)
+        self._add_own_sums()
 
-    def _sweep_gradient(self, number: int) -> None:
-        """Over the inner list of pairs, number 0, or the outer one."""
-        sweep = gradient_in_space if self.dimension == 3 else gradient_in_plane
-        sweep(self.near.lists[number], self.motion, self.sums)
+    def _add_own_sums(self) -> None:
+        """Add to the sums of gradients what other pair lists do not have."""
 
-    def _sweep_forces(self, number: int) -> None:
-        """Over the inner list of pairs, number 0, or the outer one."""
-        pairs = self.near.lists[number]
-        if self.waves == 0:
-            sweep = stress_divergence_in_space if self.dimension == 3 else stress_divergence_in_plane
-            sweep(pairs, self.record, self.force)
-        else:
-            sweep = divergence_in_space if self.dimension == 3 else divergence_in_plane
-            sweep(pairs, self.motion, self.record, self.fast, self.slow, self.force)
+    def _add_own_forces(self) -> None:
+        """Add to the forces what other pair lists do not have."""
 
 
 @kernel
-def clear_rows(first, last, rows):
-    """Set rows first .. last - 1 to zero."""
+def clear_rows(first, last, column, rows):
+    """Set rows first .. last - 1 to zero from a column on."""
     for a in range(first, last):
-        for c in range(rows.shape[1]):
+        for c in range(column, rows.shape[1]):
             rows[a, c] = 0.0
 
 
@@ -238,19 +238,6 @@ def gather_motion(first, last, velocity, position, motion, at_position):
         for a in range(first, last):
             motion[a, i] = v[a]
             motion[a, at_position + i] = x[a]
-
-
-@kernel
-def scatter_forces(first, last, force, stress_force, dissipative, at_dissipative):
-    """Copy T and D of particles first .. last - 1 into fields (d, n); the rows are zero afterwards."""
-    for i in range(stress_force.shape[0]):
-        T, D = stress_force[i], dissipative[i]
-        for a in range(first, last):
-            T[a] = force[a, i]
-            D[a] = force[a, at_dissipative + i]
-    for a in range(first, last):
-        for c in range(force.shape[1]):
-            force[a, c] = 0.0
 
 
 @kernel

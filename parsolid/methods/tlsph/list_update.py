@@ -4,12 +4,14 @@ the divergence sweep (`pairs.list_sweeps`), tile by tile."""
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.point_update import (
     TILE,
+    clear_sums,
+    deform_tile,
     largest_modulus,
     load,
+    relax_branch,
     relax_over_step,
     stage_tile,
     store,
-    update_tile,
     waves_tile,
 )
 from parsolid.methods.tlsph.tile_fields import (
@@ -20,63 +22,91 @@ from parsolid.methods.tlsph.tile_fields import (
     copy_out,
     load_deformation,
 )
-from parsolid.tensors import cofactor, matmul, matmul_transposed, plus, times
+from parsolid.pairs.list_sweeps import (
+    divergence_in_plane,
+    divergence_in_space,
+    gradient_in_plane,
+    gradient_in_space,
+    stress_divergence_in_plane,
+    stress_divergence_in_space,
+)
+from parsolid.pairs.rows_of_four import combine_rows, load_row, scale, store_row
+from parsolid.tensors import cofactor, matmul, plus
+
+_ZERO = (0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
-def load_gradient(d, tensor, sums, correction, volume, i, n, S, L, V, G):
-    """G = S L^T / V of n particles from row i on into a tile, eq (70): L is symmetric only where spacings are equal.
+def finish_gradients_in_space(i, n, half, operator, inverse, record, G):
+    """G = S L^T / V of n particles from row i on into a tile, eq (70), and half of it (none of it, half = 0) into their
+    records, in place of the sums S: L is symmetric only where spacings are equal.
 
-    Sets the rows of the sums to zero, while they are in the cache; L stays in its tile. S, V: scratch tiles.
+    inverse (9, n): F_r^-1 of an updated reference, in which the gradient is G F_r^-1, or None.
     """
-    if d == 3:
-        for p in range(n):
-            row = sums[i + p]
-            S[p], S[3 * TILE + p], S[6 * TILE + p] = row[0], row[1], row[2]
-            S[TILE + p], S[4 * TILE + p], S[7 * TILE + p] = row[4], row[5], row[6]
-            S[2 * TILE + p], S[5 * TILE + p], S[8 * TILE + p] = row[8], row[9], row[10]
-            row[0], row[1], row[2], row[3], row[4], row[5] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            row[6], row[7], row[8], row[9], row[10], row[11] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    else:
-        for p in range(n):
-            row = sums[i + p]
-            S[p], S[3 * TILE + p], S[TILE + p], S[4 * TILE + p] = row[0], row[1], row[2], row[3]
-            row[0], row[1], row[2], row[3] = 0.0, 0.0, 0.0, 0.0
-    copy(V[:n], volume[i : i + n])
-    copy_in(L, tensor, correction, i, n)
-    for p in range(TILE):
-        store(G, p, times(1.0 / V[p], matmul_transposed(load(S, p), load(L, p))))
-    if d == 2:
-        for p in range(TILE):
-            G[8 * TILE + p] = 0.0
+    for p in range(n):
+        a = i + p
+        S1, S2, S3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
+        L1, L2, L3 = load_row(operator, a, 0), load_row(operator, a, 4), load_row(operator, a, 8)
+        one_over_volume = L1[3]
+        G1 = scale(one_over_volume, combine_rows(L1, S1, S2, S3))
+        G2 = scale(one_over_volume, combine_rows(L2, S1, S2, S3))
+        G3 = scale(one_over_volume, combine_rows(L3, S1, S2, S3))
+        G[p], G[3 * TILE + p], G[6 * TILE + p] = G1[0], G1[1], G1[2]
+        G[TILE + p], G[4 * TILE + p], G[7 * TILE + p] = G2[0], G2[1], G2[2]
+        G[2 * TILE + p], G[5 * TILE + p], G[8 * TILE + p] = G3[0], G3[1], G3[2]
+        if inverse is not None:
+            K1 = combine_rows((inverse[0, a], inverse[3, a], inverse[6, a]), G1, G2, G3)
+            K2 = combine_rows((inverse[1, a], inverse[4, a], inverse[7, a]), G1, G2, G3)
+            K3 = combine_rows((inverse[2, a], inverse[5, a], inverse[8, a]), G1, G2, G3)
+            G1, G2, G3 = K1, K2, K3
+        store_row(record, a, 12, scale(half, G1))
+        store_row(record, a, 16, scale(half, G2))
+        store_row(record, a, 20, scale(half, G3))
 
 
 @kernel
-def store_record(d, half, i, n, record, inverse, P, L, G, Z, S):
-    """P L, half the velocity gradient (or none of it, half = 0) and half impedances of n particles from row i on into
-    their rows. inverse: F_r^-1 of an updated reference, in which the gradient is G F_r^-1, or None; S: a scratch
-    tile."""
-    for p in range(TILE):
-        store(S, p, matmul(load(P, p), load(L, p)))
-    if inverse is not None:
-        for p in range(TILE):
-            store(G, p, matmul(load(G, p), load(inverse, p)))
-    if d == 3:
-        for p in range(n):
-            row = record[i + p]
-            row[0], row[1], row[2], row[3] = S[p], S[3 * TILE + p], S[6 * TILE + p], Z[p]
-            row[4], row[5], row[6], row[7] = S[TILE + p], S[4 * TILE + p], S[7 * TILE + p], Z[TILE + p]
-            row[8], row[9], row[10], row[11] = S[2 * TILE + p], S[5 * TILE + p], S[8 * TILE + p], 0.0
-            row[12], row[13], row[14] = half * G[p], half * G[3 * TILE + p], half * G[6 * TILE + p]
-            row[16], row[17], row[18] = half * G[TILE + p], half * G[4 * TILE + p], half * G[7 * TILE + p]
-            row[20], row[21], row[22] = half * G[2 * TILE + p], half * G[5 * TILE + p], half * G[8 * TILE + p]
-    else:
-        for p in range(n):
-            row = record[i + p]
-            row[0], row[1], row[2], row[3] = S[p], S[3 * TILE + p], S[TILE + p], S[4 * TILE + p]
-            row[4], row[5] = half * G[p], half * G[3 * TILE + p]
-            row[6], row[7] = half * G[TILE + p], half * G[4 * TILE + p]
-            row[8], row[9] = Z[p], Z[TILE + p]
+def finish_gradients_in_plane(i, n, half, operator, inverse, record, G):
+    """`finish_gradients_in_space`, in plane strain; inverse (4, n) or None."""
+    for p in range(n):
+        a = i + p
+        S11, S21, S12, S22 = load_row(record, a, 4)
+        L11, L12, L21, L22 = load_row(operator, a, 0)
+        one_over_volume = operator[a, 4]
+        G11, G12 = one_over_volume * (S11 * L11 + S12 * L12), one_over_volume * (S11 * L21 + S12 * L22)
+        G21, G22 = one_over_volume * (S21 * L11 + S22 * L12), one_over_volume * (S21 * L21 + S22 * L22)
+        G[p], G[TILE + p], G[3 * TILE + p], G[4 * TILE + p] = G11, G12, G21, G22
+        if inverse is not None:
+            K11, K12, K21, K22 = inverse[0, a], inverse[1, a], inverse[2, a], inverse[3, a]
+            G11, G12 = G11 * K11 + G12 * K21, G11 * K12 + G12 * K22
+            G21, G22 = G21 * K11 + G22 * K21, G21 * K12 + G22 * K22
+        store_row(record, a, 4, (half * G11, half * G21, half * G12, half * G22))
+
+
+@kernel
+def store_stresses_in_space(i, n, P, Z, operator, record):
+    """P L and half impedances of n particles of a tile into their records, from row i on."""
+    for p in range(n):
+        a = i + p
+        L1, L2, L3 = load_row(operator, a, 0), load_row(operator, a, 4), load_row(operator, a, 8)
+        P1 = (P[p], P[3 * TILE + p], P[6 * TILE + p], 0.0)
+        P2 = (P[TILE + p], P[4 * TILE + p], P[7 * TILE + p], 0.0)
+        P3 = (P[2 * TILE + p], P[5 * TILE + p], P[8 * TILE + p], 0.0)
+        store_row(record, a, 0, combine_rows((L1[0], L2[0], L3[0]), P1, P2, P3))
+        store_row(record, a, 4, combine_rows((L1[1], L2[1], L3[1]), P1, P2, P3))
+        store_row(record, a, 8, combine_rows((L1[2], L2[2], L3[2]), P1, P2, P3))
+        record[a, 3], record[a, 7] = Z[p], Z[TILE + p]
+
+
+@kernel
+def store_stresses_in_plane(i, n, P, Z, operator, record):
+    """`store_stresses_in_space`, in plane strain."""
+    for p in range(n):
+        a = i + p
+        L11, L12, L21, L22 = load_row(operator, a, 0)
+        P11, P12, P21, P22 = P[p], P[TILE + p], P[3 * TILE + p], P[4 * TILE + p]
+        first, second = (P11 * L11 + P12 * L21, P21 * L11 + P22 * L21), (P11 * L12 + P12 * L22, P21 * L12 + P22 * L22)
+        store_row(record, a, 0, (first[0], first[1], second[0], second[1]))
+        record[a, 8], record[a, 9] = Z[p], Z[TILE + p]
 
 
 @kernel
@@ -104,51 +134,110 @@ def add_initial_stress(F, initial, P):
 @kernel
 def advance_step(
     law, step, d, signals, branches, half, first, last, places,
-    gradient, jacobian, field_A, correction, pair_volume, volume, push, inverse, initial,
-    sums, record, tiles, A, branch_sum, push_tile, inverse_tile,
+    gradient, jacobian, field_A, volume, push, inverse, initial,
+    pairs, motion, operator, record, tiles, A, branch_sum, push_tile,
 ):  # fmt: skip
     """Leapfrog: state of particles first .. last - 1 after a step [s] with their velocity gradients in its middle, and
     records of the new state.
 
     Arguments as in `point_update.update_tile`; fields (components, n): deformation gradient, jacobian (n,), A of the
-    branches, correction, push and inverse of an updated reference, initial stress [Pa]; pair_volume, volume (n,) [m^3];
-    those and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
+    branches, push and inverse of an updated reference, initial stress [Pa]; volume (n,) [m^3]; operator, record:
+    rows, see `list_sweeps`. Fields and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
 
     Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
     """
-    sound, dissipated, greatest = True, 0.0, 0.0
+    sound, dissipated, greatest, third = True, 0.0, 0.0, 0.0 if d == 2 else 1.0
     # out of their tuples once: each time costs a count of references
-    tensor, symmetric, F, J, G, P, L, S, V = (
-        places.tensor, places.symmetric, tiles.F, tiles.J, tiles.G, tiles.P, tiles.L, tiles.S, tiles.volume
+    tensor, symmetric, F, J, G, P, Z, signal, lost, stress = (
+        places.tensor, places.symmetric, tiles.F, tiles.J, tiles.G, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
+        tiles.initial,
     )  # fmt: skip
-    Z, signal, lost, stress = tiles.impedance, tiles.signal, tiles.lost, tiles.initial
+    moduli, times, weights, losses = branches.moduli, branches.times, branches.weights, branches.losses
+    total = 0.0
+    for k in range(moduli.size):
+        total += moduli[k]
+    if d == 2:
+        G[:] = 0.0
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        load_gradient(d, tensor, sums, correction, pair_volume, i, n, S, L, V, G)
+        if d == 3:
+            gradient_in_space(pairs, i, i + n, motion, record)
+            finish_gradients_in_space(i, n, half, operator, inverse, record, G)
+        else:
+            gradient_in_plane(pairs, i, i + n, motion, record)
+            finish_gradients_in_plane(i, n, half, operator, inverse, record, G)
         copy_in(F, tensor, gradient, i, n)
-        if A is not None:
-            copy_branches_in(A, symmetric, field_A, i, n)
         if push is not None:
             copy_in(push_tile, tensor, push, i, n)
-            copy_in(inverse_tile, tensor, inverse, i, n)
-        update_tile(
-            law, step, d == 2, signals, branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost
-        )  # fmt: skip
+        if A is not None:
+            copy_branches_in(A, symmetric, field_A, i, n)
+            clear_sums(branch_sum, lost)
+            for k in range(moduli.size):
+                relax_branch(
+                    moduli[k], times[k], (weights[k, 0], weights[k, 1], weights[k, 2]),
+                    (losses[k, 0], losses[k, 1], losses[k, 2]), step, F, G,
+                    A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost,
+                )  # fmt: skip
+            copy_branches_out(field_A, i, n, A, symmetric)
+            for p in range(n):
+                dissipated += lost[p] * volume[i + p]
+        # not `update_tile`: functions that call others count references of their arrays, once a tile
+        deform_tile(law, step, total, third, signals, F, G, branch_sum, push_tile, J, P, Z, signal)
         if initial is not None:
             copy_in(stress, tensor, initial, i, n)
             add_initial_stress(F, stress, P)
         copy_out(gradient, i, n, F, tensor)
-        if A is not None:
-            copy_branches_out(field_A, i, n, A, symmetric)
-            for p in range(n):
-                dissipated += lost[p] * volume[i + p]
-        store_record(d, half, i, n, record, inverse_tile, P, L, G, Z, S)
+        if d == 3:
+            store_stresses_in_space(i, n, P, Z, operator, record)
+        else:
+            store_stresses_in_plane(i, n, P, Z, operator, record)
         copy(jacobian[i : i + n], J[:n])
         for p in range(n):
             sound = sound and J[p] > 0.0
             # max gives its second argument where either is not a number
             greatest = max(greatest, signal[p])
     return sound, dissipated, greatest
+
+
+@kernel
+def add_forces(d, pairs, first, last, motion, record, fast, slow, force):
+    """Add the forces of the pairs in rows first .. last - 1 of a list; motion: None where nothing dissipates."""
+    if motion is not None:
+        if d == 3:
+            divergence_in_space(pairs, first, last, motion, record, fast, slow, force)
+        else:
+            divergence_in_plane(pairs, first, last, motion, record, fast, slow, force)
+    elif d == 3:
+        stress_divergence_in_space(pairs, first, last, record, force)
+    else:
+        stress_divergence_in_plane(pairs, first, last, record, force)
+
+
+@kernel
+def find_forces(d, pairs, first, last, motion, record, fast, slow, force, T, D):
+    """Add the forces of the pairs of particles first .. last - 1 and put T and D [N] of these into fields (d, n).
+
+    What the next step gathers in rows begins at zero again. Tile by tile, while rows are in the cache: those of a tile
+    are complete, and nobody reads them any more, when their pairs and those of all rows before have been added.
+    """
+    for i in range(first, last, TILE):
+        end = min(i + TILE, last)
+        add_forces(d, pairs, i, end, motion, record, fast, slow, force)
+        for c in range(d):
+            stress_force, dissipative = T[c], D[c]
+            for a in range(i, end):
+                stress_force[a] = force[a, c]
+                dissipative[a] = force[a, force.shape[1] // 2 + c]
+        for a in range(i, end):
+            if d == 3:
+                store_row(force, a, 0, _ZERO)
+                store_row(force, a, 4, _ZERO)
+                store_row(record, a, 12, _ZERO)
+                store_row(record, a, 16, _ZERO)
+                store_row(record, a, 20, _ZERO)
+            else:
+                store_row(force, a, 0, _ZERO)
+                store_row(record, a, 4, _ZERO)
 
 
 @kernel
@@ -177,8 +266,8 @@ def store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
 def advance_stage(
     law, keep, take, step, at_start, at_end, d, branches, half, isotropic, first, last, places,
     gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
-    correction, pair_volume, volume, push, inverse, initial,
-    sums, record, fast, slow, tiles, A, branch_sum, push_tile, inverse_tile,
+    volume, push, inverse, initial,
+    pairs, motion, operator, record, fast, slow, tiles, A, branch_sum, push_tile,
 ):  # fmt: skip
     """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of particles first .. last - 1, with records of the
     state before it; at_start, at_end: whether it is the first or the last of the step.
@@ -193,11 +282,18 @@ def advance_stage(
     tensor, symmetric, F, H, J, F0, H0, J0 = (
         places.tensor, places.symmetric, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start
     )  # fmt: skip
-    G, P, L, S, V, Z, lost = tiles.G, tiles.P, tiles.L, tiles.S, tiles.volume, tiles.impedance, tiles.lost
+    G, P, S, Z, lost = tiles.G, tiles.P, tiles.S, tiles.impedance, tiles.lost
     Q_p, Q_s, bound, F_before = tiles.fast, tiles.slow, tiles.bound, tiles.initial
+    if d == 2:
+        G[:] = 0.0
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        load_gradient(d, tensor, sums, correction, pair_volume, i, n, S, L, V, G)
+        if d == 3:
+            gradient_in_space(pairs, i, i + n, motion, record)
+            finish_gradients_in_space(i, n, half, operator, inverse, record, G)
+        else:
+            gradient_in_plane(pairs, i, i + n, motion, record)
+            finish_gradients_in_plane(i, n, half, operator, inverse, record, G)
         load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if at_start:
             store_deformation(F, H, J, tensor, gradient_start, cofactors_start, jacobian_start, i, n)
@@ -206,7 +302,6 @@ def advance_stage(
             copy_branches_in(A, symmetric, field_A, i, n)
         if push is not None:
             copy_in(push_tile, tensor, push, i, n)
-            copy_in(inverse_tile, tensor, inverse, i, n)
         if initial is not None:
             for p in range(TILE):
                 store(F_before, p, load(F, p))
@@ -219,7 +314,10 @@ def advance_stage(
         store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         for p in range(n):
             sound = sound and J[p] > 0.0
-        store_record(d, half, i, n, record, inverse_tile, P, L, G, Z, S)
+        if d == 3:
+            store_stresses_in_space(i, n, P, Z, operator, record)
+        else:
+            store_stresses_in_plane(i, n, P, Z, operator, record)
         store_waves(d, i, n, fast, Q_p, isotropic)
         store_waves(d, i, n, slow, Q_s, 0.0)
         if A is not None:

@@ -16,10 +16,7 @@ from parsolid.kernels import aligned_zeros
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods.tlsph.list_bodies import ListBodies, clear_rows
-from parsolid.pairs.list_sweeps import (
-    stress_divergence_in_plane,
-    stress_divergence_in_space,
-)
+from parsolid.methods.tlsph.list_update import add_forces
 from parsolid.pairs.mesh_weights import (
     MeshPairs,
     corrected_volumes,
@@ -104,7 +101,7 @@ def _pair_list(pairs: MeshPairs, kept: np.ndarray, factor: float) -> PairList:
     weight = aligned_zeros((len(kept), 4))
     weight[:, :d] = pairs.difference[kept]
     weight[:, d] = factor * np.linalg.norm(pairs.difference[kept], axis=1)
-    return PairList(_starts(pairs, kept), pairs.neighbour[kept], weight)
+    return PairList(_starts(pairs, kept).astype(np.uint32), pairs.neighbour[kept].astype(np.uint32), weight)
 
 
 def _surface_pairs(pairs: MeshPairs, kept: np.ndarray) -> SurfacePairs:
@@ -155,10 +152,10 @@ class MeshBodies(ListBodies):
         place = np.ascontiguousarray(particle_set.position[rows]), particle_set.identifier[rows]
         near = MeshNeighbours(comm, elements, extent, *place, float(self.system.settings.dissipation))
         self._make_rows(near)
+        self.take_corrections(np.eye(self.dimension), near.volume[: near.owned])
         for block in self.blocks:
             own = slice(block.first, block.last)
-            of("correction")[own] = np.eye(self.dimension).ravel()
-            of("pair_volume")[own] = of("volume")[own] = near.volume[own]
+            of("volume")[own] = near.volume[own]
             of("area")[own] = near.area[own]
             of("mass")[own] = block.law.density * near.mass_volume[own]
         # both particles of a pair are of one body
@@ -209,20 +206,16 @@ class MeshBodies(ListBodies):
         shear, lame = elastic_moduli(law)
         return shear + total_modulus(law.branch_moduli), lame
 
-    def _sweep_gradient(self, number: int) -> None:
-        super()._sweep_gradient(number)
-        surface_gradient(*self.near.surface[number], self.motion, self.sums)
+    def _add_own_sums(self) -> None:
+        sums = self.record[:, self.columns.gradient :]
+        for pairs in self.near.surface:
+            surface_gradient(*pairs, self.motion, sums)
 
-    def _sweep_forces(self, number: int) -> None:
-        super()._sweep_forces(number)
-        self._sweep_own_forces(number)
-
-    def _sweep_own_forces(self, number: int) -> None:
-        """What other pair lists do not have: surface and stabilisation."""
-        pairs, at = self.near.lists[number], self.columns
-        surface_divergence(*self.near.surface[number], self.record, self.force)
-        place = self.motion, at.position, self.dimension
-        stretch_forces(pairs.start, pairs.neighbour, self.stiffness[number], *place, self.force)
+    def _add_own_forces(self) -> None:
+        place = self.motion, self.columns.position, self.dimension
+        for pairs, surface, stiffness in zip(self.near.lists, self.near.surface, self.stiffness):
+            surface_divergence(*surface, self.record, self.force)
+            stretch_forces(pairs.start, pairs.neighbour, stiffness, *place, self.force)
 
     # --- the largest step at rest -----------------------------------------------------------------------------------
 
@@ -256,10 +249,7 @@ class MeshBodies(ListBodies):
         at, d, near = self.columns, self.dimension, self.near
         X = self.motion[:, at.reference : at.reference + d].copy()
         self.motion[: self.last, :d] = self.motion[: self.last, at.position : at.position + d] = u
-        self._sum_gradients()
-        columns = self.sums[: self.last].reshape(self.last, d, -1)[:, :, :d]
-        H = columns.swapaxes(1, 2) / near.volume[: self.last, None, None]
-        clear_rows(0, self.last, self.sums)
+        H = self._sum_gradients() / near.volume[: self.last, None, None]
         P = -self.stabiliser[:, None, None] * H
         for block in self.blocks:
             own, (shear, lame) = slice(block.first, block.last), self._moduli(block.law)
@@ -270,14 +260,12 @@ class MeshBodies(ListBodies):
         for j in range(d):
             self.record[: self.last, stride * j : stride * j + d] = P[:, :, j]
         self._record.start()
-        sweep = stress_divergence_in_space if d == 3 else stress_divergence_in_plane
-        sweep(near.inner, self.record, self.force)
-        self._sweep_own_forces(0)
         self._record.finish()
-        sweep(near.outer, self.record, self.force)
-        self._sweep_own_forces(1)
+        for pairs in near.lists:
+            add_forces(d, pairs, 0, near.owned, None, self.record, None, None, self.force)
+        self._add_own_forces()
         forces = self.force[: self.last, :d].copy()
-        clear_rows(0, near.rows, self.force)
+        clear_rows(0, near.rows, 0, self.force)
         self.record[:] = 0.0
         self.motion[:, at.reference : at.reference + d] = X
         return forces

@@ -60,7 +60,7 @@ class LawBlock:
     """Particles first .. last - 1 of a rank, which share one law; its branches, and tiles for its kernels.
 
     law: with all its parts; solid: without branches, as kernels take it. A, branch_sum: tiles, None without branches;
-    push, inverse: tiles of an updated reference.
+    push: a tile of an updated reference.
     """
 
     def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
@@ -71,10 +71,13 @@ class LawBlock:
         self.dimension = particles.owned_rows("position").shape[1]
         self.tiles, self.places = make_tiles(), PLACES[self.dimension]
         self.A, self.branch_sum = make_branch_tiles(len(self.moduli))
-        self.push, self.inverse = make_tile(9), make_tile(9)
+        self.push = make_tile(9)
+        self._none = self._branches((), (), ())
 
     def branches(self, step: float) -> Branches:
         """Over a step [s] of leapfrog."""
+        if not len(self.times):
+            return self._none
         weights = [relaxation_weights(step, time) for time in self.times]
         losses = [[time * w for w in loss_weights(step, time)] for time in self.times]
         return self._branches(weights, losses, weights)

@@ -202,9 +202,7 @@ class TotalLagrangianSPH(ParticleSystem):
         """Lists, weights and corrections at some places (owned, d), see `pair_list.Neighbours`. Collective."""
         rows = slice(0, self.lists.last)
         metric = metric if len(metric) == 1 else metric[rows]
-        correction = self.lists.rebuild(positions[rows], body[rows], metric, volume[rows])
-        self.particles.owned_rows("correction")[rows] = correction.reshape(self.lists.last, self.dimension**2)
-        self.particles.owned_rows("pair_volume")[rows] = volume[rows]
+        self.lists.rebuild(positions[rows], body[rows], metric, volume[rows])
 
     # --- state ------------------------------------------------------------------------------------------------
 

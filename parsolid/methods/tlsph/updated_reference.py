@@ -8,9 +8,9 @@ carried along, F^{-T} M F^{-1}, so that neighbours in a homogeneous deformation 
 over the new lists, F_r = (D_r x)^{-1} F, so that F is D_r x F_r as it is D x where the reference is fixed: then P F^T,
 symmetric, is what the forces turn the body with, and angular momentum is kept as well as there.
 
-Sweeps are those of the moved configuration. With J_r = det F_r and its correction L, the fields `correction` and
-`pair_volume` hold F_r^T L / J_r and the original volume V, by which the gradient and the stress are those of the
-original configuration without a further product:
+Sweeps are those of the moved configuration. With J_r = det F_r and its correction L, the lists take
+F_r^T L / J_r and the original volume V, by which the gradient and the stress are those of the original configuration
+without a further product:
 
     G = [ sum_b (v_b - v_a) (x) g_ab ] (F_r^T L / J_r)^T / V = G_r F_r,      P_r L = P (F_r^T L / J_r).
 
@@ -93,16 +93,14 @@ class UpdatedReference:
         if not self._follows(F):
             return False
         # with the original volume, so that the correction is L / J_r
-        L = self._matrices("inverse").swapaxes(1, 2) @ self._matrices("correction")
-        free = ~self.system.conditions.held
-        near = self.system.lists.near
-        place = smoothed_places(near, self.smoothing, rows("position"), L, rows("pair_volume"), free)
+        lists, free = self.system.lists, ~self.system.conditions.held
+        L = self._matrices("inverse").swapaxes(1, 2) @ lists.corrections
+        place = smoothed_places(lists.near, self.smoothing, rows("position"), L, lists.volume, free)
         rows(_METRIC)[:], rows(_VOLUME)[:] = self._metric(inverses(F)), rows("jacobian") * self.original_volume
         rows(_POSITION)[:] = place
         if not self._rebuilt():
             return False
-        near = self.system.lists.near
-        change = gradient_of(near, rows("position") - place, self._matrices("correction"), rows("pair_volume"))
+        change = gradient_of(lists.near, rows("position") - place, lists.corrections, lists.volume)
         rows(_GRADIENT)[:] = (inverses(in_space(np.eye(d) + change)) @ F)[:, :d, :d].reshape(-1, d * d)
         return True
 
@@ -127,8 +125,8 @@ class UpdatedReference:
         """Corrections and volumes as `moved` says."""
         rows, d, F = self.particles.owned_rows, self.dimension, self._matrices(_GRADIENT)
         push = F / (rows(_VOLUME) / self.original_volume)[:, None, None]
-        rows("correction")[:] = (push.swapaxes(1, 2) @ self._matrices("correction")).reshape(-1, d * d)
-        rows("pair_volume")[:] = self.original_volume
+        lists = self.system.lists
+        lists.take_corrections(push.swapaxes(1, 2) @ lists.corrections, self.original_volume)
         rows("push")[:] = push.reshape(-1, d * d)
         rows("inverse")[:] = inverses(in_space(F))[:, :d, :d].reshape(-1, d * d)
 
