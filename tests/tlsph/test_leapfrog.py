@@ -274,7 +274,7 @@ def test_loads_jump_where_a_step_ends():
 
 def test_a_setting_of_the_other_integrator_is_refused():
     for method, message in (
-        ({"cfl": 0.5}, "method.cfl: expected no such key with the integrator 'leapfrog'"),
+        ({"integrator": "leapfrog", "cfl": 0.5}, "method.cfl: expected no such key with the integrator 'leapfrog'"),
         (
             {"integrator": "ssp-rk3", "safety": 0.5},
             "method.safety: expected no such key with the integrator 'ssp-rk3'",
