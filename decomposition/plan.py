@@ -8,6 +8,7 @@ A message holds row after row, each the columns of all arrays. Arrays are packed
 k of row i of an array stands at `step * i + columns[k]` of its view.
 """
 
+import functools
 import os
 import weakref
 from collections.abc import Sequence
@@ -318,8 +319,13 @@ def swap(comm: MPI.Comm, ranks: Sequence[int], outgoing: Sequence[np.ndarray]) -
     return incoming
 
 
-# of a communicator: how often `send_to_some` was called on it
-_ROUNDS = MPI.Comm.Create_keyval()
+@functools.cache
+def _rounds_key() -> int:
+    """The attribute of a communicator that says how often `send_to_some` was called on it.
+
+    Made at its first use: programs that draw pictures import this without MPI.
+    """
+    return MPI.Comm.Create_keyval()
 
 
 def send_to_some(
@@ -333,8 +339,8 @@ def send_to_some(
     synchronous sends tell a rank that all of its messages have arrived, a non-blocking barrier that those of all have.
     """
     # a rank may be in the next round when another still looks for messages of this one
-    rounds = comm.Get_attr(_ROUNDS) or 0
-    comm.Set_attr(_ROUNDS, rounds + 1)
+    rounds = comm.Get_attr(_rounds_key()) or 0
+    comm.Set_attr(_rounds_key(), rounds + 1)
     tag, row, status = _SOME_TAG + rounds % 2, _row_type(like), MPI.Status()
     found: dict[int, np.ndarray] = {}
     try:

@@ -17,8 +17,8 @@ PUNCH = {
     "title": "Small punch",
     "dimension": 2,
     "end_time": 5e-3,
-    # with its kernel stated it keeps its integrator whatever else a test states
-    "method": {"kind": "tlsph", "kernel": "wendland-c2"},
+    # weights and integrator of the paper, whatever else a test states
+    "method": {"kind": "tlsph", "kernel": "wendland-c2", "integrator": "ssp-rk3"},
     "bodies": [
         {
             "shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},

@@ -142,8 +142,8 @@ def test_tools_let_go_of_what_is_deleted(method):
     failure = {"criteria": [{"kind": "plastic-strain", "strain": 0.05}], "after": "delete"}
     data = scene([-2e-3, 0.0], [2e-3, 2e-3], 5e-4, 1e-3, material=COPPER | {"failure": failure}, end_time=1.0)
     data["tools"] = [ball | {"mass": 0.2, "free": ["Y"], "velocity": [0.0, -400.0]}]
-    if METHODS[method] is not None:
-        data["method"] = METHODS[method]
+    # with the default, apic, nothing is left after 30 steps
+    data["method"] = METHODS[method] or data["method"] | {"transfer": "flip"}
     sim, rows = run_steps(data, 60)
     given = rows["kinetic"][0]
     assert sim.systems[0].measure("deleted_mass")[1][0] > 0.0 and rows["deleted_stored"][-1] > 0.0

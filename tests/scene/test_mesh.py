@@ -103,6 +103,7 @@ def test_regular_mesh_is_the_lattice(shared_path, comm, dimension):
     kind = "quad" if dimension == 2 else "hexahedron"
     scene = mesh_scene(shared_path, dimension, points, [(kind, cells)], f"{comm.rank}.vtu")
     data = scene.resolved()
+    data["method"]["weights"] = "kernel"
     box = {"box": {"lower": [0.0] * dimension, "upper": list(LENGTHS[:dimension])}}
     data["bodies"][0] |= {"shape": box, "particles": [n + 1 for n in COUNTS[:dimension]]}
     mesh, lattice = generate(scene, comm), generate(parse_scene(data), comm)

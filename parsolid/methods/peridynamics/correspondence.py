@@ -65,7 +65,8 @@ class BondForces:
         self.projection = np.repeat(factors, MATRIX_ROW[bonds.d] // bonds.d, axis=1)
         told: dict[str, Any] = {"ghosts": "forward", "message": "trial", "layout": Columns(), "carried": False}
         self.particles.declare(Field("trial_displacement", self.d, "m", mirror="vector", **told))
-        self.particles.declare(Field("internal_force", self.d, "N", mirror="vector", layout=Columns()))
+        told = {"mirror": "vector", "checkpointed": True, "layout": Columns()}
+        self.particles.declare(Field("internal_force", self.d, "N", **told))
 
     @property
     def force(self) -> np.ndarray:

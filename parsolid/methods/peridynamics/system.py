@@ -111,9 +111,16 @@ class Peridynamics(ParticleSystem):
         self.place()
         if self.fracture is not None:
             self.fracture.damage.unpack()
+        # those of the step that led here: evaluated anew, from settled histories, they may differ in the last bit
+        found = self.forces.force.copy()
         self.forces.resume()
+        self.forces.force[:] = found
         if self.fracture is not None:
             self.fracture.look()
+
+    def forget(self) -> None:
+        """Forces of the laws of the checkpoint; collective."""
+        self.forces.resume()
 
     @property
     def velocity(self) -> np.ndarray:
