@@ -20,6 +20,7 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.pairs.box_weights import REACH
+from parsolid.pairs.riemann import riemann_factors
 
 # planes that the sums of one plane reach
 WINDOW = 2 * REACH + 1
@@ -232,8 +233,8 @@ def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B
         Z_p, Z_s = fast_a[p] + fast_b[p], slow_a[p] + slow_b[p]
         if directional is not None:
             Z_p, Z_s = Z_p**0.5, Z_s**0.5
-        along = (Z_p - Z_s) * (u0 * r0 + u1 * r1 + u2 * r2) / (r0 * r0 + r1 * r1 + r2 * r2)
-        f0[p], f1[p], f2[p] = Z_s * u0 + along * r0, Z_s * u1 + along * r1, Z_s * u2 + along * r2
+        s, along = riemann_factors(Z_p, Z_s, u0 * r0 + u1 * r1 + u2 * r2, r0 * r0 + r1 * r1 + r2 * r2)
+        f0[p], f1[p], f2[p] = s * u0 + along * r0, s * u1 + along * r1, s * u2 + along * r2
 
 
 @kernel
@@ -256,8 +257,8 @@ def flux_in_strain_plane(
         Z_p, Z_s = fast_a[p] + fast_b[p], slow_a[p] + slow_b[p]
         if directional is not None:
             Z_p, Z_s = Z_p**0.5, Z_s**0.5
-        along = (Z_p - Z_s) * (u0 * r0 + u1 * r1) / (r0 * r0 + r1 * r1)
-        f0[p], f1[p] = Z_s * u0 + along * r0, Z_s * u1 + along * r1
+        s, along = riemann_factors(Z_p, Z_s, u0 * r0 + u1 * r1, r0 * r0 + r1 * r1)
+        f0[p], f1[p] = s * u0 + along * r0, s * u1 + along * r1
 
 
 @kernel
