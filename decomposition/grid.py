@@ -21,7 +21,7 @@ from .timer import COMMUNICATION
 _TOO_MANY_EMPTY, _ALWAYS_KEPT = 1.0, 64
 
 
-class Told:
+class NeighbourArrays:
     """Arrays of whole numbers that a rank and its neighbours tell each other, only when they have changed.
 
     mine, theirs: an array a neighbour.
@@ -70,19 +70,20 @@ class RankGrid:
 
     def _adopt(self, partition: CutTree) -> None:
         self.partition = partition
-        # a particle crosses less than one cell a step, a stencil reaches width - 1 cells; two ranks' guests may meet
+        # a particle crosses less than one cell a step, a stencil reaches width - 1 cells; off-cell particles of two
+        # ranks may meet
         self.neighbours = partition.neighbours(self.comm.rank, self.cells.width + 2 * self.slack)
-        self._candidates, self._told_version = Told(self.comm, self.neighbours), -1
+        self._candidates, self._told_version = NeighbourArrays(self.comm, self.neighbours), -1
 
     @property
     def version(self) -> tuple[int, int]:
         """Changes whenever cells, nodes or what is shared change: then stencils and sums must be fetched anew."""
         return self.cells.version, self._agreed
 
-    def deal_out(self, particles: Any, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
+    def redistribute(self, particles: Any, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
         """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`.
 
-        A partition that is given is taken for that of the particles, whose guests stay. shares: see `cut_cells`.
+        A partition that is given is taken for that of the particles: those off its cells stay. shares: see `cut_cells`.
         """
         kept = partition is not None and self.slack > 0
         bases = np.array(particles.bases()[: particles.owned], np.int64)
@@ -125,7 +126,7 @@ class RankGrid:
             lost = self.cells.lost(strays)
             sound, strays = not lost.any(), strays[~lost]
         if self.neighbours and (release or not self.slack):
-            bases, kept = self._migrate(particles, bases, np.concatenate((strays, self.guests())))
+            bases, kept = self._migrate(particles, bases, np.concatenate((strays, self.off_cell_particles())))
             sound = sound and kept
         elif len(strays):
             at = bases[strays].astype(np.int64)
@@ -139,7 +140,7 @@ class RankGrid:
             self._agree()
         return sound
 
-    def guests(self) -> np.ndarray:
+    def off_cell_particles(self) -> np.ndarray:
         """Rows of the particles that are listed in cells of other ranks, without `slack` none."""
         cells = self.cells
         if not self.slack:

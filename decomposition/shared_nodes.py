@@ -7,7 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from .bisection import CutTree
-from .grid import RankGrid, Told, rows_of_ranks
+from .grid import NeighbourArrays, RankGrid, rows_of_ranks
 from .plan import Plan
 
 
@@ -29,7 +29,7 @@ class SharedNodes:
         partitions = [grid.partition for grid in self.grids]
         if len(self._partitions) != 2 or any(one is not two for one, two in zip(partitions, self._partitions)):
             self._partitions, self._seen = partitions, []
-            self._told = Told(self.comm, self._near())
+            self._told = NeighbourArrays(self.comm, self._near())
         seen = [grid.version for grid in self.grids]
         changed, self._seen = seen != self._seen, seen
         if not self._told.update(self._candidates() if changed else None):

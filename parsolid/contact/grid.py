@@ -8,7 +8,7 @@ from parsolid.scene import Scene
 from parsolid.scene.contact import grid_pairs
 
 
-def expect_blows(scene: Scene, number: int, system: ParticleSystem) -> None:
+def enable_grid_contact(scene: Scene, number: int, system: ParticleSystem) -> None:
     """Let a system, of a number in the scene, give energies of one time where others act on its nodes."""
     if any(number in pair for pair in grid_pairs(scene)):
         system.take_external_forces(keep_rows=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from parsolid.collective import SolverError
 from parsolid.contact.contact import declare_fields
-from parsolid.contact.grid import expect_blows
+from parsolid.contact.grid import enable_grid_contact
 from parsolid.contact.tie import declare_tie_fields
 from parsolid.contact.tools import declare_tool_fields
 from parsolid.methods import method_class
@@ -49,7 +49,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
             declare_fields(scene, system)
             declare_tie_fields(scene, system)
             declare_tool_fields(scene, system)
-            expect_blows(scene, len(systems), system)
+            enable_grid_contact(scene, len(systems), system)
             systems.append(system)
             if not restart:
                 system.begin(part, particle_sets[-1])

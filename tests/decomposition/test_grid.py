@@ -144,7 +144,7 @@ def test_parts_are_equal_and_every_cell_has_one_owner(dimension, parts):
 def test_sums_over_ranks_while_particles_move(comm, dimension):
     particles = particle_set(comm, dimension)
     grid = RankGrid(comm, dimension, WIDTH)
-    assert grid.deal_out(particles)
+    assert grid.redistribute(particles)
     check_sums(comm, grid, particles)
     drift = np.array([0.7, -0.4, 0.3])[:dimension]
     for step in range(12):
@@ -155,7 +155,7 @@ def test_sums_over_ranks_while_particles_move(comm, dimension):
     assert comm.allreduce(grid.migrated) > 20 or comm.size == 1
     # the body has moved by ten cells: what it left behind is forgotten
     assert len(grid.cells.index) <= 65 + 2 * grid.cells.occupied.sum()
-    assert grid.deal_out(particles)
+    assert grid.redistribute(particles)
     check_sums(comm, grid, particles)
     assert grid.imbalance(particles.owned) < 1.1
 
@@ -165,24 +165,24 @@ def test_sums_over_ranks_with_particles_that_stay_outside_their_cells(comm, dime
     particles = particle_set(comm, dimension)
     grid = RankGrid(comm, dimension, WIDTH)
     grid.slack = 3
-    assert grid.deal_out(particles)
+    assert grid.redistribute(particles)
     for step in range(8):
         names = particles.name
         particles.position = particles.position + np.array([0.8, -0.7, 0.6])[:dimension]
         if step == 5:
             # the same partition, as after a restart: none has to leave
-            assert grid.deal_out(particles, grid.partition)
+            assert grid.redistribute(particles, grid.partition)
         else:
             assert grid.settle(particles, release=step % 4 == 3)
         check_sums(comm, grid, particles)
-        guests = comm.allreduce(len(grid.guests()))
+        guests = comm.allreduce(len(grid.off_cell_particles()))
         if step % 4 == 3:
             assert guests == 0
         else:
             assert names is particles.name or (step == 5 and np.array_equal(names, particles.name))
             assert guests > 0 or comm.size == 1
     # farther than the sums reach
-    assert grid.deal_out(particles)
+    assert grid.redistribute(particles)
     particles.position = particles.position + 40.0 * (comm.rank == 0)
     assert grid.settle(particles, release=False) == (comm.rank > 0 or comm.size == 1)
 
@@ -191,7 +191,7 @@ def test_nodes_behind_mirrors_come_with_their_images(comm):
     mirrors = (Mirror(0, 2 * -3, 1), Mirror(1, 2 * 6 + 1, -1))
     particles = particle_set(comm, 2)
     grid = RankGrid(comm, 2, WIDTH, mirrors)
-    assert grid.deal_out(particles)
+    assert grid.redistribute(particles)
     for mirror in mirrors:
         behind, images, on_plane = grid.cells.mirrored(mirror)
         assert comm.allreduce(len(behind)) > 0
@@ -219,7 +219,7 @@ def test_the_order_within_cells_is_that_of_storage():
 def test_a_particle_that_is_lost_is_told(comm):
     particles = particle_set(comm, 2, 40)
     grid = RankGrid(comm, 2, WIDTH)
-    grid.deal_out(particles)
+    grid.redistribute(particles)
     if particles.owned and comm.rank == 0:
         particles.position[0] = np.nan, 1e9
     assert grid.settle(particles) == (comm.rank != 0)

@@ -35,7 +35,7 @@ def step_of(
     follow(sim, Record(), 12)
     system = sim.systems[0]
     if anew:
-        system.migration.deal_out(system.grid.partition)
+        system.migration.redistribute(system.grid.partition)
     counted: list[float] = []
     with monkeypatch.context() as patch:
         patch.setattr(energies, "nodal_energies", _kept(energies.nodal_energies, counted))

@@ -45,12 +45,12 @@ class CellMigration:
         self.keeps_rows = self.grid.comm.size > 1
         self.grid.slack = math.ceil(_PERIOD * min(self.settings.cfl, 1.0)) + 1 if self.keeps_rows else 0
 
-    def deal_out(self, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
+    def redistribute(self, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
         """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
 
         False where a particle is lost, see `RankGrid.settle`.
         """
-        sound = self.grid.deal_out(self.points, partition, shares)
+        sound = self.grid.redistribute(self.points, partition, shares)
         if partition is None:
             self._sort_storage()
         return sound
@@ -70,14 +70,14 @@ class CellMigration:
             shares = self.load.look(self.points.owned)
             if shares is not None:
                 self.rebalanced, self.layout_version = self.rebalanced + 1, self.layout_version + 1
-                return self.deal_out(shares=shares)
+                return self.redistribute(shares=shares)
         if self.keeps_rows:
             return self._tidy_together()
         owned = self.points.owned
         uneven = self.grid.comm.size > 1 and self.load is None
         if uneven and self.grid.imbalance(owned) > self.settings.rebalance:
             self.rebalanced += 1
-            return self.deal_out()
+            return self.redistribute()
         if self.grid.cells.breaks(owned) > _DISORDER * owned:
             self._sort_storage()
         return True
@@ -85,7 +85,7 @@ class CellMigration:
     def _tidy_together(self) -> bool:
         """As `_tidy`, with the particles that left their cells given away; all ranks know that rows have changed."""
         owned, cells = self.points.owned, self.grid.cells
-        disorder, guests = cells.breaks(owned) > _DISORDER * owned, len(self.grid.guests())
+        disorder, guests = cells.breaks(owned) > _DISORDER * owned, len(self.grid.off_cell_particles())
         any_guests, any_disorder = maximum(self.grid.comm, np.array([guests, disorder], float)) > 0.0
         uneven = self.load is None and self.grid.imbalance(owned) > self.settings.rebalance
         if not (any_guests or any_disorder or uneven):
@@ -93,7 +93,7 @@ class CellMigration:
         self.layout_version += 1
         if uneven:
             self.rebalanced += 1
-            return self.deal_out()
+            return self.redistribute()
         sound = self.grid.settle(self.points) if any_guests else True
         if disorder:
             self._sort_storage()

@@ -175,7 +175,7 @@ class MaterialPoint(ParticleSystem):
         self.stress.begin(scene, particle_set)
         if taken := take_state(self.comm, scene, self, particle_set):
             self.points.without_deleted()
-        self.migration.deal_out()
+        self.migration.redistribute()
         self.nodes.follow_cells()
         self.stress.advance(0.0)
         take_forces(self.comm, scene, self)
@@ -187,7 +187,7 @@ class MaterialPoint(ParticleSystem):
         """Continue with the checkpoint's owners of cells; on other ranks with new ones; collective."""
         self.points.without_deleted()
         self.loads.forget_masses()
-        self.migration.deal_out(self._partition)
+        self.migration.redistribute(self._partition)
         self._look_at_heat()
 
     def _look_at_heat(self) -> None:

@@ -7,12 +7,13 @@ import numpy as np
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.box_update import advance_box, advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
+from parsolid.methods.tlsph.leapfrog import StepBound
 from parsolid.pairs.box_sweeps import BoxOnRank, BoxSweeps
 from parsolid.pairs.box_weights import REACH, axis_tables
 from parsolid.solvers.runge_kutta import Stage
 
 
-class BoxBodies:
+class BoxBodies(StepBound):
     """The boxes of a system on one rank, with what `list_bodies.ListBodies` offers for other bodies.
 
     nodes: `BoxOfNodes` of every box of the scene; blocks: the `state.LawBlock` of each box with particles here, in the
@@ -51,33 +52,23 @@ class BoxBodies:
                 found.append(box.window_start + (plane + box.first_plane) * box.nodes + box.first_node + node)
         return np.concatenate(found)
 
-    @property
-    def signals(self) -> tuple[float, ...]:
-        """See `ListBodies.signals`."""
-        found: tuple[float, ...] = self.system.leapfrog.signals
-        return found
-
-    def step_of(self, block: Any, signal: float) -> float:
-        """See `ListBodies.step_of`."""
-        return float(self.system.leapfrog.step_of(block.law.density, signal))
-
     def advance_step(self, step: float) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
         branches have dissipated, the stable step [s] of the new state)."""
-        stored, sweeps, leapfrog = self.particles.storage, self.sweeps, self.system.leapfrog
+        stored, sweeps = self.particles.storage, self.sweeps
         sweeps.exchange_motion(stored("velocity"), stored("position"))
         sound, dissipated, stable = True, 0.0, np.inf
         initial = stored("initial_stress") if "initial_stress" in self.particles else None
         forces = (stored("stress_force"), stored("dissipative_force")) if sweeps.in_turn else (None, None)
         for box, block in self.parts:
             positive, lost, signal = advance_box(
-                box, sweeps.scratch(box), block.solid, step, self.dimension, leapfrog.signals, block.branches(step),
+                box, sweeps.scratch(box), block.solid, step, self.dimension, self.signals, block.branches(step),
                 block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
-            stable = min(stable, leapfrog.step_of(block.law.density, signal))
+            stable = min(stable, self.step_of(block, signal))
         self._reduce_edges()
         return sound, dissipated, stable
 

@@ -34,6 +34,22 @@ def wave_weights(dimension: int, smoothing: float) -> tuple[float, float]:
     return (pressure, shear) if smoothing >= _LEAST_SMOOTHING else (pressure, dimension - 1.0)
 
 
+class StepBound:
+    """How the speeds of waves in bodies of a `system` bound the step of leapfrog; bodies from meshes have another."""
+
+    system: Any
+
+    @property
+    def signals(self) -> tuple[float, ...]:
+        """What the speeds of waves count in the bound, see `Leapfrog`."""
+        found: tuple[float, ...] = self.system.leapfrog.signals
+        return found
+
+    def step_of(self, block: Any, signal: float) -> float:
+        """Largest step [s] for a signal [sqrt(Pa)] of the particles of a block."""
+        return float(self.system.leapfrog.step_of(block.law.density, signal))
+
+
 class Leapfrog:
     """Steps of one rank's particles.
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
+from parsolid.methods.tlsph.leapfrog import StepBound
 from parsolid.methods.tlsph.list_update import add_forces, advance_stage, advance_step, find_forces
 from parsolid.pairs.list_sweeps import ROWS, gradient_in_plane, gradient_in_space
 from parsolid.pairs.list_weights import ListWeights
@@ -13,7 +14,7 @@ from parsolid.pairs.pair_list import Neighbours
 from parsolid.solvers.runge_kutta import Stage
 
 
-class ListBodies:
+class ListBodies(StepBound):
     """The particles of a rank that find their neighbours in lists, and what their sweeps read and write.
 
     waves: what impedances depend on, 0: there is no dissipation, 1: mean impedances, 2: pressure waves by direction, 3:
@@ -77,16 +78,6 @@ class ListBodies:
         """L (owned, d, d), a view of the rows."""
         d, stride = self.dimension, self.columns.vector
         return self.operator[: self.near.owned, : d * stride].reshape(self.near.owned, d, stride)[:, :, :d]
-
-    @property
-    def signals(self) -> tuple[float, ...]:
-        """What the speeds of waves count in the bound on the step of leapfrog, see `leapfrog.Leapfrog`."""
-        found: tuple[float, ...] = self.system.leapfrog.signals
-        return found
-
-    def step_of(self, block: Any, signal: float) -> float:
-        """Largest step [s] of leapfrog for a signal [sqrt(Pa)] of the particles of a block."""
-        return float(self.system.leapfrog.step_of(block.law.density, signal))
 
     @property
     def ghosts(self) -> int:
