@@ -8,6 +8,7 @@ from itertools import pairwise
 import h5py
 import numpy as np
 import pytest
+from flipped_bits import flip
 from mpi4py import MPI
 
 from parsolid.output import OutputError, checkpoint
@@ -33,14 +34,6 @@ def on_one_rank(comm, change, *arguments) -> None:
     if comm.rank == 0:
         change(*arguments)
     comm.Barrier()
-
-
-def flip(path, position: int, bit: int) -> None:
-    with open(path, "r+b") as file:
-        file.seek(position)
-        byte = file.read(1)[0]
-        file.seek(position)
-        file.write(bytes([byte ^ 1 << bit]))
 
 
 def content(comm, path):
