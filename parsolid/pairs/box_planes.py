@@ -136,7 +136,7 @@ def places_of(window, i, last, node):
     )  # fmt: skip
 
 
-@kernel
+@inlined
 def weigh(n, f, c, places, weights, k, i, out, component, place, add):
     """Sum of component c of f at n nodes from seven places on, by the weights (2, 7, ..)[k, :, i], into a row of out
     from `place` on, or added to it."""
@@ -156,7 +156,7 @@ def weigh(n, f, c, places, weights, k, i, out, component, place, add):
             out[component, to + p] = out[component, to + p] + total if add else total
 
 
-@kernel
+@inlined
 def weigh_rows(runs, rows, row, plane, f, c, weights, k, first_table, out, component, place, add):
     """As `weigh`, of nodes of a plane from place `plane` on with neighbours in other of its rows, for runs of equal
     rows; weights: of row 0 at first_table; place: in out of node 0."""
@@ -183,7 +183,7 @@ def weigh_rows(runs, rows, row, plane, f, c, weights, k, first_table, out, compo
         )
 
 
-@kernel
+@inlined
 def load_values(f, c, place, n, values):
     """Component c of f in a plane into `values`, with zeros around it, so that neighbours are never outside."""
     start, margin = np.uintp(place), np.uintp(REACH)
@@ -191,7 +191,7 @@ def load_values(f, c, place, n, values):
         values[margin + p] = f[c, start + p]
 
 
-@kernel
+@inlined
 def weigh_in_row(n, values, node, weights, k, q, out, component, place, area, length):
     """Differences of `values` of a plane along its rows at n nodes from `node` on, by the weights (2, 7, ..)[k] from q
     on, into a row of out from place on; where area is not None added to what is there, and all times the volumes of the
@@ -222,7 +222,7 @@ def weights_along(box, axis):
 @kernel
 def gradient_in_plane(box, i, v, values, G, place):
     """G of the own nodes of plane i, into places from `place` on."""
-    d, axes, first, last = v.shape[0], box.axes, box.first_node, box.last_node
+    d, axes, first, last = len(box.axes), box.axes, box.first_node, box.last_node
     weights, runs, rows, row, period = box.gradient, box.runs, box.nodes // box.row, box.row, box.period
     plane, places = place_of(box.motion, i), places_of(box.motion, i, box.planes - 1, first)
     fast, in_rows = axes[d - 1], weights_along(box, d - 1)
@@ -232,7 +232,8 @@ def gradient_in_plane(box, i, v, values, G, place):
             k, column = int(axes[1] == c), d * c + axes[1]
             weigh_rows(runs, rows, row, plane, v, c, weights, k, box.planes, G, column, place - first, False)
         load_values(v, c, plane, box.nodes, values)
-        for node in range(first, last, period):
+        for part in range((last - first + period - 1) // period):
+            node = first + part * period
             n, to = min(period, last - node), place + node - first
             weigh_in_row(n, values, node, weights, int(fast == c), in_rows, G, d * c + fast, to, None, 1.0)
 
@@ -247,7 +248,7 @@ def gradient_pass(box, scratch, v, G):
 # --- fluxes -------------------------------------------------------------------------------------------------------
 
 
-@kernel
+@inlined
 def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin):
     """Riemann flux [Pa] of n nodes and their neighbours above along axis k of space, into three rows of flux.
 
@@ -272,7 +273,7 @@ def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B
         flux[component + 2, to] = s * u2 + along * r2
 
 
-@kernel
+@inlined
 def flux_in_strain_plane(
     n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin
 ):
@@ -292,12 +293,12 @@ def flux_in_strain_plane(
         flux[component, to], flux[component + 1, to] = s * u0 + along * r0, s * u1 + along * r1
 
 
-@kernel
+@inlined
 def fluxes(box, axis, i, j, node, n, shift, half_step, first, v, x, G, Z, directional, flux, component, begin):
     """Fluxes between n nodes of plane i from `node` on and those `shift` behind them in plane j, their neighbours above
     along a memory axis, into rows of flux (.., n or more) from component and place `begin` on; half_step: of these
     nodes from `first` on."""
-    d, k = v.shape[0], box.axes[axis]
+    d, k = len(box.axes), box.axes[axis]
     pressure, shear = 0, 1
     if directional is not None:
         pressure, shear = k, d + k
@@ -313,33 +314,33 @@ def fluxes(box, axis, i, j, node, n, shift, half_step, first, v, x, G, Z, direct
         )
 
 
-@kernel
+@inlined
 def fluxes_across(box, scratch, i, v, x, G, Z, directional):
     """Fluxes between planes i and i + 1."""
     n, h, half_step = box.last_node - box.first_node, box.half_step[i], scratch.half_step
     for p in range(half_step.size):
         half_step[p] = h
-    component = (i + 1) % 2 * v.shape[0]
+    component = (i + 1) % 2 * len(box.axes)
     fluxes(box, 0, i, i + 1, box.first_node, n, 0, half_step, 0, v, x, G, Z, directional, scratch.across, component, 0)
 
 
-@kernel
-def gather_across(n, across, below, above, jump, k, i, out, c, row):
-    """What n nodes of plane i get of fluxes along axis 0, into row c of out from place `row` on; below, above: rows of
-    across."""
-    from_below, to_above, to = jump[k, 1, i], jump[k, 0, i], np.uintp(row)
-    for p in range(np.uintp(n)):
-        out[c, to + p] = to_above * across[above, p] + from_below * across[below, p]
-
-
-@kernel
-def gather_within(n, flux, c, shift, jump, k, table, out, row, area, node, length):
-    """Add what n nodes get of fluxes along an axis within planes to row c of out from place `row` on, by jump[k] from
-    `table` on, and then, where length is not 0, multiply by the volumes length area of the nodes from `node` on."""
-    behind, to, begin, first = np.uintp(shift), np.uintp(row), np.uintp(table), np.uintp(node)
-    for p in range(np.uintp(n)):
-        total = out[c, to + p] + jump[k, 0, begin + p] * flux[c, behind + p] + jump[k, 1, begin + p] * flux[c, p]
-        out[c, to + p] = total if length == 0.0 else length * area[first + p] * total
+@inlined
+def gather(box, scratch, i, c, out, row):
+    """V D [N] of the own nodes of plane i in direction c: what they get of the fluxes of their pairs, times their
+    volumes, into row c of out from place `row` on."""
+    d, axes, first, jump, area, length = len(box.axes), box.axes, box.first_node, box.jump, box.area, box.length[i]
+    across, between, in_rows = scratch.across, scratch.between_rows, scratch.in_rows
+    X, Y, Z = int(axes[0] == c), int(axes[1] == c), int(axes[d - 1] == c)
+    to_above, from_below, below, above = jump[X, 0, i], jump[X, 1, i], i % 2 * d + c, (i + 1) % 2 * d + c
+    to, node, behind, next_node = np.uintp(row), np.uintp(first), np.uintp(box.row), np.uintp(1)
+    rows = np.uintp(box.planes + first)
+    nodes = np.uintp(box.planes + (d - 2) * box.nodes + first)
+    for p in range(np.uintp(box.last_node - first)):
+        total = to_above * across[above, p] + from_below * across[below, p]
+        if d == 3:
+            total += jump[Y, 0, rows + p] * between[c, behind + p] + jump[Y, 1, rows + p] * between[c, p]
+        total += jump[Z, 0, nodes + p] * in_rows[c, next_node + p] + jump[Z, 1, nodes + p] * in_rows[c, p]
+        out[c, to + p] = length * area[node + p] * total
 
 
 # --- forces -------------------------------------------------------------------------------------------------------
@@ -348,7 +349,7 @@ def gather_within(n, flux, c, shift, jump, k, table, out, row, area, node, lengt
 @kernel
 def stress_forces_in_plane(box, i, P, values, force):
     """V Div P [N] of the own nodes of plane i, into their rows of the field."""
-    d, axes, first, last = force.shape[0], box.axes, box.first_node, box.last_node
+    d, axes, first, last = len(box.axes), box.axes, box.first_node, box.last_node
     weights, runs, rows, row, period = box.divergence, box.runs, box.nodes // box.row, box.row, box.period
     plane, places = place_of(box.stresses, i), places_of(box.stresses, i, box.planes - 1, first)
     to, fast, in_rows = box.first + (i - box.first_plane) * (last - first), axes[d - 1], weights_along(box, d - 1)
@@ -359,7 +360,8 @@ def stress_forces_in_plane(box, i, P, values, force):
             k, column = int(axes[1] == c), d * c + axes[1]
             weigh_rows(runs, rows, row, plane, P, column, weights, k, box.planes, force, c, to - first, True)
         load_values(P, d * c + fast, plane, box.nodes, values)
-        for node in range(first, last, period):
+        for part in range((last - first + period - 1) // period):
+            node = first + part * period
             n, place = min(period, last - node), to + node - first
             weigh_in_row(n, values, node, weights, int(fast == c), in_rows, force, c, place, area, length)
 
@@ -370,27 +372,22 @@ def dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissip
 
     Every node gathers the fluxes of its own pairs, so that no result depends on where a box is cut.
     """
-    d, axes, first, last, nodes = v.shape[0], box.axes, box.first_node, box.last_node, box.nodes
-    n, row, length, area = last - first, box.first + (i - box.first_plane) * (last - first), box.length[i], box.area
-    across, jump, half_step = scratch.across, box.jump, box.half_step
+    d, first, last, nodes, planes = len(box.axes), box.first_node, box.last_node, box.nodes, box.planes
     if i == box.first_plane and i > 0:
         fluxes_across(box, scratch, i - 1, v, x, G, Z, directional)
-    if i + 1 < box.planes:
+    if i + 1 < planes:
         fluxes_across(box, scratch, i, v, x, G, Z, directional)
+    # within the plane, of pairs with an own node
+    half_step, row = box.half_step, box.row
+    if d == 3:
+        p, q, flux, begin = max(0, first - row), min(nodes, last + row) - row, scratch.between_rows, planes
+        to = p - (first - row)
+        fluxes(box, 1, i, i, p, q - p, row, half_step, begin + p, v, x, G, Z, directional, flux, 0, to)
+    p, q, flux, begin = max(0, first - 1), min(nodes, last + 1) - 1, scratch.in_rows, planes + (d - 2) * nodes
+    to = p - (first - 1)
+    fluxes(box, d - 1, i, i, p, q - p, 1, half_step, begin + p, v, x, G, Z, directional, flux, 0, to)
     for c in range(d):
-        below, above = i % 2 * d + c, (i + 1) % 2 * d + c
-        gather_across(n, across, below, above, jump, int(axes[0] == c), i, dissipation, c, row)
-    for axis in range(1, d):
-        # rows are one node behind each other along the last axis; of pairs with an own node
-        shift = 1 if axis == d - 1 else box.row
-        flux = scratch.in_rows if axis == d - 1 else scratch.between_rows
-        p, q, table = max(0, first - shift), min(nodes, last + shift) - shift, box.planes + (axis - 1) * nodes
-        begin = p - (first - shift)
-        fluxes(box, axis, i, i, p, q - p, shift, half_step, table + p, v, x, G, Z, directional, flux, 0, begin)
-        factor = length if axis == d - 1 else 0.0
-        for c in range(d):
-            k = int(axes[axis] == c)
-            gather_within(n, flux, c, shift, jump, k, table + first, dissipation, row, area, first, factor)
+        gather(box, scratch, i, c, dissipation, box.first + (i - box.first_plane) * (last - first))
 
 
 @kernel
