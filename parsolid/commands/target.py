@@ -16,8 +16,8 @@ from parsolid.errors.places import with_corners
 from parsolid.errors.running import Done, result_of
 from parsolid.errors.targets import Cost, Target, finer_by, predicted_seconds, steps_grow
 from parsolid.errors.variants import RATIOS, SPACING, Companion, companions_of
-from parsolid.observables.reaction import reaction_columns
 from parsolid.scene import Scene
+from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.simulation.ledger import Ledger, terms_of
 
 # spacings over that of the scene at which levels may begin, the coarsest that has companions

@@ -20,7 +20,7 @@ from parsolid.commands.study.launching import _wait, launcher, read_record, refu
 from parsolid.commands.study.measures import energies_of, momentum_of, not_finite
 from parsolid.commands.study.schema import load_study, toml_value
 from parsolid.scene import SceneError
-from parsolid.scene.loading import override_value
+from parsolid.scene.raw_tables import override_value
 
 pytestmark = pytest.mark.serial
 
@@ -107,7 +107,7 @@ def test_a_study_tells_all_its_faults_at_once(folder):
     ("more", "told"),
     [
         ("[[series.axes]]\nkey = 'method.cfl'", "series.0.axes.1: expected key with values, found one of them"),
-        ("[[series.axes]]\nname = 'x'", "series.0.axes.1: expected exactly one of settings, key, ranks; found none"),
+        ("[[series.axes]]\nname = 'x'", "series.0.axes.1: expected exactly one of settings, key, ranks, found none"),
         (
             "[[series.axes]]\nranks = [2, 2]",
             "series.0.axes.1.ranks.1: expected something that is not there yet, found '2'",
