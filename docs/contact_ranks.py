@@ -18,8 +18,9 @@ from mpi4py import MPI
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.history import read_history
 from parsolid.scene import dump_scene, parse_scene
+from parsolid.simulation.checkpoints import header_of
 from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.restart import Restart, header_of
+from parsolid.simulation.restart import Restart
 from parsolid.simulation.scene_changes import contents
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}

@@ -85,18 +85,18 @@ class Outputs:
     def __init__(self, outputs: Sequence[Output]) -> None:
         self._outputs = list(outputs)
         self.times = {time for one in self._outputs for time in one.every.times}
-        self.with_wall_times = [one for one in self._outputs if one.every.wall is not None]
-        for one in self.with_wall_times:
+        self.with_wall_times = [(one, one.every.wall) for one in self._outputs if one.every.wall is not None]
+        for one, _ in self.with_wall_times:
             one.last_wall = clock.perf_counter() if one.last_wall is None else one.last_wall
 
     def wall_times_over(self) -> list[float]:
         """For each output with a wall time 1.0 where it is over on this rank's clock; ranks agree on it with a step."""
-        now, ever = clock.perf_counter(), float("inf")
-        return [float(now - (one.last_wall or 0.0) > (one.every.wall or ever)) for one in self.with_wall_times]
+        now = clock.perf_counter()
+        return [float(now - (one.last_wall or 0.0) > seconds) for one, seconds in self.with_wall_times]
 
     def write_due(self, simulation: "Simulation", over: Sequence[bool] = ()) -> None:
         """Write what is due and has not been written of this state; over: as agreed by all ranks. Collective."""
-        requested = {id(one) for one, late in zip(self.with_wall_times, over) if late}
+        requested = {id(one) for (one, _), late in zip(self.with_wall_times, over) if late}
         for one in self._outputs:
             if one.last_step != simulation.clock.step and (id(one) in requested or one.due(simulation)):
                 one.write(simulation)

@@ -6,8 +6,9 @@ from tool_scenes import METHODS, SPACING, Watch, block, run
 
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.scene import parse_scene
+from parsolid.simulation.checkpoints import header_of
 from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.restart import Restart, header_of
+from parsolid.simulation.restart import Restart
 from parsolid.simulation.scene_changes import contents
 
 MASS, RADIUS = 120.0, 0.25
