@@ -180,12 +180,12 @@ def _mend_method(tables: dict[str, Any], item: ErrorDetails, left_out: LeftOut) 
     """A method without the keys that are at fault, if it can do without them; else nothing is known of it."""
     place: tuple[Any, ...] = item["loc"]
     depth = 1 if place[:1] == ("method",) else 2
-    table: Any = _table_at(tables, place[:depth]) if len(place) > depth else None
+    table = _table_at(tables, place[:depth]) if len(place) > depth else None
     if not isinstance(table, dict | None):
         return
     model = settings_class(table)
     own = model.model_fields.get(place[depth]) if table and model else None
-    if own is not None and not own.is_required():
+    if table and own is not None and not own.is_required():
         table.pop(place[depth], None)
         left_out.doubtful.add(place[: depth + 1])
         left_out.mended.add(place[:depth])
