@@ -1,4 +1,4 @@
-"""python benchmarks/mesh_setup.py [NODES_A_SIDE]: what a mesh of a cube costs until the first step, on 1, 2 and 4 ranks.
+"""python benchmarks/mesh_setup.py [NODES_A_SIDE]: what a mesh costs until the first step, on 1, 2 and 4 ranks.
 
 Makes the table of docs/parts.md, of a binary Gmsh file and of what `parsolid import` makes of it: seconds on the wall
 from the scene to the particles and to the first step, and peak memory of the first rank and of the others at most.

@@ -61,7 +61,7 @@ class Slices:
         return self.ask(numbers, lambda asked: kept[asked["number"]])
 
 
-def count_before(comm: MPI.Comm, count: int) -> tuple[int, int]:
+def count_before(comm: MPI.Intracomm, count: int) -> tuple[int, int]:
     """Sum of a number over the ranks before this one, and over all; collective."""
     upto = comm.scan(count)
     return upto - count, comm.allreduce(count)

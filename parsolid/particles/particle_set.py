@@ -59,4 +59,5 @@ class ParticleSet:
             axes = np.concatenate([np.tile(cartesian, (len(p), 1, 1)) if p.axes is None else p.axes for p in pieces])
         names = ["identifier", "position", "volume", "spacing", "body", "area"]
         names += ["regions", "surfaces"] if pieces[0].regions is not None else []
-        return cls(axes=axes, **{name: np.concatenate([getattr(p, name) for p in pieces]) for name in names})
+        joined: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
+        return cls(axes=axes, **joined)

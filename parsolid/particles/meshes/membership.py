@@ -71,11 +71,13 @@ class Membership:
         where a group has facets of its own, these. Collective."""
         local, nodes = self.mesh.local, self.mesh.nodes
         tolerance = nodes.fetch(local.nodes, self.tolerance)
-        flags = nodes.fetch(local.nodes, self.of_nodes) if self.names else self.of_nodes
+        flags = np.zeros((len(local.nodes), 0), bool)
+        if self.names:
+            flags = nodes.fetch(local.nodes, self.of_nodes)
         result = []
         for _, corners, _ in facets:
             flat, width = corners.ravel(), corners.shape[1]
-            members = flags[corners].all(axis=1) if self.names else np.zeros((len(corners), 0), bool)
+            members = np.asarray(flags[corners].all(axis=1))
             with_facets = [i for i, name in enumerate(self.names) if name in self.mesh.facet_names]
             if with_facets:
                 rows = np.sort(local.nodes[corners], axis=1)
