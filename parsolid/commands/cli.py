@@ -1,4 +1,4 @@
-"""The command line: run, check, bench, point, study, keys, schema, init, plot, view.
+"""The command line: run, check, bench, import, point, study, keys, schema, init, plot, view.
 
 Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
 130 interrupted from the keyboard at once, 141 nobody reads what is printed any more (`| head`; a run goes on),
@@ -97,6 +97,7 @@ _BENCHES = ("tlsph", "peridynamics", "mpm", "ulsph")
 _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 # commands of their own modules, imported only when they are asked for
 _MODULES = {
+    "import": ("parsolid.commands.import_mesh", "turn a mesh file into one that all ranks of a run read in parallel"),
     "point": ("parsolid.commands.point", "drive a material along a path of deformation, without particles"),
     "study": ("parsolid.commands.study", "run scenes over resolutions and options; error against run time"),
     "keys": ("parsolid.commands.keys", "what a scene may say: every key with meaning, unit, default and bounds"),

@@ -7,8 +7,8 @@ import pytest
 
 from parsolid.errors.coarsening import NotCoarsened, coarser, lattice_words, parsed
 from parsolid.errors.variants import SOLVER, SPACING, STEP, companions_of
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import load_scene
-from parsolid.scene.fillings import filling_of
 
 RUNS = Path(__file__).parents[2] / "runs"
 

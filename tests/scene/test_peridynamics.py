@@ -149,7 +149,7 @@ BROKEN = {
     "both constants": (
         plate(material={"bulk_modulus": 1e9}),
         (
-            "bodies.0.material: expected at most one of poissons_ratio, bulk_modulus; "
+            "bodies.0.material: expected at most one of poissons_ratio, bulk_modulus, "
             "found poissons_ratio and bulk_modulus"
         ),
     ),

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import dump_scene, load_scene, packaged_scene, parse_scene
 from parsolid.scene.base_model import Plane
 from parsolid.scene.checks import plane_side
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.raw_tables import override_value
 
 RUNS = Path(__file__).parents[2] / "runs" / "tlsph"

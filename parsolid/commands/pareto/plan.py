@@ -10,8 +10,8 @@ from parsolid.commands.pareto.choices import Choice, choices_of
 from parsolid.errors.coarsening import Coarser, NotCoarsened, coarser, lattice_words, parsed, unasked
 from parsolid.errors.running import Done
 from parsolid.errors.variants import SPACING, Companion, quieter
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError
-from parsolid.scene.fillings import filling_of
 
 # spacings over that of the scene, coarsest first; the fewest levels that say anything of a choice
 RATIOS = (3.4, 2.25, 1.5, 1.0)

@@ -12,9 +12,9 @@ from typing import Any
 from parsolid.commands.study.measures import MEASURES
 from parsolid.commands.study.schema import Series, Setting, Study, toml_value
 from parsolid.exact import SOLUTIONS
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError, load_scene
 from parsolid.scene.declared import law_files
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.validation_errors import suggestion
 from parsolid.sources import source_digest
 
