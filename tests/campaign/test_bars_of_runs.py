@@ -1,4 +1,4 @@
-"""`run --error-bars` and `--target` as a whole, on any number of ranks: bars, restarts in a companion, limits."""
+"""`run --error-bars` and `--target` as a whole, on any number of ranks: bars, restarts in a coarse run, limits."""
 
 import json
 import os
