@@ -11,8 +11,8 @@ from rich.table import Table
 
 from parsolid.campaign.cases import Case
 from parsolid.campaign.measures import MEASURES
-from parsolid.campaign.runner import FAILED
 from parsolid.campaign.study_file import Study
+from parsolid.simulation.job import FAILED
 from parsolid.simulation.loop import FINISHED
 
 

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import time as clock
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -26,16 +27,16 @@ from parsolid.launcher import start
 from parsolid.output.checkpoint import DEFAULT_NAME, find_checkpoint, partial_name, previous_name
 from parsolid.output.errors import OutputError, together
 from parsolid.output.history import read_history
+from parsolid.output.run_folder import RunFolder
 from parsolid.output.summary import write_summary
 from parsolid.scene import Scene, SceneError
+from parsolid.simulation.job import FAILED, Job
 from parsolid.simulation.loop import FINISHED, Limits, RunFailed, Simulation
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 
 History = dict[str, np.ndarray]
-FAILED, REFUSED, TIMED_OUT, CRASHED = "failed", "refused", "timed out", "crashed"
+REFUSED, TIMED_OUT, CRASHED = "refused", "timed out", "crashed"
 # a run that ended so ends so again
 LASTING = (FINISHED, FAILED, REFUSED)
 _ENDINGS = {0: FINISHED, 3: FAILED, 2: REFUSED}
@@ -190,24 +191,14 @@ def run_into(comm: MPI.Intracomm, scene: Scene, folder: Path, limits: Limits) ->
             # it begins anew
             restart = None
     simulation = Simulation(comm, scene, restart)
-    files = OutputFiles(comm, scene, folder, restart)
-    fault = None
-    try:
-        recorder = Recorder(simulation, files, None)
-        files.open_history(recorder.columns)
-        if restart:
-            recorder.resume(restart.header)
+    with (
+        closing(RunFolder(comm, folder, restart.path if restart else None)) as files,
+        closing(Job(simulation, files, restart)) as job,
+    ):
         try:
-            status = simulation.run(recorder, limits, REQUEST)
-            recorder.finish()
-        except RunFailed as error:
-            status, fault = FAILED, str(error).splitlines()[0]
-        summary = recorder.summary(status) | ({"fault": fault} if fault else {})
-        with together(comm, f"cannot write {folder / 'summary.json'}"):
-            if comm.rank == 0 and status in (FINISHED, FAILED):
-                write_summary(folder / "summary.json", summary)
-    finally:
-        files.close()
+            status = job.run(limits, REQUEST)["status"]
+        except RunFailed:
+            status = FAILED
     if status not in (FINISHED, FAILED):
         raise Interrupted
 

@@ -24,10 +24,11 @@ from parsolid.campaign.report import (
     write_study_csv,
     write_study_markdown,
 )
-from parsolid.campaign.runner import FAILED, LASTING, REFUSED, Record, read_record
+from parsolid.campaign.runner import LASTING, REFUSED, Record, read_record
 from parsolid.campaign.study_file import Study, load_study
 from parsolid.machine import cores_in_words
 from parsolid.scene.validation_errors import SceneError, suggestion, told
+from parsolid.simulation.job import FAILED
 from parsolid.simulation.loop import FINISHED
 
 DONE, NOT_AS_STATED, TO_BE_CONTINUED = 0, 3, 75
