@@ -14,8 +14,8 @@ from parsolid.campaign.runner import Launched, Record
 from parsolid.campaign.study_file import Series, Setting, Study, toml_value
 from parsolid.campaign.variants import digest_of
 from parsolid.exact import SOLUTIONS
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError, load_scene
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.validation_errors import suggestion
 from parsolid.sources import source_digest
 

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, parse_scene
-from parsolid.scene.fillings import filling_of
 
 # fewest intervals of a lattice along a direction of which it had more
 LEAST = {"tlsph": 2, "ulsph": 3, "mpm": 2, "peridynamics": 3}

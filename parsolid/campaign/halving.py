@@ -13,8 +13,8 @@ from parsolid.campaign.reference import Reference, observed_reference, stated_re
 from parsolid.campaign.runner import InProcess, VariantRun
 from parsolid.campaign.variants import SPACING, Variant, history_alone, level_of
 from parsolid.collective import SolverError
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError
-from parsolid.scene.fillings import filling_of
 
 # spacings over that of the scene, coarsest first; the fewest levels that say anything of an option
 RATIOS = (3.4, 2.25, 1.5, 1.0)

@@ -6,8 +6,8 @@ from typing import Any
 
 from parsolid.campaign.coarsening import lattices_of, methods_of
 from parsolid.pairs.smoothing import kernel_names
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.methods import method_kinds
 from parsolid.scene.validation_errors import told
 

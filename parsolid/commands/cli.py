@@ -10,7 +10,7 @@ import os
 import sys
 from contextlib import suppress
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from mpi4py import MPI
 
@@ -31,12 +31,15 @@ COMMANDS = {
     "check": "set a scene up and report its cost, without running it",
     "study": "run scenes over resolutions and options; error against run time",
     "pareto": "which options of a scene have the least error for their time",
+    "import": "turn a mesh file into one that all ranks of a run read in parallel",
     "point": "drive a material along a path of deformation, without particles",
     "plot": "pictures of a run: energies, probes, the deformed body",
     "view": "turn a run's bodies in a window, or write a page that turns in a browser",
     "keys": "what a scene may say: every key with meaning, unit, default and bounds; a scene to start from",
     "bench": "measure the speed of the kernels on this machine",
 }
+# modules that are not called as their command
+_MODULES = {"import": "import_mesh"}
 # words of earlier versions: command -> what stands for it, and (command, option) -> the same
 _OLD_COMMANDS = {"schema": "keys --json", "init": "keys --new METHOD"}
 _OLD_OPTIONS = {
@@ -60,6 +63,10 @@ class _Parser(argparse.ArgumentParser):
         raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
 
 
+def _module_of(command: str) -> Any:
+    return import_module(f"parsolid.commands.{_MODULES.get(command, command)}")
+
+
 def build_parser(command: str = "") -> argparse.ArgumentParser:
     """The parser of all commands, with the arguments of one of them."""
     about = "Solids simulated with particles on many processors."
@@ -74,7 +81,7 @@ def build_parser(command: str = "") -> argparse.ArgumentParser:
         elif name == "check":
             check_arguments(sub)
         elif name == command:
-            import_module(f"parsolid.commands.{name}").add_arguments(sub)
+            _module_of(name).add_arguments(sub)
     return parser
 
 
@@ -194,7 +201,7 @@ def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
         )
     if options.command == "bench":
         refuse_strangers(comm)
-    command = getattr(import_module(f"parsolid.commands.{options.command}"), f"run_{options.command}")
+    command = getattr(_module_of(options.command), f"run_{options.command}")
     return _printed(command(comm, options))
 
 

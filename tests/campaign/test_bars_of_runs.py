@@ -93,15 +93,15 @@ def test_coarse_runs_that_cannot_be_set_up_or_fail_are_told_and_left_out(comm, s
 # the command that kills its process when it has written its first checkpoint, so that no machine is too fast for it
 _KILLED = """
 import os, runpy, signal
-from parsolid.simulation import recorder
+from parsolid.simulation import checkpoints
 
-write = recorder.write_checkpoint
+write = checkpoints.write_checkpoint
 
 def write_and_die(*arguments):
     write(*arguments)
     os.kill(os.getpid(), signal.SIGKILL)
 
-recorder.write_checkpoint = write_and_die
+checkpoints.write_checkpoint = write_and_die
 runpy.run_module("parsolid", run_name="__main__", alter_sys=True)
 """
 

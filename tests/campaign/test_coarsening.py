@@ -7,8 +7,8 @@ import pytest
 
 from parsolid.campaign.coarsening import NotCoarsened, coarsen, lattice_words, parsed
 from parsolid.campaign.variants import SOLVER, SPACING, STEP, coarse_variants
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import load_scene
-from parsolid.scene.fillings import filling_of
 
 RUNS = Path(__file__).parents[2] / "runs"
 

@@ -1,12 +1,10 @@
-"""Named groups of a mesh: meshio's cell_sets and point_sets, physical groups of Gmsh; and regions on its facets."""
+"""Named groups of a mesh: meshio's cell_sets and point_sets, physical groups of Gmsh."""
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.scene.elements import ELEMENTS
-from parsolid.scene.named_regions import Region
+from parsolid.particles.meshes.elements import ELEMENTS
 
 # names that formats give to what nobody has named
 _NOT_NAMES = ("gmsh:bounding_entities",)
@@ -24,28 +22,6 @@ class MeshGroups(NamedTuple):
     def names(self) -> set[str]:
         """Of all groups."""
         return {*self.nodes, *self.elements, *self.facets}
-
-    def holds_nodes(self, name: str, count: int, cells: list[np.ndarray]) -> np.ndarray:
-        """Which of `count` nodes are in a group, also as nodes of its elements (`cells` of each block) and facets."""
-        result = np.zeros(count, bool)
-        result[self.nodes.get(name, np.zeros(0, np.int64))] = True
-        first, chosen = 0, self.elements.get(name, np.zeros(0, np.int64))
-        for block in cells:
-            result[block[chosen[(chosen >= first) & (chosen < first + len(block))] - first]] = True
-            first += len(block)
-        for nodes in self.facets.get(name, {}).values():
-            result[nodes] = True
-        return result
-
-    def holds_facets(self, name: str, facets: np.ndarray, of_nodes: np.ndarray) -> np.ndarray:
-        """Which facets (k, nodes) are in a group: by themselves, or where it has none, by their nodes (all nodes,)."""
-        if name not in self.facets:
-            return np.asarray(of_nodes[facets].all(axis=1))
-        width = facets.shape[1]
-        own = self.facets[name].get(width, np.zeros((0, width), np.int64))
-        together = np.concatenate([own, np.sort(facets, axis=1)])
-        _, number = np.unique(together, axis=0, return_inverse=True)
-        return np.isin(number.reshape(-1)[len(own) :], number.reshape(-1)[: len(own)])
 
 
 def groups_of(mesh: Any, dimension: int) -> MeshGroups:
@@ -104,36 +80,3 @@ def _add(groups: MeshGroups, name: str, blocks: Any, rows: list[np.ndarray], dim
             of_width[nodes.shape[1]] = np.concatenate([before, np.sort(nodes, axis=1)])
         elif len(here):
             groups.nodes[name] = np.union1d(groups.nodes.get(name, np.zeros(0, np.int64)), nodes)
-
-
-def nodes_in(
-    known: Mapping[str, Region], groups: MeshGroups, points: np.ndarray, tolerance: np.ndarray, cells: list[np.ndarray]
-) -> np.ndarray:
-    """Which nodes (n, regions) are in which region."""
-    return np.stack(
-        [
-            region.contains(points, tolerance, known, lambda name: groups.holds_nodes(name, len(points), cells))
-            for region in known.values()
-        ],
-        axis=1,
-    )
-
-
-def facets_in(
-    known: Mapping[str, Region], groups: MeshGroups, points: np.ndarray, tolerance: np.ndarray, cells: Any, facets: Any
-) -> np.ndarray:
-    """Which facets (k, nodes) are in which region, (k, regions): those of which all nodes are."""
-    count, width = facets.shape
-    flat = facets.ravel()
-
-    def of_group(name: str) -> np.ndarray:
-        of_nodes = groups.holds_nodes(name, len(points), cells)
-        return np.repeat(groups.holds_facets(name, facets, of_nodes), width)
-
-    return np.stack(
-        [
-            region.contains(points[flat], tolerance[flat], known, of_group).reshape(count, width).all(axis=1)
-            for region in known.values()
-        ],
-        axis=1,
-    )

@@ -83,7 +83,7 @@ def lumped_volumes(kind: str, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray
     if element.product is None:
         arms = nodes[:, 1:] - nodes[:, :1]
         volume = np.linalg.det(arms) / math.factorial(element.dimension)
-        size = largest(np.abs(arms).reshape(len(arms), -1)) ** element.dimension
+        size = largest(np.abs(arms).reshape(len(arms), element.dimension**2)) ** element.dimension
         count = nodes.shape[1]
         return np.repeat(np.abs(volume)[:, None] / count, count, axis=1), np.abs(volume) > 1e-14 * size
     values, gradient = _at_gauss_points(CORNERS[element.dimension])
