@@ -21,9 +21,10 @@ class Dual(NamedTuple):
 
 
 class Function(NamedTuple):
-    """A function that takes so many values; rate: of it, from its value and the duals that are given; None where it has none.
+    """A function that takes so many values.
 
-    flat: the rate is 0 wherever there is one.
+    rate: that of its value, from the value and the duals that are given, None where it has none; flat: whether it is 0
+    wherever there is one.
     """
 
     value: Callable[..., Any]
