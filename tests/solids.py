@@ -5,10 +5,11 @@ import copy
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.output.run_folder import RunFolder
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.job import Job
+from parsolid.simulation.loop import Limits, Simulation
+from parsolid.simulation.outputs import Cadence, Output
 from parsolid.simulation.time_step import TimeSteps
 from parsolid.solvers.runge_kutta import Stage
 
@@ -102,19 +103,18 @@ class StepsToEnd(TimeSteps):
         return (stable, time + stable) if time + stable < self.end else (self.end - time, self.end)
 
 
-class Record:
+class Record(Output):
     """Keeps the ledger's row, and any further numbers, after every step."""
+
+    every = Cadence(steps=1, times=(0.0,))
 
     def __init__(self, more=None):
         self.more = more or (lambda simulation: {})
         self.rows = []
 
-    def look(self, simulation) -> None:
+    def write(self, simulation) -> None:
         row = simulation.ledger.row(simulation.comm, *simulation.energies())
         self.rows.append({"time": simulation.clock.time, **row, **self.more(simulation)})
-
-    def wall_checkpoint_due(self) -> bool:
-        return False
 
     def columns(self) -> dict[str, np.ndarray]:
         """Every column over the steps."""
@@ -124,21 +124,18 @@ class Record:
 def follow(sim, record, steps: int | None = None, policy=StableSteps) -> dict[str, np.ndarray]:
     """So many steps, or to the end, as long as the policy makes them; the columns of the record."""
     sim.time_steps = policy.of(sim.scene, sim.systems)
-    sim.run(record, Limits(steps=steps), StopRequest())
+    sim.run(None, [record], Limits(steps=steps))
     return record.columns()
 
 
-def run_into(folder, comm, scene, steps: int | None = None, restart=None) -> Recorder:
-    """A run with all its files, so many steps or to its end; the recorder knows its simulation."""
-    sim = Simulation(comm, scene, restart)
-    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
-    recorder.files.open_history(recorder.columns)
-    if restart:
-        recorder.resume(restart.header)
-    sim.run(recorder, Limits(steps), StopRequest())
-    recorder.finish()
-    recorder.files.close()
-    return recorder
+def run_into(folder, comm, scene, steps: int | None = None, restart=None) -> Job:
+    """A run with all its files, so many steps or to its end; it knows its simulation."""
+    job = Job(Simulation(comm, scene, restart), RunFolder(comm, folder, restart and restart.path), restart)
+    job.simulation.run(None, job.outputs, Limits(steps))
+    job.finish()
+    job.close()
+    job.folder.close()
+    return job
 
 
 def run_steps(data: dict, steps: int, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:
@@ -271,7 +268,10 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     T, D = of("stress_force").reshape(-1, d).copy(), of("dissipative_force").reshape(-1, d).copy()
     record = np.zeros((0, d, d))
     if method.lists is not None:
-        record = method.lists.record[: method.lists.last, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
+        at = method.lists.columns
+        record = method.lists.record[: method.lists.last, at.stress : at.stress + d * at.vector].reshape(
+            -1, d, at.vector
+        )
     numerical, power = method.staged_step.advance_motion(EULER, 0.0, 0.0)
     return {
         "gradient": gradient,

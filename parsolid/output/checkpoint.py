@@ -1,6 +1,6 @@
 """Checkpoints: everything a run needs to go on, in one HDF5 file that is whole at every instant.
 
-Layout (format version 2):
+Layout (format version 3):
 
     /                      attributes format, version, complete (1 once everything is on the disk)
     /header                JSON text: what is not an array
@@ -21,12 +21,13 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.output.checksums import added, check_shapes, compare, digest, sound_header, stated_sums, sum_of_rows
+from parsolid.checksums import added, digest, sum_of_rows
+from parsolid.output.checksums import check_shapes, compare, sound_header, stated_sums
 from parsolid.output.errors import OutputError, together, words
 from parsolid.output.slabs import CHECKED_VERSIONS, SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
 
 FORMAT = "parsolid checkpoint"
-VERSION = 2
+VERSION = 3
 DEFAULT_NAME = "checkpoint.h5"
 Header = dict[str, Any]
 Fields = dict[str, np.ndarray]
