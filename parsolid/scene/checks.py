@@ -197,7 +197,8 @@ def _reference_details(scene: Scene, incomplete: bool) -> list[Detail]:
     known = [*HISTORY_COLUMNS, *terms, *met, *(TIE_TERMS if scene.tie else ())]
     for name in (one.reports for one in scene.boundaries if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, scene.dimension)]
-    for watched in (*scene.probes, *scene.tools):
+    every: list[Any] = [*scene.probes, *scene.tools]
+    for watched in every:
         known += watched.columns(scene.dimension)
     elsewhere = CONTACT_TERMS | TOOL_TERMS | GRID_TERMS | FRICTION_HEAT | TIE_TERMS if incomplete else {}
     return [
