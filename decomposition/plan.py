@@ -141,10 +141,6 @@ class Messages:
         """Until all have been sent and received."""
         MPI.Prequest.Waitall(self._all)
 
-    def progress(self) -> bool:
-        """Let MPI move large messages along; True when all have arrived."""
-        return MPI.Prequest.Testall(self._all)
-
     def free(self) -> None:
         """Give the requests back to MPI now; garbage collection does so otherwise."""
         self._finalizer()
@@ -222,10 +218,6 @@ class Exchange:
         """Start and finish."""
         self.start()
         self.finish()
-
-    def progress(self) -> bool:
-        """Let MPI move large messages along during long work between start and finish; True when all have arrived."""
-        return self.messages.progress()
 
     def free(self) -> None:
         """Give the requests back to MPI now; garbage collection does so otherwise. No start may follow."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from decomposition import Halo, Plan
-from decomposition.plan import send_to_some, swap
+from decomposition.halo import Halo
+from decomposition.plan import Plan, send_to_some, swap
 
 
 def test_ghosts_get_their_owners_values(comm):
