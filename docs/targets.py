@@ -10,9 +10,9 @@ import numpy as np
 from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
-from parsolid.api.results import load
 from parsolid.commands.cli import parse
 from parsolid.commands.run import run_scene
+from parsolid.output.results import load
 from parsolid.scene import load_scene
 
 ROOT = Path(__file__).parents[1]

@@ -10,15 +10,29 @@ __version__ = "0.1.0"
 for _library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
-# what is loaded when it is first asked for: `import parsolid` itself costs nothing
-_OFFERED = ("load", "run", "set_up", "material", "OutputError", "RunFailed", "SceneError", "SolverError")
+# loaded when they are first asked for: `import parsolid` itself costs nothing
+__all__ = [
+    "Cadence",
+    "Output",
+    "OutputError",
+    "Results",
+    "RunFailed",
+    "Scene",
+    "SceneError",
+    "Simulation",
+    "SolverError",
+    "load",
+    "load_scene",
+    "material",
+    "run",
+]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _OFFERED:
+    if name in __all__:
         return getattr(import_module("parsolid.api"), name)
     raise AttributeError(f"module 'parsolid' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_OFFERED])
+    return sorted([*globals(), *__all__])

@@ -1,24 +1,28 @@
-"""What a notebook or a script of one's own uses: `parsolid.load`, `run`, `set_up`, `material`, and what they raise;
-docs/python.md."""
+"""The Python interface, which the command line calls, too; docs/python.md."""
 
 from parsolid.api.materials import material
-from parsolid.api.results import RunResults, load
 from parsolid.api.running import run
-from parsolid.api.stepping import SteppedSimulation, set_up
+from parsolid.api.scenes import Scene
+from parsolid.api.simulation import Simulation
 from parsolid.collective import SolverError
 from parsolid.output.errors import OutputError
-from parsolid.scene import SceneError
+from parsolid.output.results import Results, load
+from parsolid.scene import SceneError, load_scene
 from parsolid.simulation.loop import RunFailed
+from parsolid.simulation.outputs import Cadence, Output
 
 __all__ = [
+    "Cadence",
+    "Output",
     "OutputError",
+    "Results",
     "RunFailed",
-    "RunResults",
+    "Scene",
     "SceneError",
+    "Simulation",
     "SolverError",
-    "SteppedSimulation",
     "load",
+    "load_scene",
     "material",
     "run",
-    "set_up",
 ]

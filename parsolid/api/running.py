@@ -1,33 +1,29 @@
 """Whole runs from Python."""
 
-import copy
-import os
 import subprocess
 import tempfile
 import time as clock
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
-from parsolid.api.results import RunResults, load
+from parsolid.api.scenes import AnyScene, read_scene
 from parsolid.collective import SolverError
 from parsolid.commands.cli import parse
 from parsolid.commands.run import TO_BE_CONTINUED, bcast_scene, overrides_of, run_scene
 from parsolid.launcher import start, stop
-from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
-from parsolid.scene.loading import apply_override
+from parsolid.output.results import Results, load
+from parsolid.scene import Scene, dump_scene
 from parsolid.simulation.loop import RunFailed
 
 
 def run(
-    scene: str | Path | dict[str, Any],
+    scene: AnyScene,
     output: str | Path | None = None,
     ranks: int | None = None,
     options: tuple[str, ...] = ("--quiet",),
     trust_code: bool = False,
-) -> RunResults:
+) -> Results:
     """Run a scene to its end and give its results.
 
     scene: TOML file, or its tables, in which files are relative to the working folder; output: folder of the results,
@@ -43,30 +39,15 @@ def run(
         raise SolverError(f"ranks: expected none in a script on {comm.size} ranks, which all take part, found {ranks}")
     more = (*options, "--trust-code") if trust_code else options
     words = parse(["run", *more])
-    stated = bcast_scene(comm, lambda: read_scene(scene, words.trust_code, overrides_of(words)))
+    stated = bcast_scene(comm, lambda: read_scene(scene, overrides_of(words), words.trust_code))
     folder = Path(output if output is not None else stated.output.directory)
     if ranks is None:
-        words.scene, words.output = None if isinstance(scene, dict) else str(scene), str(folder)
+        words.scene, words.output = str(scene) if isinstance(scene, str | Path) else None, str(folder)
         run_scene(comm, stated, words, clock.perf_counter())
     else:
         _in_processes(stated, folder, ranks, more)
     comm.barrier()
     return load(folder)
-
-
-def read_scene(scene: str | Path | dict[str, Any], trust_code: bool, overrides: Sequence[str] = ()) -> Scene:
-    """A scene of a TOML file or of its tables, in which files are relative to the working folder. Raises SceneError.
-
-    overrides: see `load_scene`.
-    """
-    if not isinstance(scene, dict):
-        return load_scene(scene, list(overrides), trust_code)
-    tables = copy.deepcopy(scene)
-    if faults := [text for text in (apply_override(tables, override) for override in overrides) if text]:
-        raise SceneError(faults)
-    if isinstance(output := tables.setdefault("output", {}), dict):
-        output.setdefault("directory", "results/scene")
-    return parse_scene(tables, os.getcwd(), trust_code)
 
 
 def _in_processes(scene: Scene, folder: Path, ranks: int, options: tuple[str, ...]) -> None:

@@ -354,9 +354,9 @@ def test_a_window_wants_a_display(comm, folders, monkeypatch):
 
 @pytest.mark.serial
 def test_a_window_sees_bodies_from_where_pictures_do(folders):
-    from parsolid.commands.plot.results import Results
     from parsolid.commands.plot.sheets import Look, Sheet
     from parsolid.commands.view.showing import window
+    from parsolid.output.results import Results
 
     results = Results(folders / "block")
     plotter = window(Sheet(results, "pressure", [0], Look(view="front")), off_screen=True)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from parsolid.commands.plot.curves import write_energies, write_probes
 from parsolid.commands.plot.forces import pairs, write_forces
-from parsolid.commands.plot.results import Results
+from parsolid.output.results import Results
 
 TOLD = {"kind": "velocity", "where": "top", "name": "pull", "reaction": True}
 MOVED = {"name": "grip", "where": "top", "fields": ["stress", "displacement"]}

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from parsolid.api.results import load
 from parsolid.commands.cli import parse
 from parsolid.commands.run import run_scene
 from parsolid.commands.target import NOT_REACHED, no_bar, worst
@@ -21,6 +20,7 @@ from parsolid.errors.files import history_of
 from parsolid.errors.running import Interrupted, run_companions
 from parsolid.errors.targets import Cost, Target, predicted_seconds
 from parsolid.errors.variants import companions_of
+from parsolid.output.results import load
 from parsolid.scene import SceneError, load_scene
 from parsolid.simulation.loop import Limits
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments, missing
-from parsolid.commands.plot.results import Results
+from parsolid.output.results import Results
 from parsolid.scene import SceneError
 from parsolid.scene.validation_errors import suggestion, told
 
@@ -179,7 +179,7 @@ def bodies_named(results: Results, words: str | None) -> tuple[int, ...] | None:
     """Numbers of the bodies of `--only`, None for all. Raises SceneError for one that the scene has not."""
     if words is None:
         return None
-    names = [str(body.get("name", number)) for number, body in enumerate(results.tables["bodies"])]
+    names = [str(body.get("name", number)) for number, body in enumerate(results.scene["bodies"])]
     found = []
     for word in words.split(","):
         if word not in names and not (word.isdigit() and int(word) < len(names)):

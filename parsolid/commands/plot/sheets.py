@@ -18,9 +18,9 @@ from PIL import Image
 from parsolid.commands.plot.marks import HEIGHT as MARKS
 from parsolid.commands.plot.marks import add_marks
 from parsolid.commands.plot.plane import PlaneView, draw_plane
-from parsolid.commands.plot.results import Frame, Results
 from parsolid.commands.plot.scales import scale_of, time_labels
 from parsolid.commands.plot.skins import skins_of
+from parsolid.output.results import Frame, Results
 from parsolid.scene import SceneError
 
 DOTS_PER_INCH = 100
@@ -64,12 +64,12 @@ class Sheet:
         """Raises SceneError when there is no such field, or when particles are nowhere."""
         results.check_field(field)
         self.results, self.field, self.steps, self.look = results, field, steps, look
-        body = results.constant("body")
+        body = results.rows("body")
         self._rows = np.isin(body, look.bodies) if look.bodies is not None else np.ones(len(body), bool)
         self.frames = [self._shown(frame) for frame in results.frames(steps, field, look.exaggeration)]
         if not all(np.isfinite(frame.position).all() for frame in self.frames):
             raise SceneError([f"{results.fields_path}: expected finite positions, found some that are not"])
-        self.volume = np.tile(results.constant("volume")[self._rows], 2 ** len(look.mirror))
+        self.volume = np.tile(results.rows("volume")[self._rows], 2 ** len(look.mirror))
         self.scale = scale_of(field, [frame.values for frame in self.frames], look.limits, look.colours)
         self.labels = time_labels([frame.time for frame in self.frames])
         if look.exaggeration != 1.0:
@@ -89,7 +89,7 @@ class Sheet:
     @cached_property
     def skins(self) -> Any:
         """The skins of the bodies and of their images."""
-        body = self.results.constant("body")[self._rows]
+        body = self.results.rows("body")[self._rows]
         skins = skins_of(self.results.parts.bodies, int(self.results.dimension or 0), body)
         skins = [skin.torn() if self._failed[skin.first : skin.last].mean() > _TORN else skin for skin in skins]
         particles = len(body)

@@ -16,8 +16,8 @@ from matplotlib.ticker import MaxNLocator
 
 from parsolid.commands.plot import missing
 from parsolid.commands.plot.command import bodies_named, cut_of, first_field
-from parsolid.commands.plot.results import Frame, Results
 from parsolid.commands.plot.sheets import Look, Sheet
+from parsolid.output.results import Frame, Results
 from parsolid.scene import SceneError
 
 # a page of more would be slow to load [bytes]
