@@ -163,7 +163,7 @@ def test_a_scene_made_of_arguments_is_that_of_the_tables(tmp_path):
 
 
 PROBED = SCENE | {
-    "boundaries": [{"kind": "fixed", "plane": "Y = 0", "name": "ground", "reaction": True}],
+    "boundaries": [{"kind": "fixed", "plane": "Y = 0", "mirror": False, "name": "ground", "reaction": True}],
     "probes": [{"name": "corner", "at": [1.0, 1.0], "fields": ["displacement"]}],
     "output": SCENE["output"] | {"history_steps": 1},
 }
