@@ -36,8 +36,8 @@ def scenes(only: str) -> dict[str, Path]:
 def watched(path: Path) -> Any:
     """The scene with a probe of every field and quantity that it accepts."""
     from parsolid.observables.declared import field_kinds, quantity_kinds
+    from parsolid.particles.fillings import filling_of
     from parsolid.scene import SceneError, load_scene, parse_scene
-    from parsolid.scene.fillings import filling_of
 
     scene = load_scene(path)
     data = tomllib.loads(path.read_text())

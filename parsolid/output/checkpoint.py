@@ -21,7 +21,8 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.output.checksums import added, check_shapes, compare, digest, sound_header, stated_sums, sum_of_rows
+from parsolid.checksums import added, digest, sum_of_rows
+from parsolid.output.checksums import check_shapes, compare, sound_header, stated_sums
 from parsolid.output.errors import OutputError, together, words
 from parsolid.output.slabs import CHECKED_VERSIONS, SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
 

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.kernels import kernel
-from parsolid.scene.elements import CORNERS, ELEMENTS
+from parsolid.particles.meshes.elements import CORNERS, ELEMENTS
 
 # a pair's s_ab below this part of its face is zero but for rounding
 _ROUNDING = 1e-11

@@ -49,6 +49,8 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
                 system.begin(part, particle_sets[-1])
         if not restart:
             refuse_unsound_start(comm, part, system, particle_sets[-1])
+    for particle_set in particle_sets:
+        particle_set.meshes.clear()
     if restart:
         restart.apply_state(systems, orders)
     return systems, particle_sets

@@ -108,7 +108,7 @@ def test_a_constant_stress_has_the_force_of_its_tractions_and_linear_fields_are_
     volume = comm.allreduce(particles.owned_rows("volume").sum())
     cells = np.prod([1.2, 0.9, 0.7][:d])
     if "perforated_box" in data["bodies"][0]["shape"]:
-        from parsolid.scene.fillings import filling_of
+        from parsolid.particles.fillings import filling_of
 
         filling = filling_of(sim.scene.bodies[0], d)
         cells = filling.cells.count * filling.cells.volume

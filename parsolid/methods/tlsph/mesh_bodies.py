@@ -29,7 +29,7 @@ from parsolid.pairs.mesh_weights import (
 )
 from parsolid.pairs.pair_list import MirrorImages, PairList
 from parsolid.particles.declaration import Columns, Field
-from parsolid.particles.mesh_elements import elements_around
+from parsolid.particles.meshes.around import elements_around
 
 # part of the largest stable step that method.safety = 1 means, and iterations that find the highest frequency
 _SAFETY, _ITERATIONS = 0.9, 30
@@ -139,12 +139,11 @@ class MeshBodies(ListBodies):
     def find_pairs(self, scene: Any, particle_set: Any, numbers: list[int]) -> None:
         """Pairs, weights, volumes, areas, masses and the largest step; numbers: of the bodies. Collective."""
         comm, of = self.system.comm, self.particles.owned_rows
-        found = {
-            number: elements_around(
-                comm, scene.bodies[number], self.dimension, particle_set.identifier[particle_set.body == number]
-            )
-            for number in numbers
-        }
+        found = {}
+        for number in numbers:
+            body, own = scene.bodies[number], particle_set.identifier[particle_set.body == number]
+            mesh = particle_set.meshes.get((body.shape.model.file, body.shape.model.scale))
+            found[number] = elements_around(comm, body, self.dimension, own, mesh)
         self.of_second_order = {number: one.of_second_order for number, one in found.items() if one.of_second_order}
         elements = [block for one in found.values() for block in one.blocks]
         extent = max(one.extent for one in found.values())
