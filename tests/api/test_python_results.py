@@ -39,8 +39,8 @@ def results(tmp_path_factory):
 @pytest.mark.slow
 def test_a_job_of_its_own_leaves_what_a_run_in_this_process_leaves(tmp_path):
     """With the same options, which act in both."""
-    options = ("-q", "--set", "bodies.0.particles=[8,8]", "--end-time", "5e-4")
-    here, there = (parsolid.run(SCENE, output=tmp_path / str(n), ranks=n, options=options) for n in (None, 2))
+    overrides = ("bodies.0.particles=[8,8]", "end_time=5e-4")
+    here, there = (parsolid.run(SCENE, output=tmp_path / str(n), ranks=n, overrides=overrides) for n in (None, 2))
     for results, ranks in ((here, 1), (there, 2)):
         assert results.summary["ranks"] == ranks and results.summary["particles"] == 64
         assert results.summary["end_time"] == 5e-4
@@ -215,10 +215,20 @@ def test_what_a_script_adds_to_the_velocities_ends_its_run():
 
 
 def test_options_act_in_this_process(tmp_path):
-    stopped = parsolid.run(SCENE, output=tmp_path / "late", options=("-q", "--wall-time", "1e-3"))
+    stopped = parsolid.run(SCENE, output=tmp_path / "late", wall_time=1e-3)
     assert stopped.summary["status"] == "interrupted"
     with pytest.raises(SceneError, match="--set bodies.7.particles: expected an index"):
-        parsolid.run(SCENE, output=tmp_path / "none", options=("--set", "bodies.7.particles=1"))
+        parsolid.run(SCENE, output=tmp_path / "none", overrides=["bodies.7.particles=1"])
+
+
+def test_the_report_of_a_check_has_what_a_run_takes(results):
+    report = parsolid.check(SCENE)
+    assert report.particles == results.summary["particles"] and report.pairs == results.summary["pairs"]
+    assert report.stable_step > 0.0 and report.steps >= 3 and f"{report.pairs:,}" in str(report)
+    thin = SCENE["bodies"][0] | {"particles": [9, 2]}
+    assert [one.code for one in parsolid.check(SCENE | {"bodies": [thin]}).warnings] == []
+    with pytest.raises(SceneError):
+        parsolid.check(SCENE | {"end_time": -1.0})
 
 
 def test_a_script_under_mpirun_is_a_run_on_all_its_ranks(comm, shared_path):

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from parsolid.api import pictures
 from parsolid.commands.cli import main
-from parsolid.commands.plot import add_arguments, plot_run, run_plot
+from parsolid.commands.plot import add_arguments, run_plot
 from parsolid.commands.plot.scales import scale_of
 from parsolid.commands.plot.skins import Skin, lattice_faces
 from parsolid.commands.view import add_arguments as add_view_arguments
@@ -102,7 +103,7 @@ def test_standard_set(comm, folders, kind):
     folder = folders / kind
     if comm.rank == 0:
         if kind == "plate":
-            plot_run(folder)
+            pictures.draw(folder)
         else:
             command = [sys.executable, "-m", "parsolid.commands.plot", str(folder)]
             environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
@@ -289,7 +290,7 @@ def test_a_folder_without_a_run(comm, shared_path):
 
 
 def test_failing_pictures_leave_a_finished_run_alone(tmp_path, capfd):
-    plot_run(tmp_path)
+    pictures.draw_at_end(MPI.COMM_SELF, tmp_path, True, 0.0)
     assert capfd.readouterr().err.startswith("no pictures: ")
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments, missing
+from parsolid.api.pictures import missing
+from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments
 from parsolid.output.results import Results
 from parsolid.scene import SceneError
 from parsolid.scene.validation_errors import suggestion, told

@@ -14,7 +14,7 @@ import matplotlib
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from parsolid.commands.plot import missing
+from parsolid.api.pictures import missing
 from parsolid.commands.plot.command import bodies_named, cut_of, first_field
 from parsolid.commands.plot.sheets import Look, Sheet
 from parsolid.output.results import Frame, Results
