@@ -12,8 +12,8 @@ from parsolid.point.choice import point_law
 from parsolid.point.driver import drive, tabulate
 from parsolid.point.schema import MaterialPoint
 from parsolid.scene.base_model import SceneModel
-from parsolid.scene.loading import told_faults
 from parsolid.scene.materials import HyperelasticSolid, Material
+from parsolid.scene.model_faults import told_faults
 from parsolid.scene.validation_errors import SceneError
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from parsolid.scene import Scene as SceneModel
 from parsolid.scene import SceneError, load_scene, parse_scene
-from parsolid.scene.loading import apply_override
+from parsolid.scene.raw_tables import apply_override
 
 Table = Mapping[str, Any]
 Tables = Sequence[Table]

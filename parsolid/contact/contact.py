@@ -21,8 +21,9 @@ from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.forces import Pressure, Rubbing
 from parsolid.contact.host import Host
 from parsolid.contact.search import Search, Segment
-from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after
+from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after, taken_by_deletion
 from parsolid.contact.within import WithinBodies
+from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field, Rows
@@ -70,6 +71,7 @@ class KernelContact(Interaction):
         self.steps = StepRule(self.body_pairs)
         self.rubs = any(pair.law.friction for pair in self.body_pairs.pairs)
         self.warms = self.rubs and any(system.takes_heat for system in systems)
+        self.deletes = any("deleted_mass" in system.particles for system in systems)
         self.checkpoint: dict[str, Any] | None = None
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         self._placed: tuple[int | None, ...] = ()
@@ -81,6 +83,8 @@ class KernelContact(Interaction):
         one another, or are one layer of particles."""
         kept, steps = self.checkpoint, self.steps
         if kept is None:
+            for system in self.systems:
+                system.particles.owned_rows("contact_force")[:] = 0.0
             fill_depths(self.comm, self.body_pairs, self.systems, self.names)
             stable = minimum(self.comm, min(one.stable_step() for one in self.systems))
             steps.last = max(steps.shortest, stable)
@@ -286,8 +290,16 @@ class KernelContact(Interaction):
         held: nothing has moved since the last evaluation, or it is the first; the springs of friction stay as they are.
         """
         search, pressure, rubbing = self.search, self.pressure, self.rubbing
-        before = pressure.penetration.copy()
+        before, volume, active = (
+            pressure.penetration.copy(),
+            search.points.rows[:, 3].copy(),
+            search.pairs.active.copy(),
+        )
+        if self.deletes and not held:
+            search.leave_out_deleted()
         deepest = self._find_penetrations(known=not held)
+        if ledger is not None and (volume != search.points.rows[:, 3]).any():
+            ledger.add_term(DELETED_STORED, taken_by_deletion(search.points, search.pairs, volume, active))
         if not held:
             self.steps.update(self._seen(), before)
         if rubbing is not None:
