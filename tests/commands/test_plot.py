@@ -110,11 +110,8 @@ def test_standard_set(comm, folders, kind):
             environment["MPI4PY_RC_INITIALIZE"] = "false"
             ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
             assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
-        assert sorted(path.name for path in (folder / "pictures").iterdir()) == [
-            "energies.png",
-            "pressure.png",
-            "probes.png",
-        ]
+        found = sorted(path.name for path in (folder / "pictures").iterdir())
+        assert found == ["energies.png", "pressure.png", "probes.png"]
         for name in ("energies.png", "probes.png"):
             assert np.mean(pixels(folder / "pictures" / name) < 128) > 0.005
         assert is_coloured(pixels(folder / "pictures" / "pressure.png"))

@@ -92,7 +92,7 @@ def test_pictures_show_all_blocks(tmp_path):
     assert frame.position.shape == (128, 3)
     assert np.isnan(frame.values[:64]).all() and (frame.values[64:] > 290.0).all()
     assert results.rows("body").tolist() == [0] * 64 + [1] * 64
-    assert "plastic_strain" in results.method.pictured_fields and len(results.parts.bodies) == 2
+    assert "plastic_strain" in results.method.pictured_fields and len(results.bodies) == 2
 
 
 def test_a_restart_on_other_ranks_deals_each_system_out_anew(comm, shared_path):

@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     view = "iso, front, side, top, below or the direction towards the viewer, such as --view=1,-2,0.5"
     parser.add_argument("--view", type=direction, default="iso", help=view)
+    parser.add_argument("--up", type=axes, default=(2,), metavar="AXIS", help="upright in space: X, Y or Z (default)")
     parser.add_argument(
         "--range", type=limits, metavar="LO,HI", help="of the colours, in SI units, such as --range=-2e6,2e6"
     )

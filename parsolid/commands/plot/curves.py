@@ -228,4 +228,4 @@ def _finish(figure: Figure, panels: Any, unit: str) -> None:
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(labelsize=9)
         if axes.get_legend_handles_labels()[0]:
-            axes.legend(fontsize=9, frameon=False)
+            axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")

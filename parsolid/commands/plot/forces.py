@@ -49,6 +49,6 @@ def write_forces(results: Results, path: Path) -> bool:
         axes.set_ylabel(f"force on the body [{newtons}{results.per(name)}]")
         axes.grid(alpha=0.25, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(fontsize=9, frameon=False)
+        axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")
     figure.savefig(path, dpi=figure.dpi)
     return True

@@ -41,7 +41,7 @@ class Look:
     view: "iso", "front", "side", "top", "below" or the direction towards the viewer; limits: of the colours, in SI
     units; size: of the whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the
     images in the planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements; cut:
-    the entries of a `cuts.Cut`; bodies: numbers of those that are drawn.
+    the entries of a `cuts.Cut`; bodies: numbers of those that are drawn; up: the axis that is upright in space.
     """
 
     view: str | tuple[float, float, float] = "iso"
@@ -55,6 +55,7 @@ class Look:
     title: str | None = None
     cut: tuple[int, float, bool | None, bool] | None = None
     bodies: tuple[int, ...] | None = None
+    up: int = 2
 
 
 class Sheet:
@@ -114,7 +115,7 @@ class Sheet:
             return PlaneView(self.frames, self.look.follow, margin)
         from parsolid.commands.plot.space import Camera
 
-        return Camera(self.frames, self.look.view, self.look.follow, margin)
+        return Camera(self.frames, self.look.view, self.look.follow, margin, self.look.up)
 
     @cached_property
     def cut(self) -> Any:
