@@ -41,7 +41,7 @@ def test_the_notebook_runs(comm, shared_path, monkeypatch):
 
 
 def test_the_example_of_a_stepped_scene(comm, shared_path, monkeypatch):
-    """Twice the static deflection of a beam, w L^4/(8 E' I) and 1.2 w L^2/(2 G h) of its shear, and a bit for the slope."""
+    """Twice the static deflection of a beam: w L^4/(8 E' I), and 1.2 w L^2/(2 G h) of its shear."""
     pytest.importorskip("matplotlib")
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.chdir(shared_path)
