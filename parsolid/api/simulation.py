@@ -10,9 +10,9 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
-from parsolid.observables.declared import FIELDS
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.run_folder import RunFolder
+from parsolid.scene.observed import FIELDS
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import FINISHED, STOPPED, Limits
 from parsolid.simulation.loop import Simulation as Core
