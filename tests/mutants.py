@@ -51,7 +51,7 @@ MUTANTS = [
     ("parsolid/output/directory.py", "    \"pictures\",\n", "", "tests/output/test_directory.py"),
     ("parsolid/simulation/scene_changes.py", "row[0] <= time", "row[0] < 0.0", CHANGES),
     ("parsolid/simulation/scene_changes.py", "    return found[0] == found[1]", "    return True", CHANGES),
-    ("parsolid/simulation/scene_changes.py", "(not fixed and change.of(allowed))", "change.of(allowed)", CHANGES),
+    ("parsolid/simulation/scene_changes.py", "not fixed and (change.rule", "(change.rule", CHANGES),
     ("parsolid/simulation/scene_changes.py", "(key for key in now if key not in before)", "()", CHANGES),
     ("parsolid/simulation/scene_changes.py", "(content {digest(file.read_bytes())})", "", CHANGES),
     ("parsolid/scene/overlap.py", "_ROUND_OFF, _JITTER = 1e-6, 0.5", "_ROUND_OFF, _JITTER = 1e-6, 0.0", SPACE),
