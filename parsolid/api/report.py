@@ -11,7 +11,7 @@ from parsolid.api.check_advice import advice
 from parsolid.api.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
 from parsolid.collective import maximum, minimum
-from parsolid.contact.relations import relations
+from parsolid.contact.report import describe_contacts
 from parsolid.machine import cores
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
@@ -92,7 +92,7 @@ def report_of(
     seconds, work = measured.measure()
     fields, once, checkpoint = bytes_on_disk(comm, scene, systems)
     ahead = _elsewhere(measured, elsewhere, base, work, idle) if elsewhere else []
-    memory, meetings = maximum(comm, peak_memory_bytes()), relations(comm, scene, systems)
+    memory, meetings = maximum(comm, peak_memory_bytes()), describe_contacts(comm, scene, systems)
     table = _of_each(comm, simulation) if len(systems) > 1 else []
     steps, times = int(np.ceil(scene.end_time / stable)), max(1, len(scene.fields_times))
     ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"

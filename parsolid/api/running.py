@@ -15,7 +15,7 @@ from parsolid.api.pictures import draw_at_end
 from parsolid.api.profiling import profiled
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
 from parsolid.collective import SolverError, anywhere
-from parsolid.contact.relations import relations
+from parsolid.contact.report import describe_contacts
 from parsolid.kernel_cache import cache_folder, wanted_folder
 from parsolid.kernels import on_compile
 from parsolid.launcher import start, stop
@@ -240,7 +240,7 @@ def _set_up(
 def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None, options: RunOptions) -> None:
     """Print warnings and notes on a run that is about to begin; collective."""
     advised = size_advice(simulation) + thin_advice(simulation) + cost_advice(simulation)
-    advised += relations(simulation.comm, simulation.scene, simulation.systems)
+    advised += describe_contacts(simulation.comm, simulation.scene, simulation.systems)
     if simulation.comm.rank > 0:
         return
     moved = [f"the results of an earlier run are in {aside} now" for aside in folder.moved]
