@@ -6,8 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from parsolid.particles import declaration as particles
-from parsolid.scene.base_model import Detail, Positive, SceneModel, reject
+from parsolid.scene.base_model import Detail, OnRestart, Positive, SceneModel, reject
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"
@@ -22,9 +21,10 @@ class MethodSettings(SceneModel):
 
     system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
     boundaries: the kinds that it knows; refused: of others the reason, or what to use in place;
-    declared_fields, extra_fields: those that a scene may name besides `COMMON_FIELDS`, as declarations or by name ->
-    "scalar", "vector" or "tensor"; extra_quantities: what the method computes, by name; pictured_fields:
-    what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity and displacement;
+    declared_fields, extra_fields: those that a scene may name besides `COMMON_FIELDS`, as declarations of particles or
+    by name -> "scalar", "vector" or "tensor"; extra_quantities: what the method computes, by name;
+    pictured_fields: what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity
+    and displacement;
     reactions: kinds of boundaries that can tell their force; pressed: keys of places where a
     pressure acts; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
@@ -50,10 +50,12 @@ class MethodSettings(SceneModel):
     evolved: ClassVar[tuple[str, ...]] = ("velocity",)
     evolved_of_particles: ClassVar[tuple[str, ...]] = ()
     evolved_forces: ClassVar[tuple[str, ...]] = ()
-    evolved_between: ClassVar[tuple[str, ...]] = ("contact_stick", "stick_*", "external_impulse", "moved")
+    evolved_between: ClassVar[tuple[str, ...]] = (
+        *("contact_partner", "contact_stick", "stick_*", "external_impulse", "moved"),
+    )
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
-    declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
+    declared_fields: ClassVar[tuple[Any, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}
     extra_quantities: ClassVar[dict[str, str]] = {}
     pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
@@ -61,6 +63,11 @@ class MethodSettings(SceneModel):
     viscous_terms: ClassVar[tuple[str, ...]] = ()
     bodies_meet: ClassVar[bool] = True
     graded_bodies: ClassVar[bool] = False
+    on_restart: ClassVar = {
+        **dict.fromkeys(("maximum_step", "minimum_step", "substeps", "dissipation_warning"), OnRestart.FREE),
+        **dict.fromkeys(("balance_warning", "balance_limit", "cfl", "safety", "rebalance"), OnRestart.FREE),
+        **dict.fromkeys(("kind", "reference", "weights"), OnRestart.FIXED),
+    }
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")

@@ -1,13 +1,13 @@
 """The scene as a whole; what looks at several of its tables at once is in `scene.checks`."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import InitErrorDetails
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Positive, SceneModel, method_of, mismatch, reject
+from parsolid.scene.base_model import OnRestart, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import OwnBody
 from parsolid.scene.boundaries import Boundary
 from parsolid.scene.contact import Contact, contact_pairs, unbonded
@@ -17,7 +17,7 @@ from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method, NamedMethodTable
 from parsolid.scene.named_regions import Region, all_regions, uses_of_regions
 from parsolid.scene.observation import Output, Reference
-from parsolid.scene.probes import ProbeTable
+from parsolid.scene.probes import Probe
 from parsolid.scene.systems import SystemOfScene, part_of, systems_of
 from parsolid.scene.tie import Tie
 from parsolid.scene.tools import Tool
@@ -26,6 +26,10 @@ from parsolid.scene.tools import Tool
 class Scene(SceneModel):
     """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
 
+    on_restart: ClassVar = {
+        **dict.fromkeys(("title", "end_time", "output", "errors", "run"), OnRestart.SILENT),
+        **dict.fromkeys(("dimension", "initial"), OnRestart.FIXED),
+    }
     title: str = Field("", description="what the run is called")
     dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")
@@ -41,7 +45,7 @@ class Scene(SceneModel):
     contact: list[Contact] = Field([], description="bodies that meet")
     tie: list[Tie] = Field([], description="bodies of different methods that are bonded")
     tools: list[Tool] = Field([], description="rigid bodies that others touch")
-    probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
+    probes: list[Probe] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
     errors: ErrorBars | None = Field(None, description="error bars for what is in history.csv")
