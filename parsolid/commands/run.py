@@ -25,6 +25,7 @@ from parsolid.output.summary import peak_memory_bytes
 from parsolid.scene import Scene, SceneError, load_scene, packaged_scene
 from parsolid.scene.declared import law_files
 from parsolid.scene.shapes import MeshFile
+from parsolid.scene.warned import Note, Warned
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, Simulation
 from parsolid.simulation.restart import Restart
@@ -188,9 +189,9 @@ def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None
     advised += relations(simulation.comm, simulation.scene, simulation.systems)
     if simulation.comm.rank > 0:
         return
-    moved = [f"the results of an earlier run are in {aside} now" for aside in folder.moved]
+    moved = [Note("results-moved", f"the results of an earlier run are in {aside} now") for aside in folder.moved]
     notes = [*moved, *scene_advice(simulation.scene), *(restart.notes if restart else ()), *advised]
-    for line in (*map(str, simulation.warnings), *(f"note: {note}" for note in notes)):
+    for line in (str(one) for one in (*simulation.warnings, *notes) if one.code not in options.silence):
         LOG.say(line)
         if not options.quiet:
             aloud(line)
@@ -227,8 +228,9 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
         idle = load_kernels(scene)
         base = peak_memory_bytes(present=True)
     simulation = Simulation(comm, scene)
-    notes = advice(simulation)
+    remarks: list[Warned | Note] = [*simulation.warnings, *advice(simulation)]
     print_report(comm, simulation, elsewhere, base, idle)
-    for line in (*map(str, simulation.warnings), *(f"note: {note}" for note in notes)) if comm.rank == 0 else ():
-        print(line, flush=True)
+    for one in remarks if comm.rank == 0 else ():
+        if one.code not in options.silence:
+            print(one, flush=True)
     return 0

@@ -9,6 +9,7 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.contact import contact_pairs
 from parsolid.scene.tie import tied_pairs
+from parsolid.scene.warned import Note
 
 # bodies closer than so many of the larger spacing touch
 _TOUCHING = 1.5
@@ -16,7 +17,7 @@ _TOUCHING = 1.5
 _MOST = 12
 
 
-def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[str]:
+def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Note]:
     """Notes on the pairs of bodies of a scene in its present state; collective, the same on all ranks."""
     if len(scene.bodies) == 1 and not scene.contact:
         return []
@@ -49,17 +50,15 @@ def relations(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[st
             told["apart"].append(both)
             if (home[i] is not home[j] or not home[i].settings.bodies_meet) and when < scene.end_time:
                 blind.append(f"{both} (at about t = {when:.3g} s)")
-    notes = [f"bodies {how}: {_listed(which)}" for how, which in told.items() if which]
+    notes = [Note("bodies", f"bodies {how}: {_listed(which)}") for how, which in told.items() if which]
     if idle:
         near = _listed(idle)
-        notes.append(
-            f"warning: close together without [[contact]] or [[tie]], so that nothing acts between them: {near}"
-        )
+        text = f"close together without [[contact]] or [[tie]], so that nothing acts between them: {near}"
+        notes.append(Note("no-interaction", text))
     if blind:
         told_of = _listed(blind)
-        notes.append(
-            f"warning: on a collision course without [[contact]], and would pass through each other: {told_of}"
-        )
+        text = f"on a collision course without [[contact]], and would pass through each other: {told_of}"
+        notes.append(Note("unnoticed-meeting", text))
     return notes
 
 

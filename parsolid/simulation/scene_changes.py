@@ -17,6 +17,7 @@ from parsolid.checksums import digest
 from parsolid.scene import Scene
 from parsolid.scene.load_histories import FactorHistory
 from parsolid.scene.validation_errors import NOTHING, key_path, told
+from parsolid.scene.warned import Note
 
 
 def _of_methods(*keys: str) -> tuple[str, ...]:
@@ -187,9 +188,9 @@ def _until(time: float, jumps: Any) -> list[float]:
     return [jump for jump in jumps if jump <= time] if isinstance(jumps, list) else []
 
 
-def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: float) -> tuple[list[str], list[str]]:
+def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: float) -> tuple[list[str], list[Note]]:
     """Faults, and notes on what was accepted; allowed: keys that the user allows to change, and all within them."""
-    faults, notes = [], []
+    faults, notes = list[str](), list[Note]()
     for change in found:
         if change.before is NOTHING and any(change.of((key,)) and change.now == same for key, same in ADDED.items()):
             continue
@@ -197,7 +198,7 @@ def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: fl
         if change.later or (change.of(FREE) and not fixed) or (not fixed and change.of(allowed)):
             if not change.of(SILENT):
                 then = f"{told(change.before)} until the checkpoint at t = {time:.6g} s"
-                notes.append(f"{change.key}: {then}, from there on {told(change.now)}")
+                notes.append(Note("restart-change", f"{change.key}: {then}, from there on {told(change.now)}"))
             continue
         hint = "" if fixed else f" (where that is meant: --allow-change {change.key})"
         expected = f"{told(change.before)} as in the checkpoint {source}"
