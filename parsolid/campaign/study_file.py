@@ -7,7 +7,8 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, reject
-from parsolid.scene.loading import read_tables, told_faults
+from parsolid.scene.model_faults import told_faults
+from parsolid.scene.raw_tables import read_tables
 from parsolid.scene.shapes import ExistingFile
 from parsolid.scene.validation_errors import SceneError
 

@@ -12,8 +12,8 @@ from parsolid.campaign.probes import with_corners
 from parsolid.campaign.runner import InProcess, VariantRun
 from parsolid.campaign.variants import RATIOS, SPACING, Variant, coarse_variants, level_of
 from parsolid.collective import SolverError
-from parsolid.observables.reaction import reaction_columns
 from parsolid.scene import Scene, SceneError
+from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.simulation.ledger import Ledger, terms_of
 
 # spacings over that of the scene at which levels may begin, the coarsest of which coarser ones can be made

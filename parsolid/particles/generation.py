@@ -12,6 +12,7 @@ from parsolid.particles.memory import check_memory
 from parsolid.particles.meshes.filling import MeshFilling
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.base_model import LEAST, MOST
+from parsolid.scene.checks import unbounded_plane
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.initial import meant
 from parsolid.scene.lattice import Filling
@@ -20,7 +21,7 @@ from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.overlap import overlap_faults
 from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.regions import NOBODY, Named, nearest_particles, selected
-from parsolid.scene.schema import Scene, unbounded_plane
+from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import SceneError, agree, fault, key_path, suggestion
 
 
@@ -82,8 +83,7 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
         if not (np.isfinite(size).all() and LEAST < size.min() and np.abs([filling.lower, filling.upper]).max() < MOST):
             faults.append(fault(("bodies", i), f"a body with sides from {LEAST:g} to {MOST:g} m", size.tolist()))
     for i, boundary in enumerate(scene.boundaries):
-        if boundary.needs_bounding_plane and boundary.plane is not None:
-            faults += unbounded_plane(i, boundary, dict(enumerate(scene.bodies)), fillings)
+        faults += [fault(*detail) for detail in unbounded_plane(i, boundary, scene.bodies, fillings)]
     agree(comm, faults)
     return list(fillings.values())
 
@@ -94,7 +94,7 @@ def _mark_meshes(scene: Scene, fillings: list[Filling], known: dict[str, Region]
     for mesh in meshes:
         mesh.mark(known)
     there = sorted({name for mesh in meshes for name in mesh.groups})
-    faults = []
+    faults: list[str] = []
     for name, region in known.items():
         for group in sorted(region.groups({}) - set(there) if not region.parts else ()):
             known_names = ", ".join(map(repr, [*(one.name for one in scene.regions), *there])) or "there is none"

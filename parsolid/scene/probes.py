@@ -10,7 +10,6 @@ from parsolid.materials.declaration import Phrase
 from parsolid.observables.declared import Key, field_kinds, quantity_kinds, samplers_with_keys, shown_kinds
 from parsolid.scene.base_model import ByKind, Point, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.bodies import Name
-from parsolid.scene.declared_fields import DeclaredFields
 from parsolid.scene.formulas import InitialScalar
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.validation_errors import NOTHING, suggestion
@@ -18,19 +17,10 @@ from parsolid.scene.validation_errors import NOTHING, suggestion
 Kinds = Mapping[str, str]
 
 
-def _kinds(info: ValidationInfo, common: Kinds, value: str) -> Kinds | None:
-    """Name -> kind of the fields that may be asked for; what code declares is looked up for a name in no table.
-
-    None where the scene cannot tell, because of other faults.
-    """
+def _kinds(info: ValidationInfo, common: Kinds) -> Kinds | None:
+    """Name -> kind of the fields that may be asked for; None where the method is not known."""
     method: Any = method_of(info)
-    if method is None:
-        return None
-    known = {**common, **method.field_kinds(dimension_of(info))}
-    declared: DeclaredFields | None = (info.context or {}).get("declared_fields")
-    if value in known or declared is None:
-        return known
-    return None if declared.kinds is None else known | declared.kinds
+    return None if method is None else {**common, **method.field_kinds(dimension_of(info))}
 
 
 def _known(value: str, known: Kinds | None) -> str:
@@ -43,7 +33,7 @@ def _known_field(common: Callable[[], Kinds]) -> AfterValidator:
     """Validator of the name of a field that all methods know, or the systems of the scene."""
 
     def check(value: str, info: ValidationInfo) -> str:
-        return _known(value, _kinds(info, common(), value))
+        return _known(value, _kinds(info, common()))
 
     return AfterValidator(check)
 
@@ -136,7 +126,7 @@ class Probe(SceneModel):
         for name in self._watched() if method else ():
             known: Kinds = method.extra_quantities
             if self.quantity is None:
-                known = _kinds(info, field_kinds(), name) or {}
+                known = _kinds(info, field_kinds()) or {}
             if name in known:
                 self._kinds[name] = known[name]
         return self

@@ -11,8 +11,9 @@ from parsolid.observables.in_region import InRegion, Statistic
 from parsolid.observables.method_quantity import MethodQuantity
 from parsolid.observables.particle_field import ParticleField, Place
 from parsolid.observables.projected import Projected
-from parsolid.observables.reaction import ReactionForce, reaction_columns
+from parsolid.observables.reaction import ReactionForce
 from parsolid.scene import Scene, nearest_particles
+from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.simulation.observables import Observables
 
 # extremes of all ranks are found as minima

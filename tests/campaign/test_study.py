@@ -19,7 +19,7 @@ from parsolid.campaign.study_file import load_study, toml_value
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.scene import SceneError
-from parsolid.scene.loading import override_value
+from parsolid.scene.raw_tables import override_value
 
 pytestmark = pytest.mark.serial
 
@@ -106,7 +106,7 @@ def test_a_study_tells_all_its_faults_at_once(folder):
     ("more", "told"),
     [
         ("[[series.axes]]\nkey = 'method.cfl'", "series.0.axes.1: expected key with values, found one of them"),
-        ("[[series.axes]]\nname = 'x'", "series.0.axes.1: expected exactly one of settings, key, ranks; found none"),
+        ("[[series.axes]]\nname = 'x'", "series.0.axes.1: expected exactly one of settings, key, ranks, found none"),
         (
             "[[series.axes]]\nranks = [2, 2]",
             "series.0.axes.1.ranks.1: expected something that is not there yet, found '2'",

@@ -8,8 +8,8 @@ import numpy as np
 from parsolid.materials.declaration import Phrase
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.fillings import extent_of
+from parsolid.scene.base_model import Detail
 from parsolid.scene.fillings import filling_of
-from parsolid.scene.method_settings import Detail
 from parsolid.scene.validation_errors import SceneError
 
 # shapes whose particles stand on no lattice
