@@ -26,6 +26,7 @@ from parsolid.contact.within import WithinBodies
 from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
+from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, of_model
@@ -114,16 +115,16 @@ class KernelContact(Interaction):
         if same:
             self.energy, self.stuck = kept["energies"][self.comm.rank]
         if self.search.segments:
-            self.steps.allowed = kept["steps"][self.comm.rank] if same else min(kept["steps"])
+            self.steps.allowed = float(kept["steps"][self.comm.rank, 0] if same else kept["steps"].min())
 
     def state(self) -> dict[str, Any]:
-        """Its energies on each rank, and the steps that these allow; collective."""
+        """Its energies on each rank, and the steps that these allow."""
         rule = self.steps
         allowed, at_start = (min(1e300, step) for step in (rule.allowed, rule.at_start))
         return {
-            "energies": self.comm.allgather((self.energy, self.stuck)),
+            "energies": OfRanks(self.energy, self.stuck),
             "starting": [at_start, rule.starting],
-            "steps": self.comm.allgather(allowed),
+            "steps": OfRanks(allowed),
             "step": rule.last,
             "rebuilds": self.rebuilds,
         }
@@ -133,10 +134,7 @@ class KernelContact(Interaction):
         self.checkpoint, self.rebuilds, self.steps.last = state, state["rebuilds"], state["step"]
         self.steps.at_start, self.steps.starting = state["starting"]
         # until `begin` finds them, for the energy of the whole state
-        if len(state["energies"]) == self.comm.size:
-            self.energy, self.stuck = state["energies"][self.comm.rank]
-        elif self.comm.rank == 0:
-            self.energy, self.stuck = np.sum(state["energies"], axis=0)
+        self.energy, self.stuck = own_share(self.comm, state["energies"])
 
     # --- in a step ----------------------------------------------------------------------------------------------
 

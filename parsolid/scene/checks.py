@@ -197,7 +197,9 @@ def _reference_details(scene: Scene, incomplete: bool) -> list[Detail]:
     known = [*HISTORY_COLUMNS, *terms, *met, *(TIE_TERMS if scene.tie else ())]
     for name in (one.reports for one in scene.boundaries if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, scene.dimension)]
-    known += [column for one in (*scene.probes, *scene.tools) for column in one.columns(scene.dimension)]
+    every: list[Any] = [*scene.probes, *scene.tools]
+    for watched in every:
+        known += watched.columns(scene.dimension)
     elsewhere = CONTACT_TERMS | TOOL_TERMS | GRID_TERMS | FRICTION_HEAT | TIE_TERMS if incomplete else {}
     return [
         (("reference", key, column), f"a column of the history{suggestion(column, known)}", column)

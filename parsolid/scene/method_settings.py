@@ -6,7 +6,6 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from parsolid.particles import declaration as particles
 from parsolid.scene.base_model import Detail, Positive, SceneModel, reject
 from parsolid.scene.warned import Note
 
@@ -23,9 +22,10 @@ class MethodSettings(SceneModel):
 
     system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
     boundaries: the kinds that it knows; refused: of others the reason, or what to use in place;
-    declared_fields, extra_fields: those that a scene may name besides `COMMON_FIELDS`, as declarations or by name ->
-    "scalar", "vector" or "tensor"; extra_quantities: what the method computes, by name; pictured_fields:
-    what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity and displacement;
+    declared_fields, extra_fields: those that a scene may name besides `COMMON_FIELDS`, as declarations of particles or
+    by name -> "scalar", "vector" or "tensor"; extra_quantities: what the method computes, by name;
+    pictured_fields: what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity
+    and displacement;
     reactions: kinds of boundaries that can tell their force; pressed: keys of places where a
     pressure acts; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
@@ -54,7 +54,7 @@ class MethodSettings(SceneModel):
     evolved_between: ClassVar[tuple[str, ...]] = ("contact_stick", "stick_*", "external_impulse", "moved")
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
-    declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
+    declared_fields: ClassVar[tuple[Any, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}
     extra_quantities: ClassVar[dict[str, str]] = {}
     pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)

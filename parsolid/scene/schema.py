@@ -17,7 +17,7 @@ from parsolid.scene.loads import Loads
 from parsolid.scene.methods import Method, NamedMethodTable
 from parsolid.scene.named_regions import Region, all_regions, uses_of_regions
 from parsolid.scene.observation import Output, Reference
-from parsolid.scene.probes import ProbeTable
+from parsolid.scene.probes import Probe
 from parsolid.scene.systems import SystemOfScene, part_of, systems_of
 from parsolid.scene.tie import Tie
 from parsolid.scene.tools import Tool
@@ -41,7 +41,7 @@ class Scene(SceneModel):
     contact: list[Contact] = Field([], description="bodies that meet")
     tie: list[Tie] = Field([], description="bodies of different methods that are bonded")
     tools: list[Tool] = Field([], description="rigid bodies that others touch")
-    probes: list[ProbeTable] = Field([], description="what is watched: columns of history.csv")
+    probes: list[Probe] = Field([], description="what is watched: columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
     errors: ErrorBars | None = Field(None, description="error bars for what is in history.csv")

@@ -72,7 +72,7 @@ def _samplers(comm: Any, probe: Any, columns: dict[str, list[str]], observables:
         known, names = QUANTITIES.get(probe.quantity), columns[probe.quantity]
         if known is None:
             return [MethodQuantity(probe.name, names, probe.quantity)]
-        return [known.sampler(probe.name, names, *([probe] if known.sampler.keys else []))]
+        return [known(probe.name, names)]
     if probe.weight is not None:
         names = [column for field in probe.fields for column in columns[field]]
         return [Projected(probe.name, names, probe.weight, probe.fields)]
@@ -83,7 +83,7 @@ def _samplers(comm: Any, probe: Any, columns: dict[str, list[str]], observables:
     place, result = Place(int(winner[0])), []
     for name in probe.fields:
         if name in PARTICLE_SAMPLERS:
-            result.append(PARTICLE_SAMPLERS[name][1](probe.name, columns[name], place, probe))
+            result.append(PARTICLE_SAMPLERS[name](probe.name, columns[name], place, probe))
         else:
             result.append(ParticleField(probe.name, columns[name], place, name))
     return result

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.container import Particles
 from parsolid.scene import Scene
 from parsolid.scene.boundaries.thermal import PrescribedTemperature
@@ -35,14 +36,13 @@ class ViscousHeat:
         self.continues = self.continues and step == 0.0
         return change
 
-    def state(self, comm: Any) -> dict[str, Any]:
-        """The step, and what is to come on each rank; collective."""
-        return {"step": self.step, "to_come": comm.allgather(self.to_come)}
+    def state(self) -> dict[str, Any]:
+        """The step, and what is to come on each rank."""
+        return {"step": self.step, "to_come": OfRanks(self.to_come)}
 
     def set_state(self, comm: Any, state: dict[str, Any]) -> None:
         """Take back what `state` gave; on another number of ranks the first has all."""
-        self.step, heat = state["step"], state["to_come"]
-        self.to_come = heat[comm.rank] if len(heat) == comm.size else sum(heat) * (comm.rank == 0)
+        self.step, self.to_come = state["step"], float(own_share(comm, state["to_come"])[0])
 
 
 class Temperatures:

@@ -50,15 +50,17 @@ def elements_around(
     number = mesh.nodes.fetch(local.nodes, before + np.cumsum(used) - 1)
     rank = Slices(comm, count).fetch(number, owner)
     blocks = []
+    kinds = np.repeat([kind for kind, _ in local.blocks], [len(cells) for _, cells in local.blocks])
     for kind in dict.fromkeys(kind for kind, _ in local.blocks):
         cells = np.concatenate([own for other, own in local.blocks if other == kind])
+        element = local.numbers[kinds == kind]
         ranks = np.sort(rank[cells], axis=1)
         another = np.ones(ranks.shape, bool)
         another[:, 1:] = ranks[:, 1:] != ranks[:, :-1]
         row, column = np.nonzero(another)
-        come = migrate(comm, ranks[row, column], {"cells": number[cells[row]]})["cells"]
-        if len(come):
-            blocks.append((kind, first + come))
+        come = migrate(comm, ranks[row, column], {"cells": number[cells[row]], "element": element[row]})
+        if len(come["cells"]):
+            blocks.append((kind, first + come["cells"][np.argsort(come["element"])]))
     return ElementsAround(blocks, _extent(mesh), mesh.of_second_order)
 
 

@@ -93,6 +93,13 @@ class MeshFilling:
             "spacing": volume ** (1.0 / points.shape[1]),
             "movable": np.ones(len(volume), bool),
         }
+        self.rows = self._kept_elements(self.rows)
+
+    def _kept_elements(self, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Rows of own elements, brought to the ranks that keep their numbers and in the order of these."""
+        come = self.mesh.elements.deliver(self.mesh.local.numbers, **rows)
+        order = np.argsort(come.pop("number"))
+        return {name: values[order] for name, values in come.items()}
 
     def mark(self, known: Mapping[str, Region]) -> None:
         """Find the particles in regions, and what of their surface is; before `scatter`. Collective."""
@@ -101,9 +108,10 @@ class MeshFilling:
         if self.body.placed_on == "nodes":
             vectors, held = self._surfaces_on_nodes(inside, len(known))[self._used], member.nodes()[self._used]
         else:
-            vectors = np.zeros((len(self.rows["volume"]), len(known), self.mesh.points.shape[1]))
+            vectors = np.zeros((len(self.mesh.local.numbers), len(known), self.mesh.points.shape[1]))
             for (owner, _, area), chosen in zip(self.facets, inside):
                 np.add.at(vectors, owner, chosen[:, :, None] * area[:, None, :])
+            vectors = self._kept_elements({"vectors": vectors})["vectors"]
             held = member.elements(self.rows["position"], self.rows["spacing"])
         self.rows["regions"] = (held | vectors.any(axis=2)).astype(np.int64)
         self.rows["surfaces"] = vectors.reshape(len(vectors), -1)

@@ -110,15 +110,15 @@ class Solid:
         """Places just below the corners and the middle of all facets, the elements that own these, and a number for
         each facet of the mesh."""
         places, owners, numbers = [], [], []
-        points, start = self.mesh.local.points, self.mesh.elements.first
+        points, numbers_of = self.mesh.local.points, self.mesh.local.numbers
         for (owner, nodes, _), side in zip(self.facets, self.sides):
             corners = points[nodes]
             middle = corners.mean(axis=1)[:, None]
             chosen = np.concatenate([corners + _FROM_CORNER * (middle - corners), middle], axis=1)
             places.append((chosen + _BELOW * (self._middles(owner)[:, None] - chosen)).reshape(-1, corners.shape[2]))
-            owners.append(np.repeat(start + owner, chosen.shape[1]))
+            owners.append(np.repeat(numbers_of[owner], chosen.shape[1]))
             # an element has 6 facets at most
-            numbers.append(np.repeat(6 * (start + owner) + side, chosen.shape[1]))
+            numbers.append(np.repeat(6 * numbers_of[owner] + side, chosen.shape[1]))
         return np.concatenate(places), np.concatenate(owners), np.concatenate(numbers)
 
     def _middles(self, elements: np.ndarray) -> np.ndarray:
@@ -152,7 +152,7 @@ class Solid:
                 own, rank = own[pairs[:, 0]], pairs[:, 1]
             arrays = {
                 "corners": self.mesh.local.points[cells[own]],
-                "number": self.mesh.elements.first + first + own,
+                "number": self.mesh.local.numbers[first + own],
                 "surface": surface[own],
             }
             blocks.append(_Block(kind, **(arrays if rank is None else migrate(self.comm, rank, arrays))))

@@ -13,14 +13,14 @@ from parsolid.scene.named_regions import Region
 class Membership:
     """What of a rank's slices of a mesh is in which of the known regions.
 
-    edge (own nodes,) [m]: see `topology.mean_edge`, for the tolerance.
+    edge (kept nodes,) [m]: see `topology.mean_edge`, for the tolerance.
     """
 
     def __init__(self, mesh: MeshSlices, known: Mapping[str, Region], edge: np.ndarray) -> None:
         """Collective."""
         self.mesh, self.known, self.tolerance = mesh, known, TOLERANCE * edge
         self.names = sorted(set().union(*(region.groups(known) for region in known.values())))
-        # (own nodes, groups): nodes of a group, of its elements and of its facets
+        # (kept nodes, groups): nodes of a group, of its elements and of its facets
         self.of_nodes = self._nodes_of_groups()
 
     def _nodes_of_groups(self) -> np.ndarray:
@@ -32,7 +32,7 @@ class Membership:
         of_elements = np.zeros((len(mesh.local.nodes), len(self.names)), bool)
         for i, name in enumerate(self.names):
             result[groups.nodes.get(name, np.zeros(0, np.int64)) - mesh.nodes.first, i] = True
-            start, chosen = 0, self._elements(name)
+            start, chosen = 0, mesh.elements.fetch(mesh.local.numbers, self._kept(name))
             for _, cells in mesh.local.blocks:
                 of_elements[cells[chosen[start : start + len(cells)]], i] = True
                 start += len(cells)
@@ -46,14 +46,14 @@ class Membership:
         np.logical_or.at(result, come["number"], come["flags"])
         return result
 
-    def _elements(self, name: str) -> np.ndarray:
-        """Which of the own elements are in a group."""
+    def _kept(self, name: str) -> np.ndarray:
+        """Which of the kept elements are in a group."""
         result = np.zeros(len(self.mesh.elements), bool)
         result[self.mesh.groups.elements.get(name, np.zeros(0, np.int64)) - self.mesh.elements.first] = True
         return result
 
     def nodes(self) -> np.ndarray:
-        """Which own nodes (n, regions) are in which region."""
+        """Which kept nodes (n, regions) are in which region."""
 
         def of_group(name: str) -> np.ndarray:
             return self.of_nodes[:, self.names.index(name)]
@@ -62,9 +62,9 @@ class Membership:
         return np.stack([one.contains(self.mesh.points, self.tolerance, self.known, of_group) for one in regions], 1)
 
     def elements(self, middle: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Which own elements (n, regions), of middles (n, d) [m] and sizes (n,) [m], are in which region."""
+        """Which kept elements (n, regions), of middles (n, d) [m] and sizes (n,) [m], are in which region."""
         regions = self.known.values()
-        return np.stack([one.contains(middle, TOLERANCE * size, self.known, self._elements) for one in regions], axis=1)
+        return np.stack([one.contains(middle, TOLERANCE * size, self.known, self._kept) for one in regions], axis=1)
 
     def facets(self, facets: Facets) -> list[np.ndarray]:
         """For facets by number of nodes, which (k, regions) are in which region: those of which all nodes are, or

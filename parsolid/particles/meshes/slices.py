@@ -1,4 +1,5 @@
-"""A mesh on all ranks, each with slices of its nodes and elements: a file is read once, by one rank or by slices."""
+"""A mesh on all ranks, each with a slice of its nodes and a compact part of its elements: a file is read once, by one
+rank or by all in slices."""
 
 import time
 from dataclasses import dataclass
@@ -7,6 +8,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from decomposition.bisection import bisect
+from decomposition.migration import migrate
 from decomposition.slices import Slices
 from parsolid.checksums import added, sum_of_rows
 from parsolid.collective import anywhere
@@ -20,21 +23,23 @@ _READER = 0
 
 @dataclass
 class LocalMesh:
-    """A rank's own elements by local numbers of their nodes. nodes (k,): numbers in the whole mesh, rising; points
-    (k, d) [m]; blocks (kind, (own elements, nodes))."""
+    """A rank's own elements, near one another, by local numbers of their nodes. nodes (k,): numbers in the whole mesh,
+    rising; points (k, d) [m]; blocks (kind, (own elements, nodes)): of all blocks of the mesh; numbers (own elements,):
+    in the whole mesh, rising."""
 
     nodes: np.ndarray
     points: np.ndarray
     blocks: list[tuple[str, np.ndarray]]
+    numbers: np.ndarray
 
 
 @dataclass
 class MeshSlices:
     """This rank's slices of a mesh.
 
-    nodes, elements: which numbers it keeps, elements counted over all blocks; points (own nodes, d) [m]; local: own
-    elements, of every block of the mesh; groups: own nodes, own elements, and facets of
-    which the first node is its own; facet_names: of all groups with facets; of_second_order: kinds of such elements.
+    nodes, elements: which numbers it keeps, elements counted over all blocks; points (kept nodes, d) [m]; local: own
+    elements, wherever their numbers are kept; groups: kept nodes, kept elements, and facets of which the first node is
+    kept; facet_names: of all groups with facets; of_second_order: kinds of such elements.
     """
 
     comm: Any
@@ -77,9 +82,28 @@ def read_slices(comm: Any, path: str, scale: float, dimension: int) -> MeshSlice
         raise SceneError([f"expected {dimension} finite coordinates a node, found some not finite"])
     groups = _at_keepers(comm, contents, mesh.groups, nodes, elements)
     facet_names = frozenset(name for name, _ in contents.facets)
-    own, blocks = numbered(mesh.blocks)
-    local = LocalMesh(own, nodes.fetch(own, points), blocks)
+    local = _local(comm, mesh.blocks, nodes, points, elements.first)
     return MeshSlices(comm, nodes, elements, points, local, groups, facet_names, tuple(contents.of_second_order))
+
+
+def _local(comm: Any, blocks: list[tuple[str, np.ndarray]], nodes: Slices, points: np.ndarray, first: int) -> LocalMesh:
+    """A compact part of the elements for every rank, of slices of blocks whose first element has a number."""
+    own, local = numbered(blocks)
+    places = nodes.fetch(own, points)
+    numbers = first + np.arange(sum(len(cells) for _, cells in blocks))
+    if comm.size == 1:
+        return LocalMesh(own, places, local, numbers)
+    middles = np.concatenate([places[cells].mean(axis=1) for _, cells in local])
+    owner, start, moved, order = bisect(comm, middles), 0, [], []
+    for kind, cells in blocks:
+        part = slice(start, start + len(cells))
+        come = migrate(comm, owner[part], {"cells": cells, "number": numbers[part]})
+        rising = np.argsort(come["number"])
+        moved.append((kind, come["cells"][rising]))
+        order.append(come["number"][rising])
+        start += len(cells)
+    own, local = numbered(moved)
+    return LocalMesh(own, nodes.fetch(own, points), local, np.concatenate(order))
 
 
 def _agreed(comm: Any, ask: Any) -> Any:

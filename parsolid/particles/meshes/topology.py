@@ -23,13 +23,13 @@ def sound_volumes(mesh: MeshSlices) -> list[np.ndarray]:
     Raises SceneError, on all ranks, where elements are inside out or flat. Collective.
     """
     lumped, numbers, counts, places = [], [], [], []
-    start, points = mesh.elements.first, mesh.local.points
+    start, points = 0, mesh.local.points
     for kind, cells in mesh.local.blocks:
         volumes, sound = lumped_volumes(kind, points[cells])
         bad = np.flatnonzero(~sound)
         lumped.append(volumes)
         counts.append(len(bad))
-        numbers.append(start + int(bad[0]) if len(bad) else _NONE)
+        numbers.append(int(mesh.local.numbers[start + bad[0]]) if len(bad) else _NONE)
         places.append(points[cells[bad[:1]]].mean(axis=1).ravel() if len(bad) else np.full(points.shape[1], np.inf))
         start += len(cells)
     total = mesh.comm.allreduce(np.array(counts))
@@ -52,11 +52,11 @@ def refuse_repeated(mesh: MeshSlices) -> None:
     of_nodes = np.repeat(_SEEDS[None], len(points), axis=0)
     for column in bits.T:
         of_nodes = mixed(of_nodes * _SEEDS[1] + column[:, None])
-    ends = mesh.elements.first + np.cumsum([0, *(len(cells) for _, cells in mesh.local.blocks)])
+    ends = np.cumsum([0, *(len(cells) for _, cells in mesh.local.blocks)])
     for kind in dict.fromkeys(kind for kind, _ in mesh.local.blocks):
         own = [b for b, (other, _) in enumerate(mesh.local.blocks) if other == kind]
         cells = np.concatenate([mesh.local.blocks[b][1] for b in own])
-        number = np.concatenate([np.arange(ends[b], ends[b + 1]) for b in own])
+        number = np.concatenate([mesh.local.numbers[ends[b] : ends[b + 1]] for b in own])
         keys = np.zeros((len(cells), 2), np.uint64)
         for column in cells.T:
             keys += of_nodes[column]

@@ -1,4 +1,4 @@
-"""How long the decomposition takes: `mpirun -n 2 python -m decomposition.benchmark [--points-per-rank N]`.
+"""How long the decomposition takes: `mpirun -n 2 python benchmarks/decomposition_speed.py [--points-per-rank N]`.
 
 A cubic lattice, reach 2.4 spacings (about 56 neighbours a point), is bisected, sorted, paired and exchanged.
 Times are the slowest rank's, best of several. "Beyond the messages" is packing, unpacking and Python.
@@ -11,8 +11,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from . import ClosePairs, Exchange, Halo, bisect, half_pairs, migrate, ordered_sum
-from .pair_search import checked_bounds, strips_of
+from decomposition.bisection import bisect
+from decomposition.halo import Halo
+from decomposition.migration import migrate
+from decomposition.pair_search import ClosePairs, checked_bounds, half_pairs, strips_of
+from decomposition.plan import Exchange
 
 _REACH = 2.4
 
@@ -57,7 +60,7 @@ def _exchange_seconds(comm: MPI.Comm, exchange: Exchange, repeats: int) -> tuple
 
 def main() -> None:
     """Measure and print one line a part, on rank 0."""
-    parser = argparse.ArgumentParser(prog="python -m decomposition.benchmark", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--points-per-rank", type=int, default=100_000)
     arguments = parser.parse_args()
     comm = MPI.COMM_WORLD
@@ -83,7 +86,6 @@ def main() -> None:
     start, neighbour = report("half_pairs", lambda: half_pairs(everywhere, halo.owned, _REACH))
     search, radius = ClosePairs(), np.full(len(everywhere), 0.5 * _REACH)
     report("ClosePairs.find", lambda: search.find(everywhere, radius, halo.owned))
-    report("ordered_sum", lambda: ordered_sum(comm, points[:, 0]))
     say(f"{len(neighbour)} pairs ({neighbour.nbytes / 2**20:.0f} MiB), {halo.ghosts} ghosts on rank 0")
     capacity = halo.owned + halo.ghosts
     for columns in (1, 10, 27):
