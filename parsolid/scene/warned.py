@@ -8,6 +8,7 @@ from typing import NamedTuple
 # every code with what it says
 CODES = {
     "cell-below-spacing": "cells of `mpm` smaller than the spacing: points move apart freely",
+    "friction-of-rattling-bodies": "friction between bodies that nothing damps: it may lag behind what moves them",
     "one-layer": "one layer of particles across a body that is free there",
     "thin-pressure-region": "a peridynamic pressure in a region that cuts off more than a tenth of its forces",
     "bodies": "how each pair of bodies meets: bonded, in contact, tied, apart",
