@@ -6,7 +6,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Detail, Positive, SceneModel, reject
+from parsolid.scene.base_model import Detail, OnRestart, Positive, SceneModel, reject
+from parsolid.scene.warned import Note
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"
@@ -50,17 +51,24 @@ class MethodSettings(SceneModel):
     evolved: ClassVar[tuple[str, ...]] = ("velocity",)
     evolved_of_particles: ClassVar[tuple[str, ...]] = ()
     evolved_forces: ClassVar[tuple[str, ...]] = ()
-    evolved_between: ClassVar[tuple[str, ...]] = ("contact_stick", "stick_*", "external_impulse", "moved")
+    evolved_between: ClassVar[tuple[str, ...]] = (
+        *("contact_partner", "contact_stick", "stick_*", "external_impulse", "moved"),
+    )
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[Any, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}
     extra_quantities: ClassVar[dict[str, str]] = {}
-    pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
+    pictured_fields: ClassVar[tuple[str, ...]] = ("von_mises_stress", "pressure")
     ledger_terms: ClassVar[dict[str, int]] = {}
     viscous_terms: ClassVar[tuple[str, ...]] = ()
     bodies_meet: ClassVar[bool] = True
     graded_bodies: ClassVar[bool] = False
+    on_restart: ClassVar = {
+        **dict.fromkeys(("maximum_step", "minimum_step", "substeps", "dissipation_warning"), OnRestart.FREE),
+        **dict.fromkeys(("balance_warning", "balance_limit", "cfl", "safety", "rebalance"), OnRestart.FREE),
+        **dict.fromkeys(("kind", "reference", "weights"), OnRestart.FIXED),
+    }
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
@@ -100,8 +108,8 @@ class MethodSettings(SceneModel):
         result.__pydantic_fields_set__.intersection_update(self.model_fields_set)
         return result
 
-    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
+        """What a scene asks for of the method's bodies that costs accuracy where it need not."""
         return []
 
     def without_state(self, name: str) -> str:
@@ -112,8 +120,8 @@ class MethodSettings(SceneModel):
         """Keys of the method that say nothing to these bodies."""
         return frozenset()
 
-    def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """What the method chose for bodies where the scene states nothing, in words for `check`."""
+    def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
+        """What the method chose for bodies where the scene states nothing, for `check`."""
         return []
 
     def touching(self) -> str:
