@@ -5,6 +5,8 @@ import copy
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.methods.mpm.plastic_stress import SYMMETRIC_ROWS, TENSOR_ROWS, PlasticState
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation, StopRequest
 from parsolid.simulation.output_files import OutputFiles
@@ -282,3 +284,21 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
         "numerical": numerical,
         "power": power,
     }
+
+
+def late_impulse(system) -> np.ndarray:
+    """Impulses (owned, d) [N s] of external forces that velocities do not have yet: those of material points are of the
+    middle of the last step."""
+    external = getattr(system, "external", None)
+    if external is None:
+        return np.zeros((system.owned, system.dimension))
+    rows = system.particles.owned_rows
+    return rows(EXTERNAL_IMPULSE) + 0.5 * external.step * rows(EXTERNAL_FORCE)
+
+
+def virgin_points(dimension: int, capacity: int) -> PlasticState:
+    """Elastic-plastic material points at the temperature 0 that never fail."""
+    deformation = np.zeros((len(TENSOR_ROWS[dimension]), capacity))
+    deformation[np.isin(TENSOR_ROWS[dimension], (0, 4, 8))] = 1.0
+    deviator = np.zeros((SYMMETRIC_ROWS[dimension], capacity))
+    return PlasticState(deformation, deviator, *(np.zeros((1, capacity)) for _ in range(3)))

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from solids import virgin_points
 
 from parsolid.materials.plastic import plastic_evaluation as evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
@@ -13,7 +14,7 @@ from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.melting import ConstantMelting
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.materials.registry import law_of
-from parsolid.methods.mpm.plastic_stress import BulkViscosity, advance_stress, new_state
+from parsolid.methods.mpm.plastic_stress import BulkViscosity, advance_stress
 from parsolid.scene.plasticity import library
 
 COPPER = MieGrueneisen(8930.0, 3940.0, 1.489, 2.02)
@@ -40,7 +41,7 @@ class Particles:
     def __init__(self, law, count=1, dimension=3, temperature=300.0):
         self.law, self.dimension, self.count = law, dimension, count
         capacity = 4 * (count // 4 + 2)
-        self.state = new_state(dimension, capacity)
+        self.state = virgin_points(dimension, capacity)
         self.state.temperature[:], self.state.energy[:] = temperature, law.internal_energy(temperature)
         self.motion, self.rate, self.record = np.zeros((capacity, 8)), np.zeros((capacity, 12)), np.zeros((capacity, 8))
         self.motion[:, 7] = 1.0
@@ -229,7 +230,7 @@ def test_a_particle_does_not_feel_its_neighbours(law, viscosity):
         if one is not None or other is not None:
             np.testing.assert_array_equal(one[:, :11], other[:, 11:0:-1])
     np.testing.assert_array_equal(first.record[:11], moved.record[11:0:-1])
-    virgin = new_state(3, 4)
+    virgin = virgin_points(3, 4)
     assert (moved.state.deformation[:, [0, 12]] == virgin.deformation[:, [0, 0]]).all()
 
 

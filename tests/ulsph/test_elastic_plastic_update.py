@@ -4,6 +4,7 @@ the material point method."""
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from solids import virgin_points
 
 from parsolid.materials.plastic import plastic_evaluation as evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
@@ -12,7 +13,7 @@ from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.materials.plastic.tile_update import new_tile
 from parsolid.materials.registry import law_of
-from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
+from parsolid.methods.mpm.plastic_stress import advance_stress
 from parsolid.methods.ulsph.elastic_plastic import State, advance_state
 from parsolid.scene.plasticity import library
 
@@ -130,7 +131,7 @@ def test_a_rotated_state_is_the_same_state(dimension):
 
 def material_point(law, gradient, duration, steps, temperature):
     """S (3, 3), P and J, E, T, plastic strain by the update of the material point method."""
-    state, motion, rate, record = new_state(3, 8), np.zeros((8, 8)), np.zeros((8, 12)), np.zeros((8, 8))
+    state, motion, rate, record = virgin_points(3, 8), np.zeros((8, 8)), np.zeros((8, 12)), np.zeros((8, 8))
     state.temperature[:], state.energy[:] = temperature, law.internal_energy(temperature)
     motion[:, 7] = 1.0
     # F+ = (1 + dt l) F, the same deformation as of a steady velocity gradient

@@ -77,16 +77,6 @@ class BulkViscosity(NamedTuple):
     centred: bool = False
 
 
-def new_state(dimension: int, capacity: int, criteria: int = 0) -> PlasticState:
-    """The virgin state of `capacity` particles at the temperature 0; criteria: number of the law's criteria of
-    failure."""
-    deformation = np.zeros((len(TENSOR_ROWS[dimension]), capacity))
-    deformation[np.isin(TENSOR_ROWS[dimension], (0, 4, 8))] = 1.0
-    deviator = np.zeros((SYMMETRIC_ROWS[dimension], capacity))
-    damage = [np.zeros((rows, capacity)) for rows in (1, criteria)] if criteria else []
-    return PlasticState(deformation, deviator, *(np.zeros((1, capacity)) for _ in range(3)), *damage)
-
-
 @inlined
 def load_rates(tile, rate, deleted, i, count):
     """Velocity gradients [1/s] of particles i..i+count-1; deleted particles do not deform any more."""

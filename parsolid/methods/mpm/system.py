@@ -232,10 +232,6 @@ class MaterialPoint(ParticleSystem):
             self.external = ExternalForces(self.points)
             self.stress.centre_viscosity()
 
-    def late_impulse(self) -> np.ndarray:
-        """Velocities are of the middle of the last step."""
-        return super().late_impulse() if self.external is None else self.external.late_impulse()
-
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]
         """Elastic-plastic laws have a temperature."""
