@@ -1,16 +1,30 @@
 """Conjugate gradients: the default of quasi-static steps, because the correspondence operator is symmetric."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
 from decomposition.reduction import sums
 from parsolid.kernels import kernel
-from parsolid.solvers.solution import Solution
 
 # iterations after which it is asked whether there is a solution at all
 _PATIENCE = 200
+
+
+class Solution(NamedTuple):
+    """What an iterative solver gives back.
+
+    value (n, d): the solution on this rank; residual: the 2-norm of what is left over all ranks; reason: why it stopped
+    early.
+    """
+
+    value: np.ndarray
+    iterations: int
+    residual: float
+    converged: bool
+    reason: str = ""
 
 
 @kernel
@@ -27,7 +41,7 @@ def _advance(
 
 
 @kernel
-def _turn(factor: float, residual: np.ndarray, direction: np.ndarray) -> None:
+def _next_direction(factor: float, residual: np.ndarray, direction: np.ndarray) -> None:
     """p = r + b p."""
     for i in range(residual.size):
         direction[i] = residual[i] + factor * direction[i]
@@ -44,8 +58,8 @@ def _masked_product(product: np.ndarray, direction: np.ndarray, free: np.ndarray
     return total
 
 
-def _no_way_on(stiffness: float) -> str:
-    """Why a direction of such a stiffness [J] leads nowhere."""
+def _breakdown(stiffness: float) -> str:
+    """Why conjugate gradients end at a direction of such a stiffness [J]."""
     return "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
 
 
@@ -57,31 +71,31 @@ def conjugate_gradients(
     free: np.ndarray | None = None,
     limit: int | None = None,
     precondition: Callable[[np.ndarray], np.ndarray] | None = None,
-    hopeless: Callable[[], str] | None = None,
+    why_singular: Callable[[], str] | None = None,
 ) -> Solution:
     """Solve K u = load on free components for a symmetric positive definite K; collective.
 
     load (n, d) [N], only its free components are looked at; ends when |load - K u|_2 over all ranks is at most target
     [N], after `limit` products (default: ten times the number of components), or when a direction has no positive
     stiffness (`converged` is then false). Two global sums an iteration. precondition(r) gives M^-1 r (n, d), M
-    symmetric positive definite, of a residual that is 0 where not free; hopeless() says, after many iterations or of
-    such a direction, why there is no solution, or nothing. Source: M. R. Hestenes, E. Stiefel, J. Res.
-    Nat. Bur. Standards 49 (1952) 409.
+    symmetric positive definite, of a residual that is 0 where not free; why_singular() says, after many iterations or
+    of such a direction, why there is no solution, or nothing. Source: M. R. Hestenes, E. Stiefel, J. Res. Nat. Bur.
+    Standards 49 (1952) 409.
     """
     residual = (load.copy() if free is None else load * free).ravel()
     mask = None if free is None else np.ascontiguousarray(free, bool).ravel()
 
-    def better() -> np.ndarray:
+    def preconditioned() -> np.ndarray:
         return residual if precondition is None else precondition(residual.reshape(load.shape)).ravel()
 
-    turned = better()
-    solution, direction, product = np.zeros_like(residual), turned.copy(), np.zeros(load.shape)
+    z = preconditioned()
+    solution, direction, product = np.zeros_like(residual), z.copy(), np.zeros(load.shape)
     flat, shaped = product.ravel(), direction.reshape(load.shape)
-    square, power, count = sums(comm, [np.vdot(residual, residual), np.vdot(residual, turned), float(residual.size)])
+    square, power, count = sums(comm, [np.vdot(residual, residual), np.vdot(residual, z), float(residual.size)])
     limit = 10 * int(count) if limit is None else limit
     iterations, reason = 0, ""
     while square > target * target and not reason:
-        reason = hopeless() if iterations == _PATIENCE and hopeless is not None else ""
+        reason = why_singular() if iterations == _PATIENCE and why_singular is not None else ""
         if reason := f"no solution after {limit} iterations" if iterations == limit else reason:
             break
         apply(shaped, product)
@@ -89,13 +103,13 @@ def conjugate_gradients(
         iterations += 1
         if not stiffness > 0.0:
             # what nothing holds may show itself by rounding before many iterations are over
-            told = hopeless() if hopeless is not None and np.isfinite(stiffness) else ""
-            reason = told or _no_way_on(stiffness)
+            told = why_singular() if why_singular is not None and np.isfinite(stiffness) else ""
+            reason = told or _breakdown(stiffness)
             break
         before, square = power, _advance(power / stiffness, direction, flat, solution, residual)
-        turned = better()
-        square, power = map(float, sums(comm, [square, np.vdot(residual, turned)]))
-        _turn(power / before, turned, direction)
+        z = preconditioned()
+        square, power = map(float, sums(comm, [square, np.vdot(residual, z)]))
+        _next_direction(power / before, z, direction)
     if not reason and not np.isfinite(square):
         reason = "a residual that is not finite"
     return Solution(solution.reshape(load.shape), iterations, float(np.sqrt(square)), not reason, reason)

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from decomposition.reduction import sums
 from parsolid.kernels import kernel
-from parsolid.solvers.solution import Solution
+from parsolid.solvers.conjugate_gradients import Solution
 
 # more damping than critical for the highest mode would make the fictitious motion creep
 _LARGEST_DAMPING = 1.9

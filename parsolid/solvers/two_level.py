@@ -99,7 +99,7 @@ class TwoLevel:
         self.prescribes = anywhere(comm, not free.all())
         self.factors: np.ndarray | None = None
         self.diagonal: np.ndarray | None = None
-        self.loose = np.zeros((0, *free.shape))
+        self.rigid_modes = np.zeros((0, *free.shape))
 
     def of_moduli(self, lame: np.ndarray, shear: np.ndarray, volume: np.ndarray, diagonal: np.ndarray) -> None:
         """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]."""
@@ -156,10 +156,10 @@ class TwoLevel:
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (n, d) of a residual (n, d) that is 0 where a component is prescribed."""
-        return self.less_loose(self.without_loose(residual))
+        return self.projected(self.unprojected(residual))
 
-    def without_loose(self, residual: np.ndarray) -> np.ndarray:
-        """The same, whatever is left out."""
+    def unprojected(self, residual: np.ndarray) -> np.ndarray:
+        """The same, before `project_out`."""
         from scipy.linalg.lapack import dpbtrs
 
         assert self.diagonal is not None
@@ -172,25 +172,25 @@ class TwoLevel:
             from_nodes(self.functions, solved.reshape(coarse.shape), self.free, result)
         return result
 
-    def less_loose(self, result: np.ndarray) -> np.ndarray:
-        """M^-1 r (n, d) less its part of motions that are left out; in place."""
-        if len(self.loose):
-            parts = sums(self.comm, np.tensordot(self.loose, result, 2))
-            result -= np.tensordot(parts, self.loose, 1)
+    def projected(self, result: np.ndarray) -> np.ndarray:
+        """M^-1 r (n, d) less its part of the rigid-body modes that nothing holds; in place."""
+        if len(self.rigid_modes):
+            parts = sums(self.comm, np.tensordot(self.rigid_modes, result, 2))
+            result -= np.tensordot(parts, self.rigid_modes, 1)
         return result
 
-    def leave_out(self, motions: np.ndarray, restraint: np.ndarray) -> None:
+    def project_out(self, motions: np.ndarray, restraint: np.ndarray) -> None:
         """Give no part of those of some motions (k, n, d) that nothing holds: they have no stiffness, and nothing says
         what they should be. Without a preconditioner conjugate gradients have none of them by themselves.
 
         restraint (k, k): sums of products of what the motions are wherever something holds, on all ranks together.
         """
-        self.loose = motions_without(self.comm, motions, restraint) * self.free
+        self.rigid_modes = unrestrained_modes(self.comm, motions, restraint) * self.free
 
 
-def motions_without(comm: Any, motions: np.ndarray, restraint: np.ndarray) -> np.ndarray:
+def unrestrained_modes(comm: Any, motions: np.ndarray, restraint: np.ndarray) -> np.ndarray:
     """Those (l, n, d), orthonormal over all ranks, of the span of some motions (k, n, d) that have no restraint (k, k),
-    see `TwoLevel.leave_out`. Collective.
+    see `TwoLevel.project_out`. Collective.
     """
     gram = sums(comm, np.tensordot(motions, motions, ((1, 2), (1, 2))))
     sizes, axes = np.linalg.eigh(gram)
