@@ -7,7 +7,6 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.reduction import sums
-from parsolid.kernels import kernel
 
 # iterations after which it is asked whether there is a solution at all
 _PATIENCE = 200
@@ -25,37 +24,6 @@ class Solution(NamedTuple):
     residual: float
     converged: bool
     reason: str = ""
-
-
-@kernel
-def _advance(
-    factor: float, direction: np.ndarray, product: np.ndarray, solution: np.ndarray, residual: np.ndarray
-) -> float:
-    """u += a p, r -= a K p; gives r . r of this rank."""
-    square = 0.0
-    for i in range(residual.size):
-        solution[i] += factor * direction[i]
-        residual[i] -= factor * product[i]
-        square += residual[i] * residual[i]
-    return square
-
-
-@kernel
-def _next_direction(factor: float, residual: np.ndarray, direction: np.ndarray) -> None:
-    """p = r + b p."""
-    for i in range(residual.size):
-        direction[i] = residual[i] + factor * direction[i]
-
-
-@kernel
-def _masked_product(product: np.ndarray, direction: np.ndarray, free: np.ndarray) -> float:
-    """Zero K p where a component is prescribed; gives p . K p of this rank."""
-    total = 0.0
-    for i in range(product.size):
-        if free is not None and not free[i]:
-            product[i] = 0.0
-        total += product[i] * direction[i]
-    return total
 
 
 def _breakdown(stiffness: float) -> str:
@@ -82,15 +50,13 @@ def conjugate_gradients(
     of such a direction, why there is no solution, or nothing. Source: M. R. Hestenes, E. Stiefel, J. Res. Nat. Bur.
     Standards 49 (1952) 409.
     """
-    residual = (load.copy() if free is None else load * free).ravel()
-    mask = None if free is None else np.ascontiguousarray(free, bool).ravel()
+    residual = load.copy() if free is None else load * free
 
     def preconditioned() -> np.ndarray:
-        return residual if precondition is None else precondition(residual.reshape(load.shape)).ravel()
+        return residual if precondition is None else precondition(residual)
 
     z = preconditioned()
-    solution, direction, product = np.zeros_like(residual), z.copy(), np.zeros(load.shape)
-    flat, shaped = product.ravel(), direction.reshape(load.shape)
+    solution, direction, product = np.zeros_like(residual), z.copy(), np.zeros_like(residual)
     square, power, count = sums(comm, [np.vdot(residual, residual), np.vdot(residual, z), float(residual.size)])
     limit = 10 * int(count) if limit is None else limit
     iterations, reason = 0, ""
@@ -98,18 +64,24 @@ def conjugate_gradients(
         reason = why_singular() if iterations == _PATIENCE and why_singular is not None else ""
         if reason := f"no solution after {limit} iterations" if iterations == limit else reason:
             break
-        apply(shaped, product)
-        stiffness = float(sums(comm, [_masked_product(flat, direction, mask)])[0])
+        apply(direction, product)
+        if free is not None:
+            product *= free
+        stiffness = float(sums(comm, [np.vdot(product, direction)])[0])
         iterations += 1
         if not stiffness > 0.0:
             # what nothing holds may show itself by rounding before many iterations are over
             told = why_singular() if why_singular is not None and np.isfinite(stiffness) else ""
             reason = told or _breakdown(stiffness)
             break
-        before, square = power, _advance(power / stiffness, direction, flat, solution, residual)
+        before, step = power, power / stiffness
+        solution += step * direction
+        product *= step
+        residual -= product
         z = preconditioned()
-        square, power = map(float, sums(comm, [square, np.vdot(residual, z)]))
-        _next_direction(power / before, z, direction)
+        square, power = map(float, sums(comm, [np.vdot(residual, residual), np.vdot(residual, z)]))
+        direction *= power / before
+        direction += z
     if not reason and not np.isfinite(square):
         reason = "a residual that is not finite"
-    return Solution(solution.reshape(load.shape), iterations, float(np.sqrt(square)), not reason, reason)
+    return Solution(solution, iterations, float(np.sqrt(square)), not reason, reason)

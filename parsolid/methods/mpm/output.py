@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum
 from parsolid.materials.plastic.plastic_evaluation import melting_temperature
 from parsolid.methods import failed_matter
@@ -24,6 +25,7 @@ _SPREADS = {
 class Reports(ParticleSystem):
     """Answers of `system.MaterialPoint`, which derives from it and has these parts."""
 
+    conditions: Any
     points: MaterialPoints
     nodes: Nodes
     grid: Any
@@ -180,3 +182,13 @@ class Reports(ParticleSystem):
         tables["method"] = method | {"cell": 1.0, "origin": [0.0] * tables["dimension"]}
         tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
         return tables
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes([one.plane for one in self.conditions.planes])
+
+    @property
+    def share(self) -> np.ndarray:
+        """No particle lies on a mirror plane."""
+        return np.ones(len(self.points.motion))

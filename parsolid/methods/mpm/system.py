@@ -12,7 +12,6 @@ from mpi4py import MPI
 
 from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
-from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum, minimum
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.methods.mpm.cells import CellMigration
@@ -278,13 +277,3 @@ class MaterialPoint(Reports):
     def mass(self) -> np.ndarray:
         """Mass [kg] (capacity,)."""
         return self.points["mass"]
-
-    @property
-    def share(self) -> np.ndarray:
-        """No particle lies on a mirror plane."""
-        return np.ones(len(self.points.motion))
-
-    @property
-    def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
-        return symmetry_planes([one.plane for one in self.conditions.planes])

@@ -52,7 +52,9 @@ class BondDamage:
         self.particles.declare(Field("bond_limit", 1, "1", ghosts="forward", message="motion"), limit)
         count = np.zeros(self.owned, np.int64)
         for pairs, _, receivers in bonds.lists:
-            count_neighbours(pairs, receivers, np.arange(len(bonds.positions)), count)
+            count += np.diff(pairs.start)
+            if receivers:
+                count += np.bincount(pairs.neighbour, minlength=self.owned)
         words = -(-int(maximum(self.comm, int(count.max(initial=1)))) // _BITS)
         bits: dict[str, Any] = {"checkpointed": True, "whole": True, "layout": Rows(words)}
         self.particles.declare(Field("broken_bonds", words, "bits", **bits))
@@ -147,16 +149,17 @@ class BondDamage:
         for number, (pairs, _, _) in enumerate(self.bonds.lists):
             mine = source[:, 0] == number
             broken[mine] = pairs.weight[source[mine, 1]] == 0.0
+        row, word, bit = places_of_bits(start)
         words = np.zeros((len(particles), self.words.shape[1]), np.int64)
-        write_bits(start, broken, words)
+        np.bitwise_or.at(words, (row[broken], word[broken]), np.int64(1) << bit[broken])
         self.words[particles] = words
 
     def unpack(self) -> None:
         """Break the bonds whose bits are set, after the words were put back; ghosts are told with the next motion."""
         particles = np.flatnonzero(self.words.any(axis=1))
         start, source = self._neighbourhoods(particles)
-        broken = np.zeros(len(source), bool)
-        read_bits(start, self.words[particles], broken)
+        row, word, bit = places_of_bits(start)
+        broken = (self.words[particles][row, word] >> bit & 1).astype(bool)
         for number, (pairs, _, _) in enumerate(self.bonds.lists):
             mine = broken & (source[:, 0] == number)
             pairs.weight[source[mine, 1]] = 0.0
@@ -180,17 +183,29 @@ class BondDamage:
 
         The order is that of (image code + 1, or 0 without a mirror; identifier): bit r of a particle is its r-th.
         """
-        slot, count = np.full(len(self.bonds.positions), -1, np.int64), np.zeros(len(particles), np.int64)
+        slot = np.full(len(self.bonds.positions), -1, np.int64)
         slot[particles] = np.arange(len(particles))
-        for pairs, _, receivers in self.bonds.lists:
-            count_neighbours(pairs, receivers, slot, count)
-        start = np.concatenate(([0], np.cumsum(count)))
-        key, source, cursor = np.empty(start[-1], np.int64), np.empty((start[-1], 2), np.int64), start[:-1].copy()
         identifier = self.particles.storage("identifier")
+        rows, keys, sources = [], [], []
         for number, (pairs, images, receivers) in enumerate(self.bonds.lists):
-            list_neighbours(pairs, images, receivers, number, slot, identifier, cursor, key, source)
-        order = np.lexsort((key, np.repeat(np.arange(len(particles)), count)))
-        return start, source[order]
+            ends = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start)), pairs.neighbour.astype(np.int64)
+            for own, other in (ends, ends[::-1]) if receivers else (ends,):
+                bond = np.flatnonzero(slot[own] >= 0)
+                code = 0 if images is None else images.code[bond].astype(np.int64) + 1
+                rows.append(slot[own[bond]])
+                keys.append(code * _IDENTIFIERS + identifier[other[bond]])
+                sources.append(np.column_stack((np.full(len(bond), number), bond)))
+        row = np.concatenate(rows)
+        order = np.lexsort((np.concatenate(keys), row))
+        start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=len(particles)))))
+        return start, np.concatenate(sources)[order]
+
+
+def places_of_bits(start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Row, word and bit (m,) of each neighbour, of row starts (n + 1,)."""
+    row = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    number = np.arange(start[-1]) - start[row]
+    return row, number // _BITS, number % _BITS
 
 
 @kernel
@@ -204,52 +219,3 @@ def add_neighbours(bonds, receivers, chosen, volume, result):
                     result[a] += volume[b]
                 if b < receivers and chosen[b]:
                     result[b] += volume[a]
-
-
-@kernel
-def count_neighbours(bonds, receivers, slot, count):
-    """Add the number of neighbours, broken off or not, of particles with a slot (n,), others have -1, to count."""
-    for a in range(bonds.start.shape[0] - 1):
-        if slot[a] >= 0:
-            count[slot[a]] += bonds.start[a + 1] - bonds.start[a]
-        for k in range(bonds.start[a], bonds.start[a + 1]):
-            b = bonds.neighbour[k]
-            if b < receivers and slot[b] >= 0:
-                count[slot[b]] += 1
-
-
-@kernel
-def list_neighbours(bonds, images, receivers, number, slot, identifier, cursor, key, source):
-    """Append key (m,) and source (m, 2), the number of the list and the bond in it, of each neighbour at cursor
-    (slots,)."""
-    for a in range(bonds.start.shape[0] - 1):
-        for k in range(bonds.start[a], bonds.start[a + 1]):
-            b, code = bonds.neighbour[k], 0
-            if images is not None:
-                code = images.code[k] + 1
-            if slot[a] >= 0:
-                at = cursor[slot[a]]
-                key[at], source[at, 0], source[at, 1] = code * _IDENTIFIERS + identifier[b], number, k
-                cursor[slot[a]] += 1
-            if b < receivers and slot[b] >= 0:
-                at = cursor[slot[b]]
-                key[at], source[at, 0], source[at, 1] = code * _IDENTIFIERS + identifier[a], number, k
-                cursor[slot[b]] += 1
-
-
-@kernel
-def write_bits(start, broken, words):
-    """Bits of words (slots, w) int64 from broken (m,), in the order of the rows."""
-    words[:] = 0
-    for i in range(start.shape[0] - 1):
-        for r in range(start[i + 1] - start[i]):
-            if broken[start[i] + r]:
-                words[i, r // _BITS] |= np.int64(1) << (r % _BITS)
-
-
-@kernel
-def read_bits(start, words, broken):
-    """The inverse of `write_bits`."""
-    for i in range(start.shape[0] - 1):
-        for r in range(start[i + 1] - start[i]):
-            broken[start[i] + r] = (words[i, r // _BITS] >> (r % _BITS)) & 1

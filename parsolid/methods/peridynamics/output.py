@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.leapfrog import kinetic_energy
@@ -22,6 +23,7 @@ _TURN, _TURNED = 0.14, 0.05
 class Reports(ParticleSystem):
     """Answers of `system.Peridynamics`, which derives from it and has these parts."""
 
+    conditions: Any
     laws_of_bodies: list[Any]
     laws: list[Any]
     pairs: Bonds
@@ -144,3 +146,12 @@ class Reports(ParticleSystem):
     def bytes_a_step(self) -> int:
         """Fields and records."""
         return self.forces.bytes_sent()
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes(self.conditions.planes)
+
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of prescribed motion."""
+        return self.conditions.constrained

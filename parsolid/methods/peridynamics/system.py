@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.conditions import Conditions
-from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import SolverError
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
@@ -161,15 +160,6 @@ class Peridynamics(Reports):
     def placements(self) -> int:  # type: ignore[override]
         """Bonds break."""
         return 0 if self.fracture is None else self.fracture.breaks
-
-    @property
-    def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
-        return symmetry_planes(self.conditions.planes)
-
-    def held_components(self) -> np.ndarray | None:
-        """Those of supports and of prescribed motion."""
-        return self.conditions.constrained
 
     def take_external_forces(self, keep_rows: bool) -> None:
         """See `ParticleSystem`; raises SolverError where there is no motion that forces could change."""

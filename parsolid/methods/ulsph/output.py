@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.protocol import ParticleSystem
@@ -12,6 +13,7 @@ from parsolid.methods.protocol import ParticleSystem
 class Reports(ParticleSystem):
     """Answers of `system.UpdatedLagrangianSPH`, which derives from it and has these parts."""
 
+    conditions: Any
     laws: list[Any]
     solids: list[Any]
     pairs: Any
@@ -139,3 +141,12 @@ class Reports(ParticleSystem):
         """Particles in the middles of cells."""
         tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
         return tables
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes(self.conditions.planes)
+
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of prescribed velocities."""
+        return self.conditions.constrained

@@ -7,7 +7,6 @@ import numpy as np
 
 from decomposition.measured_load import MeasuredLoad
 from parsolid.boundary.conditions import Conditions
-from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, maximum
 from parsolid.kernels import kernel
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
@@ -276,12 +275,3 @@ class UpdatedLagrangianSPH(Reports):
     def placements(self) -> int:  # type: ignore[override]
         """Particles change their rows when lists are made."""
         return self.pairs.builds
-
-    @property
-    def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
-        return symmetry_planes(self.conditions.planes)
-
-    def held_components(self) -> np.ndarray | None:
-        """Those of supports and of prescribed velocities."""
-        return self.conditions.constrained
