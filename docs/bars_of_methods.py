@@ -10,7 +10,8 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.scene import Scene, parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.outputs import Cadence, Output
 
 DENSITY, YOUNG, POISSON = 1000.0, 17e6, 0.3
 SPEED = np.sqrt(YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON)) / DENSITY)
@@ -46,13 +47,15 @@ def bars(kinds: list[str], count: int, wide: int = 10, more: dict[str, dict[str,
     return parse_scene(data | {"contact": [{"bodies": ["a", "b"]}]})
 
 
-class Rows:
+class Rows(Output):
     """The ledger after every step, and the mean velocity of the first bar."""
+
+    every = Cadence(steps=1, times=(0.0,))
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, ...]] = []
 
-    def look(self, simulation: Simulation) -> None:
+    def write(self, simulation: Simulation) -> None:
         """Take a row."""
         system, row = simulation.systems[0], simulation.energy_row()
         first = system.particles.owned_rows("body") == 0
@@ -60,10 +63,6 @@ class Rows:
         velocity = system.particles.owned_rows("velocity")[first, 0]
         names = ("kinetic", "contact_energy", "balance", "dissipation_numerical")
         self.rows.append((simulation.clock.time, float(mass @ velocity / mass.sum()), *(row[name] for name in names)))
-
-    def wall_checkpoint_due(self) -> bool:
-        """Never."""
-        return False
 
 
 def main() -> None:
@@ -78,7 +77,7 @@ def main() -> None:
             more.setdefault(kind, {})[name] = float(value) if value.replace(".", "").isdigit() else value
     for count in (int(word) for word in sys.argv[3:] if "=" not in word):
         rows = Rows()
-        Simulation(MPI.COMM_SELF, bars(sys.argv[1:3], count, wide, more)).run(rows, Limits(), StopRequest())
+        Simulation(MPI.COMM_SELF, bars(sys.argv[1:3], count, wide, more)).run(None, [rows])
         time, velocity, kinetic, contact, balance, lost = np.array(rows.rows).T
         touching = time[contact > 1e-9 * kinetic[0]]
         print(

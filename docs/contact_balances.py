@@ -13,7 +13,7 @@ from contact_tables import Rows
 from mpi4py import MPI
 
 from parsolid.scene import load_scene
-from parsolid.simulation.loop import Limits, RunFailed, Simulation, StopRequest
+from parsolid.simulation.loop import RunFailed, Simulation
 
 RUNS = Path(__file__).parent.parent / "runs"
 ROOMS = ("contact", "mixed", "tools", "ulsph", "mpm")
@@ -31,7 +31,7 @@ def balance(path: Path, until: float) -> str:
     overrides: Any = [f"end_time={end!r}"] if until != 1.0 else []
     simulation, rows = Simulation(MPI.COMM_SELF, load_scene(path, overrides)), Rows()
     try:
-        simulation.run(rows, Limits(), StopRequest())
+        simulation.run(None, [rows])
     except RunFailed as failure:
         return str(failure).splitlines()[0]
     columns = rows.columns()

@@ -12,7 +12,7 @@ from contact_tables import BONDS, LEAPFROG, SPEED, YOUNG, Rows, Tables, block, m
 from mpi4py import MPI
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Limits, Simulation
 
 FLOW = {"kind": "linear-hardening", "yield_stress": 1e3 * YOUNG, "hardening": 0.0}
 METAL = material(kind="elastic-plastic") | {"specific_heat": 1.0, "taylor_quinney": 0.9, "flow_stress": FLOW}
@@ -162,7 +162,7 @@ def cost() -> None:
         for gap in (0.0, 20.0):
             tables, step = costly(name, gap, space)
             simulation, rows = Simulation(MPI.COMM_SELF, parse_scene(tables)), Rows()
-            simulation.run(rows, Limits(5), StopRequest())
+            simulation.run(None, [rows], Limits(5))
             contact: Any = simulation.interactions[0]
             contact.before, contact.after = Timed(contact.before), Timed(contact.after)
             clock, steps = Timed(lambda: None), 40 if space else 320

@@ -18,8 +18,9 @@ from mpi4py import MPI
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.history import read_history
 from parsolid.scene import dump_scene, parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
-from parsolid.simulation.restart import Restart, header_of
+from parsolid.simulation.checkpoints import header_of
+from parsolid.simulation.loop import Limits, Simulation
+from parsolid.simulation.restart import Restart
 from parsolid.simulation.scene_changes import contents
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
@@ -117,15 +118,15 @@ def restarts() -> None:
         while (
             not rows.rows or rows.rows[-1][met] < 1e-3 * rows.rows[0]["kinetic"] or rows.rows[-1].get(STUCK, 1.0) <= 0
         ):
-            whole.run(rows, Limits(4), StopRequest())
+            whole.run(None, [rows], Limits(4))
         with tempfile.TemporaryDirectory() as folder:
             file = Path(comm.bcast(folder)) / "checkpoint.h5"
             fields = [system.particles.checkpointed() for system in whole.systems]
             write_checkpoint(comm, file, header_of(whole, {}, {}, contents(stated)), fields, whole.ledger.values)
             start, stuck = whole.clock.step, rows.rows[-1].get(STUCK, 0.0)
-            whole.run(rows, Limits(20), StopRequest())
+            whole.run(None, [rows], Limits(20))
             again, others = Simulation(comm, stated, Restart(comm, file)), Rows()
-            again.run(others, Limits(20), StopRequest())
+            again.run(None, [others], Limits(20))
             comm.Barrier()
         length = len(others.rows)
         columns = [

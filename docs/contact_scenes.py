@@ -22,7 +22,7 @@ from contact_tables import (
 from mpi4py import MPI
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Limits, Simulation
 
 
 class Timed:
@@ -141,7 +141,7 @@ def cost() -> None:
         a = block("a", [0.0, -30 * h - below], [1.0, -below], h, velocity=[0.0, 0.005 * SPEED])
         b = block("b", [0.0, 0.0], [1.0, 30 * h], h, velocity=[0.0, -0.005 * SPEED])
         simulation, rows = Simulation(MPI.COMM_SELF, parse_scene(scene([a, b], 10.0))), Rows()
-        simulation.run(rows, Limits(5), StopRequest())
+        simulation.run(None, [rows], Limits(5))
         contact: Any = simulation.interactions[0]
         contact.before, contact.after = Timed(contact.before), Timed(contact.after)
         clock = Timed(lambda: None)

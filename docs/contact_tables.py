@@ -8,7 +8,8 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.outputs import Cadence, Output
 
 YOUNG, POISSON = 1.0, 0.3
 MODULUS = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))
@@ -37,21 +38,19 @@ def scene(bodies: list[Tables], end: float, contact: Tables | None = None, **mor
     return tables | {"contact": [named], "output": {"fields_times": []}} | more
 
 
-class Rows:
+class Rows(Output):
     """The ledger after every step, and whatever else is asked for."""
+
+    every = Cadence(steps=1, times=(0.0,))
 
     def __init__(self, more: Callable[[Simulation], Tables] | None = None) -> None:
         self.rows: list[Tables] = []
         self.more = more
 
-    def look(self, simulation: Simulation) -> None:
+    def write(self, simulation: Simulation) -> None:
         """Take a row."""
         row = simulation.energy_row() | {"time": simulation.clock.time}
         self.rows.append(row | (self.more(simulation) if self.more else {}))
-
-    def wall_checkpoint_due(self) -> bool:
-        """Never."""
-        return False
 
     def columns(self) -> Tables:
         """Each of the rows' values as an array."""
@@ -61,7 +60,7 @@ class Rows:
 def run(tables: Tables, more: Callable[[Simulation], Tables] | None = None, comm: Any = MPI.COMM_SELF) -> Any:
     """The simulation at its end, and the columns."""
     simulation, rows = Simulation(comm, parse_scene(tables)), Rows(more)
-    simulation.run(rows, Limits(), StopRequest())
+    simulation.run(None, [rows])
     return simulation, rows.columns()
 
 

@@ -9,19 +9,22 @@ from bars_of_methods import CLOSING, SPEED, bars
 from mpi4py import MPI
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.outputs import Cadence, Output
 
 GRAVITY, FRICTION = 2e-4, 0.3
 SOLID = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
 
 
-class Rows:
+class Rows(Output):
     """The ledger after every step, and momentum and mean place of the last system."""
+
+    every = Cadence(steps=1, times=(0.0,))
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
 
-    def look(self, simulation: Simulation) -> None:
+    def write(self, simulation: Simulation) -> None:
         """Take a row."""
         system = simulation.systems[-1]
         mass, rows = system.mass[: system.owned], system.particles.owned_rows
@@ -32,10 +35,6 @@ class Rows:
         row = simulation.energy_row()
         self.rows.append(row | {"time": simulation.clock.time, "p": momentum / mass.sum(), "x": place})
 
-    def wall_checkpoint_due(self) -> bool:
-        """Never."""
-        return False
-
     def columns(self) -> dict[str, np.ndarray]:
         """Every column over the steps."""
         return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
@@ -45,7 +44,7 @@ def followed(data: dict[str, Any], model: str) -> dict[str, np.ndarray]:
     """The rows of a run of a scene with contact of a model."""
     data["contact"] = [{"bodies": ["a", "b"], "model": model, "friction": data.pop("friction", 0.0)}]
     rows = Rows()
-    Simulation(MPI.COMM_SELF, parse_scene(data)).run(rows, Limits(), StopRequest())
+    Simulation(MPI.COMM_SELF, parse_scene(data)).run(None, [rows])
     return rows.columns()
 
 
@@ -107,7 +106,7 @@ def pressed_blocks(count: int, model: str) -> str:
     data = {"dimension": 2, "end_time": end / c, "methods": methods, "bodies": bodies, "boundaries": sides}
     data["contact"] = [{"bodies": ["a", "b"], "model": model}]
     simulation, rows = Simulation(MPI.COMM_SELF, parse_scene(data)), Rows()
-    simulation.run(rows, Limits(), StopRequest())
+    simulation.run(None, [rows])
     points = simulation.systems[0].particles
     y, V = points.owned_rows("reference_position")[:, 1], points.owned_rows("motion")[:, 7]
     stress = points.owned_rows("stress_and_volume")[:, 1] / V

@@ -12,7 +12,8 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.scene import Scene, parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.outputs import Cadence, Output
 
 DENSITY, YOUNG, POISSON = 1000.0, 17e6, 0.3
 SPEED = np.sqrt(YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON)) / DENSITY)
@@ -80,21 +81,19 @@ def bar(kinds: list[str], count: int, impedance: float, stiffness: float | None,
     return parse_scene((data if pull is None else pulled(data, pull)) | {"tie": [tie]})
 
 
-class Rows:
+class Rows(Output):
     """The largest residual and interface energy after every step."""
+
+    every = Cadence(steps=1, times=(0.0,))
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, ...]] = []
 
-    def look(self, simulation: Simulation) -> None:
+    def write(self, simulation: Simulation) -> None:
         """Take a row."""
         row = simulation.energy_row()
         names = ("kinetic", "stored", "tie_energy", "balance")
         self.rows.append((simulation.clock.time, *(row[name] for name in names)))
-
-    def wall_checkpoint_due(self) -> bool:
-        """Never."""
-        return False
 
 
 def amplitudes(simulation: Simulation) -> tuple[float, float]:
@@ -119,7 +118,7 @@ def main() -> None:
     for count in map(int, words[2:]):
         rows = Rows()
         simulation = Simulation(MPI.COMM_SELF, bar(words[:2], count, impedance, stiffness, pull))
-        simulation.run(rows, Limits(), StopRequest())
+        simulation.run(None, [rows])
         time, kinetic, stored, tie, balance = np.array(rows.rows).T
         if pull is not None:
             first, second, parted = strains(simulation)

@@ -9,10 +9,11 @@ from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.materials.plastic.tile_update import new_tile
 from parsolid.methods.mpm.elastic_plastic import BulkViscosity, State, advance_state
 from parsolid.methods.mpm.points import SYMMETRIC_ROWS, TENSOR_ROWS
+from parsolid.output.run_folder import RunFolder
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.job import Job
+from parsolid.simulation.loop import Limits, Simulation
+from parsolid.simulation.outputs import Cadence, Output
 from parsolid.simulation.time_step import TimeSteps
 from parsolid.solvers.runge_kutta import Stage
 
@@ -106,19 +107,18 @@ class StepsToEnd(TimeSteps):
         return (stable, time + stable) if time + stable < self.end else (self.end - time, self.end)
 
 
-class Record:
+class Record(Output):
     """Keeps the ledger's row, and any further numbers, after every step."""
+
+    every = Cadence(steps=1, times=(0.0,))
 
     def __init__(self, more=None):
         self.more = more or (lambda simulation: {})
         self.rows = []
 
-    def look(self, simulation) -> None:
+    def write(self, simulation) -> None:
         row = simulation.ledger.row(simulation.comm, *simulation.energies())
         self.rows.append({"time": simulation.clock.time, **row, **self.more(simulation)})
-
-    def wall_checkpoint_due(self) -> bool:
-        return False
 
     def columns(self) -> dict[str, np.ndarray]:
         """Every column over the steps."""
@@ -128,21 +128,18 @@ class Record:
 def follow(sim, record, steps: int | None = None, policy=StableSteps) -> dict[str, np.ndarray]:
     """So many steps, or to the end, as long as the policy makes them; the columns of the record."""
     sim.time_steps = policy.of(sim.scene, sim.systems)
-    sim.run(record, Limits(steps=steps), StopRequest())
+    sim.run(None, [record], Limits(steps=steps))
     return record.columns()
 
 
-def run_into(folder, comm, scene, steps: int | None = None, restart=None) -> Recorder:
-    """A run with all its files, so many steps or to its end; the recorder knows its simulation."""
-    sim = Simulation(comm, scene, restart)
-    recorder = Recorder(sim, OutputFiles(comm, scene, folder, restart), None)
-    recorder.files.open_history(recorder.columns)
-    if restart:
-        recorder.resume(restart.header)
-    sim.run(recorder, Limits(steps), StopRequest())
-    recorder.finish()
-    recorder.files.close()
-    return recorder
+def run_into(folder, comm, scene, steps: int | None = None, restart=None) -> Job:
+    """A run with all its files, so many steps or to its end; it knows its simulation."""
+    job = Job(Simulation(comm, scene, restart), RunFolder(comm, folder, restart and restart.path), restart)
+    job.simulation.run(None, job.outputs, Limits(steps))
+    job.finish()
+    job.close()
+    job.folder.close()
+    return job
 
 
 def run_steps(data: dict, steps: int, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, dict]:

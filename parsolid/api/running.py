@@ -2,9 +2,7 @@
 
 import copy
 import os
-import shutil
 import subprocess
-import sys
 import tempfile
 import time as clock
 from collections.abc import Sequence
@@ -17,6 +15,7 @@ from parsolid.api.results import RunResults, load
 from parsolid.collective import SolverError
 from parsolid.commands.cli import parse
 from parsolid.commands.run import TO_BE_CONTINUED, bcast_scene, overrides_of, run_scene
+from parsolid.launcher import start, stop
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
 from parsolid.scene.loading import apply_override
 from parsolid.simulation.loop import RunFailed
@@ -72,19 +71,17 @@ def read_scene(scene: str | Path | dict[str, Any], trust_code: bool, overrides: 
 
 def _in_processes(scene: Scene, folder: Path, ranks: int, options: tuple[str, ...]) -> None:
     """Start a job of its own and wait for it. Raises what its exit status means."""
-    launcher = shutil.which("mpirun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
-    if launcher is None:
-        raise SolverError(f"ranks: expected mpirun on the path to start {ranks} ranks, found none")
-    # a process that has started MPI hands its own job's variables down, and a second job would take them for its own
-    own = ("PMI_", "PMIX_", "OMPI_", "MPICH_", "HYDRA_", "MPI_LOCAL")
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(own) or "_ALLOW_RUN_AS_" in name}
     with tempfile.TemporaryDirectory() as temporary:
         stated = Path(temporary) / "scene.toml"
         dump_scene(scene, stated)
-        command = [launcher, "-n", str(ranks), sys.executable, "-m", "parsolid", "run", str(stated), "-o", str(folder)]
-        done = subprocess.run([*command, *options], env=kept, stderr=subprocess.PIPE, text=True, check=False)
-    said = done.stderr.strip().removeprefix("parsolid: ")
+        job = start(["run", str(stated), "-o", str(folder), *options], ranks, stderr=subprocess.PIPE, text=True)
+        try:
+            said = job.communicate()[1].strip().removeprefix("parsolid: ")
+        except KeyboardInterrupt:
+            stop(job)
+            job.communicate()
+            raise
     # one that was told to stop is done, too, as it is in this process
-    if done.returncode in (0, TO_BE_CONTINUED):
+    if job.returncode in (0, TO_BE_CONTINUED):
         return
-    raise {2: SolverError, 3: RunFailed}.get(done.returncode, RuntimeError)(said or f"exit status {done.returncode}")
+    raise {2: SolverError, 3: RunFailed}.get(job.returncode, RuntimeError)(said or f"exit status {job.returncode}")

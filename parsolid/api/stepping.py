@@ -1,6 +1,5 @@
 """A simulation that a script advances itself, with the particles' arrays at hand."""
 
-from bisect import insort
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,8 @@ from parsolid.commands.run import bcast_scene
 from parsolid.observables.declared import FIELDS
 from parsolid.simulation.loop import Limits, Simulation
 from parsolid.simulation.observables import Observables
-from parsolid.simulation.signals import StopRequest
-
-# steps after which the energy balance is judged
-_JUDGED_EVERY = 32
+from parsolid.simulation.outputs import Callback as CallbackOutput
+from parsolid.simulation.outputs import EnergyCheck, Output
 
 Callback = Callable[["SteppedSimulation"], object]
 
@@ -39,7 +36,7 @@ class SteppedSimulation:
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
-        self._watch = _Watch(self)
+        self._outputs: list[Output] = [EnergyCheck()]
         # the energy that later balances are told by
         simulation.energy_row()
 
@@ -70,7 +67,7 @@ class SteppedSimulation:
         if count < 1:
             raise ValueError(f"step: expected at least one step, found {count}")
         if not self.finished:
-            self.simulation.run(self._watch, Limits(steps=count), StopRequest())
+            self.simulation.run(None, self._outputs, Limits(steps=count))
         return self.time
 
     def run_until(self, time: float) -> float:
@@ -80,17 +77,12 @@ class SteppedSimulation:
         """
         if not time >= self.time:
             raise ValueError(f"run_until: expected a time from the present {self.time:g} s on, found {time:g}")
-        target = min(float(time), self.simulation.scene.end_time)
-        landings = self.simulation.time_steps.landings
-        if target not in landings:
-            insort(landings, target)
-        while self.time < target:
-            self.step()
+        self.simulation.run(float(time), self._outputs)
         return self.time
 
     def on_step(self, callback: Callback) -> Callback:
         """Call a function with this object after every step; usable as a decorator."""
-        self._watch.callbacks.append(callback)
+        self._outputs.insert(-1, CallbackOutput(callback, argument=self))
         return callback
 
     def arrays(self, name: str) -> list[np.ndarray]:
@@ -120,23 +112,3 @@ class SteppedSimulation:
     def energies(self) -> dict[str, float]:
         """The energy ledger over all ranks [J], with the names of the history's columns."""
         return self.simulation.energy_row()
-
-
-class _Watch:
-    """Tells callbacks of every step; writes nothing."""
-
-    def __init__(self, owner: SteppedSimulation) -> None:
-        self.owner, self.callbacks = owner, list[Callback]()
-        self._told = owner.steps
-
-    def look(self, simulation: Simulation) -> None:
-        if simulation.clock.step == self._told:
-            return
-        self._told = simulation.clock.step
-        for callback in self.callbacks:
-            callback(self.owner)
-        if simulation.clock.step % _JUDGED_EVERY == 0:
-            simulation.energy_row()
-
-    def wall_checkpoint_due(self) -> bool:
-        return False

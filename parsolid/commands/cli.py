@@ -17,7 +17,7 @@ from mpi4py import MPI
 from parsolid import __version__
 from parsolid.collective import SolverError
 from parsolid.commands.arguments import TRUST_CODE, error_arguments, seconds, whole_number
-from parsolid.commands.launched import refuse_strangers
+from parsolid.launcher import refuse_strangers
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report

@@ -3,7 +3,7 @@
 import time as clock
 from argparse import Namespace
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 from mpi4py import MPI
@@ -18,17 +18,16 @@ from parsolid.kernel_cache import cache_folder, wanted_folder
 from parsolid.kernels import on_compile
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
-from parsolid.output.errors import OutputError, together
+from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG, aloud
-from parsolid.output.progress import NORMAL, Compilations, Progress, Several
-from parsolid.output.summary import peak_memory_bytes, provenance, write_summary
-from parsolid.output.whereabouts import HERE
-from parsolid.scene import Scene, SceneError, dump_scene, load_scene, packaged_scene
+from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Compilations, Progress
+from parsolid.output.run_folder import RunFolder
+from parsolid.output.summary import peak_memory_bytes
+from parsolid.scene import Scene, SceneError, load_scene, packaged_scene
 from parsolid.scene.declared import law_files
 from parsolid.scene.shapes import MeshFile
-from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
+from parsolid.simulation.job import Job
+from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, Simulation
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import load_kernels, warm_up
@@ -116,51 +115,24 @@ def run_alone(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: floa
         if comm.rank == 0 and not options.quiet:
             kept.enter_context(on_compile(Compilations(cache_folder(), wanted_folder())))
         try:
-            simulation, files, restart = _set_up(comm, scene, options, kept)
+            simulation, folder, restart = _set_up(comm, scene, options, kept)
         except OutputError as error:
             # a folder that cannot be written or a checkpoint that cannot be read is bad input
             raise SolverError(str(error)) from error
-        return _run_in(comm, simulation, files, restart, options, began)
-
-
-def _run_in(
-    comm: MPI.Intracomm,
-    simulation: Simulation,
-    files: OutputFiles,
-    restart: Restart | None,
-    options: Namespace,
-    began: float,
-) -> int:
-    """Run a simulation into its files; began: reading of the performance counter at the command's start [s]."""
-    scene = simulation.scene
-    told = size_advice(simulation) + thin_advice(simulation) + cost_advice(simulation)
-    progress, meetings = None, told + relations(comm, scene, simulation.systems)
-    if comm.rank == 0:
-        level = 0 if options.quiet else 2 if options.verbose else 1
-        moved = [f"the results of an earlier run are in {aside} now" for aside in files.moved]
-        notes = [*moved, *scene_advice(scene), *(restart.notes if restart else ()), *meetings]
-        for line in (*map(str, simulation.warnings), *(f"note: {note}" for note in notes)):
-            LOG.say(line)
-            if level:
-                aloud(line)
-        streams = [(level, None), (NORMAL, LOG.stream)][: 1 + (LOG.stream is not None)]
-        progress = Several(*(Progress(scene.title, scene.end_time, simulation.particles, *one) for one in streams))
-    if restart:
-        # before anything is read that may be damaged: a failure tells it
-        simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
-    watch = Recorder(simulation, files, progress)
-    files.open_history(watch.columns)
-    if restart:
-        watch.resume(restart.header)
-    limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
-    with profiled(comm, files.directory if options.profile else None):
-        return _follow(comm, simulation, watch, limits, options)
+        _announce(simulation, folder, restart, options)
+        job = kept.enter_context(closing(Job(simulation, folder, restart, _progress(simulation, options))))
+        limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
+        with profiled(comm, folder.directory if options.profile else None):
+            status = job.run(limits, REQUEST)["status"]
+        if status == FINISHED and scene.output.pictures and not bars_asked(scene, options):
+            draw(comm, folder.directory)
+    return TO_BE_CONTINUED if status == INTERRUPTED else 0
 
 
 def _set_up(
     comm: MPI.Intracomm, scene: Scene, options: Namespace, kept: ExitStack
-) -> tuple[Simulation, OutputFiles, Restart | None]:
-    """Simulation, files and restart (or None); nothing is written before the scene is known to be sound. Collective.
+) -> tuple[Simulation, RunFolder, Restart | None]:
+    """Simulation, folder and restart (or None); nothing is written before the scene is known to be sound. Collective.
 
     kept: gives the lock on the folder back when it is left.
     """
@@ -180,12 +152,34 @@ def _set_up(
     simulation = Simulation(comm, scene, restart)
     # whoever waits waits for the kernels, too
     simulation.clock.began = started
-    files = OutputFiles(comm, scene, directory, restart, _inputs(options, scene, restart), lock)
-    kept.callback(files.close)
-    with together(comm, f"cannot write {directory / 'scene.toml'}"):
-        if comm.rank == 0:
-            dump_scene(scene, files.directory / "scene.toml")
-    return simulation, files, restart
+    folder = RunFolder(comm, directory, restart.path if restart else None, _inputs(options, scene, restart), lock)
+    kept.callback(folder.close)
+    return simulation, folder, restart
+
+
+def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None, options: Namespace) -> None:
+    """Print warnings and notes on a run that is about to begin; collective."""
+    advised = size_advice(simulation) + thin_advice(simulation) + cost_advice(simulation)
+    advised += relations(simulation.comm, simulation.scene, simulation.systems)
+    if simulation.comm.rank > 0:
+        return
+    moved = [f"the results of an earlier run are in {aside} now" for aside in folder.moved]
+    notes = [*moved, *scene_advice(simulation.scene), *(restart.notes if restart else ()), *advised]
+    for line in (*map(str, simulation.warnings), *(f"note: {note}" for note in notes)):
+        LOG.say(line)
+        if not options.quiet:
+            aloud(line)
+
+
+def _progress(simulation: Simulation, options: Namespace) -> list[Progress]:
+    """Lines of progress, on the terminal and in the log; of rank 0."""
+    if simulation.comm.rank > 0:
+        return []
+    level = QUIET if options.quiet else VERBOSE if options.verbose else NORMAL
+    streams = [(level, None), (NORMAL, LOG.stream)][: 1 + (LOG.stream is not None)]
+    return [
+        Progress(simulation.scene.title, simulation.scene.end_time, simulation.particles, *stream) for stream in streams
+    ]
 
 
 def _inputs(options: Namespace, scene: Scene, restart: Restart | None) -> tuple[Path | str, ...]:
@@ -194,28 +188,6 @@ def _inputs(options: Namespace, scene: Scene, restart: Restart | None) -> tuple[
     series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
     named = (options.scene,) if options.scene else ()
     return named + meshes + series + tuple(law_files(scene)) + ((restart.path,) if restart else ())
-
-
-def _follow(comm: MPI.Intracomm, simulation: Simulation, watch: Recorder, limits: Limits, options: Namespace) -> int:
-    """The loop with its ending: checkpoint, summary, pictures."""
-    failure = None
-    try:
-        status = simulation.run(watch, limits, REQUEST)
-        watch.finish()
-    except RunFailed as error:
-        status, failure = "failed", error
-    summary = watch.summary(status)
-    path = watch.files.directory / "summary.json"
-    with together(comm, f"cannot write {path}"):
-        if comm.rank == 0:
-            write_summary(path, summary | provenance())
-    if watch.progress is not None:
-        watch.progress.close(summary)
-    if failure is not None:
-        raise failure
-    if status == FINISHED and simulation.scene.output.pictures and not bars_asked(simulation.scene, options):
-        draw(comm, watch.files.directory)
-    return TO_BE_CONTINUED if status == INTERRUPTED else 0
 
 
 def check(comm: MPI.Intracomm, options: Namespace) -> int:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,10 @@ from parsolid.errors.variants import Companion
 from parsolid.output.checkpoint import DEFAULT_NAME, find_checkpoint, partial_name, previous_name
 from parsolid.output.errors import OutputError, together
 from parsolid.output.history import read_history
-from parsolid.output.summary import write_summary
+from parsolid.output.run_folder import RunFolder
 from parsolid.scene import Scene, SceneError
+from parsolid.simulation.job import FAILED, Job
 from parsolid.simulation.loop import FINISHED, Limits, RunFailed, Simulation
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 
@@ -80,7 +80,7 @@ def result_of(comm: MPI.Intracomm, one: Companion, place: Path) -> Done | None:
             history = {}
             if summary["status"] == FINISHED:
                 history = {name: np.array(values) for name, values in read_history(place / "history.csv").items()}
-            if summary["status"] in (FINISHED, "failed"):
+            if summary["status"] in (FINISHED, FAILED):
                 costs = core_seconds(summary), seconds_without_loading(summary)
                 size = summary["particles"], summary["steps"]
                 result = Done(one, history, *costs, *size, summary.get("fault"))
@@ -103,31 +103,20 @@ def _without_first(summary: dict[str, Any], seconds: float, first: float) -> flo
     return float((seconds - first) * steps / (steps - 1) if steps > 1 and first < seconds else seconds)
 
 
-def run_into(comm: MPI.Intracomm, scene: Scene, place: Path, limits: Limits) -> dict[str, Any]:
-    """Run a scene, or go on with it, into a folder; its summary. Raises Interrupted. Collective."""
+def run_into(comm: MPI.Intracomm, scene: Scene, place: Path, limits: Limits) -> None:
+    """Run a scene, or go on with it, into a folder. Raises Interrupted. Collective."""
     restart = _restart(comm, place)
     simulation = Simulation(comm, scene, restart)
-    files = OutputFiles(comm, scene, place, restart)
-    fault = None
-    try:
-        watch = Recorder(simulation, files, None)
-        files.open_history(watch.columns)
-        if restart:
-            watch.resume(restart.header)
+    with (
+        closing(RunFolder(comm, place, restart.path if restart else None)) as folder,
+        closing(Job(simulation, folder, restart)) as job,
+    ):
         try:
-            status = simulation.run(watch, limits, REQUEST)
-            watch.finish()
-        except RunFailed as error:
-            status, fault = "failed", str(error).splitlines()[0]
-        summary = watch.summary(status) | ({"fault": fault} if fault else {})
-        with together(comm, f"cannot write {place / 'summary.json'}"):
-            if comm.rank == 0 and status in (FINISHED, "failed"):
-                write_summary(place / "summary.json", summary)
-    finally:
-        files.close()
-    if status not in (FINISHED, "failed"):
+            status = job.run(limits, REQUEST)["status"]
+        except RunFailed:
+            status = FAILED
+    if status not in (FINISHED, FAILED):
         raise Interrupted
-    return summary
 
 
 def _restart(comm: MPI.Intracomm, place: Path) -> Restart | None:

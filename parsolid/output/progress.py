@@ -171,23 +171,6 @@ class Progress:
             self._level = QUIET
 
 
-class Several:
-    """Tells more than one stream how far a run is."""
-
-    def __init__(self, *told: Progress) -> None:
-        self._told = told
-
-    def update(self, step: int, time: float, step_size: float, row: dict[str, float] | None) -> None:
-        """See `Progress.update`."""
-        for one in self._told:
-            one.update(step, time, step_size, row)
-
-    def close(self, summary: dict[str, Any]) -> None:
-        """See `Progress.close`."""
-        for one in self._told:
-            one.close(summary)
-
-
 def _failed(row: dict[str, float]) -> list[str]:
     """What the probes of a history row say of failed matter."""
     asked = [(column, column.rpartition(".")[2]) for column in row]

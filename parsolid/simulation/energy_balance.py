@@ -32,6 +32,10 @@ BEYOND_THE_METHOD = "beyond-the-method"
 NUMERICAL_DISSIPATION, ARTIFICIAL_VISCOSITY = "numerical-dissipation", "artificial-viscosity"
 
 
+# of `EnergyBalance`, what a restart goes on with
+_STATE = ("largest", "worst", "growth", "entered", "gained", "offset")
+
+
 class Finding(NamedTuple):
     """What speaks against a run: the word of trust it leaves, a code, the reason in words."""
 
@@ -99,6 +103,16 @@ class EnergyBalance:
         allowed = self.limits.balance_limit * measure + _ROUND_OFF * scale + np.finfo(float).tiny
         if not (abs(row["balance"]) <= allowed < np.inf):
             self.broken = row["balance"]
+
+    def state(self) -> dict[str, float]:
+        """What a restart goes on with, as JSON has it."""
+        return {name: getattr(self, name) for name in _STATE}
+
+    def set_state(self, state: Mapping[str, float], lost: float) -> None:
+        """Take back what `state` gave; lost: the numerical dissipation in the ledger [J]."""
+        for name in _STATE:
+            setattr(self, name, state[name])
+        self.lost = lost
 
     def relative(self, balance: float, scale: float) -> float | None:
         """A balance [J] over the largest energy, over the scale where that is round-off of it.

@@ -1,27 +1,24 @@
-"""The loop: choose a step, advance, look, judge."""
+"""The loop over the steps of a scene: advance systems and interactions, agree on the next step, write outputs."""
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from math import inf, isfinite, sqrt
-from typing import Any, Protocol
+from math import inf
+from typing import Any
 
-from decomposition.reduction import MinimumAhead
 from decomposition.timer import COMMUNICATION
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.collective import minimum
-from parsolid.contact.contact import build_contact
-from parsolid.contact.grid import build_grid_contact
-from parsolid.contact.tie import build_ties
-from parsolid.contact.tools import build_tools
+from parsolid.contact.interactions import build_interactions
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.simulation.agreement import StepAgreement
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
 from parsolid.simulation.momentum_balance import MomentumBalance, isolated
+from parsolid.simulation.outputs import Output, Outputs
 from parsolid.simulation.phases import Phases
 from parsolid.simulation.representation import representation
 from parsolid.simulation.restart import Restart
@@ -39,7 +36,7 @@ class RunFailed(RuntimeError):
 
 @dataclass
 class Limits:
-    """Where to stop before the scene's end: number of steps, reading of the performance counter [s]."""
+    """Where to stop before the end: number of steps, reading of the performance counter [s]."""
 
     steps: int | None = None
     wall: float | None = None
@@ -61,16 +58,6 @@ class Clock:
     first_step_processor_seconds: float = 0.0
     # of each system, on this rank: time in its steps but the first, without that spent on messages
     work: list[float] = field(default_factory=list)
-
-
-class Watch(Protocol):
-    """What is told of every step, see `recorder.Recorder`."""
-
-    def look(self, simulation: "Simulation") -> None:
-        """The state at the end of a step, and at the start; collective."""
-
-    def wall_checkpoint_due(self) -> bool:
-        """Whether this rank's clock calls for a checkpoint; ranks agree on it with the time step."""
 
 
 class Simulation:
@@ -97,12 +84,7 @@ class Simulation:
         self.clock.work, self.phases = [0.0] * len(self.systems), Phases()
         for number, system in enumerate(self.systems):
             system.follow_work(self.clock.work, number)
-        self.interactions: list[Interaction] = [
-            *build_contact(comm, scene, self.systems),
-            *build_tools(comm, scene, self.systems),
-            *build_ties(comm, scene, self.systems),
-            *build_grid_contact(comm, scene, self.systems),
-        ]
+        self.interactions: list[Interaction] = build_interactions(comm, scene, self.systems)
         self.time_steps = TimeSteps.of(scene, self.systems)
         # systems whose particles have a temperature, and the lowest [K] in the last row
         self._warm = [one for one in self.systems if "temperature" in one.particles]
@@ -112,16 +94,12 @@ class Simulation:
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
         # of each system, where any takes several steps in a common one
-        self.subcycling = Subcycling(comm, self.systems, restart.header.get("stable_steps") if restart else None)
+        self.subcycling = Subcycling(comm, self.systems, restart.header["stable_steps"] if restart else None)
         if restart:
             restart.apply(self)
         self._begin_interactions(restart is not None)
-        self._minimum: MinimumAhead | None = None
-        # what the systems have announced of the step under way, and the wishes that go with it
-        self._told: list[float] = []
-        self._alone = False
-        self._wishes = (0.0, 0.0)
-        self.failed, self.failed_somewhere, self.checkpoint_wanted = False, False, False
+        self.agreement = StepAgreement(comm, self.systems, self.interactions, self.subcycling)
+        self.failed_somewhere = False
         self.last_checkpoint: str | None = None
         self.first_step = self.clock.step
         self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
@@ -138,39 +116,176 @@ class Simulation:
         for particles, force in zip(acted_on, kept if restarted else []):
             particles.owned_rows(EXTERNAL_FORCE)[:] = force
 
+    def run(
+        self,
+        until: float | None = None,
+        outputs: Sequence[Output] = (),
+        limits: Limits | None = None,
+        stop: StopRequest | None = None,
+    ) -> str:
+        """Advance to a time [s] (FINISHED), by a number of steps (STOPPED), to a signal or wall time (INTERRUPTED).
+
+        until: the scene's end unless given, and never beyond it; a step ends exactly there. Each output is written
+        when it is due, the state at hand first. Collective. Raises RunFailed on all ranks.
+        """
+        end = self.scene.end_time if until is None else min(until, self.scene.end_time)
+        due, limits, first = Outputs(outputs), limits or Limits(), self.clock.step
+        self._begin_run(due, end)
+        while True:
+            self.stable, (interrupted, *over) = self._agreed()
+            self._check_step(self.stable)
+            self._write(due, over)
+            self._check_energy()
+            if self.clock.time >= end:
+                return FINISHED
+            if interrupted:
+                return INTERRUPTED
+            if limits.steps is not None and self.clock.step - first >= limits.steps:
+                return STOPPED
+            late = limits.wall is not None and clock.perf_counter() > limits.wall
+            ends = late or (stop is not None and stop.received is not None)
+            self.advance(*self.time_steps.next(self.clock.time, self.stable), (float(ends), *due.wall_times_over()))
+
+    def _begin_run(self, outputs: Outputs, end: float) -> None:
+        """Have steps end at the run's end and at the times of outputs, and begin to agree on the first one."""
+        self.phases.set_up = self.phases.set_up or clock.perf_counter() - self.clock.began
+        self.time_steps.land_on({end, *outputs.times})
+        requests = 1 + len(outputs.with_wall_times)
+        self.agreement = StepAgreement(self.comm, self.systems, self.interactions, self.subcycling, requests)
+        if self.stable is None:
+            self.agreement.start()
+        else:
+            self.agreement.resume(self.stable)
+
+    def _agreed(self) -> tuple[float, list[bool]]:
+        """Stable step [s] and requests of all ranks."""
+        waiting = clock.perf_counter()
+        result = self.agreement.result()
+        self.phases.waiting += clock.perf_counter() - waiting
+        if self.clock.step <= self.first_step + 1:
+            self.phases.begin()
+        return result
+
+    def _write(self, outputs: Outputs, over: Sequence[bool]) -> None:
+        began = clock.perf_counter()
+        outputs.write_due(self, over)
+        self.phases.output += clock.perf_counter() - began
+
+    def take_step(self, step: float) -> float:
+        """One time step [s] and the reduction that goes with it, whatever the stable step is; that of the state after
+        it [s]. Collective.
+        """
+        self.advance(step, self.clock.time + step)
+        return self._agreed()[0]
+
+    def advance(self, step: float, arrival: float, requests: Sequence[float] = ()) -> None:
+        """One step [s] to a time [s]; `agreement` begins while the last system completes it. Collective.
+
+        requests: of this rank, which all ranks hear of with the next stable step.
+        """
+        began, processor_began = clock.perf_counter(), clock.process_time()
+        sent_processor = COMMUNICATION.processor_seconds
+        self.agreement.begin_step(requests)
+        self.ledger.begin_step()
+        for interaction in self.interactions:
+            interaction.start_step(self.clock.time, step, self.ledger)
+        started, sent = clock.perf_counter(), COMMUNICATION.seconds
+        for number in range(len(self.systems)):
+            self._timed(self._advance_positions, number, step)
+        positions = clock.perf_counter()
+        self.phases.sent += COMMUNICATION.seconds - sent
+        self._find_external_forces(arrival, step)
+        forces, sent = clock.perf_counter(), COMMUNICATION.seconds
+        for number in range(len(self.systems)):
+            self._timed(self._complete_step, number, step)
+        self.phases.sent += COMMUNICATION.seconds - sent
+        self.clock.time, self.clock.step_size = arrival, step
+        self.time_steps.last = step
+        self.clock.step += 1
+        now = clock.perf_counter()
+        if self.interactions:
+            self.phases.contact += started - began + forces - positions
+        self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor
+        self._count_seconds(now - began, clock.process_time() - processor_began)
+
+    def _advance_positions(self, number: int, step: float) -> None:
+        """Positions of one system at the end of a step [s]; of several steps of its own all but the second part of the
+        last, under the external forces that there are."""
+        system, count = self.systems[number], self.subcycling.count(number, step)
+        if COMMON_START in system.particles:
+            system.particles.owned_rows(COMMON_START)[:] = system.particles.owned_rows("position")
+        for k in range(count):
+            system.substep, time = k, self.clock.time + k * (step / count)
+            if k == count - 1:
+                system.advance_positions(time, step / count, self._ledgers[number])
+            elif not system.advance(time, step / count, self._ledgers[number], self._report_within):
+                self.agreement.unsound = True
+            if k < count - 1:
+                # what all ranks must act on, they have
+                system.news_anywhere = False
+
+    def _report_within(self, sound: bool, stable: float) -> None:
+        """What a system reports of a step that is not its last in the common one."""
+        self.agreement.unsound |= not sound
+
+    def _find_external_forces(self, time: float, step: float) -> None:
+        """Forces of all interactions at the end of a step [s] at a time [s].
+
+        A system with several steps of its own has had the forces F of the start in all of them, and takes half of one
+        with the new ones F': the rest of (F + F') step/2 is an impulse.
+        """
+        acted_on = [system for system in self.systems if EXTERNAL_FORCE in system.particles]
+        before = [system.particles.owned_rows(EXTERNAL_FORCE).copy() for system in acted_on if system.substeps > 1]
+        for system in acted_on:
+            system.particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
+        for interaction in self.interactions:
+            interaction.evaluate(time, step, self.ledger)
+            self.agreement.unsound |= not interaction.sound()
+        for system, force in zip((one for one in acted_on if one.substeps > 1), before):
+            owned, rest = system.particles.owned_rows, 0.5 * step * (1.0 - 1.0 / system.substeps)
+            owned(EXTERNAL_IMPULSE)[:] += rest * (owned(EXTERNAL_FORCE) - force)
+
+    def _complete_step(self, number: int, step: float) -> None:
+        """The second part of a step [s] of one system, or of the last of its own."""
+        system = self.systems[number]
+        time, own = self.clock.time + (system.substeps - 1) * (step / system.substeps), step / system.substeps
+        if not system.complete_step(time, own, self._ledgers[number], self.agreement.reporter(system)):
+            self.agreement.unsound = True
+
+    def _timed(self, part: Callable[[int, float], None], number: int, step: float) -> None:
+        """A part of a step [s] of one system, and what work it is for this rank."""
+        began, waited = clock.perf_counter(), COMMUNICATION.seconds
+        part(number, step)
+        if self.clock.step > self.first_step:
+            # without what the first step of a program loads
+            self.clock.work[number] += clock.perf_counter() - began - (COMMUNICATION.seconds - waited)
+
+    def _count_seconds(self, seconds: float, processor_seconds: float) -> None:
+        """Add what a step took, on the wall and on this rank's processor [s]."""
+        spent = self.clock
+        spent.loop_seconds += seconds
+        spent.loop_processor_seconds += processor_seconds
+        if spent.step == self.first_step + 1:
+            spent.first_step_seconds, spent.first_step_processor_seconds = seconds, processor_seconds
+
+    def stable_step(self) -> float:
+        """Largest step [s] of this rank's particles in the current state."""
+        return self.agreement.stable_step()
+
     def energies(self) -> tuple[float, float]:
         """Kinetic and stored energy [J] of this rank's particles."""
         kinetic, stored = self.systems[0].energies()
-        for one in self.parts[1:]:
+        others: list[ParticleSystem | Interaction] = [*self.systems[1:], *self.interactions]
+        for one in others:
             more = one.energies()
             kinetic, stored = kinetic + more[0], stored + more[1]
         return kinetic, stored
 
     @property
-    def parts(self) -> list[ParticleSystem | Interaction]:
-        """Systems and interactions."""
-        return [*self.systems, *self.interactions]
-
-    @property
-    def minimum(self) -> MinimumAhead:
-        """The one collective of a step: stable step, wishes, and news of all systems and interactions."""
-        if self._minimum is None:
-            self._minimum = MinimumAhead(self.comm, 4 + len(self.parts) + self.subcycling.extra)
-        return self._minimum
-
-    def stable_step(self) -> float:
-        """Largest step [s] of this rank's particles in the current state."""
-        own = [system.stable_step() for system in self.systems]
-        return _together(self.subcycling.common(min(own), own), self._allowed())
-
-    def _allowed(self) -> float:
-        """Step [s] that interactions allow on this rank where nothing else acts."""
-        return min((interaction.stable_step() for interaction in self.interactions), default=inf)
-
-    @property
     def energy_scale(self) -> float:
         """An energy [J], the same on all ranks, of which the balance has the round-off in any case."""
-        return sum(part.energy_scale for part in self.parts)
+        parts: list[ParticleSystem | Interaction] = [*self.systems, *self.interactions]
+        return sum(part.energy_scale for part in parts)
 
     def energy_row(self) -> dict[str, float]:
         """The ledger's row [J] of the present state over all ranks; judged before the next step. Collective."""
@@ -186,166 +301,6 @@ class Simulation:
             self.coldest = minimum(self.comm, min(float(one.min(initial=inf)) for one in temperatures))
         return row
 
-    def run(self, watch: Watch, limits: Limits, stop: StopRequest) -> str:
-        """Advance to the scene's end (FINISHED), a number of steps (STOPPED), a signal or a wall time (INTERRUPTED).
-
-        `watch` is told of every step. Collective. Raises RunFailed on all ranks.
-        """
-        end = self.scene.end_time
-        self.first_step = self.clock.step
-        self.phases.set_up = self.phases.set_up or clock.perf_counter() - self.clock.began
-        stable = self.stable
-        if stable is None:
-            self._announce([system.stable_step() for system in self.systems], (0.0, 0.0))
-        else:
-            self._announce([stable], (0.0, 0.0), alone=True)
-        while True:
-            self.stable, interrupted, checkpoint = self._result()
-            self.checkpoint_wanted = checkpoint < 0.0
-            self._check_step(self.stable)
-            self._show(watch)
-            self._check_balance()
-            if self.clock.time >= end:
-                return FINISHED
-            if interrupted < 0.0:
-                return INTERRUPTED
-            if limits.steps is not None and self.clock.step - self.first_step >= limits.steps:
-                return STOPPED
-            late = limits.wall is not None and clock.perf_counter() > limits.wall
-            wishes = (float(stop.received is not None or late), float(watch.wall_checkpoint_due()))
-            self._advance(*self.time_steps.next(self.clock.time, self.stable), wishes)
-
-    def _show(self, watch: Watch) -> None:
-        """Let the watch look at the state."""
-        began = clock.perf_counter()
-        watch.look(self)
-        self.phases.output += clock.perf_counter() - began
-
-    def take_step(self, step: float) -> float:
-        """One time step [s] and the reduction that goes with it, whatever the stable step is; that of the state after
-        it [s]. Collective.
-        """
-        self._advance(step, self.clock.time + step, (0.0, 0.0))
-        return self._result()[0]
-
-    def _announce(self, stable: list[float], wishes: tuple[float, float], alone: bool = False) -> None:
-        """Begin to agree on the stable steps of systems, on wishes (to stop, to write a checkpoint) and on news.
-
-        alone: the stable step is one that takes interactions into account.
-        """
-        news = [-float(one.news) for one in self.parts]
-        told = self.subcycling.told(self.subcycling.stable if alone else stable)
-        self.minimum.begin((min(stable), inf if alone else self._allowed(), -wishes[0], -wishes[1], *news, *told))
-        self._alone = alone
-
-    def _result(self) -> tuple[float, float, float]:
-        waiting = clock.perf_counter()
-        stable, allowed, interrupted, checkpoint, *rest = self.minimum.result()
-        news, of_systems = rest[: len(self.parts)], rest[len(self.parts) :]
-        self.phases.waiting += clock.perf_counter() - waiting
-        if self.clock.step <= self.first_step + 1:
-            self.phases.begin()
-        for one, first in zip(self.parts, news):
-            one.news_anywhere = first < 0.0
-        if not self._alone:
-            stable = self.subcycling.agreed(stable, of_systems)
-        return _together(stable, allowed), interrupted, checkpoint
-
-    def _advance(self, step: float, arrival: float, wishes: tuple[float, float]) -> None:
-        """One step [s] to a time [s]; the next stable step and wishes are agreed on while the last system advances."""
-        began, processor_began = clock.perf_counter(), clock.process_time()
-        sent_processor = COMMUNICATION.processor_seconds
-        self._told.clear()
-        self._wishes = wishes
-        self.ledger.begin_step()
-        for interaction in self.interactions:
-            interaction.start_step(self.clock.time, step, self.ledger)
-        started, sent = clock.perf_counter(), COMMUNICATION.seconds
-        for number in range(len(self.systems)):
-            self._counting(self._advance_positions, number, step)
-        positions = clock.perf_counter()
-        self.phases.sent += COMMUNICATION.seconds - sent
-        self._find_external_forces(arrival, step)
-        forces, sent = clock.perf_counter(), COMMUNICATION.seconds
-        for number in range(len(self.systems)):
-            self._counting(self._complete_step, number, step)
-        self.phases.sent += COMMUNICATION.seconds - sent
-        self.clock.time, self.clock.step_size = arrival, step
-        self.time_steps.last = step
-        self.clock.step += 1
-        now = clock.perf_counter()
-        if self.interactions:
-            self.phases.contact += started - began + forces - positions
-        self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor
-        self._count(now - began, clock.process_time() - processor_began)
-
-    def _advance_positions(self, number: int, step: float) -> None:
-        """Positions of one system at the end of a step [s]; of several steps of its own all but the second part of the
-        last, under the external forces that there are."""
-        system, count = self.systems[number], self.subcycling.count(number, step)
-        if COMMON_START in system.particles:
-            system.particles.owned_rows(COMMON_START)[:] = system.particles.owned_rows("position")
-        for k in range(count):
-            system.substep, time = k, self.clock.time + k * (step / count)
-            if k == count - 1:
-                system.advance_positions(time, step / count, self._ledgers[number])
-            elif not system.advance(time, step / count, self._ledgers[number], self._hear_within):
-                self.failed = True
-            if k < count - 1:
-                # what all ranks must act on, they have
-                system.news_anywhere = False
-
-    def _find_external_forces(self, time: float, step: float) -> None:
-        """Forces of all interactions at the end of a step [s] at a time [s].
-
-        A system with several steps of its own has had the forces F of the start in all of them, and takes half of one
-        with the new ones F': the rest of (F + F') step/2 is an impulse.
-        """
-        acted_on = [system for system in self.systems if EXTERNAL_FORCE in system.particles]
-        before = [system.particles.owned_rows(EXTERNAL_FORCE).copy() for system in acted_on if system.substeps > 1]
-        for system in acted_on:
-            system.particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
-        for interaction in self.interactions:
-            interaction.evaluate(time, step, self.ledger)
-            self.failed = self.failed or not interaction.sound()
-        for system, force in zip((one for one in acted_on if one.substeps > 1), before):
-            owned, rest = system.particles.owned_rows, 0.5 * step * (1.0 - 1.0 / system.substeps)
-            owned(EXTERNAL_IMPULSE)[:] += rest * (owned(EXTERNAL_FORCE) - force)
-
-    def _complete_step(self, number: int, step: float) -> None:
-        """The second part of a step [s] of one system, or of the last of its own."""
-        system = self.systems[number]
-        time, own = self.clock.time + (system.substeps - 1) * (step / system.substeps), step / system.substeps
-        if not system.complete_step(time, own, self._ledgers[number], partial(self._hear, system)):
-            self.failed = True
-
-    def _counting(self, part: Callable[[int, float], None], number: int, step: float) -> None:
-        """A part of a step [s] of one system, and what work it is for this rank."""
-        began, waited = clock.perf_counter(), COMMUNICATION.seconds
-        part(number, step)
-        if self.clock.step > self.first_step:
-            # without what the first step of a program loads
-            self.clock.work[number] += clock.perf_counter() - began - (COMMUNICATION.seconds - waited)
-
-    def _hear_within(self, sound: bool, stable: float) -> None:
-        """What a system announces of a step that is not its last in the common one."""
-        self.failed = self.failed or not sound
-
-    def _hear(self, system: ParticleSystem, sound: bool, stable: float) -> None:
-        """What a system announces; the last one's announcement begins the agreement of all ranks."""
-        healthy = sound and not self.failed and isfinite(stable)
-        self._told.append(stable if healthy or system.owned == 0 else -1.0)
-        if len(self._told) == len(self.systems):
-            self._announce(self._told, self._wishes)
-
-    def _count(self, seconds: float, processor_seconds: float) -> None:
-        """Add what a step took, on the wall and on this rank's processor [s]."""
-        spent = self.clock
-        spent.loop_seconds += seconds
-        spent.loop_processor_seconds += processor_seconds
-        if spent.step == self.first_step + 1:
-            spent.first_step_seconds, spent.first_step_processor_seconds = seconds, processor_seconds
-
     def _check_step(self, stable: float) -> None:
         """Raise RunFailed on all ranks when the agreed step says that something went wrong."""
         floor = self.time_steps.floor
@@ -356,7 +311,8 @@ class Simulation:
         what = f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"
         raise RunFailed(describe_failure(self, "the state was lost within the step" if stable < 0.0 else what))
 
-    def _check_balance(self) -> None:
+    def _check_energy(self) -> None:
+        """Raise RunFailed on all ranks when the last row of the ledger is not what it may be."""
         balance = self.balance
         if not self.coldest >= 0.0:
             raise RunFailed(describe_failure(self, f"an absolute temperature has fallen to {self.coldest:.6g} K"))
@@ -364,8 +320,3 @@ class Simulation:
             share, limit = balance.relative(abs(balance.broken), self.energy_scale), balance.limits.balance_limit
             off = f"the energy balance is off by {balance.broken:.4g} J, {share or 0.0:.2g} of the largest energy"
             raise RunFailed(describe_failure(self, f"{off} (method.balance_limit = {limit:g})"))
-
-
-def _together(stable: float, allowed: float) -> float:
-    """Step [s] of a motion with the squares of two frequencies added, whose steps alone are these."""
-    return stable if stable <= 0.0 or allowed == inf else stable / sqrt(1.0 + (stable / allowed) ** 2)

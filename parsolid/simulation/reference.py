@@ -7,27 +7,30 @@ given times, as the largest over all steps, or of the history.
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from parsolid.collective import SolverError
 from parsolid.scene import Scene
+from parsolid.simulation.history import HistoryOutput
 from parsolid.simulation.ledger import COLUMNS
+from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
+from parsolid.simulation.outputs import Output
 from parsolid.splines import cubic_spline
-
-if TYPE_CHECKING:
-    from parsolid.simulation.loop import Simulation
 
 Row = dict[str, float]
 
 
-class Errors:
-    """Collects what is needed while a run goes on; `result` is the same on all ranks."""
+class ReferenceErrors(Output):
+    """Collects what is needed while a run goes on; `result` is the same on all ranks.
 
-    def __init__(self, scene: Scene):
-        self.reference = scene.reference
+    history: whose rows are compared; it stands before this one among a run's outputs.
+    """
+
+    def __init__(self, scene: Scene, history: HistoryOutput):
+        self.reference, self.history = scene.reference, history
         self.rows: list[Row] = []
         self.found: dict[str, float] = {}
         self.times: tuple[float, ...] = ()
@@ -49,7 +52,12 @@ class Errors:
                 self.columns = ("time", "dt", *_judged(scene, self.solution))
             self.times = scene.reference_times
 
-    def note(self, row: Row) -> None:
+    @property
+    def every_row(self) -> bool:
+        """Whether all rows of the history are needed."""
+        return self.reference is not None
+
+    def _note(self, row: Row) -> None:
         """Remember a history row."""
         if self.columns:
             self.rows.append({name: row[name] for name in self.columns})
@@ -60,20 +68,31 @@ class Errors:
         """Continue with the history rows and the errors of the run before a restart."""
         self.found |= found
         for row in rows:
-            self.note(row)
+            self._note(row)
 
-    def look(self, simulation: "Simulation", observables: Observables) -> None:
-        """Compare with the exact solution when its time has come; collective then."""
-        if self.solution is None or self.reference is None:
+    def due(self, simulation: Simulation) -> bool:
+        """With every row of the history, and when the time of an exact solution has come."""
+        return self.history.last_step == simulation.clock.step or self._solution_due(simulation)
+
+    def _solution_due(self, simulation: Simulation) -> bool:
+        each_step = self.reference is not None and self.reference.each_step
+        return self.solution is not None and (each_step or simulation.clock.time in self.times)
+
+    def write(self, simulation: Simulation) -> None:
+        """Compare with the exact solution, remember the row; collective."""
+        if self.history.last_step == simulation.clock.step and self.history.last_row is not None:
+            self._note(self.history.last_row)
+        if not self._solution_due(simulation):
             return
         from parsolid.exact.solution import View
 
-        time, view = simulation.clock.time, View(simulation.comm, observables)
+        assert self.reference is not None
+        time, view = simulation.clock.time, View(simulation.comm, Observables(simulation.systems))
         if self.reference.each_step:
             for name, error in self.solution.rms_errors(view, time).items():
                 name = f"largest_{name}"
                 self.found[name] = max(error, self.found.get(name, 0.0))
-        elif time in self.times:
+        else:
             self.found |= {f"{name}@{time:.6g}": error for name, error in self.solution.errors(view, time).items()}
 
     def result(self) -> dict[str, float]:

@@ -18,8 +18,8 @@ from parsolid.simulation.scene_changes import changes, completed, contents, judg
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation
 
-_NEEDED = {"ranks", "time", "step", "stable_step", "jumped", "initial_energy", "largest_energy", "probes", "errors"}
-_NEEDED |= {"scene", "method_state"}
+_NEEDED = {"ranks", "time", "step", "last_step", "stable_step", "stable_steps", "jumped", "initial_energy", "balance"}
+_NEEDED |= {"judged_step", "energy_balance", "momenta", "interactions", "probes", "errors", "scene", "method_state"}
 _PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "regions", "surfaces")
 
 
@@ -129,22 +129,15 @@ class Restart:
         elif self.comm.rank == 0:
             ledger.values[:] = self.rows.sum(axis=0)
         ledger.begin_step()
-        balance = simulation.balance
-        # a checkpoint of an earlier version says only the first; the others then count from here
-        balance.largest = header["largest_energy"]
-        balance.worst, balance.entered = header.get("largest_balance", 0.0), header.get("energy_entered", 0.0)
-        balance.growth = header.get("largest_growth", 0.0)
-        balance.gained, balance.offset = header.get("given_by_scheme", 0.0), header.get("largest_offset", 0.0)
-        if simulation.momenta is not None and header.get("momenta") is not None:
+        simulation.balance.set_state(header["energy_balance"], float(self.rows[:, 1].sum()))
+        if simulation.momenta is not None and header["momenta"] is not None:
             simulation.momenta.set_state(header["momenta"])
-        balance.lost = float(self.rows[:, 1].sum())
-        simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header.get("last_step", 0.0)
+        simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header["last_step"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
-        simulation.judged = header["judged_step" if "judged_step" in header else "step"]
-        simulation.stable = header["stable_step"]
-        for interaction, state in zip(simulation.interactions, header.get("interactions", [])):
+        simulation.judged, simulation.stable = header["judged_step"], header["stable_step"]
+        for interaction, state in zip(simulation.interactions, header["interactions"]):
             interaction.set_state(state)
-        if self.allowed and "balance" in header:
+        if self.allowed:
             self._take_jump(simulation)
 
     def _take_jump(self, simulation: "Simulation") -> None:
@@ -172,39 +165,3 @@ def _particle_set(values: dict[str, np.ndarray]) -> ParticleSet:
     if fields["axes"] is not None:
         fields["axes"] = fields["axes"].reshape(-1, dimension, dimension)
     return ParticleSet(position=values["reference_position"], **fields)
-
-
-def header_of(
-    simulation: "Simulation", probes: dict[str, Any], errors: dict[str, float], scene: dict[str, Any]
-) -> dict[str, Any]:
-    """What a restart needs besides the fields; the state of probes, the errors found so far, the `contents` of the
-    scene.
-
-    Collective.
-    """
-    systems = enumerate(simulation.systems)
-    return {
-        "ranks": simulation.comm.size,
-        "particles": simulation.particles,
-        "time": simulation.clock.time,
-        "step": simulation.clock.step,
-        "last_step": simulation.time_steps.last,
-        "stable_step": simulation.stable,
-        "stable_steps": simulation.subcycling.stable,
-        "jumped": simulation.time_steps.jumped,
-        **{numbered("method_state", number): system.state() for number, system in systems},
-        "interactions": [interaction.state() for interaction in simulation.interactions],
-        "initial_energy": simulation.ledger.initial,
-        "largest_energy": simulation.balance.largest,
-        "largest_balance": simulation.balance.worst,
-        "largest_growth": simulation.balance.growth,
-        "given_by_scheme": simulation.balance.gained,
-        "largest_offset": simulation.balance.offset,
-        "momenta": None if simulation.momenta is None else simulation.momenta.state(),
-        "judged_step": simulation.judged,
-        "energy_entered": simulation.balance.entered,
-        "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],
-        "probes": probes,
-        "errors": errors,
-        "scene": scene,
-    }

@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import SolverError
-from parsolid.contact.contact import declare_fields
-from parsolid.contact.grid import enable_grid_contact
-from parsolid.contact.tie import declare_tie_fields
-from parsolid.contact.tools import declare_tool_fields
+from parsolid.contact.interactions import declare_interactions
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.distribution import distribute, take
@@ -46,10 +43,7 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
             orders.append(order)
             system = kind(comm, part, particle_sets[-1])
             system.bodies, system.name = plan.bodies, plan.name
-            declare_fields(scene, system)
-            declare_tie_fields(scene, system)
-            declare_tool_fields(scene, system)
-            enable_grid_contact(scene, len(systems), system)
+            declare_interactions(scene, len(systems), system)
             systems.append(system)
             if not restart:
                 system.begin(part, particle_sets[-1])

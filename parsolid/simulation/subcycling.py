@@ -39,7 +39,7 @@ class Subcycling:
         """Numbers that travel with the minimum of a step besides those of all scenes."""
         return len(self.wanted) if self.active else 0
 
-    def told(self, own: list[float]) -> list[float]:
+    def told(self, own: Sequence[float]) -> Sequence[float]:
         """Those numbers, from the stable steps [s] of this rank's systems; those of the checkpoint at first."""
         if not self.active:
             return []

@@ -65,6 +65,10 @@ class TimeSteps:
         growth = _GROWTH if of_model(scene.contact, "kernel") or scene.tools else np.inf
         return cls(landings, jumps, scene.end_time, even, longest, floor, growth)
 
+    def land_on(self, times: Iterable[float]) -> None:
+        """Have steps end at further times [s], too."""
+        self.landings = sorted({*self.landings, *times})
+
     def next(self, time: float, stable: float) -> tuple[float, float]:
         """(step, time it leads to) [s] after a time, from the stable step of the state."""
         if time in self.jumps and self.jumped != time:

@@ -12,11 +12,11 @@ from parsolid.commands.forecast import _bisected, bytes_on_disk, load_on, memory
 from parsolid.commands.report import usual_mean
 from parsolid.machine import cores
 from parsolid.output.checkpoint import write_checkpoint
+from parsolid.output.run_folder import RunFolder
 from parsolid.output.vtkhdf import published
 from parsolid.scene import parse_scene
+from parsolid.simulation.field_output import FieldOutput
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
-from parsolid.simulation.output_files import OutputFiles
 
 TABLES = {
     "dimension": 2,
@@ -65,15 +65,15 @@ def test_particles_and_ghosts_of_the_busiest_rank(comm, simulation):
 def test_bytes_on_disk(comm, simulation, tmp_path):
     fields, once, checkpoint = bytes_on_disk(comm, simulation.scene, simulation.systems)
     folder = comm.bcast(str(tmp_path))
-    files = OutputFiles(comm, simulation.scene, folder)
-    files.write_fields(Observables(simulation.systems), 0.0)
+    files = RunFolder(comm, folder)
+    FieldOutput(simulation, files).write(simulation)
     kept = [system.particles.checkpointed() for system in simulation.systems]
     write_checkpoint(comm, files.checkpoint, {}, kept, simulation.ledger.values)
     if comm.rank == 0:
-        layout, _ = published(files.fields.path)
+        layout, _ = published(files.fields)
         assert fields == layout.bytes_per_step
         whole = once + layout.capacity * fields
-        assert files.fields.path.stat().st_size == pytest.approx(whole, rel=0.1)
+        assert files.fields.stat().st_size == pytest.approx(whole, rel=0.1)
         assert files.checkpoint.stat().st_size == pytest.approx(checkpoint, abs=2e4)
     files.close()
 

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.commands.study.cases import cases_of
 from parsolid.commands.study.judging import judge
-from parsolid.commands.study.launching import _wait, launcher, read_record, refuse_ranks, run_case
+from parsolid.commands.study.launching import _wait, read_record, run_case
 from parsolid.commands.study.measures import energies_of, momentum_of, not_finite
 from parsolid.commands.study.schema import load_study, toml_value
 from parsolid.scene import SceneError
@@ -233,23 +232,6 @@ def test_numbers_that_are_not_finite_are_found(tmp_path):
 
 
 # --- making them ------------------------------------------------------------------------------------------------------
-
-
-def test_a_study_is_not_started_by_a_launcher(monkeypatch):
-    with pytest.raises(SceneError, match="without mpirun"):
-        refuse_ranks(SimpleNamespace(size=2))
-    monkeypatch.setenv("PMI_RANK", "0")
-    with pytest.raises(SceneError, match="without mpirun"):
-        refuse_ranks(SimpleNamespace(size=1))
-
-
-def test_ranks_need_a_launcher(monkeypatch):
-    assert launcher(1) == []
-    assert launcher(2)[1:3] == ["-n", "2"]
-    monkeypatch.setattr(sys, "executable", "/nowhere/python")
-    monkeypatch.setenv("PATH", "/nowhere")
-    with pytest.raises(SceneError, match="expected mpirun or mpiexec on the PATH for 2 ranks"):
-        launcher(2)
 
 
 @pytest.mark.slow

@@ -6,8 +6,6 @@ from meeting import SOFT, SPH, block, simulated, tables
 from mpi4py import MPI
 from solids import Record
 
-from parsolid.simulation.loop import Limits, StopRequest
-
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
 MICRO = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
 FLOW, POINTS = {"kind": "ulsph"}, {"kind": "mpm", "cell": 2.0, "order": "musl"}
@@ -33,7 +31,7 @@ def run(data, comm):
         if system.takes_heat:
             _watch(system, got, shown)
     record = Record()
-    sim.run(record, Limits(None), StopRequest())
+    sim.run(None, [record])
     return record.columns(), comm.allreduce(got), comm.allreduce(shown)
 
 

@@ -6,7 +6,7 @@ from meeting import BONDS, SOFT, SPEED, bars, block, simulated, tables
 from mpi4py import MPI
 from solids import Record
 
-from parsolid.simulation.loop import Limits, StopRequest
+from parsolid.simulation.loop import Limits
 
 pytestmark = pytest.mark.slow
 LINEAR = {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
@@ -34,7 +34,7 @@ def follow(data: dict, comm) -> tuple[dict, np.ndarray]:
     """Columns of the ledger, and the mean velocity along X of each body at the end."""
     sim = simulated(data, comm)
     record = Record()
-    sim.run(record, Limits(None), StopRequest())
+    sim.run(None, [record])
     system = sim.systems[0]
     body, v = system.particles.owned_rows("body"), system.particles.owned_rows("velocity")[:, 0]
     m = system.mass[: system.owned] * system.share[: system.owned]
@@ -101,7 +101,7 @@ def test_a_ring_does_not_pass_through_itself(comm):
             return {"lowest": comm.allreduce(float(y.min(initial=1.0)), MPI.MIN)}
 
         record = Record(look)
-        sim.run(record, Limits(None), StopRequest())
+        sim.run(None, [record])
         columns.append(record.columns())
     free, held = columns
     assert free["lowest"].min() < -0.05 and held["lowest"].min() > -0.02
@@ -125,7 +125,7 @@ def test_faces_of_a_crack_meet_without_a_push_where_they_were(comm):
     named = [{"bodies": ["plate"]}]
     resting = simulated(cracked(named, 0.0, 1.0), comm)
     record = Record()
-    resting.run(record, Limits(20), StopRequest())
+    resting.run(None, [record], Limits(20))
     assert np.abs(resting.systems[0].particles.owned_rows("velocity")).max() < 1e-14
     gaps = {}
     for contact in ([], named):
@@ -135,7 +135,7 @@ def test_faces_of_a_crack_meet_without_a_push_where_they_were(comm):
         lower = (place[:, 1] < 0.0) & (place[:, 1] > -0.1)
         upper = (place[:, 1] > 0.0) & (place[:, 1] < 0.1)
         record = Record()
-        sim.run(record, Limits(None), StopRequest())
+        sim.run(None, [record])
         y = system.particles.owned_rows("position")[:, 1]
         ends = comm.allreduce(np.array([y[lower].sum(), lower.sum(), y[upper].sum(), upper.sum()]))
         gaps[bool(contact)] = ends[2] / ends[3] - ends[0] / ends[1]

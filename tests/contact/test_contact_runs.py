@@ -8,7 +8,7 @@ from solids import Record, gathered, run_into
 
 from parsolid.methods.tlsph.system import TotalLagrangianSPH
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, StopRequest
+from parsolid.simulation.loop import Limits
 from parsolid.simulation.restart import Restart
 
 STATE = ("position", "velocity", "contact_force")
@@ -16,7 +16,7 @@ STATE = ("position", "velocity", "contact_force")
 
 def run(sim, steps=None, more=None) -> dict:
     record = Record(more)
-    sim.run(record, Limits(steps), StopRequest())
+    sim.run(None, [record], Limits(steps))
     return record.columns()
 
 

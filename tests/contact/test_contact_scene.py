@@ -11,7 +11,7 @@ from solids import Record
 from parsolid.contact.kernel import lattice_colour
 from parsolid.contact.relations import relations
 from parsolid.scene import SceneError, load_scene, parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Limits, Simulation
 
 
 def faults(**change) -> str:
@@ -98,5 +98,5 @@ def test_colours_of_lattices():
 def test_scenes_that_are_shown_run(name):
     scene = load_scene(Path(__file__).parents[2] / "runs" / f"{name}.toml", [])
     sim, record = Simulation(MPI.COMM_SELF, scene), Record()
-    sim.run(record, Limits(3), StopRequest())
+    sim.run(None, [record], Limits(3))
     assert sim.clock.step == 3 and np.isfinite(record.columns()["balance"]).all()

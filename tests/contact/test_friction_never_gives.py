@@ -9,7 +9,7 @@ from solids import Record
 
 from parsolid.contact.friction import return_mapping, tangential, turned
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
 
 
 def test_a_spring_that_is_turned_round_or_cut_gives_nothing():
@@ -40,7 +40,7 @@ def test_discs_that_rub_and_part_keep_their_balance():
     """7.9e-4 of it was missing, and one step gave 8e-6, while springs that ended had given no half impulse."""
     data = discs(12, 0.08, method=BONDS | {"stabilisation": {"coefficient": 0.125}})
     simulation, record = Simulation(MPI.COMM_SELF, parse_scene(data)), Record()
-    simulation.run(record, Limits(), StopRequest())
+    simulation.run(None, [record])
     found = record.columns()
     took, energy = found["friction_dissipation"], found["kinetic"][0]
     assert took[-1] > 0.03 * energy and np.diff(took).min() >= 0.0

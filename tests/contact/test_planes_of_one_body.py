@@ -6,7 +6,7 @@ from mpi4py import MPI
 from solids import Record
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
 
 LAW = {"density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
 KINDS = {
@@ -37,7 +37,7 @@ def test_momentum_along_the_plane_is_kept(kind, both):
     data = {"dimension": 2, "end_time": 0.8, "method": method, "bodies": bodies, "boundaries": planes}
     data |= {"contact": [{"bodies": ["left", "right"], "friction": 0.2}], "output": {"fields_times": []}}
     record = Record(along)
-    Simulation(MPI.COMM_SELF, parse_scene(data)).run(record, Limits(), StopRequest())
+    Simulation(MPI.COMM_SELF, parse_scene(data)).run(None, [record])
     found = record.columns()
     energy, scale = found["kinetic"][0], np.sqrt(2.0 * found["kinetic"][0] * 0.4)
     assert found["contact_energy"].max() > 0.05 * energy

@@ -11,15 +11,15 @@ ERROR_OF_THE_PROGRAM = 1
 FAULTY = """
 import sys
 from mpi4py import MPI
-from parsolid.simulation import recorder
-look = recorder.Recorder.look
+from parsolid.simulation import outputs
+write_due = outputs.Outputs.write_due
 
-def faulty(self, simulation):
+def faulty(self, simulation, over):
     if simulation.clock.step == 5 and simulation.comm.rank in ({ranks}):
         raise {error}
-    look(self, simulation)
+    write_due(self, simulation, over)
 
-recorder.Recorder.look = faulty
+outputs.Outputs.write_due = faulty
 from parsolid.commands.cli import main
 sys.exit(main())
 """
@@ -54,7 +54,7 @@ def test_an_error_before_there_is_a_folder_leaves_its_traceback_here(tmp_path):
     scene = write(PUNCH, tmp_path / "scene.toml")
     program = (
         "-c",
-        FAULTY.format(ranks="0, 1", error="KeyError(3)").replace("recorder.Recorder.look = faulty", BROKEN),
+        FAULTY.format(ranks="0, 1", error="KeyError(3)").replace("outputs.Outputs.write_due = faulty", BROKEN),
     )
     job = finish(start([scene, "-q", "-o", tmp_path / "run"], RANKS, tmp_path, program), 60.0)
     (kept,) = tmp_path.glob("parsolid-*-traceback.txt")

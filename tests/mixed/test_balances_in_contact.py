@@ -10,7 +10,7 @@ from parsolid.collective import SolverError
 from parsolid.contact import time_step
 from parsolid.methods.mpm.external_forces import power, power_at_end
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
@@ -31,7 +31,7 @@ def blocks(method: dict, speed: float, end: float, material=COPPER) -> dict:
 
 def run(data: dict) -> dict[str, np.ndarray]:
     record = Record()
-    Simulation(MPI.COMM_SELF, parse_scene(data)).run(record, Limits(), StopRequest())
+    Simulation(MPI.COMM_SELF, parse_scene(data)).run(None, [record])
     return record.columns()
 
 

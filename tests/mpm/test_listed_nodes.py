@@ -6,7 +6,7 @@ from points import crossing
 from solids import Record, follow, simulation
 
 from parsolid.methods.mpm import energies
-from parsolid.simulation.loop import Limits, StopRequest
+from parsolid.simulation.loop import Limits
 
 METHODS = {
     "musl": {"order": "musl", "flip_fraction": 0.9},
@@ -40,7 +40,7 @@ def step_of(
     with monkeypatch.context() as patch:
         patch.setattr(energies, "nodal_energies", _kept(energies.nodal_energies, counted))
         sim.ledger.values[:] = 0.0
-        sim.run(Record(), Limits(steps=1), StopRequest())
+        sim.run(limits=Limits(steps=1))
     return {"nodes": np.array(counted), "ledger": sim.ledger.values.copy()}, [
         told.values.copy() for told in system.reactions
     ]

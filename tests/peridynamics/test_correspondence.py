@@ -213,7 +213,7 @@ def test_a_released_stretch_runs_with_the_default_safety(law, stretch):
     """Stiffness grows with the stretch, and in the blow with which the free end comes back."""
     data = scene(2, "fixed", material=law, jitter=0.0, body={"displacement": [f"{stretch - 1}*X", "0"]}, end_time=1e3)
     sim, columns = run_steps(data, 150)
-    assert not sim.failed
+    assert not sim.agreement.unsound
     assert np.abs(columns["balance"]).max() < 0.05 * columns["stored"][0]
 
 

@@ -7,21 +7,10 @@ import pytest
 from mpi4py import MPI
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
 
 DOCS = Path(__file__).parents[2] / "docs"
 LENGTH, DEPTH = 8, 20
-
-
-class Nobody:
-    """Looks at nothing."""
-
-    def look(self, simulation):
-        """Do nothing."""
-
-    def wall_checkpoint_due(self) -> bool:
-        """Never."""
-        return False
 
 
 def displacement(coefficient: float) -> float:
@@ -36,7 +25,7 @@ def displacement(coefficient: float) -> float:
     data = {"dimension": 2, "end_time": 1.0, "method": method, "bodies": [body], "boundaries": rollers}
     data["loads"] = {"body_force": ["0", load]}
     simulation = Simulation(MPI.COMM_SELF, parse_scene(data))
-    simulation.run(Nobody(), Limits(), StopRequest())
+    simulation.run()
     rows = simulation.systems[0].particles.owned_rows
     place, here = rows("reference_position"), rows("reference_position")[:, 1] > -2.0
     moved = (rows("position") - place)[here, 1]

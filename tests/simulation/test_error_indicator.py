@@ -6,12 +6,10 @@ import pytest
 from mpi4py import MPI
 from solids import RUBBER, punch, simulation, supports, tables
 
+from parsolid.output.run_folder import RunFolder
 from parsolid.simulation.error_indicator import NAME, indicate
-from parsolid.simulation.loop import Limits
+from parsolid.simulation.field_output import FieldOutput
 from parsolid.simulation.observables import Observables
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
-from parsolid.simulation.signals import REQUEST
 
 AMPLITUDE, WIDTH, START = 1e-6, 0.08, 0.35
 GAUSS = f"exp(-((X - {START})/{WIDTH})**2)"
@@ -46,12 +44,10 @@ def test_it_falls_with_the_second_order_of_the_spacing_where_stresses_are_smooth
 
 
 @pytest.mark.serial
-def test_it_is_largest_where_the_error_of_the_stress_is(tmp_path):
+def test_it_is_largest_where_the_error_of_the_stress_is():
     data = pulse(50)
     sim = simulation(data)
-    watch = Recorder(sim, OutputFiles(sim.comm, sim.scene, tmp_path), None)
-    watch.files.open_history(watch.columns)
-    sim.run(watch, Limits(), REQUEST)
+    sim.run()
     shown, values = Observables(sim.systems), indicated(sim)
     place = shown.rows("reference_position")[:, 0]
     exact = 1.0 - AMPLITUDE * np.exp(-(((place - START - 0.25) / WIDTH) ** 2))
@@ -80,7 +76,7 @@ def test_it_is_the_same_on_any_ranks_written_when_named_and_zero_for_uniform_str
     whole[one.systems[0].particles.owned_rows("identifier")] = alone
     assert np.allclose(mine, whole[rows("identifier")], rtol=1e-9, atol=1e-12 * alone.max())
     assert np.argmax(whole) == 84 and place.shape[1] == 2
-    OutputFiles(comm, sim.scene, shared_path).write_fields(Observables(sim.systems), 0.0)
+    FieldOutput(sim, RunFolder(comm, shared_path)).write(sim)
     if comm.rank == 0:
         with h5py.File(shared_path / "fields.vtkhdf") as file:
             written = file["VTKHDF/PointData"][NAME][:]

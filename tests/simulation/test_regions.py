@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from solids import SOFT, run_into, simulation, tables
 
+from parsolid.output.run_folder import RunFolder
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.field_output import FieldOutput
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
-from parsolid.simulation.output_files import OutputFiles
 from parsolid.simulation.probes import Probes
 from parsolid.simulation.restart import Restart
 
@@ -63,9 +64,9 @@ def test_a_quantity_of_the_method_alone_is_refused_in_a_region():
 def test_fields_of_a_region_are_written_in_the_order_of_its_particles(shared_path, comm):
     data = thrown(output={"where": "strip", "fields": ["velocity"]})
     sim = simulation(data, comm)
-    files = OutputFiles(comm, sim.scene, shared_path / "out")
-    files.write_fields(Observables(sim.systems), 0.0)
-    files.close()
+    folder = RunFolder(comm, shared_path / "out")
+    FieldOutput(sim, folder).write(sim)
+    folder.close()
     with h5py.File(shared_path / "out" / "fields.vtkhdf") as file:
         count = int(file["VTKHDF/NumberOfPoints"][0])
         points, velocity = file["VTKHDF/Points"][:12], file["VTKHDF/PointData/velocity"][:12]
@@ -77,8 +78,8 @@ def test_fields_of_a_region_are_written_in_the_order_of_its_particles(shared_pat
 
 def test_a_restart_does_not_end_before_it_starts(shared_path, comm):
     data = thrown(probes=[{"name": "p", "where": "strip", "fields": ["velocity"]}])
-    recorder = run_into(shared_path / "first", comm, parse_scene(data), 3)
-    now = recorder.simulation.clock.time
+    job = run_into(shared_path / "first", comm, parse_scene(data), 3)
+    now = job.simulation.clock.time
     restart = Restart(comm, shared_path / "first" / "checkpoint.h5")
     message = rf"end_time: expected at least {now:.6g} s, the time of the checkpoint .*, found {0.5 * now:.6g} s"
     with pytest.raises(SceneError, match=message):
@@ -86,4 +87,4 @@ def test_a_restart_does_not_end_before_it_starts(shared_path, comm):
     # who is in a region is kept
     column, again = "p.velocity_x", run_into(shared_path / "next", comm, parse_scene(data), 1, restart)
     whole = run_into(shared_path / "whole", comm, parse_scene(data), 4)
-    assert again.last_row[column] == pytest.approx(whole.last_row[column], rel=1e-12)
+    assert again.history.last_row[column] == pytest.approx(whole.history.last_row[column], rel=1e-12)

@@ -7,10 +7,11 @@ from solids import simulation, tables
 
 from parsolid.commands.report import print_report
 from parsolid.methods.tlsph import system
+from parsolid.output.run_folder import RunFolder
 from parsolid.particles.declaration import Field
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.field_output import FieldOutput
 from parsolid.simulation.observables import Observables
-from parsolid.simulation.output_files import OutputFiles
 from parsolid.simulation.probes import Probes
 
 USUAL = ["displacement", "velocity", "pressure", "von_mises_stress", "jacobian"]
@@ -18,7 +19,7 @@ USUAL = ["displacement", "velocity", "pressure", "von_mises_stress", "jacobian"]
 
 def written(comm, sim, folder) -> dict[str, np.ndarray]:
     """Names and values of the fields that a run writes at its start, on all ranks."""
-    OutputFiles(comm, sim.scene, folder).write_fields(Observables(sim.systems), 0.0)
+    FieldOutput(sim, RunFolder(comm, folder)).write(sim)
     found = None
     if comm.rank == 0:
         with h5py.File(folder / "fields.vtkhdf") as file:

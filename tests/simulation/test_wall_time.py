@@ -5,26 +5,30 @@ import pytest
 from solids import punch, run_into
 
 from parsolid.output.history import read_history
+from parsolid.output.run_folder import RunFolder
 from parsolid.output.slabs import open_serial
 from parsolid.scene import parse_scene
+from parsolid.simulation.checkpoints import CheckpointOutput
+from parsolid.simulation.field_output import FieldOutput
+from parsolid.simulation.history import HistoryOutput
+from parsolid.simulation.job import Job
 from parsolid.simulation.loop import INTERRUPTED, Limits, Simulation, StopRequest
-from parsolid.simulation.output_files import OutputFiles
-from parsolid.simulation.recorder import Recorder
 from parsolid.simulation.restart import Restart
 
 OUTPUT = {"history_steps": 1, "checkpoint_steps": 2, "fields_times": [1e-3, 2e-3, 3e-3]}
-WRITES = {"history": (OutputFiles, "append_history"), "fields": (OutputFiles, "write_fields")}
-WRITES |= {"checkpoint": (Recorder, "write_checkpoint"), "first fields": (OutputFiles, "open_history")}
+# the call of an output's `write` in which the time ends
+WRITES = {"history": (HistoryOutput, 1), "fields": (FieldOutput, 2), "checkpoint": (CheckpointOutput, 2)}
+WRITES |= {"first fields": (FieldOutput, 1)}
 
 
-def until_stopped(comm, scene, folder, limits: Limits) -> tuple[str, Recorder]:
+def until_stopped(comm, scene, folder, limits: Limits) -> tuple[str, Job]:
     """A run with its files, as far as the limits let it come."""
-    recorder = Recorder(sim := Simulation(comm, scene), OutputFiles(comm, scene, folder), None)
-    recorder.files.open_history(recorder.columns)
-    status = sim.run(recorder, limits, StopRequest())
-    recorder.finish()
-    recorder.files.close()
-    return status, recorder
+    job = Job(Simulation(comm, scene), RunFolder(comm, folder))
+    status = job.simulation.run(None, job.outputs, limits, StopRequest())
+    job.finish()
+    job.close()
+    job.folder.close()
+    return status, job
 
 
 def written(folder, comm) -> list[bytes]:
@@ -42,20 +46,20 @@ def scene():
 
 @pytest.mark.parametrize("name", WRITES)
 def test_the_time_that_ends_in_a_write_loses_nothing(comm, shared_path, scene, name, monkeypatch):
-    limits, (owner, method) = Limits(), WRITES[name]
-    write, calls = getattr(owner, method), []
+    limits, (owner, number) = Limits(), WRITES[name]
+    write, calls = owner.write, []
 
     def late(self, *arguments):
         calls.append(name)
         # the last rank's clock alone, in the midst of the run
-        if len(calls) == (2 if method.startswith("write") else 1) and comm.rank == comm.size - 1:
+        if len(calls) == number and comm.rank == comm.size - 1:
             limits.wall = 0.0
         write(self, *arguments)
 
     with monkeypatch.context() as patch:
-        patch.setattr(owner, method, late)
+        patch.setattr(owner, "write", late)
         status, stopped = until_stopped(comm, scene, shared_path / "pieces", limits)
-    assert status == INTERRUPTED and stopped.last_checkpoint_step == stopped.simulation.clock.step
+    assert status == INTERRUPTED and stopped.checkpoints.last_step == stopped.simulation.clock.step
     run_into(shared_path / "pieces", comm, scene, restart=Restart(comm, shared_path / "pieces" / "checkpoint.h5"))
     whole = run_into(shared_path / "whole", comm, scene).simulation
     assert 0 < stopped.simulation.clock.step < whole.clock.step

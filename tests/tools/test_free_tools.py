@@ -6,10 +6,10 @@ from tool_scenes import METHODS, SPACING, Watch, block, run
 
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.scene import parse_scene
+from parsolid.simulation.checkpoints import header_of
 from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.restart import Restart, header_of
+from parsolid.simulation.restart import Restart
 from parsolid.simulation.scene_changes import contents
-from parsolid.simulation.signals import StopRequest
 
 MASS, RADIUS = 120.0, 0.25
 # of the energy, at .2 ms
@@ -117,10 +117,10 @@ def test_restart_in_the_middle_of_contact(comm, shared_path, method):
     fields = [system.particles.checkpointed() for system in sim.systems]
     write_checkpoint(comm, shared_path / "c.h5", header, fields, sim.ledger.values)
     watch = Watch()
-    sim.run(watch, Limits(steps=15), StopRequest())
+    sim.run(None, [watch], Limits(steps=15))
     restart = Restart(comm, shared_path / "c.h5")
     again, other = Simulation(comm, parse_scene(data), restart), Watch()
-    again.run(other, Limits(steps=15), StopRequest())
+    again.run(None, [other], Limits(steps=15))
     assert sim.interactions[0].tools[0].total.force.any()
     for name in (
         "kinetic",

@@ -7,8 +7,7 @@ import pytest
 from tool_scenes import Watch
 
 from parsolid.scene import load_scene
-from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.signals import StopRequest
+from parsolid.simulation.loop import Simulation
 
 SCENES = Path(__file__).parents[2] / "runs" / "tools"
 
@@ -17,7 +16,7 @@ def pressed(comm, particles: int, *overrides: str):
     """The half-model of a cylinder on a block at the end; force [N/m], places (n,) [m] and pressures (n,) [Pa]."""
     scene = load_scene(SCENES / "hertz.toml", [f"bodies.0.particles=[{particles}, {particles}]", *overrides])
     sim, watch = Simulation(comm, scene), Watch()
-    sim.run(watch, Limits(), StopRequest())
+    sim.run(None, [watch])
     touch = sim.interactions[0].tools[0].touches[0]
     rows, particles = touch.rows, touch.system.particles
     area = np.abs(particles.owned_rows("area")[rows, 1])

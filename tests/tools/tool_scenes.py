@@ -6,7 +6,7 @@ from solids import late_impulse
 
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.signals import StopRequest
+from parsolid.simulation.outputs import Cadence, Output
 
 SOLID = {"density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.1}
 _HYPER = {"kind": "neo-hookean", **SOLID}
@@ -44,13 +44,15 @@ def floor(dimension=2, **keys) -> dict:
     return {"name": "floor", "shape": {"plane": {"point": [0.0] * dimension, "normal": normal}}, **keys}
 
 
-class Watch:
+class Watch(Output):
     """Rows of the ledger and of the tools, and the mean velocity and place of all particles."""
+
+    every = Cadence(steps=1, times=(0.0,))
 
     def __init__(self):
         self.rows = []
 
-    def look(self, sim) -> None:
+    def write(self, sim) -> None:
         row = {"time": sim.clock.time, **sim.energy_row()}
         for one in sim.interactions:
             row |= dict(zip(one.columns, one.sample()))
@@ -68,9 +70,6 @@ class Watch:
         row |= {"momentum": together[:d], "mass": together[-1], "angular": together[2 * d : -1]}
         self.rows.append(row | {"velocity": together[:d] / together[-1], "place": together[d : 2 * d] / together[-1]})
 
-    def wall_checkpoint_due(self) -> bool:
-        return False
-
     def __getitem__(self, name) -> np.ndarray:
         return np.array([row[name] for row in self.rows])
 
@@ -78,5 +77,5 @@ class Watch:
 def run(data: dict, comm=MPI.COMM_SELF, steps=None) -> tuple[Simulation, Watch]:
     """A simulation of raw tables to its end, or for some steps."""
     sim, watch = Simulation(comm, parse_scene(data)), Watch()
-    sim.run(watch, Limits(steps=steps), StopRequest())
+    sim.run(None, [watch], Limits(steps=steps))
     return sim, watch

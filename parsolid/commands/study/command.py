@@ -14,10 +14,11 @@ from rich.console import Console
 from parsolid.commands.arguments import TRUST_CODE, pareto_arguments, refuse_together
 from parsolid.commands.study.cases import Case, cases_of
 from parsolid.commands.study.judging import judge
-from parsolid.commands.study.launching import LASTING, arguments_of, read_record, refuse_ranks, run_case
+from parsolid.commands.study.launching import LASTING, arguments_of, read_record, run_case
 from parsolid.commands.study.measures import measures_of
 from parsolid.commands.study.schema import Study, load_study
 from parsolid.commands.study.tables import print_sheets, sheets_of, shown_errors, spaced, write_csv, write_markdown
+from parsolid.launcher import refuse_ranks
 from parsolid.machine import cores_in_words
 from parsolid.scene.validation_errors import SceneError, suggestion, told
 
@@ -49,7 +50,7 @@ def run_study(comm: Any, options: Any) -> int:
 
         return run_pareto(comm, options)
     refuse_together(options, "study")
-    refuse_ranks(comm)
+    refuse_ranks(comm, "study")
     study = load_study(options.study)
     cases = cases_of(study, options.trust_code)
     folder = Path(options.output or Path("results") / Path(options.study).stem)

@@ -6,51 +6,22 @@ import shlex
 import shutil
 import signal
 import subprocess
-import sys
 import time as clock
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
-import parsolid
 from parsolid.commands.study.cases import Case
 from parsolid.commands.study.measures import not_finite
+from parsolid.launcher import start
 from parsolid.output.summary import write_summary
-from parsolid.scene.validation_errors import SceneError
 
 FINISHED, FAILED, REFUSED, TIMED_OUT, CRASHED = "finished", "failed", "refused", "timed out", "crashed"
 # what these said once they will say again
 LASTING = (FINISHED, FAILED, REFUSED)
 _ENDINGS = {0: FINISHED, 3: FAILED, 2: REFUSED}
-# set by a launcher for the ranks it starts; a program that has them is a rank
-_RANK_MARKS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID")
 # seconds between the signal that a run catches and the one that it cannot; where the study itself is ended, whose
 # unfinished runs are begun anew, no more than a launcher takes to end its ranks
 _GRACE, _HASTE = 10.0, 1.0
-
-
-def refuse_ranks(comm: MPI.Comm) -> None:
-    """Raise SceneError on all ranks when the study itself was started by an MPI launcher."""
-    if comm.size > 1 or any(mark in os.environ for mark in _RANK_MARKS):
-        expected = "expected to be started without mpirun (it starts its runs on ranks itself)"
-        raise SceneError([f"study: {expected}, found a launcher"])
-
-
-def launcher(ranks: int) -> list[str]:
-    """The words before a program that start it on ranks: none for one rank, else the mpirun that belongs to this MPI.
-
-    Raises SceneError when there is no mpirun.
-    """
-    if ranks == 1:
-        return []
-    beside = Path(sys.executable).with_name("mpirun")
-    found = str(beside) if beside.exists() else shutil.which("mpirun") or shutil.which("mpiexec")
-    if found is None:
-        raise SceneError([f"ranks: expected mpirun or mpiexec on the PATH for {ranks} ranks, found neither"])
-    command = [found, "-n", str(ranks)]
-    # Open MPI starts no more ranks than cores, and none for the superuser of a container, unless told to
-    return [*command, "--oversubscribe", "--allow-run-as-root"] if MPI.get_vendor()[0] == "Open MPI" else command
 
 
 def arguments_of(case: Case, folder: Path) -> list[str]:
@@ -98,26 +69,10 @@ def _run_once(case: Case, folder: Path) -> dict[str, Any]:
     folder.mkdir(parents=True)
     load = os.getloadavg()[0]
     arguments = arguments_of(case, folder)
-    command = [
-        *launcher(case.ranks),
-        sys.executable,
-        "-m",
-        "parsolid",
-        *arguments,
-        "--quiet",
-        "--set",
-        "output.pictures=false",
-    ]
     began = clock.perf_counter()
     with open(folder / "log.txt", "wb") as log:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            env=_environment(),
-            start_new_session=True,
-        )
+        pipes = {"stdin": subprocess.DEVNULL, "stdout": log, "stderr": subprocess.STDOUT}
+        process = start([*arguments, "--quiet", "--set", "output.pictures=false"], case.ranks, **pipes)
         exit_status = _wait(process, case.timeout)
     status = TIMED_OUT if exit_status is None else _ENDINGS.get(exit_status, CRASHED)
     log_text = (folder / "log.txt").read_text(encoding="utf-8", errors="replace")
@@ -134,13 +89,6 @@ def _run_once(case: Case, folder: Path) -> dict[str, Any]:
         "ranks": case.ranks,
         "command": shlex.join(["parsolid", *arguments]),
     }
-
-
-def _environment() -> dict[str, str]:
-    """This program's environment from before it started MPI, with the same package in front."""
-    root = str(Path(parsolid.__file__).resolve().parent.parent)
-    path = os.environ.get("PYTHONPATH")
-    return dict(os.environ) | {"PYTHONPATH": root + (os.pathsep + path if path else "")}
 
 
 def _wait(process: subprocess.Popen[Any], timeout: float) -> int | None:

@@ -1,12 +1,13 @@
-"""Processes that a launcher has started as ranks, and that MPI takes for one each."""
+"""The launcher of runs on several ranks, and processes that a launcher has started."""
 
+import sys
 from types import SimpleNamespace
 
 import pytest
 
 from parsolid.collective import SolverError
 from parsolid.commands.cli import main
-from parsolid.commands.launched import refuse_strangers
+from parsolid.launcher import launcher, refuse_ranks, refuse_strangers
 
 ONE, TWO = SimpleNamespace(size=1), SimpleNamespace(size=2)
 NAMES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
@@ -45,3 +46,21 @@ def test_a_run_is_not_begun_by_each_of_them(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "0")
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "results")]) == 2
     assert "each is alone" in capsys.readouterr().err and not (tmp_path / "results").exists()
+
+
+def test_what_starts_ranks_itself_is_not_started_by_a_launcher(monkeypatch):
+    with pytest.raises(SolverError):
+        refuse_ranks(TWO, "study")
+    refuse_ranks(ONE, "study")
+    monkeypatch.setenv("PMI_RANK", "0")
+    with pytest.raises(SolverError):
+        refuse_ranks(ONE, "study")
+
+
+def test_ranks_need_a_launcher(monkeypatch):
+    assert launcher(1) == []
+    assert launcher(2)[1:3] == ["-n", "2"]
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(SolverError):
+        launcher(2)

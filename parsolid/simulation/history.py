@@ -1,0 +1,85 @@
+"""The history of a run: rows of the energy ledger, probes and interactions, written to history.csv."""
+
+from typing import Any
+
+from parsolid.output.errors import together
+from parsolid.output.history import History, read_history
+from parsolid.output.run_folder import RunFolder
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.observables import Observables
+from parsolid.simulation.outputs import Cadence, Output
+from parsolid.simulation.probes import Probes
+
+# rows of a history in the time of a scene that states no interval
+ROWS = 200
+
+
+class HistoryOutput(Output):
+    """Rows at the start, at a cadence, after each jump of the loads and at the scene's end.
+
+    every: that of the scene unless given; last_row: the last row, column -> value.
+    """
+
+    def __init__(self, simulation: Simulation, folder: RunFolder | None = None, every: Cadence | None = None):
+        """folder: where history.csv is written, or gone on with; None: rows are kept in memory. Collective."""
+        scene, stated = simulation.scene, simulation.scene.output
+        self.simulation, self.folder = simulation, folder
+        interval = stated.history_interval or scene.end_time / ROWS
+        usual = Cadence(time=interval) if stated.history_steps is None else Cadence(steps=stated.history_steps)
+        self.every = every or usual
+        self.probes = Probes(simulation.comm, scene, Observables(simulation.systems))
+        self.last_row: dict[str, float] | None = None
+        # without a folder
+        self.rows: list[dict[str, float]] = []
+        self._file: History | None = None
+        acting = [column for interaction in simulation.interactions for column in interaction.columns]
+        self.columns = ["step", "time", "dt", *simulation.ledger.columns, *self.probes.columns, *acting]
+        if folder is not None:
+            self._open(folder)
+
+    def _open(self, folder: RunFolder) -> None:
+        with together(self.simulation.comm, f"cannot go on with {folder.history}"):
+            if self.simulation.comm.rank == 0:
+                self._file = History(folder.history, self.columns)
+                if folder.continued:
+                    self._file.resume(self.simulation.clock.step)
+
+    def resume(self, probes: dict[str, Any], every_row: bool = False) -> list[dict[str, float]]:
+        """Continue after a restart; the rows of a continued file, all or the last one. Collective.
+
+        probes: their state in the checkpoint.
+        """
+        self.probes.restore(probes)
+        columns: dict[str, list[float]] = {}
+        if self.folder is not None:
+            with together(self.simulation.comm, f"cannot go on with {self.folder.history}"):
+                if self.simulation.comm.rank == 0 and self.folder.continued:
+                    columns = read_history(self.folder.history)
+                    columns = {name: values[0 if every_row else -1 :] for name, values in columns.items()}
+        columns = self.simulation.comm.bcast(columns)
+        rows = [dict(zip(columns, values)) for values in zip(*columns.values())]
+        self.last_row = rows[-1] if rows else None
+        return rows
+
+    def due(self, simulation: Simulation) -> bool:
+        now = simulation.clock
+        return now.step_size == 0.0 or now.time >= simulation.scene.end_time or self.every.due(now)
+
+    def write(self, simulation: Simulation) -> None:
+        now = simulation.clock
+        row = {"step": now.step, "time": now.time, "dt": now.step_size} | simulation.energy_row()
+        row |= dict(zip(self.probes.columns, self.probes.sample()))
+        for interaction in simulation.interactions:
+            row |= dict(zip(interaction.columns, interaction.sample()))
+        self.last_row = row
+        if self.folder is None:
+            self.rows.append(row)
+            return
+        with together(simulation.comm, "cannot write the history"):
+            if self._file is not None:
+                self._file.append([row[name] for name in self.columns])
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
