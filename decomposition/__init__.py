@@ -9,44 +9,10 @@
     grid          RankGrid: cells owned by ranks, nodes shared between them, particles handed over by cell
     occupied      OccupiedCells, Mirror: the cells that hold particles, and their nodes
     shared_nodes  SharedNodes: nodes on which two grids meet
-    reduction     sums, ordered_sum, MinimumAhead
+    slices        Slices: numbered rows that ranks keep, deliver and ask for
+    reduction     sums, MinimumAhead
     measured_load shares of ranks by which all take as long
     timer         COMMUNICATION: the clock of what a rank spends on messages
 
 No rank ever holds all points. Every result has the same order, to the bit, for the same input on the same ranks.
-The public names below are loaded when they are first used.
 """
-
-from importlib import import_module
-from typing import Any
-
-_HOME = {
-    "bisect": "bisection",
-    "cut_cells": "bisection",
-    "CutTree": "bisection",
-    "migrate": "migration",
-    "ClosePairs": "pair_search",
-    "half_pairs": "pair_search",
-    "Plan": "plan",
-    "Exchange": "plan",
-    "Halo": "halo",
-    "RankGrid": "grid",
-    "Mirror": "occupied",
-    "sums": "reduction",
-    "ordered_sum": "reduction",
-    "MinimumAhead": "reduction",
-}
-
-__all__ = list(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})

@@ -67,14 +67,11 @@ def _owners(axes: np.ndarray, cuts: np.ndarray, keys: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _touching(axes: np.ndarray, cuts: np.ndarray, nodes: np.ndarray, width: int, here: int) -> np.ndarray:
-    """Pairs (row of a node, other rank) for ranks that may own one of the cells node - width + 1 .. node."""
+def _overlapping(axes: np.ndarray, cuts: np.ndarray, lower: np.ndarray, upper: np.ndarray, here: int) -> np.ndarray:
+    """Pairs (row of a box, other rank) for ranks that may own one of the keys lower .. upper."""
     found, count = np.empty((64, 2), np.int64), 0
     waiting = np.empty((128, 2), np.int64)
-    lowest = np.empty(nodes.shape[1], np.int64)
-    for n in range(len(nodes)):
-        for k in range(nodes.shape[1]):
-            lowest[k] = nodes[n, k] - width + 1
+    for n in range(len(lower)):
         depth = 1
         waiting[0, 0], waiting[0, 1] = 0, len(cuts) + 1
         while depth:
@@ -88,11 +85,11 @@ def _touching(axes: np.ndarray, cuts: np.ndarray, nodes: np.ndarray, width: int,
                     count += 1
                 continue
             middle = first + (last - first) // 2
-            # a box of cells has its first and its last key at its corners
-            if not _before(nodes[n], axes[middle - 1], cuts[middle - 1]):
+            # a box has its first and its last key at its corners
+            if not _before(upper[n], axes[middle - 1], cuts[middle - 1]):
                 waiting[depth, 0], waiting[depth, 1] = middle, last
                 depth += 1
-            if _before(lowest, axes[middle - 1], cuts[middle - 1]):
+            if _before(lower[n], axes[middle - 1], cuts[middle - 1]):
                 waiting[depth, 0], waiting[depth, 1] = first, middle
                 depth += 1
     return found[:count]
@@ -137,7 +134,13 @@ class CutTree:
         begins at the node of its own index. nodes (n, d); returns (m, 2): row of the node, rank; all true pairs and few
         others.
         """
-        return _touching(self.axes, self.cuts, nodes, width, here)
+        nodes = np.ascontiguousarray(nodes, np.int64)
+        return _overlapping(self.axes, self.cuts, nodes - (width - 1), nodes, here)
+
+    def overlapping(self, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """Which ranks may own keys of boxes from lower to upper (n, d), both included: (m, 2): row of the box, rank;
+        all true pairs and few others."""
+        return _overlapping(self.axes, self.cuts, lower, upper, -1)
 
     def box(self, rank: int) -> np.ndarray:
         """Least box (2, d) around the part of a rank, infinite where the part is."""

@@ -54,8 +54,8 @@ class RankGrid:
         packed(rows) -> (n, c) float64  all there is to know of some particles
         remove(rows), insert(packed)    forget particles, take in others
 
-    slack: so many cells from its own a rank keeps particles until a `settle` that releases them; 0: it keeps none. Set
-    before particles are dealt out.
+    slack: so many cells from its own a rank keeps particles until an `update_cells` that releases them; 0: it keeps
+    none. Set before particles are distributed.
     """
 
     def __init__(self, comm: MPI.Intracomm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
@@ -81,7 +81,7 @@ class RankGrid:
         return self.cells.version, self._agreed
 
     def redistribute(self, particles: Any, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
-        """Give every particle to the owner of its cell under a partition, or under a balanced one; then `settle`.
+        """Give every particle to the owner of its cell under a partition, or under a balanced one; then `update_cells`.
 
         A partition that is given is taken for that of the particles: those off its cells stay. shares: see `cut_cells`.
         """
@@ -104,7 +104,7 @@ class RankGrid:
             self.migrated += len(leaving)
         self.cells.compact()
         self._adopt(partition)
-        return self.settle(particles, not kept)
+        return self.update_cells(particles, not kept)
 
     def imbalance(self, owned: int) -> float:
         """Largest over mean number of particles on a rank."""
@@ -113,7 +113,7 @@ class RankGrid:
             total = self.comm.allreduce(owned)
         return float(largest * self.comm.size / max(total, 1e-300))
 
-    def settle(self, particles: Any, release: bool = True) -> bool:
+    def update_cells(self, particles: Any, release: bool = True) -> bool:
         """List particles by cell, hand those that left to their new owners, and agree on the shared nodes.
 
         release: on all ranks alike, False for a rank with `slack` to keep those that left. Talks to neighbours only.
@@ -121,15 +121,15 @@ class RankGrid:
         or than the slack; such a particle stays.
         """
         bases = particles.bases()
-        strays, sound = self._sort(particles, bases), True
-        if len(strays):
-            lost = self.cells.lost(strays)
-            sound, strays = not lost.any(), strays[~lost]
+        unlisted, sound = self._sort(particles, bases), True
+        if len(unlisted):
+            lost = self.cells.lost(unlisted)
+            sound, unlisted = not lost.any(), unlisted[~lost]
         if self.neighbours and (release or not self.slack):
-            bases, kept = self._migrate(particles, bases, np.concatenate((strays, self.off_cell_particles())))
+            bases, kept = self._migrate(particles, bases, np.concatenate((unlisted, self.off_cell_particles())))
             sound = sound and kept
-        elif len(strays):
-            at = bases[strays].astype(np.int64)
+        elif len(unlisted):
+            at = bases[unlisted].astype(np.int64)
             self.cells.add(at)
             self._sort(particles, bases)
             sound = sound and bool(self._near_own(self.partition, at).all())
@@ -160,16 +160,16 @@ class RankGrid:
     def _sort(self, particles: Any, bases: np.ndarray) -> np.ndarray:
         return self.cells.sort(bases, particles.owned)
 
-    def _migrate(self, particles: Any, bases: np.ndarray, strays: np.ndarray) -> tuple[np.ndarray, bool]:
+    def _migrate(self, particles: Any, bases: np.ndarray, unlisted: np.ndarray) -> tuple[np.ndarray, bool]:
         """Send particles in cells of others to their owners and list new cells of this rank's own.
 
         Returns the cells of all particles, and whether none was left between ranks that are no neighbours.
         """
-        at, leaving, sound = bases[strays].astype(np.int64), [strays] * len(self.neighbours), True
-        if len(strays):
+        at, leaving, sound = bases[unlisted].astype(np.int64), [unlisted] * len(self.neighbours), True
+        if len(unlisted):
             owner = self.partition.owners(at)
             sound = bool(np.isin(owner, [self.comm.rank, *self.neighbours]).all())
-            leaving = [strays[owner == rank] for rank in self.neighbours]
+            leaving = [unlisted[owner == rank] for rank in self.neighbours]
             at = at[~np.isin(owner, self.neighbours)]
         arrived = np.concatenate(swap(self.comm, self.neighbours, [particles.packed(rows) for rows in leaving]))
         gone = np.concatenate(leaving)
@@ -181,10 +181,10 @@ class RankGrid:
             particles.insert(arrived)
         if len(gone) or len(arrived):
             bases = particles.bases()
-        if len(strays) or len(arrived):
-            strays = self._sort(particles, bases)
-            if len(strays):
-                self.cells.add(bases[strays[~self.cells.lost(strays)]].astype(np.int64))
+        if len(unlisted) or len(arrived):
+            unlisted = self._sort(particles, bases)
+            if len(unlisted):
+                self.cells.add(bases[unlisted[~self.cells.lost(unlisted)]].astype(np.int64))
                 self._sort(particles, bases)
         return bases, sound
 

@@ -32,8 +32,9 @@ class MeasuredLoad:
         its price; collective, the same on all ranks."""
         now = np.array(self.work)
         spent, self._seen = now - self._seen, now
+        table = np.empty((self.comm.size, 3))
         with COMMUNICATION:
-            table = np.array(self.comm.allgather((spent[self.number], spent.sum(), owned)), float)
+            self.comm.Allgather(np.array([spent[self.number], spent.sum(), owned]), table)
         own, total, count = table.T
         if not total.sum() > 0.0 or not count.sum() > 0.0:
             return None

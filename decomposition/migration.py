@@ -51,15 +51,15 @@ def migrate(comm: MPI.Comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) ->
     owner = np.asarray(owner)
     arrays = {name: np.asarray(array) for name, array in arrays.items()}
     _check(comm, owner, arrays)
+    if comm.size == 1:
+        return {name: array.copy(order="C") for name, array in arrays.items()}
     record = np.dtype([(name, array.dtype, array.shape[1:]) for name, array in arrays.items()])
     order = np.argsort(owner, kind="stable")
     targets, first = np.unique(owner[order], return_index=True)
     pieces = {rank: _packed(rows, arrays, record) for rank, rows in zip(targets.tolist(), np.split(order, first[1:]))}
     own = pieces.pop(comm.rank, np.empty(0, record))
-    come = [own]
-    if comm.size > 1:
-        sources, come = send_to_some(comm, list(pieces), list(pieces.values()), own)
-        come.insert(int(np.searchsorted(sources, comm.rank)), own)
+    sources, come = send_to_some(comm, list(pieces), list(pieces.values()), own)
+    come.insert(int(np.searchsorted(sources, comm.rank)), own)
     return {name: np.concatenate([piece[name] for piece in come]) for name in arrays}
 
 

@@ -6,6 +6,11 @@
 
 A message holds row after row, each the columns of all arrays. Arrays are packed and unpacked through flat views: column
 k of row i of an array stands at `step * i + columns[k]` of its view.
+
+All persistent messages have one tag. MPI does not let messages of two ranks with one tag overtake each other: the k-th
+that one starts to send is the k-th that the other starts to receive, whatever is under way at once and in whatever
+order they are finished. So two ranks start the exchanges that they have in common in the same order, each once both
+have made it; either may free its own and make it anew between two starts, as one whose grid nodes have changed does.
 """
 
 import functools
@@ -21,7 +26,7 @@ from numpy.lib.stride_tricks import as_strided
 
 from .timer import COMMUNICATION
 
-# one for all persistent messages, which are started in the same order on both sides; two rounds of `send_to_some`
+# of all persistent messages; of `swap`; of two rounds of `send_to_some`
 _TAG, _SWAP_TAG, _SOME_TAG = 16001, 16002, 16003
 
 
@@ -136,10 +141,6 @@ class Messages:
         """Until all have been sent and received."""
         MPI.Prequest.Waitall(self._all)
 
-    def progress(self) -> bool:
-        """Let MPI move large messages along; True when all have arrived."""
-        return MPI.Prequest.Testall(self._all)
-
     def free(self) -> None:
         """Give the requests back to MPI now; garbage collection does so otherwise."""
         self._finalizer()
@@ -217,10 +218,6 @@ class Exchange:
         """Start and finish."""
         self.start()
         self.finish()
-
-    def progress(self) -> bool:
-        """Let MPI move large messages along during long work between start and finish; True when all have arrived."""
-        return self.messages.progress()
 
     def free(self) -> None:
         """Give the requests back to MPI now; garbage collection does so otherwise. No start may follow."""

@@ -24,8 +24,8 @@ class SharedNodes:
         self._seen: list[tuple[int, int]] = []
 
     def follow(self) -> bool:
-        """Take over the grids' present nodes; whether anything has changed here. On all ranks, after grids settle;
-        talks to ranks near by, and to no others."""
+        """Take over the grids' present nodes; whether anything has changed here. On all ranks, after grids have updated
+        their cells; talks to ranks near by, and to no others."""
         partitions = [grid.partition for grid in self.grids]
         if len(self._partitions) != 2 or any(one is not two for one, two in zip(partitions, self._partitions)):
             self._partitions, self._seen = partitions, []

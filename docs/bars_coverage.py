@@ -1,6 +1,6 @@
 """How often the true error lies within the error bar: docs/error-bars.md, by `python docs/bars_coverage.py`.
 
-Every scene below is run at several resolutions with its companions, into results/coverage, where runs are kept by
+Every scene below is run at several resolutions with its coarse runs, into results/coverage, where runs are kept by
 digest; every column of the history whose true values are known is a case at several times. `--report` makes the tables
 of what has been run.
 """
@@ -17,14 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.errors.bars import error_table, on_times
-from parsolid.errors.coarsening import NotCoarsened, coarser, parsed
-from parsolid.errors.orders import kind_of
-from parsolid.errors.running import result_of, run_into
-from parsolid.errors.truth import exact_values, series_of
-from parsolid.errors.variants import SPACING, Companion, companions_of, quieter
+from parsolid.campaign.coarsening import NotCoarsened, coarsen, parsed
+from parsolid.campaign.error_bars import error_table, on_times
+from parsolid.campaign.orders import kind_of
+from parsolid.campaign.reference import exact_values, series_of
+from parsolid.campaign.runner import InProcess
+from parsolid.campaign.variants import SPACING, Variant, coarse_variants, history_alone
 from parsolid.scene.loading import apply_override, parse_scene, read_tables
-from parsolid.simulation.loop import Limits
 
 ROOT = Path(__file__).parents[1]
 RATIOS = (1.0, 1.4, 2.0, 2.8)
@@ -409,15 +408,9 @@ def truth_of(one: Scene, scene: Any, columns: list[str], folder: Path) -> dict[s
     if one.formulas:
         return dict(one.formulas)
     if one.finer is not None:
-        plan = Companion(
-            parsed(quieter(scene, coarser(scene, one.finer, 0.0).tables, 1.0), False), SPACING, 1.0, "finer"
-        )
-        place = folder / plan.digest
-        if result_of(MPI.COMM_WORLD, plan, place) is None:
-            run_into(MPI.COMM_WORLD, plan.scene, place, Limits())
-        done = result_of(MPI.COMM_WORLD, plan, place)
-        assert done is not None
-        print(f"{one.name}: {done.particles} particles for reference, {done.processor_seconds:.2f} s", flush=True)
+        tables = history_alone(scene, coarsen(scene, one.finer, 0.0).tables, 1.0)
+        done = InProcess(MPI.COMM_WORLD, folder).run(Variant(parsed(tables, False), SPACING, 1.0, "finer"))
+        print(f"{one.name}: {done.record.particles} particles for reference, {done.seconds:.2f} s", flush=True)
         return {c: partial(on_times, done.history, c) for c in one.truth if c in done.history}
     if scene.reference.series is not None:
         return dict(series_of(scene, one.truth))
@@ -426,32 +419,26 @@ def truth_of(one: Scene, scene: Any, columns: list[str], folder: Path) -> dict[s
 
 
 def run(one: Scene, folder: Path) -> list[dict[str, Any]]:
-    """Main runs of a scene with their companions."""
+    """Main runs of a scene with their coarse runs."""
     comm = MPI.COMM_WORLD
     found = []
     top = parse_scene(tables_of(one), (ROOT / "runs" / one.file).parent)
     for ratio in one.ratios:
         try:
-            scene = top if ratio == 1.0 else parsed(coarser(top, ratio).tables, False)
+            scene = top if ratio == 1.0 else parsed(coarsen(top, ratio).tables, False)
         except NotCoarsened as reason:
             print(f"{one.name} at {ratio}: {reason}", flush=True)
             continue
-        plans, refused = companions_of(scene, False)
+        plans, refused = coarse_variants(scene, False)
         output = {"fields_times": [], "pictures": False}
         output |= {k: v for k, v in scene.resolved()["output"].items() if k.startswith("history")}
-        main = Companion(parsed(scene.resolved() | {"output": output}, False), SPACING, 1.0, "main")
-        if any(main.digest == earlier["runs"][-1].companion.digest for earlier in found):
+        main = Variant(parsed(scene.resolved() | {"output": output}, False), SPACING, 1.0, "main")
+        if any(main.digest == earlier["runs"][-1].variant.digest for earlier in found):
             # a ratio that rounds to the lattice of another one
             continue
         began, runs = clock.process_time(), []
-        for plan in [*plans, main]:
-            place = folder / plan.digest
-            done = result_of(comm, plan, place)
-            if done is None:
-                run_into(comm, plan.scene, place, Limits())
-                done = result_of(comm, plan, place)
-            runs.append(done)
-        told = [f"{r.companion.purpose} {r.ratio:.2f} {r.processor_seconds:.2f} s {r.fault or ''}" for r in runs]
+        runs += [InProcess(comm, folder).run(plan) for plan in [*plans, main]]
+        told = [f"{r.variant.purpose} {r.ratio:.2f} {r.seconds:.2f} s {r.record.message or ''}" for r in runs]
         print(f"{one.name:<28} ratio {ratio:<5} {told} {refused} {clock.process_time() - began:.1f} s", flush=True)
         history = runs[-1].history
         truth = truth_of(one, scene, list(history), folder) if history else {}

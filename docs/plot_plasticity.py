@@ -12,8 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from parsolid import material
-from parsolid.commands.plot.names import labelled
 from parsolid.materials.plastic.plastic_evaluation import flow_stress
+from parsolid.observables.words import labelled
 
 MODELS = (
     "Johnson-Cook",

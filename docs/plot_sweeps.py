@@ -13,9 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from parsolid.campaign.pictures import MARKERS, label_decades
 from parsolid.commands.plot.marks import add_marks
 from parsolid.commands.plot.scales import _convention
-from parsolid.commands.study.pictures import MARKERS, label_decades
 from parsolid.output.history import read_history
 
 PANELS = (

@@ -14,7 +14,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from parsolid.commands.study.pictures import MARKERS, label_decades
+from parsolid.campaign.pictures import MARKERS, label_decades
 
 ERRORS = (
     *("kinetic", "dissipation_internal", "tip.twist", "tip.displacement_x", "corner.displacement_y"),

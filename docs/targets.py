@@ -61,7 +61,7 @@ def main() -> None:
                 "-o",
                 str(folder),
                 "--target",
-                f"{column} {percent} %",
+                f"{column}={percent}%",
             ]
             said = io.StringIO()
             with contextlib.redirect_stdout(said):

@@ -1,4 +1,4 @@
-"""`python -m parsolid`."""
+"""`python -m parsolid`; without arguments it runs the example, where `parsolid` tells what there is."""
 
 import sys
 
@@ -8,7 +8,7 @@ catch_early(sys.argv[1:])
 
 from parsolid.commands.cli import main  # noqa: E402 (after the signals are caught: importing takes seconds)
 
-status = main()
+status = main(sys.argv[1:] or ["run"])
 # Python takes handlers back before it ends
 hold()
 sys.exit(status)

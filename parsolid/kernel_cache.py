@@ -22,7 +22,17 @@ from numba.extending import is_jitted
 
 PACKAGES = ("decomposition", "parsolid")
 # parts of this package that define no kernels: an edit there recompiles nothing
-WITHOUT_KERNELS = ("api", "commands", "errors", "exact", "observables", "output", "scene", "simulation")
+WITHOUT_KERNELS = (
+    "api",
+    "campaign",
+    "commands",
+    "exact",
+    "launcher.py",
+    "observables",
+    "output",
+    "scene",
+    "simulation",
+)
 _KEPT_DAYS, _KEPT_FOLDERS = 30, 20
 
 

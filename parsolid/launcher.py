@@ -67,6 +67,28 @@ def stop(job: subprocess.Popen[Any]) -> None:
         job.send_signal(signal.SIGUSR1)
 
 
+def run_on_ranks(comm: MPI.Comm, arguments: list[str], ranks: int) -> int:
+    """Run `parsolid` with the same arguments, without --ranks, on ranks; its exit status.
+
+    SIGTERM, SIGUSR1 and Ctrl-C ask it to stop with a checkpoint, Ctrl-C for a second time ends it at once. Raises
+    SolverError when started by an MPI launcher, or where there is none.
+    """
+    refuse_ranks(comm, "run --ranks")
+    kept = [word for word, before in zip(arguments, ["", *arguments]) if "--ranks" not in (word, before)]
+    job = start([word for word in kept if not word.startswith("--ranks=")], ranks)
+    stopped: list[int] = []
+
+    def pass_on(number: int, frame: object) -> None:
+        if number == signal.SIGINT and number in stopped:
+            os.killpg(job.pid, signal.SIGKILL)
+        stopped.append(number)
+        stop(job)
+
+    for number in (signal.SIGTERM, signal.SIGUSR1, signal.SIGINT):
+        signal.signal(number, pass_on)
+    return job.wait()
+
+
 def refuse_ranks(comm: MPI.Comm, command: str) -> None:
     """Raise SolverError on all ranks when a command that starts ranks itself was started by an MPI launcher."""
     if comm.size > 1 or any(mark in os.environ for mark in _RANK_MARKS):

@@ -8,7 +8,7 @@ import decomposition
 import parsolid
 
 # what looks at results and does not make them
-_NOT_OF_A_RUN = ("commands", "errors")
+_NOT_OF_A_RUN = ("commands", "campaign")
 
 
 @cache

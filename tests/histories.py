@@ -35,17 +35,17 @@ def scenes(only: str) -> dict[str, Path]:
 
 def watched(path: Path) -> Any:
     """The scene with a probe of every field and quantity that it accepts."""
-    from parsolid.observables.declared import field_kinds, quantity_kinds
+    from parsolid.particles.fillings import filling_of
     from parsolid.scene import SceneError, load_scene, parse_scene
-    from parsolid.scene.fillings import filling_of
+    from parsolid.scene.observed import QUANTITIES, probed_fields
 
     scene = load_scene(path)
     data = tomllib.loads(path.read_text())
     d, filling = scene.dimension, filling_of(scene.bodies[0], scene.dimension)
     middle = filling.piece(filling.count // 2, filling.count // 2 + 1).position[0].tolist()
     kinds = [system.settings for system in scene.systems]
-    fields = dict.fromkeys([*field_kinds(), *(name for each in kinds for name in each.field_kinds(d))])
-    quantities = dict.fromkeys([*quantity_kinds(), *(name for each in kinds for name in each.extra_quantities)])
+    fields = dict.fromkeys([*probed_fields(), *(name for each in kinds for name in each.field_kinds(d))])
+    quantities = dict.fromkeys([*QUANTITIES, *(name for each in kinds for name in each.extra_quantities)])
     more: list[dict[str, Any]] = []
     for name in fields:
         axis = {"axis": "Z"} if name == "twist" and d == 3 else {}
@@ -91,10 +91,11 @@ def sizes(sim: Any) -> dict[str, float]:
     """By name of a field its largest value anywhere, and the mass [kg] and extent [m] of all; collective."""
     from mpi4py import MPI
 
-    from parsolid.observables.declared import field_kinds, field_of
+    from parsolid.observables.declared import field_of
+    from parsolid.scene.observed import probed_fields
 
     systems, comm = sim.systems, sim.comm
-    kinds = [*field_kinds(), *(name for one in systems for name in one.settings.field_kinds(sim.scene.dimension))]
+    kinds = [*probed_fields(), *(name for one in systems for name in one.settings.field_kinds(sim.scene.dimension))]
     found = {}
     for name in dict.fromkeys([*kinds, "position"]):
         fields = [field_of(one, name) for one in systems if one.owned]

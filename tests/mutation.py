@@ -226,7 +226,6 @@ def load() -> None:
     import hypothesis  # noqa: F401
     import meshio  # noqa: F401
     import numba  # noqa: F401
-    import numexpr  # noqa: F401
     import pandas  # noqa: F401
     import pydantic  # noqa: F401
     import pytest  # noqa: F401

@@ -272,7 +272,10 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
     T, D = of("stress_force").reshape(-1, d).copy(), of("dissipative_force").reshape(-1, d).copy()
     record = np.zeros((0, d, d))
     if method.lists is not None:
-        record = method.lists.record[: method.lists.last, : 4 if d == 2 else 12].reshape(-1, d, 2 if d == 2 else 4)
+        at = method.lists.columns
+        record = method.lists.record[: method.lists.last, at.stress : at.stress + d * at.vector].reshape(
+            -1, d, at.vector
+        )
     numerical, power = method.staged_step.advance_motion(EULER, 0.0, 0.0)
     return {
         "gradient": gradient,

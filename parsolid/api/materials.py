@@ -13,8 +13,8 @@ from parsolid.commands.point.schema import MaterialPoint
 from parsolid.materials.hyperelastic import acoustics, evaluation
 from parsolid.materials.registry import law_of
 from parsolid.scene.base_model import SceneModel
-from parsolid.scene.loading import told_faults
 from parsolid.scene.materials import HyperelasticSolid, Material
+from parsolid.scene.model_faults import told_faults
 from parsolid.scene.validation_errors import SceneError
 
 

@@ -17,7 +17,7 @@ from parsolid.commands.cli import parse
 from parsolid.commands.run import TO_BE_CONTINUED, bcast_scene, overrides_of, run_scene
 from parsolid.launcher import start, stop
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
-from parsolid.scene.loading import apply_override
+from parsolid.scene.raw_tables import apply_override
 from parsolid.simulation.loop import RunFailed
 
 

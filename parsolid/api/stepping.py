@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from parsolid.api.running import read_scene
 from parsolid.commands.run import bcast_scene
-from parsolid.observables.declared import FIELDS
+from parsolid.scene.observed import FIELDS
 from parsolid.simulation.loop import Limits, Simulation
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Callback as CallbackOutput

@@ -1,11 +1,10 @@
-"""Values that arguments of the command line may take."""
+"""Arguments that several commands take, and values that they may have."""
 
 import argparse
 from typing import Any
 
-from parsolid.scene.validation_errors import SceneError
-
 TRUST_CODE = "run the Python files of laws that the scene names"
+OVERRIDE = "override a key of the scene; KEY.PATH= takes it out; may be repeated"
 
 
 def whole_number(text: str) -> int:
@@ -30,44 +29,43 @@ def seconds(text: str) -> float:
     return value
 
 
-def error_arguments(parser: Any) -> None:
-    """The options of `run` that ask for errors."""
-    parser.add_argument(
-        "--error-bars", action="store_true", help="run coarser companions first and give every result its error bar"
-    )
-    parser.add_argument(
-        "--target",
-        action="append",
-        default=[],
-        metavar="'COLUMN BAR'",
-        help='run from coarse to fine until the bar is as small, "tip.twist 2 %%"; may be repeated',
-    )
-    parser.add_argument("--cost", type=seconds, metavar="CORE_S", help="with --target: stop at so many core-seconds")
+def scene_arguments(parser: Any) -> None:
+    """What `run` and `check` take alike."""
+    parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the example, a twisting column)")
+    output = "folder of the results (default: output.directory of the scene)"
+    parser.add_argument("-o", "--output", metavar="DIR", help=output)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY.PATH=VALUE", help=OVERRIDE)
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
+    parser.add_argument("--end-time", type=seconds, metavar="T", help="simulated time to stop at [s]")
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("-v", "--verbose", action="store_true", help="say more")
 
 
-def pareto_arguments(parser: Any) -> None:
-    """The options of `study` that compare the choices of a scene."""
-    parser.add_argument(
-        "--pareto", metavar="COLUMN", help="which choices of a scene have the least error of a column for their time"
-    )
-    parser.add_argument("--budget", type=seconds, metavar="S", help="with --pareto: at most so many processor seconds")
-    parser.add_argument(
-        "--axis", action="append", default=[], metavar="NAME", help="with --pareto: vary this alone; may be repeated"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY.PATH=VALUE",
-        help="with --pareto: override a key of the scene",
-    )
+def run_arguments(parser: Any) -> None:
+    """What `run` takes."""
+    scene_arguments(parser)
+    ranks = "start so many ranks with the mpirun of this MPI (without it: those of the mpirun that started this)"
+    parser.add_argument("--ranks", type=whole_number, metavar="N", help=ranks)
+    restart = "continue from a checkpoint (default: the newest in DIR)"
+    parser.add_argument("--restart", nargs="?", const="", metavar="FILE", help=restart)
+    change = "let this key of the scene differ from that of the checkpoint; may be repeated"
+    parser.add_argument("--allow-change", action="append", default=[], metavar="KEY.PATH", help=change)
+    parser.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
+    stop = "write a checkpoint and stop after so many seconds"
+    parser.add_argument("--wall-time", type=seconds, metavar="S", help=stop)
+    parser.add_argument("--log", metavar="FILE", help="also append what the run says to a file, with -q too")
+    profile = "which functions take the time, in DIR/profile-RANK.txt; slower"
+    parser.add_argument("--profile", action="store_true", help=profile)
+    parser.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
+    bars = "run coarser scenes first and give every result its error bar"
+    parser.add_argument("--error-bars", action="store_true", help=bars)
+    target = "run from coarse to fine until the bar is as small, such as tip.twist=2%%; may be repeated"
+    parser.add_argument("--target", action="append", default=[], metavar="COLUMN=BAR", help=target)
+    budget = "with --target: stop at so many core-seconds in all"
+    parser.add_argument("--core-seconds", type=seconds, metavar="S", help=budget)
 
 
-def refuse_together(options: Any, kind: str) -> None:
-    """Raise SceneError for options that a study, or a comparison of choices ("pareto"), does not take."""
-    pareto = {"--budget": options.budget is not None, "--axis": options.axis, "--set": options.set}
-    study = {"--only": options.only, "--repetitions": options.repetitions != 1}
-    for word, given in (study if kind == "pareto" else pareto).items():
-        if given:
-            where = "without --pareto" if kind == "pareto" else "with --pareto"
-            raise SceneError([f"{word}: expected {where}, found it {'with' if kind == 'pareto' else 'without'} it"])
+def check_arguments(parser: Any) -> None:
+    """What `check` takes."""
+    scene_arguments(parser)
+    parser.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")

@@ -1,8 +1,8 @@
-"""The command line: run, check, bench, point, study, keys, schema, init, plot, view.
+"""The command line: parsers over functions.
 
-Exit status: 0 done, 2 bad input, 3 the run went wrong, 75 stopped with a checkpoint to continue from,
-130 interrupted from the keyboard at once, 141 nobody reads what is printed any more (`| head`; a run goes on),
-1 an error of the machine or of the program.
+Exit status: 0 done, 2 bad input, 3 the run went wrong, 4 a target was not reached, 75 stopped with a checkpoint to
+continue from, 130 interrupted from the keyboard at once, 141 nobody reads what is printed any more (`| head`; a run
+goes on), 1 an error of the machine or of the program.
 """
 
 import argparse
@@ -10,20 +10,48 @@ import os
 import sys
 from contextlib import suppress
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from mpi4py import MPI
 
 from parsolid import __version__
 from parsolid.collective import SolverError
-from parsolid.commands.arguments import TRUST_CODE, error_arguments, seconds, whole_number
-from parsolid.launcher import refuse_strangers
+from parsolid.commands.arguments import check_arguments, run_arguments
+from parsolid.launcher import refuse_strangers, run_on_ranks
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError, suggestion
 
 DONE, FAILED, BAD_INPUT, WENT_WRONG, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
+_PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
+# commands by what they do; a module is imported only when its command is given
+COMMANDS = {
+    "run": "run a scene (the default command)",
+    "check": "set a scene up and report its cost, without running it",
+    "study": "run scenes over resolutions and options; error against run time",
+    "pareto": "which options of a scene have the least error for their time",
+    "import": "turn a mesh file into one that all ranks of a run read in parallel",
+    "point": "drive a material along a path of deformation, without particles",
+    "plot": "pictures of a run: energies, probes, the deformed body",
+    "view": "turn a run's bodies in a window, or write a page that turns in a browser",
+    "keys": "what a scene may say: every key with meaning, unit, default and bounds; a scene to start from",
+    "bench": "measure the speed of the kernels on this machine",
+}
+# modules that are not called as their command
+_MODULES = {"import": "import_mesh"}
+# words of earlier versions: command -> what stands for it, and (command, option) -> the same
+_OLD_COMMANDS = {"schema": "keys --json", "init": "keys --new METHOD"}
+_OLD_OPTIONS = {
+    ("run", "--cost"): "--core-seconds",
+    ("study", "--pareto"): "parsolid pareto SCENE --column COLUMN",
+    ("study", "--budget"): "parsolid pareto SCENE --column COLUMN --core-seconds S",
+    ("study", "--axis"): "parsolid pareto SCENE --column COLUMN --axis NAME",
+    ("pareto", "--budget"): "--core-seconds",
+}
+_EXAMPLE = """\
+parsolid SCENE is parsolid run SCENE; parsolid COMMAND --help tells the options of a command.
+The example, a twisting column, needs no file: parsolid run, or on 4 ranks parsolid run --ranks 4"""
 
 
 class _BadArguments(Exception):
@@ -35,87 +63,42 @@ class _Parser(argparse.ArgumentParser):
         raise _BadArguments(f"{message}\n{self.format_usage().rstrip()}")
 
 
-def _scene_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the twisting column)")
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", help="folder of the results (default: output.directory of the scene)"
-    )
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the scene"
-    )
-    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
-    parser.add_argument("--end-time", type=seconds, metavar="T", help="simulated time to stop at [s]")
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
-    parser.add_argument("-v", "--verbose", action="store_true", help="say more")
+def _module_of(command: str) -> Any:
+    return import_module(f"parsolid.commands.{_MODULES.get(command, command)}")
 
 
-def build_parser(command: str) -> argparse.ArgumentParser:
+def build_parser(command: str = "") -> argparse.ArgumentParser:
     """The parser of all commands, with the arguments of one of them."""
-    parser = _Parser(prog="parsolid", description="Solids simulated with particles on many processors.")
+    about = "Solids simulated with particles on many processors."
+    layout = argparse.RawDescriptionHelpFormatter
+    parser = _Parser(prog="parsolid", description=about, epilog=_EXAMPLE, formatter_class=layout)
     parser.add_argument("--version", action="version", version=f"parsolid {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    run = commands.add_parser("run", help="run a scene (the default command)")
-    _scene_arguments(run)
-    run.add_argument(
-        "--restart", nargs="?", const="", metavar="FILE", help="continue from a checkpoint (default: the newest in DIR)"
-    )
-    run.add_argument(
-        "--allow-change",
-        action="append",
-        default=[],
-        metavar="KEY.PATH",
-        help="let this key of the scene differ from that of the checkpoint",
-    )
-    run.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
-    run.add_argument("--wall-time", type=seconds, metavar="S", help="write a checkpoint and stop after so many seconds")
-    run.add_argument("--log", metavar="FILE", help="also append what the run says to a file, with -q too")
-    run.add_argument(
-        "--profile", action="store_true", help="which functions take the time, in DIR/profile-RANK.txt; slower"
-    )
-    run.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
-    error_arguments(run)
-    check = commands.add_parser("check", help="set a scene up and report its cost, without running it")
-    _scene_arguments(check)
-    check.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")
-    bench = commands.add_parser("bench", help="measure the speed of the kernels on this machine")
-    bench.add_argument("--method", default=_BENCHES[0], choices=_BENCHES, help=f"the method (default {_BENCHES[0]})")
-    bench.add_argument(
-        "--particles", type=whole_number, default=28000, metavar="N", help="about how many particles (default 28000)"
-    )
-    bench.add_argument(
-        "--scaling", type=whole_number, metavar="N", help="also measure whole steps on all ranks with N particles"
-    )
-    for name, (module, summary) in _MODULES.items():
+    for name, summary in COMMANDS.items():
         sub = commands.add_parser(name, help=summary)
-        if name == command:
-            import_module(module).add_arguments(sub)
+        if name == "run":
+            run_arguments(sub)
+        elif name == "check":
+            check_arguments(sub)
+        elif name == command:
+            _module_of(name).add_arguments(sub)
     return parser
 
 
-# modules of parsolid.commands.bench
-_BENCHES = ("tlsph", "peridynamics", "mpm", "ulsph")
-_PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
-# commands of their own modules, imported only when they are asked for
-_MODULES = {
-    "point": ("parsolid.commands.point", "drive a material along a path of deformation, without particles"),
-    "study": ("parsolid.commands.study", "run scenes over resolutions and options; error against run time"),
-    "keys": ("parsolid.commands.keys", "what a scene may say: every key with meaning, unit, default and bounds"),
-    "schema": ("parsolid.commands.keys.json_schema", "JSON Schema of scenes, for editors that complete and check TOML"),
-    "init": ("parsolid.commands.keys.starting", "write a commented scene of a method to start from"),
-    "plot": ("parsolid.commands.plot", "pictures of a run: energies, probes, the deformed body"),
-    "view": ("parsolid.commands.view", "turn a run's bodies in a window, or write a page that turns in a browser"),
-}
-COMMANDS = ("run", "check", "bench", *_MODULES)
-
-
 def parse(arguments: list[str]) -> argparse.Namespace:
-    """Parsed arguments; `run` is the command where a scene is named in its place, or nothing is."""
-    if not arguments or (arguments[0] not in COMMANDS and arguments[0] not in ("-h", "--help", "--version")):
-        word = arguments[0] if arguments else "-"
+    """Parsed arguments; `run` is the command where a scene or an option of `run` stands in its place."""
+    word = arguments[0] if arguments else ""
+    if word not in COMMANDS and word not in ("-h", "--help", "--version"):
+        if word in _OLD_COMMANDS:
+            raise _BadArguments(f"expected {_OLD_COMMANDS[word]}, found {word!r}, its word in earlier versions")
         if word[0:1] != "-" and not word.endswith(".toml") and not os.path.exists(word):
             known = f"expected a scene or one of {', '.join(COMMANDS)}"
             raise _BadArguments(f"{known}, found {word!r}{suggestion(word, COMMANDS)}")
         arguments = ["run", *arguments]
+    for option in (argument.partition("=")[0] for argument in arguments[1:]):
+        if (arguments[0], option) in _OLD_OPTIONS:
+            new = _OLD_OPTIONS[arguments[0], option]
+            raise _BadArguments(f"expected {new}, found {option}, its word in earlier versions")
     return build_parser(arguments[0]).parse_args(arguments)
 
 
@@ -199,22 +182,27 @@ def _say(comm: MPI.Intracomm, text: str) -> None:
 
 
 def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
+    """Run the command of a command line; without one print what there is."""
     if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
         return DONE
+    if not arguments:
+        if comm.rank == 0:
+            build_parser().print_help()
+        return _printed(DONE)
     options = parse(arguments)
-    if options.command in _MODULES:
-        command = getattr(import_module(_MODULES[options.command][0]), f"run_{options.command}")
-        return _printed(command(comm, options))
-    refuse_strangers(comm)
+    if options.command == "run" and options.ranks is not None:
+        return run_on_ranks(comm, arguments, options.ranks)
+    if options.command in ("run", "check"):
+        refuse_strangers(comm)
+        from parsolid.commands.run import check, run
+
+        return (
+            run(comm, options) if options.command == "run" and not options.dry_run else _printed(check(comm, options))
+        )
     if options.command == "bench":
-        from parsolid.commands.bench import bench
-
-        return _printed(bench(comm, options.method, options.particles, options.scaling))
-    from parsolid.commands.run import check, run
-
-    if options.command == "check" or options.dry_run:
-        return _printed(check(comm, options))
-    return run(comm, options)
+        refuse_strangers(comm)
+    command = getattr(_module_of(options.command), f"run_{options.command}")
+    return _printed(command(comm, options))
 
 
 def _printed(status: int) -> int:

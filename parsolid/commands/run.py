@@ -9,7 +9,6 @@ from pathlib import Path
 from mpi4py import MPI
 
 from parsolid.collective import SolverError, anywhere
-from parsolid.commands.asked import bars_asked, targets
 from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice, thin_advice
 from parsolid.commands.profiling import profiled
 from parsolid.commands.standard_pictures import draw
@@ -98,15 +97,41 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
     """Run a scene with the options of a command line; began: reading of the performance counter [s]. Collective."""
-    if targets(scene, options):
-        from parsolid.commands.target import run_to_targets
+    requested = options.target or (scene.run.target if scene.run else [])
+    if not requested and not _has_error_bars(scene, options):
+        return run_alone(comm, scene, options, began)
+    from parsolid.campaign.error_bars import Campaign, run_with_error_bars
+    from parsolid.campaign.runner import has_checkpoint
+    from parsolid.campaign.targets import run_to_targets
 
-        return run_to_targets(comm, scene, options, began, run_alone)
-    if bars_asked(scene, options):
-        from parsolid.commands.error_bars import run_with_bars
+    limits = Limits(None, None if options.wall_time is None else began + options.wall_time)
 
-        return run_with_bars(comm, scene, options, began, run_alone)
-    return run_alone(comm, scene, options, began)
+    def alone(scene: Scene, folder: Path) -> int:
+        words = Namespace(**vars(options) | {"output": str(folder)})
+        if requested:
+            words.restart, words.quiet = "", True
+        if words.restart == "" and not has_checkpoint(comm, folder):
+            # it was stopped in its coarse runs: there is nothing to go on with
+            words.restart = None
+        return run_alone(comm, scene, words, began)
+
+    def say(text: str) -> None:
+        if comm.rank == 0 and not options.quiet:
+            aloud(text)
+
+    folder = Path(options.output or scene.output.directory)
+    campaign = Campaign(comm, folder, options.trust_code, limits, say, alone)
+    if requested:
+        stated = scene.run.core_seconds if scene.run else None
+        return run_to_targets(campaign, scene, requested, options.core_seconds or stated)
+    status = run_with_error_bars(campaign, scene)
+    if status == 0 and scene.output.pictures:
+        draw(comm, folder)
+    return status
+
+
+def _has_error_bars(scene: Scene, options: Namespace) -> bool:
+    return options.error_bars or scene.errors is not None
 
 
 def run_alone(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: float) -> int:
@@ -124,7 +149,7 @@ def run_alone(comm: MPI.Intracomm, scene: Scene, options: Namespace, began: floa
         limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
         with profiled(comm, folder.directory if options.profile else None):
             status = job.run(limits, REQUEST)["status"]
-        if status == FINISHED and scene.output.pictures and not bars_asked(scene, options):
+        if status == FINISHED and scene.output.pictures and not _has_error_bars(scene, options):
             draw(comm, folder.directory)
     return TO_BE_CONTINUED if status == INTERRUPTED else 0
 

@@ -21,10 +21,12 @@ from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.forces import Pressure, Rubbing
 from parsolid.contact.host import Host
 from parsolid.contact.search import Search, Segment
-from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after
+from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after, taken_by_deletion
 from parsolid.contact.within import WithinBodies
+from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
+from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.declaration import Field, Rows
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, of_model
@@ -70,6 +72,7 @@ class KernelContact(Interaction):
         self.steps = StepRule(self.body_pairs)
         self.rubs = any(pair.law.friction for pair in self.body_pairs.pairs)
         self.warms = self.rubs and any(system.takes_heat for system in systems)
+        self.deletes = any("deleted_mass" in system.particles for system in systems)
         self.checkpoint: dict[str, Any] | None = None
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         self._placed: tuple[int | None, ...] = ()
@@ -81,6 +84,8 @@ class KernelContact(Interaction):
         one another, or are one layer of particles."""
         kept, steps = self.checkpoint, self.steps
         if kept is None:
+            for system in self.systems:
+                system.particles.owned_rows("contact_force")[:] = 0.0
             fill_depths(self.comm, self.body_pairs, self.systems, self.names)
             stable = minimum(self.comm, min(one.stable_step() for one in self.systems))
             steps.last = max(steps.shortest, stable)
@@ -110,16 +115,16 @@ class KernelContact(Interaction):
         if same:
             self.energy, self.stuck = kept["energies"][self.comm.rank]
         if self.search.segments:
-            self.steps.allowed = kept["steps"][self.comm.rank] if same else min(kept["steps"])
+            self.steps.allowed = float(kept["steps"][self.comm.rank, 0] if same else kept["steps"].min())
 
     def state(self) -> dict[str, Any]:
-        """Its energies on each rank, and the steps that these allow; collective."""
+        """Its energies on each rank, and the steps that these allow."""
         rule = self.steps
         allowed, at_start = (min(1e300, step) for step in (rule.allowed, rule.at_start))
         return {
-            "energies": self.comm.allgather((self.energy, self.stuck)),
+            "energies": OfRanks(self.energy, self.stuck),
             "starting": [at_start, rule.starting],
-            "steps": self.comm.allgather(allowed),
+            "steps": OfRanks(allowed),
             "step": rule.last,
             "rebuilds": self.rebuilds,
         }
@@ -129,10 +134,7 @@ class KernelContact(Interaction):
         self.checkpoint, self.rebuilds, self.steps.last = state, state["rebuilds"], state["step"]
         self.steps.at_start, self.steps.starting = state["starting"]
         # until `begin` finds them, for the energy of the whole state
-        if len(state["energies"]) == self.comm.size:
-            self.energy, self.stuck = state["energies"][self.comm.rank]
-        elif self.comm.rank == 0:
-            self.energy, self.stuck = np.sum(state["energies"], axis=0)
+        self.energy, self.stuck = own_share(self.comm, state["energies"])
 
     # --- in a step ----------------------------------------------------------------------------------------------
 
@@ -286,8 +288,16 @@ class KernelContact(Interaction):
         held: nothing has moved since the last evaluation, or it is the first; the springs of friction stay as they are.
         """
         search, pressure, rubbing = self.search, self.pressure, self.rubbing
-        before = pressure.penetration.copy()
+        before, volume, active = (
+            pressure.penetration.copy(),
+            search.points.rows[:, 3].copy(),
+            search.pairs.active.copy(),
+        )
+        if self.deletes and not held:
+            search.leave_out_deleted()
         deepest = self._find_penetrations(known=not held)
+        if ledger is not None and (volume != search.points.rows[:, 3]).any():
+            ledger.add_term(DELETED_STORED, taken_by_deletion(search.points, search.pairs, volume, active))
         if not held:
             self.steps.update(self._seen(), before)
         if rubbing is not None:

@@ -165,7 +165,16 @@ class Search:
         ]
         return np.concatenate(pieces or [np.zeros(0)])
 
+    def leave_out_deleted(self) -> None:
+        """Let owned candidates that were deleted feel nothing more and be felt no more."""
+        for one in self.segments:
+            particles = self.systems[one.system].particles
+            if "deleted_mass" in particles:
+                gone = one.first + np.flatnonzero(particles.owned_rows("deleted_mass")[one.rows] > 0.0)
+                self.points.rows[gone, 3], self.pairs.active[gone] = 0.0, 0
+
     def _segments(self, boxes: BroadPhase) -> list[Segment]:
+        """Particles near other bodies, but those that were deleted before the last forces were found."""
         result: list[Segment] = []
         first = 0
         bodies = [_rows_of(system) for system in self.systems]
@@ -180,6 +189,11 @@ class Search:
                     out = np.maximum(boxes.lower[pair.other] - place, place - boxes.upper[pair.other])
                     gap = np.maximum(out, 0.0)
                     rows = rows[(gap * gap).sum(axis=1) < (2.0 * self.half[number]) ** 2]
+                if "deleted_mass" in system.particles:
+                    force, gone = (
+                        system.particles.owned_rows(name)[rows] for name in ("contact_force", "deleted_mass")
+                    )
+                    rows = rows[(gone <= 0.0) | force.any(axis=1)]
                 if len(rows):
                     result.append(Segment(index, int(number), rows, first, first + len(rows)))
                     first += len(rows)

@@ -2,14 +2,8 @@
 
 from typing import Any
 
-from mpi4py import MPI
-
-from parsolid.collective import SolverError
 from parsolid.methods import method_class
-from parsolid.methods.protocol import ALWAYS_WRITTEN
-from parsolid.particles.distribution import take
-from parsolid.particles.generation import generate
-from parsolid.scene import Scene, SceneError, parse_scene
+from parsolid.scene import Scene
 from parsolid.scene.method_settings import MethodSettings
 
 Tables = dict[str, Any]
@@ -33,22 +27,3 @@ def small_scene(scene: Scene, method: MethodSettings) -> Tables:
     loads = {"acceleration": [0.0] * d} if full.get("loads") or "traction" in kinds else {}
     small = {"dimension": d, "end_time": 1.0, "method": full["method"], "bodies": bodies, "boundaries": boundaries}
     return method_class(method).small_scene(small | {"loads": loads, "title": "warming up"})
-
-
-def declared_kinds(scene: Scene) -> dict[str, str]:
-    """Name -> kind of the fields that a scene's systems declare and that are not written in any case.
-
-    On this rank alone; without those of a system that cannot be set up with a few particles.
-    """
-    kinds: dict[str, str] = {}
-    for plan in scene.systems:
-        try:
-            small = parse_scene(small_scene(scene.part(plan), plan.settings), again=True)
-            method, particle_set = method_class(plan.settings), generate(small, MPI.COMM_SELF)
-            order = method.sort(MPI.COMM_SELF, small, particle_set)
-            system = method(MPI.COMM_SELF, small, take(particle_set, order))
-        except (SceneError, SolverError):
-            continue
-        named = {name: field.kind(small.dimension) for name, field in system.particles.fields.items()}
-        kinds |= {name: kind for name, kind in named.items() if kind and name not in ALWAYS_WRITTEN}
-    return kinds

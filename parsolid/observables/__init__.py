@@ -1,7 +1,6 @@
-"""What can be watched of a run: fields of particles and quantities, each declared once, in the file that computes it.
+"""What can be watched of a run: fields of particles and quantities that `scene.observed` names, computed here.
 
-The reader of scenes takes their names from here, and so do probes, field output and exact solutions. A new one is a new
-file.
+A new one is a line there and a function or a class in a file of this folder.
 """
 
 from importlib import import_module

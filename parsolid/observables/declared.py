@@ -1,13 +1,9 @@
-"""The declarations: names of fields and quantities, how many components they have, and what computes them."""
+"""What computes the fields and quantities that `scene.observed` names."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
-
-# "rotation": about the axis out of the plane in 2-D, a vector in space
-KINDS = ("scalar", "vector", "tensor", "rotation")
 
 
 class System(Protocol):
@@ -44,31 +40,14 @@ class System(Protocol):
 Compute = Callable[["Rows"], np.ndarray]
 
 
-@dataclass(frozen=True)
-class FieldOfState:
-    """A field of all methods: its kind, whether it is written unless the scene chooses, whether probes take it.
-
-    compute(rows) gives it from other fields where the method has none of this name; None where every method has it.
-    """
-
-    kind: str
-    compute: Compute | None
-    usual: bool
-    probed: bool
+# what computes a field of `scene.observed.FIELDS` from others where the method has none of this name
+FIELDS: dict[str, Compute] = {}
 
 
-# by name, in the order in which they are written
-FIELDS: dict[str, FieldOfState] = {}
-
-
-def field(kind: str, usual: bool = False, probed: bool = True) -> Callable[[Compute], Compute]:
-    """Declare a field under the name of the function that computes it from others, (n,), (n, d) or (n, 3, 3)."""
-
-    def declare(compute: Compute) -> Compute:
-        FIELDS[compute.__name__] = FieldOfState(kind, compute, usual, probed)
-        return compute
-
-    return declare
+def field(compute: Compute) -> Compute:
+    """Declare what computes the field of this function's name, (n,), (n, d) or (n, 3, 3)."""
+    FIELDS[compute.__name__] = compute
+    return compute
 
 
 class Rows:
@@ -100,10 +79,7 @@ class Rows:
         values = self.of_method(name)
         if values is not None:
             return values
-        declared = FIELDS.get(name)
-        if declared is None or declared.compute is None:
-            raise KeyError(name)
-        return declared.compute(self)
+        return FIELDS[name](self)
 
 
 def field_of(system: System, name: str, first: int = 0, last: int | None = None) -> np.ndarray | None:
@@ -146,30 +122,14 @@ class Watched(Protocol):
         """A declared field of this rank's particles."""
 
 
-@dataclass(frozen=True)
-class Key:
-    """A key that a sampler adds to the tables of probes: one of some words, or a point of the scene [m] where None."""
-
-    description: str
-    words: tuple[str, ...] | None = None
-
-
 class Sampler:
     """One thing that a probe watches: each rank gives its part, `reduction` joins the parts, columns are made of that.
 
     name: of the probe; columns: names of what it fills in the history. One is made for each run, on every rank.
     reduction: "sum", "minimum" or "maximum", the same on all ranks at the latest when `part` returns.
-    keys: of its own in a probe's table, refused in the tables of others; a quantity that has some is made as
-    `Sampler(name, columns, probe)`.
     """
 
     reduction = "sum"
-    keys: ClassVar[dict[str, Key]] = {}
-
-    @staticmethod
-    def faults(stated: dict[str, Any], dimension: int) -> list[tuple[str, str, object]]:
-        """What is wrong with its keys in a probe's table: (key, what was expected, what was found or None)."""
-        return []
 
     def __init__(self, name: str, columns: list[str]):
         self.name, self.columns = name, columns
@@ -190,60 +150,29 @@ class Sampler:
         """Take back what `state` gave."""
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A number or vector of all particles: its kind, and the sampler that finds it."""
-
-    kind: str
-    sampler: type[Sampler]
+# what finds a quantity of `scene.observed.QUANTITIES`
+QUANTITIES: dict[str, type[Sampler]] = {}
 
 
-QUANTITIES: dict[str, Quantity] = {}
-
-
-def quantity(name: str, kind: str) -> Callable[[type[Sampler]], type[Sampler]]:
+def quantity(name: str) -> Callable[[type[Sampler]], type[Sampler]]:
     """Declare a class of samplers as what finds the quantity of this name."""
 
     def declare(sampler: type[Sampler]) -> type[Sampler]:
-        QUANTITIES[name] = Quantity(kind, sampler)
+        QUANTITIES[name] = sampler
         return sampler
 
     return declare
 
 
-# fields of a probe at a particle that need more than the particle's present state: name -> (kind, sampler class)
-PARTICLE_SAMPLERS: dict[str, tuple[str, Callable[..., Sampler]]] = {}
+# of `scene.observed.FIELDS_OF_PROBES`, made as `Sampler(name, columns, place, probe)`
+PARTICLE_SAMPLERS: dict[str, Callable[..., Sampler]] = {}
 
 
-def particle_sampler(name: str, kind: str) -> Callable[[type[Sampler]], type[Sampler]]:
-    """Declare samplers, made as `Sampler(name, columns, place, probe)`, for a field of a probe at a particle."""
+def particle_sampler(name: str) -> Callable[[type[Sampler]], type[Sampler]]:
+    """Declare samplers for a field of a probe at a particle."""
 
     def declare(sampler: type[Sampler]) -> type[Sampler]:
-        PARTICLE_SAMPLERS[name] = (kind, sampler)
+        PARTICLE_SAMPLERS[name] = sampler
         return sampler
 
     return declare
-
-
-def field_kinds() -> dict[str, str]:
-    """Name -> kind of the fields that probes at a particle take."""
-    return {name: declared.kind for name, declared in FIELDS.items() if declared.probed} | {
-        name: kind for name, (kind, _) in PARTICLE_SAMPLERS.items()
-    }
-
-
-def shown_kinds() -> dict[str, str]:
-    """Name -> kind of the fields that can be written."""
-    return {name: declared.kind for name, declared in FIELDS.items()}
-
-
-def quantity_kinds() -> dict[str, str]:
-    """Name -> kind of the quantities of all particles."""
-    return {name: declared.kind for name, declared in QUANTITIES.items()}
-
-
-def samplers_with_keys() -> dict[str, type[Sampler]]:
-    """Name of a field or quantity -> its sampler, of those that add keys to the tables of probes."""
-    found: dict[str, Any] = {name: sampler for name, (_, sampler) in PARTICLE_SAMPLERS.items()}
-    found |= {name: declared.sampler for name, declared in QUANTITIES.items()}
-    return {name: sampler for name, sampler in found.items() if sampler.keys}

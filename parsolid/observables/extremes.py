@@ -5,7 +5,7 @@ import numpy as np
 from parsolid.observables.declared import Sampler, Watched, quantity
 
 
-@quantity("minimum_jacobian", "scalar")
+@quantity("minimum_jacobian")
 class MinimumJacobian(Sampler):
     """The least Jacobian."""
 
@@ -16,7 +16,7 @@ class MinimumJacobian(Sampler):
         return np.array([watched.field("jacobian").min(initial=np.inf)])
 
 
-@quantity("maximum_speed", "scalar")
+@quantity("maximum_speed")
 class MaximumSpeed(Sampler):
     """The greatest speed [m/s]."""
 

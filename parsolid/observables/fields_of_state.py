@@ -2,28 +2,23 @@
 
 import numpy as np
 
-from parsolid.observables.declared import FIELDS, FieldOfState, Rows, field
+from parsolid.observables.declared import Rows, field
 
 
-@field("vector", usual=True)
+@field
 def displacement(rows: Rows) -> np.ndarray:
     """x - X (n, d) [m]."""
     return np.asarray(rows("position") - rows("reference_position"))
 
 
-FIELDS["velocity"] = FieldOfState("vector", None, usual=True, probed=True)
-FIELDS["position"] = FieldOfState("vector", None, usual=False, probed=True)
-FIELDS["deformation_gradient"] = FieldOfState("tensor", None, usual=False, probed=True)
-
-
-@field("tensor")
+@field
 def stress(rows: Rows) -> np.ndarray:
     """Cauchy stress (n, 3, 3) [Pa], of P where a method has that; with the evolved Jacobian where there is one."""
     F, P = rows("deformation_gradient"), rows("first_piola_kirchhoff_stress")
     return np.asarray(P @ F.swapaxes(1, 2) / rows("jacobian")[:, None, None])
 
 
-@field("tensor")
+@field
 def first_piola_kirchhoff_stress(rows: Rows) -> np.ndarray:
     """P (n, 3, 3) [Pa], of the Cauchy stress where a method has that."""
     F, sigma = rows("deformation_gradient"), rows.of_method("stress")
@@ -32,32 +27,32 @@ def first_piola_kirchhoff_stress(rows: Rows) -> np.ndarray:
     return np.asarray(np.linalg.det(F)[:, None, None] * sigma @ np.linalg.inv(F).swapaxes(1, 2))
 
 
-@field("scalar", usual=True)
+@field
 def pressure(rows: Rows) -> np.ndarray:
     """-tr(sigma) / 3 (n,) [Pa], positive in compression."""
     return np.asarray(-np.trace(rows("stress"), axis1=1, axis2=2) / 3.0)
 
 
-@field("scalar", usual=True)
+@field
 def von_mises_stress(rows: Rows) -> np.ndarray:
     """sqrt(3/2 dev(sigma) : dev(sigma)) (n,) [Pa]."""
     deviator = rows("stress") + rows("pressure")[:, None, None] * np.eye(3)
     return np.asarray(np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)))
 
 
-@field("scalar", usual=True)
+@field
 def jacobian(rows: Rows) -> np.ndarray:
     """det F (n,)."""
     return np.asarray(np.linalg.det(rows("deformation_gradient")))
 
 
-@field("scalar", probed=False)
+@field
 def rank(rows: Rows) -> np.ndarray:
     """Number of the rank that has the particle (n,)."""
     return np.full(rows.last - rows.first, rows.system.comm.rank)
 
 
-@field("scalar", probed=False)
+@field
 def error_indicator(rows: Rows) -> np.ndarray:
     """Strain energy (n,) [J/m^3] of the difference of a stress from what neighbours say, as it was last found."""
     found = rows.system.indicated

@@ -18,10 +18,3 @@ class ReactionForce(Sampler):
         systems: list[Any] = watched.systems
         found = [system.reaction(self.name) for system in systems]
         return np.asarray(sum((one for one in found if one is not None), np.zeros(len(self.columns))))
-
-
-def reaction_columns(name: str, dimension: int) -> list[str]:
-    """Columns of the history."""
-    axes = "xyz"[:dimension]
-    moment = [f"{name}.moment_{axis}" for axis in axes] if dimension == 3 else [f"{name}.moment"]
-    return [*(f"{name}.force_{axis}" for axis in axes), *moment]

@@ -7,7 +7,7 @@ import numpy as np
 from parsolid.observables.declared import Sampler, Watched, quantity
 
 
-@quantity("linear_momentum", "vector")
+@quantity("linear_momentum")
 class LinearMomentum(Sampler):
     """sum m v [kg m/s]."""
 
@@ -17,7 +17,7 @@ class LinearMomentum(Sampler):
         return np.asarray((mass * v).sum(axis=0))
 
 
-@quantity("angular_momentum", "rotation")
+@quantity("angular_momentum")
 class AngularMomentum(Sampler):
     """sum m x cross v [kg m^2/s] about the origin, and what particles have about their own places where a method knows
     it (`own_angular_momentum`): three components, or one in the plane."""
@@ -40,7 +40,7 @@ class AngularMomentum(Sampler):
             return 0.0
 
 
-@quantity("centre_of_mass", "vector")
+@quantity("centre_of_mass")
 class CentreOfMass(Sampler):
     """sum m x / sum m [m]."""
 

@@ -1,35 +1,20 @@
 """The angle by which a particle has turned about an axis."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from parsolid.observables.declared import Key, Sampler, Watched, particle_sampler
+from parsolid.observables.declared import Sampler, Watched, particle_sampler
 from parsolid.observables.particle_field import Place
 
 
-@particle_sampler("twist", "scalar")
+@particle_sampler("twist")
 class Twist(Sampler):
     """Accumulated angle [rad] about an axis; the particle may turn by less than half a turn between samples.
 
     The rank that has the particle tells its direction, and every rank keeps the angle, so that the particle may change
     its rank.
     """
-
-    keys: ClassVar = {
-        "axis": Key("about which the twist turns", ("X", "Y", "Z")),
-        "centre": Key("a point of the axis, the origin unless given"),
-    }
-
-    @staticmethod
-    def faults(stated: dict[str, Any], dimension: int) -> list[tuple[str, str, object]]:
-        """An axis in space; out of the plane there is one only, and on a line nothing turns."""
-        axis = stated.get("axis")
-        if dimension == 1:
-            return [("fields", "no twist in 1-D", "twist")]
-        if dimension == 3 and axis is None:
-            return [("axis", "the axis 'X', 'Y' or 'Z' of the twist", None)]
-        return [("axis", "'Z' or nothing in 2-D", axis)] if dimension == 2 and axis in ("X", "Y") else []
 
     def __init__(self, name: str, columns: list[str], place: Place, probe: Any):
         """probe: the scene's, with its `axis` (Z unless given) and `centre` (the origin unless given)."""

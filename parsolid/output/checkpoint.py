@@ -21,7 +21,8 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.output.checksums import added, check_shapes, compare, digest, sound_header, stated_sums, sum_of_rows
+from parsolid.checksums import added, digest, sum_of_rows
+from parsolid.output.checksums import check_shapes, compare, sound_header, stated_sums
 from parsolid.output.errors import OutputError, together, words
 from parsolid.output.slabs import CHECKED_VERSIONS, SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
 
@@ -72,9 +73,10 @@ def write_checkpoint(
     partial = partial_name(path)
     doing = f"cannot write the checkpoint {path}"
     values = np.empty(0) if per_rank is None else np.asarray(per_rank, float)
-    rows = [_row_count(comm, fields, values, doing) for fields in systems]
-    offsets = np.zeros((len(systems), comm.size + 1), np.int64)
-    offsets[:, 1:] = np.cumsum(comm.allgather(rows), axis=0).T
+    rows = np.array([_row_count(comm, fields, values, doing) for fields in systems], np.int64)
+    of_ranks, offsets = np.empty((comm.size, len(rows)), np.int64), np.zeros((len(rows), comm.size + 1), np.int64)
+    comm.Allgather(rows, of_ranks)
+    offsets[:, 1:] = np.cumsum(of_ranks, axis=0).T
     sums = _sums(comm, systems, offsets, values)
     laid = None
     with together(comm, doing):

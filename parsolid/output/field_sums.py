@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from parsolid.output.checksums import sum_of_rows
+from parsolid.checksums import sum_of_rows
 from parsolid.output.errors import OutputError, words
 
 

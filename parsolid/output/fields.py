@@ -12,8 +12,8 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.migration import migrate
+from parsolid.checksums import added, sum_of_rows
 from parsolid.output import vtkhdf
-from parsolid.output.checksums import added, sum_of_rows
 from parsolid.output.directory import next_free
 from parsolid.output.errors import OutputError, agree, together
 from parsolid.output.field_sums import append_sums, keep_sums, move_sums, sums_path

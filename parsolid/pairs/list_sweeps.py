@@ -14,15 +14,16 @@ A list has every pair once, and both its particles receive; rows of ghosts and o
 gather sums that nobody reads. Arrays are rows of four numbers a vector (`rows_of_four`): in space and in plane strain
 
     motion   v 0 | x 0 | X 0                                        v x | X 0 0
-    record   P L by columns: c1 Z_p | c2 Z_s | c3 0                 c1 c2
-             1/2 grad v by columns: c1 0 | c2 0 | c3 0              c1 c2 | Z_p Z_s 0 0
+    record   1/2 grad v by columns: c1 0 | c2 0 | c3 0              c1 c2
+             P L by columns: c1 Z_p | c2 Z_s | c3 0                 c1 c2 | Z_p Z_s 0 0
     fast     1/2 rho^2 Q_p: 11 22 33 Z_s | 12 13 23 0               11 22 12 Z_s
     slow     1/2 rho^2 Q_s: 11 22 33 0 | 12 13 23 0                 11 22 12 0
     force    T 0 | D 0                                              T D
     operator L by rows: l1 1/V | l2 0 | l3 0                        l1 l2 | 1/V 0 0 0
     weight   g_ab k_ab                                              g_ab k_ab 0
 
-Where the record has 1/2 grad v, the sums sum_b (v_b - v_a) (x) g_ab are gathered before; they begin at zero.
+Where the record has 1/2 grad v, the sums sum_b (v_b - v_a) (x) g_ab are gathered before; they begin at zero. They stand
+first so that a vector of eight numbers, as LLVM makes it of two rows of four, does not cross cache lines.
 fast and slow are None where the record holds mean impedances, and k_ab then is a length times |g_ab|; slow alone is
 None where shear waves have one speed in all directions.
 """
@@ -45,7 +46,7 @@ class RowsOfFour(NamedTuple):
     tensor: int
     position: int
     reference: int
-    gradient: int
+    stress: int
     vector: int
 
 
@@ -68,18 +69,18 @@ def gradient_in_space(pairs, first, last, motion, record):
         if start[a] == start[a + 1]:
             continue
         v = load_row(motion, a, 0)
-        c1, c2, c3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
+        c1, c2, c3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         for k in range(start[a], start[a + 1]):
             b, w = neighbour[k], weight_row(kind, k)
             jump = subtract(load_row(motion, b, 0), v)
             g1, g2, g3 = weight[w, 0], weight[w, 1], weight[w, 2]
             c1, c2, c3 = add_scaled(c1, g1, jump), add_scaled(c2, g2, jump), add_scaled(c3, g3, jump)
-            store_row(record, b, 12, add_scaled(load_row(record, b, 12), g1, jump))
-            store_row(record, b, 16, add_scaled(load_row(record, b, 16), g2, jump))
-            store_row(record, b, 20, add_scaled(load_row(record, b, 20), g3, jump))
-        store_row(record, a, 12, c1)
-        store_row(record, a, 16, c2)
-        store_row(record, a, 20, c3)
+            store_row(record, b, 0, add_scaled(load_row(record, b, 0), g1, jump))
+            store_row(record, b, 4, add_scaled(load_row(record, b, 4), g2, jump))
+            store_row(record, b, 8, add_scaled(load_row(record, b, 8), g3, jump))
+        store_row(record, a, 0, c1)
+        store_row(record, a, 4, c2)
+        store_row(record, a, 8, c3)
 
 
 @kernel
@@ -90,14 +91,14 @@ def gradient_in_plane(pairs, first, last, motion, record):
         if start[a] == start[a + 1]:
             continue
         v1, v2 = motion[a, 0], motion[a, 1]
-        total = load_row(record, a, 4)
+        total = load_row(record, a, 0)
         for k in range(start[a], start[a + 1]):
             b, w = neighbour[k], weight_row(kind, k)
             u1, u2, g1, g2 = motion[b, 0] - v1, motion[b, 1] - v2, weight[w, 0], weight[w, 1]
             pair = (u1 * g1, u2 * g1, u1 * g2, u2 * g2)
             total = add(total, pair)
-            store_row(record, b, 4, add(load_row(record, b, 4), pair))
-        store_row(record, a, 4, total)
+            store_row(record, b, 0, add(load_row(record, b, 0), pair))
+        store_row(record, a, 0, total)
 
 
 @kernel
@@ -108,8 +109,8 @@ def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
         if start[a] == start[a + 1]:
             continue
         v, x, X = load_row(motion, a, 0), load_row(motion, a, 4), load_row(motion, a, 8)
-        P1, P2, P3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
-        G1, G2, G3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
+        P1, P2, P3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
+        G1, G2, G3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         T, D = load_row(force, a, 0), load_row(force, a, 4)
         if fast is not None:
             fast1, fast2 = load_row(fast, a, 0), load_row(fast, a, 4)
@@ -118,17 +119,17 @@ def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
         for k in range(start[a], start[a + 1]):
             b, w = neighbour[k], weight_row(kind, k)
             g1, g2, g3, jump_factor = weight[w, 0], weight[w, 1], weight[w, 2], weight[w, 3]
-            S1, S2 = add(P1, load_row(record, b, 0)), add(P2, load_row(record, b, 4))
-            S3 = add(P3, load_row(record, b, 8))
+            S1, S2 = add(P1, load_row(record, b, 12)), add(P2, load_row(record, b, 16))
+            S3 = add(P3, load_row(record, b, 20))
             stress = add_scaled(add_scaled(scale(g1, S1), g2, S2), g3, S3)
             T = add(T, stress)
             # at once: kept until the dissipation is known it takes half as long again
             store_row(force, b, 0, subtract(load_row(force, b, 0), stress))
             u, line = subtract(load_row(motion, b, 0), v), subtract(load_row(motion, b, 4), x)
             back = subtract(X, load_row(motion, b, 8))
-            u = add_scaled(u, back[0], add(G1, load_row(record, b, 12)))
-            u = add_scaled(u, back[1], add(G2, load_row(record, b, 16)))
-            u = add_scaled(u, back[2], add(G3, load_row(record, b, 20)))
+            u = add_scaled(u, back[0], add(G1, load_row(record, b, 0)))
+            u = add_scaled(u, back[1], add(G2, load_row(record, b, 4)))
+            u = add_scaled(u, back[2], add(G3, load_row(record, b, 8)))
             if fast is None:
                 Z_p, Z_s = S1[3], S2[3]
             else:
@@ -157,7 +158,7 @@ def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
         if start[a] == start[a + 1]:
             continue
         here, X1, X2 = load_row(motion, a, 0), motion[a, 4], motion[a, 5]
-        P, G, waves = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
+        P, G, waves = load_row(record, a, 4), load_row(record, a, 0), load_row(record, a, 8)
         if fast is not None:
             waves = load_row(fast, a, 0)
         if slow is not None:
@@ -167,8 +168,8 @@ def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
             b, w = neighbour[k], weight_row(kind, k)
             g1, g2, jump_factor = weight[w, 0], weight[w, 1], weight[w, 2]
             S, grad, step = (
-                add(P, load_row(record, b, 0)),
-                add(G, load_row(record, b, 4)),
+                add(P, load_row(record, b, 4)),
+                add(G, load_row(record, b, 0)),
                 subtract(load_row(motion, b, 0), here),
             )
             back1, back2 = X1 - motion[b, 4], X2 - motion[b, 5]
@@ -200,13 +201,13 @@ def stress_divergence_in_space(pairs, first, last, record, force):
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
-        P1, P2, P3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
+        P1, P2, P3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
         T = load_row(force, a, 0)
         for k in range(start[a], start[a + 1]):
             b, w = neighbour[k], weight_row(kind, k)
-            stress = scale(weight[w, 0], add(P1, load_row(record, b, 0)))
-            stress = add_scaled(stress, weight[w, 1], add(P2, load_row(record, b, 4)))
-            stress = add_scaled(stress, weight[w, 2], add(P3, load_row(record, b, 8)))
+            stress = scale(weight[w, 0], add(P1, load_row(record, b, 12)))
+            stress = add_scaled(stress, weight[w, 1], add(P2, load_row(record, b, 16)))
+            stress = add_scaled(stress, weight[w, 2], add(P3, load_row(record, b, 20)))
             T = add(T, stress)
             store_row(force, b, 0, subtract(load_row(force, b, 0), stress))
         store_row(force, a, 0, T)
@@ -219,10 +220,10 @@ def stress_divergence_in_plane(pairs, first, last, record, force):
     for a in range(first, last):
         if start[a] == start[a + 1]:
             continue
-        P, T1, T2 = load_row(record, a, 0), force[a, 0], force[a, 1]
+        P, T1, T2 = load_row(record, a, 4), force[a, 0], force[a, 1]
         for k in range(start[a], start[a + 1]):
             b, w = neighbour[k], weight_row(kind, k)
-            S = add(P, load_row(record, b, 0))
+            S = add(P, load_row(record, b, 4))
             f1, f2 = S[0] * weight[w, 0] + S[2] * weight[w, 1], S[1] * weight[w, 0] + S[3] * weight[w, 1]
             T1, T2 = T1 + f1, T2 + f2
             force[b, 0] -= f1

@@ -14,7 +14,7 @@ from parsolid.collective import raise_together
 from parsolid.kernels import kernel
 from parsolid.pairs.cell_weights import NodesOfCells
 from parsolid.pairs.closure import close
-from parsolid.pairs.pair_list import Neighbours, distance_in_support
+from parsolid.pairs.pair_list import Neighbours, distance_in_support, weights_of_pairs
 from parsolid.pairs.smoothing.gradient import gradient_factor
 
 # how far a neighbour may stand beside its lattice place, in steps
@@ -179,7 +179,7 @@ def _with_weights(pairs, cells, number, positions):
 def _on_lattices(pairs: Any, cells: NodesOfCells, number: np.ndarray, positions: np.ndarray) -> Any:
     """The pairs whose particles are on one lattice and have a weight, or both on none; number (rows,)."""
     start, neighbour = _with_weights(pairs, cells, number, positions)
-    return type(pairs)(start, neighbour, np.zeros((len(neighbour), 4)))
+    return type(pairs)(start, neighbour, weights_of_pairs(len(neighbour)))
 
 
 @kernel

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.kernels import kernel
-from parsolid.scene.elements import CORNERS, ELEMENTS
+from parsolid.particles.meshes.elements import CORNERS, ELEMENTS
 
 # a pair's s_ab below this part of its face is zero but for rounding
 _ROUNDING = 1e-11
@@ -266,7 +266,7 @@ def surface_gradient(start, neighbour, half, motion, sums):
 
 
 @kernel
-def surface_divergence(start, neighbour, half, record, force):
+def surface_divergence(start, neighbour, half, record, at_stress, force):
     """Add (P_a - P_b) s_ab/2 to the force of a and take it from b."""
     d = half.shape[1]
     stride = 4 if d == 3 else 2
@@ -276,7 +276,8 @@ def surface_divergence(start, neighbour, half, record, force):
             for i in range(d):
                 pair = 0.0
                 for j in range(d):
-                    pair += (record[a, stride * j + i] - record[b, stride * j + i]) * half[k, j]
+                    column = at_stress + stride * j + i
+                    pair += (record[a, column] - record[b, column]) * half[k, j]
                 force[a, i] += pair
                 force[b, i] -= pair
 

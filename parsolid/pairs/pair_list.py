@@ -26,10 +26,11 @@ _MOST_KINDS = 1 << 16
 
 class PairList(NamedTuple):
     """Pairs of an owned particle a with neighbours: rows start[a] : start[a + 1] (uint32) of neighbour (m,) uint32 and
-    weight (m, 4), float32 or float64. Every pair stands once, at the particle with the lower row.
+    weight (m, 4). Every pair stands once, at the particle with the lower row.
 
-    kind: None, or the row (m,) uint16 of the weight of each pair where few weights differ, as on lattices: pairs then
-    take 6 bytes in place of 20, and sweeps are bound by the memory they read.
+    Weights lie column by column (`weights_of_pairs`): LLVM reads each number of a weight for itself, as sweeps want it,
+    only if the next one is not beside it. kind: None, or the row (m,) uint16 of the weight of each pair where few
+    weights differ, as on lattices: pairs then take 6 bytes in place of 36.
     """
 
     start: np.ndarray
@@ -43,12 +44,19 @@ class PairList(NamedTuple):
         return self.weight if self.kind is None else self.weight[self.kind]
 
     def by_kinds(self) -> "PairList":
-        """The same list of float32 weights with each different weight once, if these are few."""
-        whole_rows = self.weight.view(np.complex128).ravel()
+        """The same list with each different weight once, if these are few; weights are float32."""
+        whole_rows = np.ascontiguousarray(self.weight).view(np.complex128).ravel()
         rows, kind = np.unique(whole_rows, return_inverse=True)
         if len(rows) > _MOST_KINDS:
             return self
-        return self._replace(weight=rows.view(np.float32).reshape(-1, 4), kind=kind.astype(np.uint16))
+        weight = weights_of_pairs(len(rows))
+        weight[:] = rows.view(np.float32).reshape(-1, 4)
+        return self._replace(weight=weight, kind=kind.astype(np.uint16))
+
+
+def weights_of_pairs(count: int) -> np.ndarray:
+    """Zeros (count, 4), column by column in memory."""
+    return np.zeros((count, 4), order="F")
 
 
 @inlined
@@ -184,7 +192,7 @@ class Neighbours:
     ) -> tuple[PairList, str | None]:
         kept, found, same = within_support(start, neighbour, first, last, self.positions, self.metric, support)
         fault = coincident(self.positions, start, same) if same >= 0 else None
-        return PairList(kept, found, np.zeros((len(found), 4))), fault
+        return PairList(kept, found, weights_of_pairs(len(found))), fault
 
     @property
     def lists(self) -> tuple[PairList, PairList]:

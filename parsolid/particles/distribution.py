@@ -39,7 +39,7 @@ def distribute(
 def columns(particle_set: Any) -> dict[str, np.ndarray]:
     """The arrays of a particle_set, by name, leaving out what is None."""
     values = {entry.name: getattr(particle_set, entry.name) for entry in dataclasses.fields(particle_set)}
-    return {name: array for name, array in values.items() if array is not None}
+    return {name: array for name, array in values.items() if isinstance(array, np.ndarray)}
 
 
 def take(particle_set: Any, order: np.ndarray) -> Any:

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from decomposition.slices import Slices
+from parsolid.particles.fillings import filling_of
 from parsolid.particles.memory import check_memory
-from parsolid.particles.mesh_pieces import MeshPieces
+from parsolid.particles.meshes.filling import MeshFilling
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.base_model import LEAST, MOST
-from parsolid.scene.fillings import filling_of
+from parsolid.scene.checks import unbounded_plane
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.initial import meant
 from parsolid.scene.lattice import Filling
@@ -19,7 +21,7 @@ from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.overlap import overlap_faults
 from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.regions import NOBODY, Named, nearest_particles, selected
-from parsolid.scene.schema import Scene, unbounded_plane
+from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import SceneError, agree, fault, key_path, suggestion
 
 
@@ -35,14 +37,13 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     agree(comm, _mark_meshes(scene, fillings, known))
     check_memory(comm, sum(filling.count for filling in fillings))
     ends = np.cumsum([filling.count for filling in fillings])
-    total = int(ends[-1])
-    first, last = total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size
+    share = Slices(comm, int(ends[-1]))
     pieces = []
     for i, filling in enumerate(fillings):
         start = int(ends[i]) - filling.count
-        low, high = max(first - start, 0), min(last - start, filling.count)
-        if isinstance(filling, MeshPieces):
-            filling.deliver(low, high, len(known))
+        low, high = max(share.first - start, 0), min(share.last - start, filling.count)
+        if isinstance(filling, MeshFilling):
+            filling.scatter(start, share)
         if low < high:
             piece = filling.piece(low, high)
             if known and piece.regions is None:
@@ -52,6 +53,11 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
             pieces.append(piece)
     coarsest = max(filling.coarsest for filling in fillings)
     particle_set = ParticleSet.joined(pieces, scene.dimension, len(known))
+    particle_set.meshes = {
+        (filling.body.shape.model.file, filling.body.shape.model.scale): filling.mesh
+        for filling in fillings
+        if isinstance(filling, MeshFilling) and filling.body.placed_on == "nodes"
+    }
     agree(comm, overlap_faults(scene, fillings, particle_set, comm))
     del fillings
     everywhere = np.ones(len(particle_set), bool)
@@ -66,10 +72,7 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
     faults: list[str] = []
     for i, body in enumerate(scene.bodies):
         try:
-            if body.shape.kind == "mesh":
-                fillings[i] = MeshPieces(comm, body, scene.dimension)
-            else:
-                fillings[i] = filling_of(body, scene.dimension)
+            fillings[i] = filling_of(body, scene.dimension, comm)
         except SceneError as error:
             faults += [f"{key_path(('bodies', i, 'shape', 'mesh', 'file'))}: {text}" for text in error.faults]
     agree(comm, faults)
@@ -80,19 +83,18 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
         if not (np.isfinite(size).all() and LEAST < size.min() and np.abs([filling.lower, filling.upper]).max() < MOST):
             faults.append(fault(("bodies", i), f"a body with sides from {LEAST:g} to {MOST:g} m", size.tolist()))
     for i, boundary in enumerate(scene.boundaries):
-        if boundary.needs_bounding_plane and boundary.plane is not None:
-            faults += unbounded_plane(i, boundary, dict(enumerate(scene.bodies)), fillings)
+        faults += [fault(*detail) for detail in unbounded_plane(i, boundary, scene.bodies, fillings)]
     agree(comm, faults)
     return list(fillings.values())
 
 
 def _mark_meshes(scene: Scene, fillings: list[Filling], known: dict[str, Region]) -> list[str]:
     """Find the particles of meshes in regions; faults of groups that no mesh has."""
-    meshes = [filling for filling in fillings if isinstance(filling, MeshPieces)] if known else []
+    meshes = [filling for filling in fillings if isinstance(filling, MeshFilling)] if known else []
     for mesh in meshes:
         mesh.mark(known)
     there = sorted({name for mesh in meshes for name in mesh.groups})
-    faults = []
+    faults: list[str] = []
     for name, region in known.items():
         for group in sorted(region.groups({}) - set(there) if not region.parts else ()):
             known_names = ", ".join(map(repr, [*(one.name for one in scene.regions), *there])) or "there is none"

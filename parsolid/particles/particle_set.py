@@ -1,6 +1,7 @@
 """One rank's piece of the generated particles."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ class ParticleSet:
     area       (n, d)       outward boundary area vector [m^2]: one component per direction, zero inside
     regions    (n, r) int64 1 in each of the scene's r regions with a name, else 0; None without any
     surfaces   (n, r d)     outward area vectors [m^2] of what of its boundary is in each of them
+    meshes                  slices of the meshes that they are nodes of, by file and scale, until systems are set up
     """
 
     identifier: np.ndarray
@@ -29,6 +31,7 @@ class ParticleSet:
     area: np.ndarray
     regions: np.ndarray | None = None
     surfaces: np.ndarray | None = None
+    meshes: dict[tuple[str, float], Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.identifier)
@@ -56,4 +59,5 @@ class ParticleSet:
             axes = np.concatenate([np.tile(cartesian, (len(p), 1, 1)) if p.axes is None else p.axes for p in pieces])
         names = ["identifier", "position", "volume", "spacing", "body", "area"]
         names += ["regions", "surfaces"] if pieces[0].regions is not None else []
-        return cls(axes=axes, **{name: np.concatenate([getattr(p, name) for p in pieces]) for name in names})
+        joined: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
+        return cls(axes=axes, **joined)

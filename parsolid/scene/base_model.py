@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
+from parsolid.materials.declaration import Phrase
 from parsolid.scene.validation_errors import NOTHING, suggestion, told
 
 AXES = ("X", "Y", "Z")
@@ -19,18 +20,24 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-def mismatch(expected: str, found: object) -> PydanticCustomError:
-    """The error of a value that is not what its key wants."""
-    return PydanticCustomError("mismatch", "{text}", {"text": f"expected {expected}, found {told(found)}"})
+def mismatch(expected: str, found: object, code: str = "refused") -> PydanticCustomError:
+    """The error of a value that is not what its key wants; code: as of `Fault`."""
+    words = told(found)
+    text = f"expected {expected}, found {words}"
+    return PydanticCustomError("mismatch", "{text}", {"text": text, "expected": expected, "found": words, "code": code})
 
 
-def reject(*details: tuple[tuple[Any, ...], str, object]) -> None:
+# place of a fault in the tables of a scene, what was expected, what was found
+Detail = tuple[tuple[str | int, ...], str, object]
+
+
+def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused") -> None:
     """Raise the given (location, expected, found) as one validation error; nothing when there are none."""
     if details:
         raise ValidationError.from_exception_data(
             "scene",
             [
-                InitErrorDetails(type=mismatch(expected, found), loc=place, input=found)
+                InitErrorDetails(type=mismatch(expected, found, code), loc=place, input=found)
                 for place, expected, found in details
             ],
         )
@@ -72,8 +79,7 @@ class SceneModel(BaseModel):
             if len(present) > 1 or (required and not present):
                 count = "exactly one of" if required else "at most one of"
                 found = " and ".join(present) if present else "none"
-                text = f"expected {count} {', '.join(group)}; found {found}"
-                error = PydanticCustomError("mismatch", "{text}", {"text": text})
+                error = mismatch(f"{count} {', '.join(group)}", Phrase(found), "exclusive")
                 details.append(InitErrorDetails(type=error, loc=(), input=table))
         return details
 
@@ -97,6 +103,14 @@ class SceneModel(BaseModel):
         if conflicts:
             raise ValidationError.from_exception_data(cls.__name__, conflicts)
         return result
+
+
+class _Unknown(SceneModel):
+    kind: str = ""
+
+
+# stands where a method or a material is at fault, so that the other tables can be judged
+UNKNOWN = _Unknown()
 
 
 def kinds_of(model: type[SceneModel]) -> tuple[str, ...]:
@@ -144,10 +158,10 @@ class ByKind:
 
     def _validate(self, value: Any, info: ValidationInfo) -> Any:
         # a raw table first: asking what else there may be imports all models
-        if not isinstance(value, dict) and isinstance(value, self.instances):
+        if not isinstance(value, dict) and (value is UNKNOWN or isinstance(value, self.instances)):
             return value
         if not isinstance(value, dict):
-            raise mismatch("a table", value)
+            raise mismatch("a table", value, "type")
         result: SceneModel = self.chosen(value, info).model_validate(value, context=info.context)
         return result
 
@@ -159,12 +173,12 @@ class ByKind:
         allowed = self.allowed(info, value)
         kinds = ", ".join(map(repr, allowed))
         if "kind" not in value:
-            reject((("kind",), f"one of {kinds}", NOTHING))
+            reject((("kind",), f"one of {kinds}", NOTHING), code="missing")
         if model is None and isinstance(value["kind"], str) and value["kind"] in self.renamed:
             new = self.renamed[value["kind"]]
             reject((("kind",), f"{new!r}, as this kind is called now", value["kind"]))
         if model is None:
-            reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]))
+            reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]), code="choice")
         if value["kind"] not in allowed:
             whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
             why = getattr(method_of(info, value), "refused", {}).get(value["kind"])

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import NotNegative, SceneModel
+from parsolid.scene.base_model import Detail, NotNegative, SceneModel
 from parsolid.scene.method_settings import KINETIC_OFFSET
-from parsolid.scene.validation_errors import fault, suggestion
+from parsolid.scene.validation_errors import suggestion
 
 # what contact and tools add to the ledger: parts of what is stored, and what friction takes; and the kinetic offset of
 # free tools, see `methods.leapfrog`; signs as in `simulation.ledger`
@@ -152,24 +152,23 @@ def unbonded(contacts: list[Contact], names: list[str | None]) -> np.ndarray | N
     return result
 
 
-def contact_faults(contacts: dict[int, Contact], bodies: dict[int, Any], complete: bool) -> list[str]:
-    """Bodies that are not there, and pairs that are named twice."""
-    faults, seen = [], dict[tuple[str, ...], int]()
-    names = [body.name for body in bodies.values() if body.name is not None]
-    for i, one in contacts.items():
+def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Detail]:
+    """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
+    faults, seen = list[Detail](), dict[tuple[str, ...], int]()
+    for i, one in enumerate(contacts):
         for name in dict.fromkeys(one.bodies):
-            if name not in names and complete:
+            if names is not None and name not in names:
                 expected = f"the name of a body{suggestion(name, names)}"
-                faults.append(fault(("contact", i, "bodies"), expected, name))
+                faults.append((("contact", i, "bodies"), expected, name))
         if len(set(one.bodies)) < len(one.bodies):
             expected = "each body once (one name alone: contact within it)"
-            faults.append(fault(("contact", i, "bodies"), expected, one.bodies))
+            faults.append((("contact", i, "bodies"), expected, one.bodies))
             continue
         pairs = [tuple(one.bodies)] if len(one.bodies) == 1 else list(combinations(sorted(one.bodies), 2))
         for pair in pairs:
             if pair in seen:
                 found = " and ".join(map(repr, pair))
-                faults.append(fault(("contact", i, "bodies"), f"pairs that contact.{seen[pair]} does not name", found))
+                faults.append((("contact", i, "bodies"), f"pairs that contact.{seen[pair]} does not name", found))
                 break
         seen |= {pair: i for pair in pairs if pair not in seen}
     return faults

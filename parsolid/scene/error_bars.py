@@ -1,4 +1,4 @@
-"""What a scene asks of the errors of its results: bars from coarser companions, and targets to be reached."""
+"""What a scene asks of the errors of its results: bars from coarse runs, and targets to be reached."""
 
 from typing import Annotated
 
@@ -8,11 +8,11 @@ from parsolid.scene.base_model import Positive, SceneModel, reject
 
 
 class ErrorBars(SceneModel):
-    """Error bars for every column of the history, from coarser companions that are run before the run itself."""
+    """Error bars for every column of the history, from coarse runs of the scene before the run itself."""
 
     ratios: Annotated[list[Positive], Field(min_length=1, max_length=4)] | None = Field(
         None,
-        description="spacings of the companions over that of the scene, rising from above 1; by dimension if not given",
+        description="spacings of the coarse runs over the scene's, rising from above 1; by dimension if not given",
     )
 
     @field_validator("ratios")
@@ -27,6 +27,6 @@ class RunTargets(SceneModel):
     """Errors to be reached: the scene is run from coarse to fine until its bars are as small."""
 
     target: Annotated[list[str], Field(min_length=1)] = Field(
-        description='column of the history and bar, "tip.twist 2 %" of its largest value, or "tip.twist 0.01"'
+        description='column of the history and bar, "tip.twist=2%" of its largest value, or "tip.twist=0.01"'
     )
-    cost: Positive | None = Field(None, description="core-seconds that all runs together may take")
+    core_seconds: Positive | None = Field(None, description="core-seconds that all runs together may take")

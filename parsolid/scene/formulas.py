@@ -1,30 +1,33 @@
-"""Formulas of a scene: numexpr expressions in X, Y, Z and t, checked name by name before they are compiled.
+"""Formulas of a scene in X, Y, Z and t: numpy functions of a text that is checked name by name.
 
 Whole numbers are read as reals ("X/2" halves, whatever X is). Nothing is ever given to `eval`: the text is parsed,
-every node is compared with a list of allowed ones, and what numexpr compiles is written anew from the parsed tree.
+every node is compared with a list of allowed ones, and terms are made of the parsed tree.
 """
 
 import ast
 import math
 import os
+from copy import copy
 from typing import Annotated, Any, NamedTuple
 
-import numexpr
 import numpy as np
 from pydantic import AfterValidator, PlainSerializer, PlainValidator, ValidationInfo
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, mismatch
-from parsolid.scene.time_derivative import TimeDerivative
-from parsolid.scene.time_functions import ARGUMENTS, Expansion, Lookup, Moments, misuse
+from parsolid.scene.formula_terms import FUNCTIONS, LOGICAL, Applied, Constant, Looked, Name, Table, Term
 from parsolid.scene.validation_errors import suggestion
 
-# the ranks share the cores already
-numexpr.set_num_threads(1)
-
-_NOT_FOR_POINTS = {"sum", "prod", "min", "max", "contains", "copy", "complex", "conj", "imag", "real", "ones_like"}
-# numexpr's min and max reduce arrays; those of formulas compare numbers
-FUNCTIONS = frozenset(numexpr.expressions.functions) - _NOT_FOR_POINTS | frozenset(ARGUMENTS)
+# functions whose arguments are counted or are texts: at least, at most, and how to write them
+_OWN = {
+    "min": (2, 20, "min(a, b, ...)"),
+    "max": (2, 20, "max(a, b, ...)"),
+    "clip": (3, 3, "clip(value, lowest, highest)"),
+    "ramp": (3, 3, "ramp(t, begin, end)"),
+    "step": (2, 2, "step(t, begin)"),
+    "table": (1, 3, 'table("file.csv", t, "column")'),
+}
+_NAMED = frozenset(FUNCTIONS) | frozenset(_OWN)
 CONSTANTS = {"pi": math.pi}
 _NODES = (ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.expr_context)
 _OPERATORS = (
@@ -44,6 +47,8 @@ _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 # characters of a formula, and operations one within the other, that the compiler stands
 LONGEST, DEEPEST = 10_000, 200
 _LARGEST = int(np.finfo(float).max)
+# how far from a straight line, of its values, what counts as linear may be
+_STRAIGHT = 1e-9
 
 
 def _depth(tree: ast.AST) -> int:
@@ -58,9 +63,16 @@ def _wrong_call(node: ast.Call) -> str | None:
     """Why a call is refused; None when it is allowed."""
     if not isinstance(node.func, ast.Name) or node.keywords:
         return f"the call {ast.unparse(node)!r}"
-    if node.func.id not in FUNCTIONS:
-        return f"the unknown function {node.func.id!r}{suggestion(node.func.id, FUNCTIONS)}"
-    return misuse(node) if node.func.id in ARGUMENTS else None
+    if node.func.id not in _NAMED:
+        return f"the unknown function {node.func.id!r}{suggestion(node.func.id, _NAMED)}"
+    return _misuse(node, *_OWN[node.func.id]) if node.func.id in _OWN else None
+
+
+def _misuse(node: ast.Call, least: int, most: int, usage: str) -> str | None:
+    """Why a call with these numbers of arguments is refused; of `table` the first and the third are texts."""
+    texts = [isinstance(one, ast.Constant) and isinstance(one.value, str) for one in node.args]
+    wanted = [usage.startswith("table") and i != 1 for i in range(len(texts))]
+    return None if least <= len(node.args) <= most and texts == wanted else f"{ast.unparse(node)!r} (write {usage})"
 
 
 def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
@@ -73,7 +85,7 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
         return _wrong_call(node)
     if isinstance(node, ast.Name):
         known = (*names, *CONSTANTS)
-        if node.id not in known and node.id not in FUNCTIONS:
+        if node.id not in known and node.id not in _NAMED:
             return f"the unknown name {node.id!r}{suggestion(node.id, known)}"
     elif isinstance(node, ast.Constant):
         if type(node.value) not in (int, float) and not hasattr(node, "of_table"):
@@ -83,14 +95,6 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
     elif not isinstance(node, _NODES + _OPERATORS + _COMPARISONS):
         return "'^' (a power is '**')" if isinstance(node, ast.BitXor) else f"{ast.unparse(node)!r}"
     return None
-
-
-class _AsReals(ast.NodeTransformer):
-    def visit_Constant(self, node: Any) -> Any:
-        return node if isinstance(node.value, str) else ast.copy_location(ast.Constant(float(node.value)), node)
-
-    def visit_Name(self, node: Any) -> Any:
-        return ast.copy_location(ast.Constant(CONSTANTS[node.id]), node) if node.id in CONSTANTS else node
 
 
 def _brackets(text: str) -> str:
@@ -124,17 +128,6 @@ def _sound_tree(text: str, names: tuple[str, ...]) -> ast.expr:
     return tree.body
 
 
-def _value_in_time(tree: ast.expr, time: float) -> float | None:
-    """Value of a tree without tables at a time [s]; None where it depends on more."""
-    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - FUNCTIONS
-    if names - {"t"}:
-        return None
-    try:
-        return float(numexpr.evaluate(ast.unparse(tree), {"t": np.float64(time)}, {}))
-    except (TypeError, ValueError, RuntimeError, LookupError, AttributeError, ArithmeticError):
-        return None
-
-
 class NotFinite(NamedTuple):
     """A formula that was no finite number at a place [m] and a time [s]."""
 
@@ -152,6 +145,85 @@ class NotFinite(NamedTuple):
 NOT_FINITE: list[NotFinite] = []
 
 
+class _Compiler:
+    """Makes terms of a checked tree; jumps, corners: times [s] at which functions of time make it, or its rate, jump,
+    where their arguments are linear in time."""
+
+    def __init__(self, folder: str) -> None:
+        """folder: of tables."""
+        self.folder = folder
+        self.jumps: set[float] = set()
+        self.corners: set[float] = set()
+
+    def term(self, node: ast.expr) -> Term:
+        """The term of a node, a constant where no name is in it. Raises TypeError for one that is no real number."""
+        result = self._term(node)
+        if result.names or result.looked_up or isinstance(result, Constant):
+            return result
+        with np.errstate(all="ignore"):
+            value = result.value({})
+        if not np.isfinite(value):
+            power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow) and np.isnan(value)
+            raise TypeError("its value is not real" if power else f"{ast.unparse(node)} is {value}")
+        return Constant(value)
+
+    def _term(self, node: ast.expr) -> Term:
+        if isinstance(node, ast.Constant):
+            return Constant(np.float64(node.value))  # type: ignore[arg-type]
+        if isinstance(node, ast.Name):
+            if node.id in _NAMED:
+                raise TypeError(f"{node.id} without its arguments")
+            return Constant(np.float64(CONSTANTS[node.id])) if node.id in CONSTANTS else Name(node.id)
+        if isinstance(node, ast.UnaryOp):
+            return Applied(type(node.op).__name__, self.term(node.operand))
+        if isinstance(node, ast.BinOp):
+            return Applied(type(node.op).__name__, self.term(node.left), self.term(node.right))
+        if isinstance(node, ast.Compare):
+            return Applied(type(node.ops[0]).__name__, self.term(node.left), self.term(node.comparators[0]))
+        assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+        name = node.func.id
+        if name == "table":
+            return self._table(*node.args)
+        return self._call(name, [self.term(one) for one in node.args])
+
+    def _call(self, name: str, values: list[Term]) -> Term:
+        if name in ("min", "max"):
+            result, *others = values
+            for other in others:
+                self._crossing(result, other, self.corners)
+                result = Applied("minimum" if name == "min" else "maximum", result, other)
+            return result
+        count = FUNCTIONS[name].takes
+        if len(values) != count:
+            raise TypeError(f"{name} of {len(values)} numbers in place of {count}")
+        for bound in values[1:] if name in _OWN else ():
+            self._crossing(values[0], bound, self.jumps if name == "step" else self.corners)
+        return Applied(name, *values)
+
+    def _table(self, path: Any, place: ast.expr | None = None, column: Any = None) -> Term:
+        table = Table(os.path.join(self.folder, path.value), None if column is None else column.value)
+        argument = Name("t") if place is None else self.term(place)
+        for places, found in ((table.places, self.corners), (table.jumps, self.jumps)):
+            for one in places:
+                self._crossing(argument, Constant(np.float64(one)), found)
+        return Looked(table, argument)
+
+    def _crossing(self, value: Term, bound: Term, found: set[float]) -> None:
+        """Note when a difference that is linear in time vanishes."""
+        if isinstance(value, Name) and isinstance(bound, Constant):
+            if value.name == "t":
+                found.add(float(bound.number))
+            return
+        with np.errstate(all="ignore"):
+            values = [Applied("Sub", value, bound).in_time(time) for time in (0.0, 1.0, 2.0)]
+        if any(one is None or not math.isfinite(one) for one in values):
+            return
+        start, middle, end = values
+        slope = middle - start  # type: ignore[operator]
+        if slope != 0.0 and abs(end - middle - slope) <= _STRAIGHT * abs(slope):  # type: ignore[operator]
+            found.add(-start / slope)  # type: ignore[operator]
+
+
 class Formula:
     """One scalar formula; `source` is what the scene says (text or a number), with whole paths of tables.
 
@@ -164,43 +236,21 @@ class Formula:
         text = str(source).strip()
         tree = _sound_tree(text, names)
         self.source = _with_whole_paths(text, tree, folder) if "table" in text else source
-        expansion = Expansion(folder, _value_in_time)
+        compiler = _Compiler(folder)
+        self.of_rate = False
+        self._constant: float | None = None
         try:
-            self._take(expansion.visit(_AsReals().visit(tree)), expansion.lookups)
+            self._term = compiler.term(tree)
+            self.names = tuple(sorted(self._term.names))
+            value = self._values(np.zeros((1, len(AXES))), 0.0)[0]
         except RecursionError:
             raise ValueError("a formula that cannot be compiled (too deep)") from None
-        self.jumps, self.corners = _sorted(expansion.moments)
-
-    def _take(self, tree: ast.expr, lookups: dict[str, Lookup]) -> None:
-        """Become what a tree says; raises ValueError when it cannot be compiled."""
-        self.names: tuple[str, ...] = ()
-        self._tree, self._lookups = tree, lookups
-        called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
-        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called}
-        self._arguments = {name: Formula._of(lookups[name].argument, {}) for name in sorted(used & set(lookups))}
-        of_arguments = {name for argument in self._arguments.values() for name in argument.names}
-        self._own = tuple(sorted(used))
-        self.names = tuple(sorted(used - set(lookups) | of_arguments))
-        self._compiled: Any = None
-        self._constant = None
-        try:
-            self._text = ast.unparse(tree)
-            with np.errstate(all="ignore"):
-                value = self._values(np.zeros((1, len(AXES))), 0.0)[0]
-        except (TypeError, ValueError, RuntimeError, LookupError, AttributeError, ArithmeticError) as error:
+        except TypeError as error:
             raise ValueError(f"a formula that cannot be compiled ({error})") from None
         if not self.names:
-            if not math.isfinite(value):
-                raise ValueError(f"the value {value} where a finite one is wanted,")
             self._constant = float(value)
-
-    @classmethod
-    def _of(cls, tree: ast.expr, lookups: dict[str, Lookup]) -> "Formula":
-        result = cls.__new__(cls)
-        result.source = ast.unparse(tree)
-        result.jumps, result.corners = (), ()
-        result._take(tree, lookups)
-        return result
+        self.jumps = tuple(sorted(one for one in compiler.jumps if one >= 0.0))
+        self.corners = tuple(sorted(one for one in compiler.jumps | compiler.corners if one >= 0.0))
 
     @property
     def is_constant(self) -> bool:
@@ -210,11 +260,7 @@ class Formula:
     @property
     def is_comparison(self) -> bool:
         """Whether its values are true or false."""
-        tree = self._tree
-        while isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.Invert):
-            tree = tree.operand
-        bits = isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.BitAnd | ast.BitOr)
-        return bits or isinstance(tree, ast.Compare)
+        return isinstance(self._term, Applied) and self._term.name in LOGICAL
 
     @property
     def depends_on_time(self) -> bool:
@@ -232,28 +278,24 @@ class Formula:
         return values
 
     def _values(self, points: np.ndarray, time: float) -> np.ndarray:
-        if self._compiled is None:
-            self._compiled = numexpr.NumExpr(self._text, signature=[(name, np.float64) for name in self._own])
-        values = self._compiled(*(self._given(name, points, time) for name in self._own))
-        if np.iscomplexobj(values):
-            # numexpr folds constants as Python does, which makes (-8)**(1/3) complex
-            raise ValueError("its value is not real")
-        return np.array(np.broadcast_to(values, len(points)), dtype=np.float64)
+        known = {name: np.float64(time) if name == "t" else points[:, AXES.index(name)] for name in self.names}
+        result = np.empty(len(points))
+        with np.errstate(all="ignore"):
+            if self.of_rate:
+                rate = self._term.dual(known).rate
+                result[:] = 0.0 if rate is None else rate
+            else:
+                result[:] = self._term.value(known)
+        return result
 
     def rate(self) -> "Formula":
         """Its derivative in time, after a jump or a corner; raises ValueError for a function that has none here."""
-        derivative = TimeDerivative(self._lookups)
-        tree = derivative.of(self._tree)
-        result = Formula._of(tree, derivative.lookups)
-        result.jumps = result.corners = self.corners
+        result = copy(self)
+        result.source, result.of_rate = f"rate of {self.source}", True
+        result.jumps = result.corners
+        result._constant = None if self._constant is None else 0.0
+        result._values(np.zeros((1, len(AXES))), 0.0)
         return result
-
-    def _given(self, name: str, points: np.ndarray, time: float) -> Any:
-        """What a name stands for."""
-        if name in self._arguments:
-            lookup, places = self._lookups[name], self._arguments[name].evaluate(points, time)
-            return lookup.table.slope(places) if lookup.slopes else lookup.table.at(places)
-        return np.float64(time) if name == "t" else points[:, AXES.index(name)]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Formula) and self.source == other.source
@@ -263,14 +305,6 @@ class Formula:
 
     def __repr__(self) -> str:
         return f"Formula({self.source!r})"
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_compiled": None}
-
-
-def _sorted(moments: Moments) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    jumps, corners = (sorted(one for one in found if one >= 0.0) for found in (moments.jumps, moments.corners))
-    return tuple(jumps), tuple(sorted({*jumps, *corners}))
 
 
 def _with_whole_paths(text: str, tree: ast.expr, folder: str) -> str:

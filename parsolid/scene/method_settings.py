@@ -2,17 +2,18 @@
 
 from collections.abc import Iterable
 from math import inf
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from parsolid.particles import declaration as particles
-from parsolid.scene.base_model import Positive, SceneModel, reject
+from parsolid.scene.base_model import Detail, Positive, SceneModel, reject
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"
-# place, what was expected, what was found
-Detail = tuple[tuple[str | int, ...], str, object]
+
+
+# fields that particles of every method have, by name
+COMMON_FIELDS = {"mass": "scalar", "share": "scalar", "spacing": "vector", "reference_position": "vector"}
 
 
 class MethodSettings(SceneModel):
@@ -20,9 +21,10 @@ class MethodSettings(SceneModel):
 
     system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
     boundaries: the kinds that it knows; refused: of others the reason, or what to use in place;
-    declared_fields: declarations that a scene often names (of others the code is asked);
-    extra_fields, extra_quantities: what the method computes -> "scalar", "vector" or "tensor"; pictured_fields:
-    what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity and displacement;
+    declared_fields, extra_fields: those that a scene may name besides `COMMON_FIELDS`, as declarations of particles or
+    by name -> "scalar", "vector" or "tensor"; extra_quantities: what the method computes, by name;
+    pictured_fields: what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity
+    and displacement;
     reactions: kinds of boundaries that can tell their force; pressed: keys of places where a
     pressure acts; loads: keys of the table of that name; ledger_terms: see
     `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
@@ -51,7 +53,7 @@ class MethodSettings(SceneModel):
     evolved_between: ClassVar[tuple[str, ...]] = ("contact_stick", "stick_*", "external_impulse", "moved")
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
-    declared_fields: ClassVar[tuple[particles.Field, ...]] = ()
+    declared_fields: ClassVar[tuple[Any, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}
     extra_quantities: ClassVar[dict[str, str]] = {}
     pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
@@ -73,9 +75,9 @@ class MethodSettings(SceneModel):
 
     @classmethod
     def field_kinds(cls, dimension: int | None) -> dict[str, str]:
-        """Name -> kind of the fields that the method is known to have, without its code."""
+        """Name -> kind of the fields that a scene may name."""
         kinds = {field.name: field.kind(dimension or 3) for field in cls.declared_fields}
-        return {name: kind for name, kind in kinds.items() if kind} | cls.extra_fields
+        return COMMON_FIELDS | {name: kind for name, kind in kinds.items() if kind} | cls.extra_fields
 
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
         """The method's `ledger_terms`, and those of the materials of its bodies, numbers of those of the scene."""
@@ -91,6 +93,12 @@ class MethodSettings(SceneModel):
     def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Values of keys that a scene leaves out, where they are other than elsewhere for what it asks of bodies."""
         return {}
+
+    def with_defaults(self, values: dict[str, Any]) -> Self:
+        """A copy in which keys have values that the scene does not state."""
+        result = self.model_copy(update=values)
+        result.__pydantic_fields_set__.intersection_update(self.model_fields_set)
+        return result
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
         """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""

@@ -152,8 +152,9 @@ def uses_of_regions(scene: Any) -> list[tuple[tuple[str | int, ...], str]]:
     return [(place, name) for place, name in uses if name is not None]
 
 
-def region_details(scene: Any) -> list[Any]:
-    """Faults of a scene's regions and of what names them: (place, expected, found)."""
+def region_details(scene: Any, named: set[str]) -> list[Any]:
+    """Faults of a scene's regions and of what names them: (place, expected, found); named: regions that what is left
+    out names."""
     stated, uses = scene.regions, uses_of_regions(scene)
     meshes = any(body.shape.kind == "mesh" for body in scene.bodies)
     details: list[Any] = []
@@ -163,7 +164,7 @@ def region_details(scene: Any) -> list[Any]:
         if not meshes and name not in own:
             details.append((place, f"the name of a region ({names}){suggestion(name, own)}", name))
     seen: dict[str, Region] = {}
-    later, used = set(own), {*(name for _, name in uses), *(name for region in stated for name in region.parts)}
+    later, used = set(own), {*named, *(name for _, name in uses), *(name for region in stated for name in region.parts)}
     for i, region in enumerate(stated):
         key: tuple[Any, ...] = ("regions", i)
         later.discard(region.name)

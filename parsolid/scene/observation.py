@@ -9,8 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
-from parsolid.scene.method_settings import Detail
+from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, reject
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.probes import ShownField
 from parsolid.scene.shapes import ExistingFile

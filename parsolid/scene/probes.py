@@ -1,61 +1,44 @@
 """Probes of a scene, and the names of the fields and quantities that it may ask for."""
 
-from collections.abc import Callable, Mapping
-from functools import cache
+from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, create_model, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.observables.declared import Key, field_kinds, quantity_kinds, samplers_with_keys, shown_kinds
-from parsolid.scene.base_model import ByKind, Point, SceneModel, dimension_of, method_of, mismatch, reject
+from parsolid.scene.base_model import Point, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.bodies import Name
-from parsolid.scene.declared_fields import DeclaredFields
 from parsolid.scene.formulas import InitialScalar
 from parsolid.scene.named_regions import RegionName
+from parsolid.scene.observed import FIELDS, QUANTITIES, probed_fields
 from parsolid.scene.validation_errors import NOTHING, suggestion
 
-Kinds = Mapping[str, str]
 
-
-def _kinds(info: ValidationInfo, common: Kinds, value: str) -> Kinds | None:
-    """Name -> kind of the fields that may be asked for; what code declares is looked up for a name in no table.
-
-    None where the scene cannot tell, because of other faults.
-    """
-    method: Any = method_of(info)
-    if method is None:
-        return None
-    known = {**common, **method.field_kinds(dimension_of(info))}
-    declared: DeclaredFields | None = (info.context or {}).get("declared_fields")
-    if value in known or declared is None:
-        return known
-    return None if declared.kinds is None else known | declared.kinds
-
-
-def _known(value: str, known: Kinds | None) -> str:
-    if known is not None and value not in known:
+def _known(value: str, common: dict[str, str], own: dict[str, str]) -> str:
+    known = common | own
+    if value not in known:
         raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value)
     return value
 
 
-def _known_field(common: Callable[[], Kinds]) -> AfterValidator:
-    """Validator of the name of a field that all methods know, or the systems of the scene."""
+def _field_of(common: Callable[[], dict[str, str]]) -> AfterValidator:
+    """Validator of the name of a field of all methods, or of the scene's, where that is known."""
 
     def check(value: str, info: ValidationInfo) -> str:
-        return _known(value, _kinds(info, common(), value))
+        method: Any = method_of(info)
+        return value if method is None else _known(value, common(), method.field_kinds(dimension_of(info)))
 
     return AfterValidator(check)
 
 
 def _known_quantity(value: str, info: ValidationInfo) -> str:
     method: Any = method_of(info)
-    return _known(value, None if method is None else quantity_kinds() | method.extra_quantities)
+    return value if method is None else _known(value, QUANTITIES, method.extra_quantities)
 
 
-ProbeField = Annotated[str, _known_field(field_kinds)]
+ProbeField = Annotated[str, _field_of(probed_fields)]
 # with the word for all that a method carries on
-ShownField = Annotated[str, _known_field(lambda: shown_kinds() | {"state": "state"})]
+ShownField = Annotated[str, _field_of(lambda: FIELDS | {"state": "state"})]
 ProbeQuantity = Annotated[str, AfterValidator(_known_quantity)]
 
 
@@ -64,7 +47,7 @@ def component_names(field: str, dimension: int, kind: str | None = None) -> list
 
     kind: of a field or quantity that not all methods know.
     """
-    axes, kind = "xyz"[:dimension], kind or (field_kinds() | quantity_kinds())[field]
+    axes, kind = "xyz"[:dimension], kind or (probed_fields() | QUANTITIES)[field]
     if kind == "scalar" or (kind == "rotation" and dimension == 2):
         return [field]
     if kind == "tensor":
@@ -93,7 +76,9 @@ class Probe(SceneModel):
     )
     fields: Annotated[list[ProbeField], Field(min_length=1)] | None = Field(None, description="what is watched there")
     quantity: ProbeQuantity | None = Field(None, description="one number or vector of all particles")
-    # of the fields or the quantity, as the scene's method and declarations have it
+    axis: Literal["X", "Y", "Z"] | None = Field(None, description="about which the twist turns")
+    centre: Point | None = Field(None, description="a point of the axis, the origin unless given")
+    # of the fields or the quantity, as the scene's method has it
     _kinds: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
@@ -104,41 +89,37 @@ class Probe(SceneModel):
         if self.statistic is not None and (self.where is None or self.fields is None):
             reject((("statistic",), "no such key but of fields in a region (where)", self.statistic))
         own: Any = getattr(method_of(info), "extra_quantities", {})
-        if self.where is not None and self.quantity in own and self.quantity not in quantity_kinds():
-            known = ", ".join(map(repr, quantity_kinds()))
+        if self.where is not None and self.quantity in own and self.quantity not in QUANTITIES:
+            known = ", ".join(map(repr, QUANTITIES))
             reject((("quantity",), f"one of {known} in a region", self.quantity))
         return self
 
     @model_validator(mode="after")
-    def _keys_wanted(self, info: ValidationInfo) -> "Probe":
-        """Keys of samplers, which a probe has only with what they are for."""
-        samplers, wanted = samplers_with_keys(), self._watched()
+    def _about_an_axis(self, info: ValidationInfo) -> "Probe":
+        """A twist is of a particle, about an axis in space; out of the plane there is one, on a line nothing turns."""
+        dimension = dimension_of(info) or len(self.at or ())
         details: list[Any] = []
-        for name in wanted:
-            if name in samplers and name in field_kinds() and self.at is None:
-                reject((("fields",), f"no {name} without at", self.fields))
-        stated = {key: getattr(self, key, None) for sampler in samplers.values() for key in sampler.keys}
-        for name in wanted:
-            dimension = dimension_of(info) or len(self.at or ())
-            for key, expected, found in samplers[name].faults(stated, dimension) if name in samplers else ():
-                details.append(((key,), expected, NOTHING if found is None else found))
-        for key, value in stated.items():
-            owners = [name for name, sampler in samplers.items() if key in sampler.keys]
-            if value is not None and not set(owners) & set(wanted):
-                what = "field" if owners[0] in field_kinds() else "quantity"
-                details.append(((key,), f"no such key without the {what} {' or '.join(owners)}", value))
+        if "twist" not in (self.fields or ()):
+            stated = [(key, getattr(self, key)) for key in ("axis", "centre") if getattr(self, key) is not None]
+            details = [((key,), "no such key without the field twist", value) for key, value in stated]
+        elif self.at is None:
+            details.append((("fields",), "no twist without at", self.fields))
+        elif dimension == 1:
+            details.append((("fields",), "no twist in 1-D", "twist"))
+        elif dimension == 3 and self.axis is None:
+            details.append((("axis",), "the axis 'X', 'Y' or 'Z' of the twist", NOTHING))
+        elif dimension == 2 and self.axis in ("X", "Y"):
+            details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
         reject(*details)
         return self
 
     @model_validator(mode="after")
     def _find_kinds(self, info: ValidationInfo) -> "Probe":
         method: Any = method_of(info)
-        for name in self._watched() if method else ():
-            known: Kinds = method.extra_quantities
-            if self.quantity is None:
-                known = _kinds(info, field_kinds(), name) or {}
-            if name in known:
-                self._kinds[name] = known[name]
+        if method is not None:
+            known = probed_fields() | method.field_kinds(dimension_of(info))
+            known = known if self.quantity is None else method.extra_quantities
+            self._kinds.update({name: known[name] for name in self._watched() if name in known})
         return self
 
     def _watched(self) -> list[str]:
@@ -153,55 +134,3 @@ class Probe(SceneModel):
         """The columns of the history that the probe fills."""
         filled = self.columns_of_fields(dimension)
         return [column for name in self._watched() for column in filled[name]]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # classes made at run time have no place to be found at
-        return _restored, (self.__getstate__(),)
-
-
-def _restored(state: dict[Any, Any]) -> Probe:
-    result = probe_model().__new__(probe_model())
-    result.__setstate__(state)
-    return result
-
-
-def probe_model() -> type[Probe]:
-    """The table of a probe with the keys that all samplers add."""
-    keys = {key: stated for sampler in samplers_with_keys().values() for key, stated in sampler.keys.items()}
-    return _with_keys(tuple(keys.items()))
-
-
-@cache
-def _with_keys(keys: tuple[tuple[str, Key], ...]) -> type[Probe]:
-    fields: dict[str, Any] = {}
-    for name, key in keys:
-        kind: Any = Point if key.words is None else Literal[key.words]
-        fields[name] = (kind | None, Field(None, description=key.description))
-    return create_model("Probe", __base__=Probe, __module__=__name__, **fields)
-
-
-class _ProbeTable(ByKind):
-    """Annotation of a probe, whose table has the keys that are known when it is read."""
-
-    def __init__(self) -> None:
-        self.known, self.models = "", {}
-
-    @property
-    def instances(self) -> tuple[type, ...]:
-        """What needs no validation any more."""
-        return (Probe,)
-
-    def tables(self) -> dict[str, type[SceneModel]]:
-        """The one model, which needs no kind."""
-        return {"": probe_model()}
-
-    def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
-        """The one model."""
-        return probe_model()
-
-    def choose(self, table: object) -> type[SceneModel] | None:
-        """The one model."""
-        return probe_model()
-
-
-ProbeTable = Annotated[Any, _ProbeTable()]

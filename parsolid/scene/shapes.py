@@ -124,9 +124,9 @@ class Sphere(SceneModel):
 
 
 class MeshFile(SceneModel):
-    """A mesh in any format that meshio reads, its coordinates multiplied by `scale`."""
+    """A mesh in any format that meshio reads, or imported, its coordinates multiplied by `scale`."""
 
-    file: ExistingFile = Field(description="the mesh file, relative to the scene")
+    file: ExistingFile = Field(description="the mesh file, or what `parsolid import` made of it, relative to the scene")
     scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from parsolid.scene.method_settings import Detail
+from parsolid.scene.base_model import Detail
 
 
 def substep_faults(scene: Any) -> list[Detail]:

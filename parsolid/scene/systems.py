@@ -3,8 +3,9 @@
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from parsolid.scene.base_model import Detail
 from parsolid.scene.fillings import filling_of
-from parsolid.scene.method_settings import Detail, MethodSettings
+from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
 
 if TYPE_CHECKING:
@@ -46,10 +47,20 @@ def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
     return tuple(result)
 
 
-def complete(scene: "Scene") -> None:
-    """Give methods the values of keys that are left out, where those depend on what is asked of their bodies."""
+def resolve_defaults(scene: "Scene") -> "Scene":
+    """The scene whose methods have values of keys that it leaves out, where those depend on what is asked of their
+    bodies."""
+    changes: dict[str, Any] = {}
+    methods = list(scene.methods or ())
     for system in systems_of(scene):
-        vars(system.settings).update(system.settings.usual(scene, system.bodies))
+        settings = system.settings.with_defaults(system.settings.usual(scene, system.bodies))
+        if scene.methods is None:
+            changes["method"] = settings
+        else:
+            number = int(system.place[1])
+            methods[number] = methods[number].model_copy(update={"settings": settings})
+            changes["methods"] = methods
+    return scene.model_copy(update=changes)
 
 
 def fields_of(bodies: tuple[int, ...], apart: frozenset[frozenset[int]]) -> list[tuple[int, ...]]:

@@ -4,9 +4,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from parsolid.scene.base_model import SceneModel
+from parsolid.scene.base_model import Detail, SceneModel
 from parsolid.scene.contact import contact_pairs
-from parsolid.scene.method_settings import Detail
 from parsolid.scene.validation_errors import suggestion
 
 # what a tie adds to the ledger: a part of what is stored; signs as in `simulation.ledger`

@@ -6,12 +6,21 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import AXES, NotNegative, Point, Positive, SceneModel, dimension_of, mismatch, reject
+from parsolid.scene.base_model import (
+    AXES,
+    Detail,
+    NotNegative,
+    Point,
+    Positive,
+    SceneModel,
+    dimension_of,
+    mismatch,
+    reject,
+)
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Scalar, Vector
-from parsolid.scene.method_settings import Detail
 from parsolid.scene.shapes import AxisName, Box, MeshFile, OneShape, Sphere
-from parsolid.scene.validation_errors import NOTHING, fault, suggestion
+from parsolid.scene.validation_errors import NOTHING, suggestion
 
 # of a tool's columns of the history, with a suffix for each component
 _WATCHED = ("force", "moment", "place", "rotation")
@@ -179,16 +188,16 @@ class Tool(SceneModel):
         return [f"{self.name}.{what}{suffix}" for what in _WATCHED for suffix in suffixes[what]]
 
 
-def tool_faults(parts: Any) -> list[str]:
-    """Faults between the tools of a scene and its other tables; parts: `scene.schema.Parts`."""
-    faults, names = [], [body.name for body in parts.bodies.values() if body.name is not None]
-    taken = {probe.name for probe in parts.probes.values()}
-    for i, tool in parts.tools.items():
+def tool_faults(scene: Any, names: list[str] | None) -> list[Detail]:
+    """Faults between the tools of a scene and its other tables; names: of all bodies."""
+    faults: list[Detail] = []
+    taken = {probe.name for probe in scene.probes}
+    for i, tool in enumerate(scene.tools):
         for k, name in enumerate(tool.bodies or ()):
-            if name not in names and len(parts.bodies) == parts.stated_bodies:
-                faults.append(fault(("tools", i, "bodies", k), f"the name of a body{suggestion(name, names)}", name))
+            if names is not None and name not in names:
+                faults.append((("tools", i, "bodies", k), f"the name of a body{suggestion(name, names)}", name))
         if tool.name in taken:
-            faults.append(fault(("tools", i, "name"), "a name other than that of a probe or tool before it", tool.name))
+            faults.append((("tools", i, "name"), "a name other than that of a probe or tool before it", tool.name))
         taken.add(tool.name)
     return faults
 

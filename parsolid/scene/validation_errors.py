@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -10,8 +10,30 @@ from mpi4py import MPI
 from parsolid.materials.declaration import Phrase
 
 
+class Fault(str):
+    """One line, "key: expected ..., found ...", with its parts; `code` says what kind of fault it is and never changes.
+
+    Codes: unknown-key, missing, type, bound, length, choice, refused (by a check of its own, or between tables).
+    """
+
+    code: str
+    key: str
+    expected: str
+    found: str
+    suggestion: str
+
+    def __new__(cls, code: str, key: str, expected: str, found: str, suggestion: str = "") -> "Fault":
+        result = super().__new__(cls, f"{key}: expected {expected}, found {found}{suggestion}")
+        result.code, result.key, result.expected = code, key, expected
+        result.found, result.suggestion = found, suggestion
+        return result
+
+    def __getnewargs__(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.code, self.key, self.expected, self.found, self.suggestion
+
+
 class SceneError(Exception):
-    """A scene cannot be run; `faults` lists every reason as "key.path: expected ..., found ..."."""
+    """A scene cannot be run; `faults` lists every reason, those of a scene's tables as `Fault`."""
 
     def __init__(self, faults: Iterable[str]) -> None:
         self.faults = list(faults)
@@ -21,7 +43,7 @@ class SceneError(Exception):
         return "\n".join(self.faults)
 
 
-def agree(comm: MPI.Comm, faults: list[str]) -> None:
+def agree(comm: MPI.Comm, faults: Sequence[str]) -> None:
     """Raise the same SceneError on every rank when any rank has a fault (collective).
 
     A rank passes on its first faults only, so that a fault of every particle does not flood the ranks.
@@ -77,6 +99,6 @@ def key_path(location: Iterable[object]) -> str:
     return ".".join(map(str, location)) or "scene"
 
 
-def fault(location: Iterable[object], expected: str, found: object) -> str:
-    """One line: key, what was expected, what was found."""
-    return f"{key_path(location)}: expected {expected}, found {told(found)}"
+def fault(location: Iterable[object], expected: str, found: object, code: str = "refused") -> Fault:
+    """The fault of a key: what was expected, what was found."""
+    return Fault(code, key_path(location), expected, told(found))

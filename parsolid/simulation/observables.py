@@ -6,7 +6,8 @@ import numpy as np
 
 from parsolid.methods.previous_state import evolved_names, evolved_rows
 from parsolid.methods.protocol import ALWAYS_WRITTEN, ParticleSystem
-from parsolid.observables.declared import FIELDS, field_of
+from parsolid.observables.declared import field_of
+from parsolid.scene.observed import FIELDS, USUAL_FIELDS
 from parsolid.scene.previous_results import STATE
 
 
@@ -87,7 +88,7 @@ class Observables:
             for name, field in system.particles.fields.items()
             if field.shown and name not in FIELDS and name not in ALWAYS_WRITTEN
         ]
-        return [*dict.fromkeys(declared), *(name for name, field in FIELDS.items() if field.usual)]
+        return [*dict.fromkeys(declared), *USUAL_FIELDS]
 
 
 def _joined(pieces: list[np.ndarray]) -> np.ndarray:

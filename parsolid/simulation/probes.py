@@ -11,8 +11,9 @@ from parsolid.observables.in_region import InRegion, Statistic
 from parsolid.observables.method_quantity import MethodQuantity
 from parsolid.observables.particle_field import ParticleField, Place
 from parsolid.observables.projected import Projected
-from parsolid.observables.reaction import ReactionForce, reaction_columns
+from parsolid.observables.reaction import ReactionForce
 from parsolid.scene import Scene, nearest_particles
+from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.simulation.observables import Observables
 
 # extremes of all ranks are found as minima
@@ -71,7 +72,7 @@ def _samplers(comm: Any, probe: Any, columns: dict[str, list[str]], observables:
         known, names = QUANTITIES.get(probe.quantity), columns[probe.quantity]
         if known is None:
             return [MethodQuantity(probe.name, names, probe.quantity)]
-        return [known.sampler(probe.name, names, *([probe] if known.sampler.keys else []))]
+        return [known(probe.name, names)]
     if probe.weight is not None:
         names = [column for field in probe.fields for column in columns[field]]
         return [Projected(probe.name, names, probe.weight, probe.fields)]
@@ -82,7 +83,7 @@ def _samplers(comm: Any, probe: Any, columns: dict[str, list[str]], observables:
     place, result = Place(int(winner[0])), []
     for name in probe.fields:
         if name in PARTICLE_SAMPLERS:
-            result.append(PARTICLE_SAMPLERS[name][1](probe.name, columns[name], place, probe))
+            result.append(PARTICLE_SAMPLERS[name](probe.name, columns[name], place, probe))
         else:
             result.append(ParticleField(probe.name, columns[name], place, name))
     return result

@@ -8,6 +8,7 @@ import numpy as np
 from parsolid.collective import SolverError
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.of_ranks import own_share, put_back
 from parsolid.output.checkpoint import numbered, previous_name, read_checkpoint
 from parsolid.output.errors import OutputError, together
 from parsolid.particles.distribution import distribute
@@ -18,8 +19,20 @@ from parsolid.simulation.scene_changes import changes, completed, contents, judg
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation
 
-_NEEDED = {"ranks", "time", "step", "last_step", "stable_step", "stable_steps", "jumped", "initial_energy", "balance"}
+_NEEDED = {
+    "ranks",
+    "time",
+    "step",
+    "last_step",
+    "stable_step",
+    "stable_steps",
+    "jumped",
+    "initial_energy",
+    "balance",
+    "ledger",
+}
 _NEEDED |= {"judged_step", "energy_balance", "momenta", "interactions", "probes", "errors", "scene", "method_state"}
+_NEEDED |= {"ledger"}
 _PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "regions", "surfaces")
 
 
@@ -37,7 +50,8 @@ class Restart:
         self.comm, self.path, self.allowed = comm, path, allowed
         self.notes: list[str] = []
         try:
-            self.header, self.values, self.rows = read_checkpoint(comm, path)
+            header, self.values, rows = read_checkpoint(comm, path)
+            self.header = put_back(header, rows)
         except OutputError as error:
             raise OutputError(f"{error}{_offer(comm, path)}") from error
         missing = sorted(_NEEDED - set(self.header))
@@ -117,19 +131,17 @@ class Restart:
     def apply(self, simulation: "Simulation") -> None:
         """Put ledger, balance, clock and steps back. Raises SolverError, on all ranks, for other energy terms."""
         header, ledger = self.header, simulation.ledger
-        if self.rows.shape[1] != len(ledger.values):
+        rows = header["ledger"]
+        if rows.shape[1] != len(ledger.values):
             raise SolverError(
-                f"method: expected one with the {self.rows.shape[1]} energy terms of the checkpoint {self.path}, "
+                f"method: expected one with the {rows.shape[1]} energy terms of the checkpoint {self.path}, "
                 f"found {len(ledger.values)}; an earlier version that has written it goes on with it, and "
                 'this one from results with output.fields = ["state"], which [[initial]] takes'
             )
         ledger.initial = header["initial_energy"]
-        if self.same_ranks:
-            ledger.values[:] = self.rows[self.comm.rank]
-        elif self.comm.rank == 0:
-            ledger.values[:] = self.rows.sum(axis=0)
+        ledger.values[:] = own_share(self.comm, rows)
         ledger.begin_step()
-        simulation.balance.set_state(header["energy_balance"], float(self.rows[:, 1].sum()))
+        simulation.balance.set_state(header["energy_balance"], float(rows[:, 1].sum()))
         if simulation.momenta is not None and header["momenta"] is not None:
             simulation.momenta.set_state(header["momenta"])
         simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header["last_step"]

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from parsolid.output.checksums import digest
+from parsolid.checksums import digest
 from parsolid.scene import Scene
 from parsolid.scene.load_histories import FactorHistory
 from parsolid.scene.validation_errors import NOTHING, key_path, told

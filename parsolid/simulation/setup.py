@@ -15,7 +15,10 @@ from parsolid.particles.distribution import distribute, take
 from parsolid.particles.generation import generate
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, SceneError
+from parsolid.scene.method_settings import named_observables
 from parsolid.scene.systems import SystemOfScene, in_words_of
+from parsolid.scene.validation_errors import fault
+from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.starting_state import refuse_damaged_results, refuse_unsound_start
 
@@ -49,9 +52,25 @@ def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[lis
                 system.begin(part, particle_sets[-1])
         if not restart:
             refuse_unsound_start(comm, part, system, particle_sets[-1])
+    for particle_set in particle_sets:
+        particle_set.meshes.clear()
     if restart:
         restart.apply_state(systems, orders)
+    refuse_absent_fields(scene, systems)
     return systems, particle_sets
+
+
+def refuse_absent_fields(scene: Scene, systems: list[ParticleSystem]) -> None:
+    """Raise SceneError for fields that the scene names and its methods may have, but do not have with its options."""
+    observables = Observables(systems)
+    of_methods = {name for system in scene.systems for name in system.settings.field_kinds(scene.dimension)}
+    faults = [
+        fault(place, "a field that a method of this scene has with its options", name)
+        for place, name in named_observables(scene)
+        if place[-1] != "quantity" and name in of_methods and not observables.has(name)
+    ]
+    if faults:
+        raise SceneError(faults)
 
 
 @contextmanager

@@ -1,8 +1,18 @@
 """The first word of the command line: a command, a scene in its place, or neither."""
 
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import pytest
 
-from parsolid.commands.cli import main, parse
+from parsolid.commands.cli import COMMANDS, main, parse
+from parsolid.launcher import environment
+
+PUNCH = Path(__file__).parents[2] / "runs" / "tlsph" / "punch.toml"
 
 
 @pytest.mark.parametrize(
@@ -11,7 +21,7 @@ from parsolid.commands.cli import main, parse
 def test_a_word_that_is_no_command_and_no_scene(word, meant, capsys):
     assert main([word, "block.toml"]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("parsolid: expected a scene or one of run, check, bench,")
+    assert all(command in said for command in COMMANDS)
     assert said.rstrip().endswith(f"found {word!r}{meant}")
 
 
@@ -24,6 +34,53 @@ def test_a_scene_without_a_name_is_not_the_main_example(capsys):
 
 def test_a_scene_may_stand_in_the_command_s_place(tmp_path):
     (tmp_path / "block").write_text("")
-    for words in (["block.toml", "-q"], [str(tmp_path / "block")], ["-q"], []):
+    for words in (["block.toml", "-q"], [str(tmp_path / "block")], ["-q"]):
         assert parse(words).command == "run"
     assert parse(["check", "block"]).scene == "block"
+
+
+def test_no_word_at_all_tells_what_there_is_and_how_to_run_the_example(capsys):
+    assert main([]) == 0
+    told = capsys.readouterr().out
+    assert all(f"    {command} " in told for command in COMMANDS) and "parsolid run" in told
+
+
+@pytest.mark.parametrize(
+    "words, new",
+    [
+        (["schema"], "keys --json"),
+        (["init", "tlsph"], "keys --new"),
+        (["run", "block.toml", "--cost", "3"], "--core-seconds"),
+        (["block.toml", "--target", "kinetic=2%", "--cost=3"], "--core-seconds"),
+    ],
+)
+def test_words_of_earlier_versions_are_refused_with_the_new_ones(words, new, capsys):
+    assert main(words) == 2 and new in capsys.readouterr().err
+
+
+@pytest.mark.serial
+@pytest.mark.slow
+def test_ranks_are_started_and_their_status_is_that_of_the_command(tmp_path):
+    sets = ["--set", "bodies.0.particles=[5, 5]", "--set", "end_time=1e-4", "--set", "output.pictures=false"]
+    words = ["run", str(PUNCH), "--ranks", "2", "-q", "-o", str(tmp_path / "two"), *sets]
+    program = [sys.executable, "-m", "parsolid"]
+    assert subprocess.run([*program, *words], env=environment()).returncode == 0
+    assert json.loads((tmp_path / "two" / "summary.json").read_text())["ranks"] == 2
+    refused = subprocess.run([*program, *words, "--set", "end_time=-1"], env=environment(), capture_output=True)
+    assert refused.returncode == 2
+
+
+@pytest.mark.serial
+@pytest.mark.slow
+def test_ranks_that_are_told_to_stop_leave_a_checkpoint(tmp_path):
+    folder = tmp_path / "two"
+    words = ["run", str(PUNCH), "--ranks=2", "-q", "-o", str(folder), "--set", "end_time=10.0"]
+    job = subprocess.Popen([sys.executable, "-m", "parsolid", *words], env=environment())
+    try:
+        while not (folder / "history.csv").exists():
+            assert job.poll() is None
+            time.sleep(0.05)
+        job.send_signal(signal.SIGTERM)
+        assert job.wait(60) == 75 and (folder / "checkpoint.h5").exists()
+    finally:
+        job.kill()

@@ -1,4 +1,4 @@
-"""`parsolid keys`, `schema` and `init`: every key is told, as it is; editors accept what the reader accepts."""
+"""`parsolid keys`, its --json and --new: every key is told, as it is; editors accept what the reader accepts."""
 
 import json
 import re
@@ -89,7 +89,7 @@ def test_a_path_that_leads_nowhere(path, said, capsys):
 
 def test_the_schema_accepts_the_scenes_that_the_reader_accepts_and_refuses_what_it_refuses(capsys):
     jsonschema = pytest.importorskip("jsonschema")
-    assert main(["schema"]) == 0
+    assert main(["keys", "--json"]) == 0
     schema = json.loads(capsys.readouterr().out)
     assert schema == json.loads(json.dumps(scene_schema()))
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -115,9 +115,9 @@ def test_the_schema_accepts_the_scenes_that_the_reader_accepts_and_refuses_what_
 @pytest.mark.parametrize("method", method_kinds())
 def test_a_scene_to_start_from_is_sound_and_says_what_each_key_is(method, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(["init", method]) == 0
+    assert main(["keys", "--new", method]) == 0
     text = Path("scene.toml").read_text()
-    assert text == starting_scene(method) and "mpirun -n 2 python -m parsolid scene.toml" in capsys.readouterr().out
+    assert text == starting_scene(method) and "parsolid run scene.toml" in capsys.readouterr().out
     scene = parse_scene(tomllib.loads(text))
     assert scene.method.kind == method and scene.probes and scene.title
     stated = [line for line in text.splitlines() if " = " in line and line[0] != "#"]
@@ -129,10 +129,13 @@ def test_a_scene_to_start_from_is_sound_and_says_what_each_key_is(method, tmp_pa
     fields = set(type(scene.method).model_fields)
     assert offered <= fields and fields - offered == set(tomllib.loads(text)["method"])
     Path("scene.toml").write_text("mine")
-    assert main(["init", method]) == 2 and Path("scene.toml").read_text() == "mine"
-    assert "found a file, which stays as it is" in capsys.readouterr().err
+    assert main(["keys", "--new", method]) == 2 and Path("scene.toml").read_text() == "mine"
+    assert main(["keys", "--new", method, "-o", "other.toml"]) == 0 and Path("other.toml").read_text() == text
 
 
-def test_a_method_that_is_not_there(capsys):
-    assert main(["init", "tlsp"]) == 2
-    assert "init: expected one of mpm, peridynamics, tlsph, ulsph, found 'tlsp'" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    "words", [["--new", "tlsp"], ["bodies", "--json"], ["--json", "--new", "mpm"], ["-o", "x.toml"]]
+)
+def test_what_is_not_there_and_words_that_exclude_each_other_are_refused(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["keys", *words]) == 2 and not list(tmp_path.iterdir())

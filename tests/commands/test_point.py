@@ -336,7 +336,7 @@ FAULTS = {
     ],
     'kind = "formulas"\ndeformation_gradient = [[1, 0], [0, 1]]': ["path.deformation_gradient", "at least 3"],
     'kind = "table"\nfile = "nowhere.csv"': ["path.file: expected an existing file", "nowhere.csv"],
-    'kind = "table"': ["path: expected exactly one of file, rows; found none"],
+    'kind = "table"': ["path: expected exactly one of file, rows, found none"],
     'kind = "table"\nrows = [[0, 1]]': ["path: expected rows with columns"],
     'kind = "table"\ncolumns = ["time", "Fxx"]\nrows = [[0, 1]]': [
         "path.rows: expected a column such as 'deformation_gradient_xx'"

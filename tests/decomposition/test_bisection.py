@@ -5,8 +5,7 @@ import pytest
 from mpi4py import MPI
 from point_sets import KINDS, lattice, point_set, share
 
-from decomposition import bisect
-from decomposition.bisection import _halves, cut_points, keys_of, places_of
+from decomposition.bisection import _halves, bisect, cut_points, keys_of, places_of
 
 
 class _Rank0:

@@ -8,9 +8,10 @@ import pytest
 from point_sets import KINDS, point_set, share
 from test_bisection import _Rank0
 
-from decomposition import Halo, bisect, cut_cells, halo, migrate
-from decomposition.bisection import cut_points
-from decomposition.halo import directory_cells, introductions
+from decomposition import halo
+from decomposition.bisection import bisect, cut_cells, cut_points
+from decomposition.halo import Halo, directory_cells, introductions
+from decomposition.migration import migrate
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from decomposition import cut_cells, migrate
+from decomposition.bisection import cut_cells
+from decomposition.migration import migrate
 
 
 def test_the_rank_after_the_last_is_none(comm):

@@ -150,7 +150,7 @@ def test_sums_over_ranks_while_particles_move(comm, dimension):
     for step in range(12):
         wobble = 0.3 * np.sin(particles.name + step)[:, None]
         particles.position = particles.position + drift * 0.9 + wobble
-        assert grid.settle(particles)
+        assert grid.update_cells(particles)
         check_sums(comm, grid, particles)
     assert comm.allreduce(grid.migrated) > 20 or comm.size == 1
     # the body has moved by ten cells: what it left behind is forgotten
@@ -173,7 +173,7 @@ def test_sums_over_ranks_with_particles_that_stay_outside_their_cells(comm, dime
             # the same partition, as after a restart: none has to leave
             assert grid.redistribute(particles, grid.partition)
         else:
-            assert grid.settle(particles, release=step % 4 == 3)
+            assert grid.update_cells(particles, release=step % 4 == 3)
         check_sums(comm, grid, particles)
         guests = comm.allreduce(len(grid.off_cell_particles()))
         if step % 4 == 3:
@@ -184,7 +184,7 @@ def test_sums_over_ranks_with_particles_that_stay_outside_their_cells(comm, dime
     # farther than the sums reach
     assert grid.redistribute(particles)
     particles.position = particles.position + 40.0 * (comm.rank == 0)
-    assert grid.settle(particles, release=False) == (comm.rank > 0 or comm.size == 1)
+    assert grid.update_cells(particles, release=False) == (comm.rank > 0 or comm.size == 1)
 
 
 def test_nodes_behind_mirrors_come_with_their_images(comm):
@@ -222,6 +222,6 @@ def test_a_particle_that_is_lost_is_told(comm):
     grid.redistribute(particles)
     if particles.owned and comm.rank == 0:
         particles.position[0] = np.nan, 1e9
-    assert grid.settle(particles) == (comm.rank != 0)
+    assert grid.update_cells(particles) == (comm.rank != 0)
     if comm.rank == 0:
         assert 0 not in grid.cells.order[: grid.cells.start[-1]]

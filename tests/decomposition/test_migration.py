@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from decomposition import migrate
+from decomposition.migration import migrate
 
 
 def arrays_of(identifier):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from point_sets import KINDS, close, lattice, point_set
 
-from decomposition import ClosePairs, half_pairs
-from decomposition.pair_search import stable_order, within_reach
+from decomposition.pair_search import ClosePairs, half_pairs, stable_order, within_reach
 
 # on the lattice, whose spacing is 1 / 8, both reaches equal distances between points: the test must be strict
 REACHES = [0.125, 0.25, 0.3]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from decomposition import Halo, Plan
-from decomposition.plan import send_to_some, swap
+from decomposition.halo import Halo
+from decomposition.plan import Plan, send_to_some, swap
 
 
 def test_ghosts_get_their_owners_values(comm):
@@ -66,3 +66,26 @@ def test_arrays_arrive_from_ranks_that_are_not_expected(comm, share):
         assert sources == np.flatnonzero(talks[:, comm.rank]).tolist()
         for source, array in zip(sources, come):
             np.testing.assert_array_equal(array, np.full(turn % 4 + comm.rank, 100 * turn + source))
+
+
+@pytest.mark.parametrize("count", [3, 40_000])
+def test_messages_under_way_at_once_are_told_apart_by_their_order(comm, count):
+    """Exchanges of one size, finished in another order on each rank; some ranks make theirs anew now and then."""
+    ranks = [rank for rank in range(comm.size) if rank != comm.rank]
+    theirs = [np.arange(count * (k + 1), count * (k + 2)) for k in range(len(ranks))]
+    plan = Plan(comm, ranks, [np.arange(count)] * len(ranks), theirs)
+    arrays = [np.zeros((plan.capacity, 2)) for _ in range(4)]
+    exchanges = [plan.forward(array) for array in arrays]
+    random = np.random.default_rng(comm.rank)
+    for turn in range(12):
+        for number, array in enumerate(arrays):
+            array[:count] = 1000.0 * turn + 100.0 * number + comm.rank
+            if random.random() < 0.3:
+                exchanges[number].free()
+                exchanges[number] = plan.forward(array)
+            exchanges[number].start()
+        for number in random.permutation(len(arrays)):
+            exchanges[number].finish()
+        for number, array in enumerate(arrays):
+            for rank, rows in zip(ranks, theirs):
+                assert (array[rows] == 1000.0 * turn + 100.0 * number + rank).all()

@@ -7,7 +7,9 @@ hypothesis = pytest.importorskip("hypothesis")
 from hypothesis import given  # noqa: E402 (after it is known to be there)
 from hypothesis import strategies as st  # noqa: E402
 
-from decomposition import Halo, bisect, migrate  # noqa: E402
+from decomposition.bisection import bisect  # noqa: E402
+from decomposition.halo import Halo  # noqa: E402
+from decomposition.migration import migrate  # noqa: E402
 
 # every rank draws as many examples and takes rank 0's, for constants of modules that a rank has loaded are drawn, too;
 # none looks for a smaller one while the others wait

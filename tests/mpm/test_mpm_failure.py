@@ -35,7 +35,7 @@ def test_a_particle_that_is_lost(comm, place, what):
         if comm.rank == comm.size - 1:
             sim.systems[0].particles.owned_rows("position")[3, 0] = place
         # its cell is looked up before the weights of a step are
-        assert sim.systems[0].grid.settle(sim.systems[0].points) == (comm.rank != comm.size - 1)
+        assert sim.systems[0].grid.update_cells(sim.systems[0].points) == (comm.rank != comm.size - 1)
 
     text = message_of(crossing(), comm, lose)
     assert what in text and f"on rank {comm.size - 1}" in text

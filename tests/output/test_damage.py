@@ -11,9 +11,9 @@ import pytest
 from flipped_bits import flip
 from mpi4py import MPI
 
+from parsolid.checksums import sum_of_rows
 from parsolid.output import OutputError, checkpoint
 from parsolid.output.checkpoint import find_checkpoint, previous_name, read_checkpoint, read_header, write_checkpoint
-from parsolid.output.checksums import sum_of_rows
 from parsolid.output.slabs import open_serial, places
 from parsolid.simulation.restart import Restart
 

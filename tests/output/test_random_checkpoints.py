@@ -8,8 +8,8 @@ hypothesis = pytest.importorskip("hypothesis")
 from hypothesis import given  # noqa: E402 (after it is known to be there)
 from hypothesis import strategies as st  # noqa: E402
 
+from parsolid.checksums import sum_of_rows  # noqa: E402
 from parsolid.output.checkpoint import read_checkpoint, write_checkpoint  # noqa: E402
-from parsolid.output.checksums import sum_of_rows  # noqa: E402
 
 # every rank draws as many examples and takes rank 0's, for constants of modules that a rank has loaded are drawn, too;
 # none looks for a smaller one while the others wait

@@ -86,7 +86,8 @@ def forces_of(sim, stress) -> np.ndarray:
     owned, width, record = method.owned, {2: 2, 3: 4}[d], method.lists.record
     L = method.lists.corrections
     record[:] = 0.0
-    record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)
+    P = record[:owned, method.lists.columns.stress :][:, : d * width].reshape(owned, d, width)
+    P[:, :, :d] = (stress @ L).swapaxes(1, 2)
     method.lists.find_forces()
     return np.array(method.particles.owned_rows("stress_force"))
 
@@ -108,7 +109,7 @@ def test_a_constant_stress_has_the_force_of_its_tractions_and_linear_fields_are_
     volume = comm.allreduce(particles.owned_rows("volume").sum())
     cells = np.prod([1.2, 0.9, 0.7][:d])
     if "perforated_box" in data["bodies"][0]["shape"]:
-        from parsolid.scene.fillings import filling_of
+        from parsolid.particles.fillings import filling_of
 
         filling = filling_of(sim.scene.bodies[0], d)
         cells = filling.cells.count * filling.cells.volume

@@ -32,7 +32,8 @@ def forces_of(sim, stress) -> np.ndarray:
     L = method.lists.corrections
     width, record = {2: 2, 3: 4}[d], method.lists.record
     record[:] = 0.0
-    record[:owned, : d * width].reshape(owned, d, width)[:, :, :d] = (stress @ L).swapaxes(1, 2)
+    P = record[:owned, method.lists.columns.stress :][:, : d * width].reshape(owned, d, width)
+    P[:, :, :d] = (stress @ L).swapaxes(1, 2)
     method.lists.find_forces()
     return np.array(method.particles.owned_rows("stress_force"))
 

@@ -79,16 +79,16 @@ def sweeps(near, velocity: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, 
     d, owned = velocity.shape[1], near.owned
     at = ROWS[d]
     motion, record = np.zeros((near.rows, at.motion)), np.zeros((near.rows, at.record))
-    motion[:owned, :d], record[:owned, : at.gradient] = velocity, by_columns(stress)
+    motion[:owned, :d], record[:owned, at.stress : at.stress + at.vector * d] = velocity, by_columns(stress)
     motion[:, at.reference : at.reference + d] = near.positions
     near.halo.forward(motion, record).now()
     mirror_motion(near.local, near.images, motion, at.position, at.reference)
-    mirror_records(near.local, near.images, record, at.gradient)
+    mirror_records(near.local, near.images, record, at.stress)
     force = np.zeros((near.rows, at.force))
     for pairs in near.lists:
         (gradient_in_space if d == 3 else gradient_in_plane)(pairs, 0, owned, motion, record)
         (stress_divergence_in_space if d == 3 else stress_divergence_in_plane)(pairs, 0, owned, record, force)
-    sums = record[:owned, at.gradient : at.gradient + at.vector * d].reshape(owned, d, at.vector)
+    sums = record[:owned, : at.vector * d].reshape(owned, d, at.vector)
     return sums[:, :, :d].swapaxes(1, 2), force[:owned, :d]
 
 

@@ -84,7 +84,7 @@ def test_no_points():
         ("[X for X in Y]", "for"),
         ("(X := 1)", ":="),
         ("1j*X", "1j"),
-        # what numexpr folds to a complex number is no real one
+        # a power that is complex is no real number
         ("(-8)**(1/3)", "its value is not real"),
         ("X*(-8)**0.5", "its value is not real"),
         ("+".join(["X"] * 500), "more than 200 operations"),

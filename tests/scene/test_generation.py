@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from parsolid.particles.fillings import filling_of
 from parsolid.particles.generation import generate
 from parsolid.scene import (
     initial_deformation_gradient,
@@ -15,7 +16,6 @@ from parsolid.scene import (
     parse_scene,
     selected,
 )
-from parsolid.scene.fillings import filling_of
 
 MATERIAL = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
 BOX = {"box": {"lower": [-1.0, 0.0, 2.0], "upper": [1.0, 3.0, 3.0]}}

@@ -7,12 +7,12 @@ import meshio
 import numpy as np
 import pytest
 
+from parsolid.particles.fillings import filling_of
 from parsolid.particles.generation import generate
+from parsolid.particles.meshes.gmsh_text import read_gmsh_text
+from parsolid.particles.meshes.groups import groups_of
+from parsolid.particles.meshes.imported import read_mesh
 from parsolid.scene import SceneError, parse_scene, selected
-from parsolid.scene.fillings import filling_of
-from parsolid.scene.gmsh_text import read_gmsh_text
-from parsolid.scene.mesh import read_mesh
-from parsolid.scene.mesh_groups import groups_of
 
 LENGTHS = (2.0, 3.0, 1.0)
 COUNTS = (4, 5, 3)
@@ -210,7 +210,7 @@ def test_elements_of_nodes_that_there_are_not(tmp_path, wrong):
     text += [f"CELL_TYPES {len(cells)}", *["9"] * len(cells)]
     (tmp_path / "m.vtk").write_text("\n".join(text) + "\n")
     with pytest.raises(SceneError, match=f"nodes from 0 to {len(points) - 1} in every element, found {wrong}"):
-        read_mesh(str(tmp_path / "m.vtk"), 1.0, 2)
+        read_mesh(str(tmp_path / "m.vtk"), 2)
 
 
 @pytest.mark.parametrize(
@@ -279,17 +279,18 @@ def test_a_box_in_a_mesh_and_one_in_its_notch(shared_path, comm):
 
 @pytest.mark.parametrize(("dimension", "kind"), KINDS)
 @pytest.mark.parametrize("shift", [(0.25, 0.0, 0.0), (1.9, 0.1, 0.2), (0.25, 0.3, 0.1)])
-def test_a_mesh_in_itself_is_refused(tmp_path, dimension, kind, shift):
+def test_a_mesh_in_itself_is_refused(shared_path, comm, dimension, kind, shift):
     points, cells = grid(dimension, 0.2)
     cells = split(cells) if kind in ("triangle", "tetra") else cells
+    twice = [(kind, np.concatenate([cells, cells + len(points)]))]
     both = np.concatenate([points, points + np.array(shift[:dimension])])
-    body = mesh_scene(tmp_path, dimension, both, [(kind, np.concatenate([cells, cells + len(points)]))]).bodies[0]
+    body = mesh_scene(shared_path, dimension, both, twice, f"{comm.rank}.vtk").bodies[0]
     with pytest.raises(SceneError, match=r"a mesh that does not lie in itself, found \d+ facets .* first at \("):
-        filling_of(body, dimension)
+        filling_of(body, dimension, comm)
     # side by side, with nodes that hang
     both[len(points) :] = points + np.array([2.0, 0.3, 0.2][:dimension])
-    body = mesh_scene(tmp_path, dimension, both, [(kind, np.concatenate([cells, cells + len(points)]))]).bodies[0]
-    assert filling_of(body, dimension).count == len(both)
+    body = mesh_scene(shared_path, dimension, both, twice, f"{comm.rank}.vtk").bodies[0]
+    assert filling_of(body, dimension, comm).count == len(both)
 
 
 def test_text_of_gmsh_is_read_as_meshio_reads_it(tmp_path):
@@ -301,8 +302,12 @@ def test_text_of_gmsh_is_read_as_meshio_reads_it(tmp_path):
     found, wanted = groups_of(ours, 2), groups_of(theirs, 2)
     assert found.names == wanted.names == {"rubber", "bore", "outside"}
     for name in found.names:
-        held = [one.holds_nodes(name, len(ours.points), [ours.cells[0].data]) for one in (found, wanted)]
-        assert held[0].any() and np.array_equal(*held)
+        held = [
+            [one.elements.get(name), *one.facets.get(name, {}).values(), one.nodes.get(name)] for one in (found, wanted)
+        ]
+        assert any(one is not None for one in held[0])
+        assert all(np.array_equal(a, b) for a, b in zip(*held) if a is not None)
+        assert [one is None for one in held[0]] == [one is None for one in held[1]]
     text = source.read_text()
     # what is not plain is meshio's
     for other in ("$Comments\nx\n$EndComments\n" + text, text + "$Periodic\n0\n$EndPeriodic\n", text[:-4000]):

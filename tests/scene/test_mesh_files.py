@@ -2,9 +2,14 @@
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
-from parsolid.scene.abaqus import read_abaqus
-from parsolid.scene.mesh import read_mesh
+from parsolid.particles.meshes.abaqus import read_abaqus
+from parsolid.particles.meshes.imported import read_mesh
+from parsolid.particles.meshes.membership import Membership
+from parsolid.particles.meshes.slices import read_slices
+from parsolid.particles.meshes.topology import refuse_repeated
+from parsolid.scene.named_regions import Region
 from parsolid.scene.validation_errors import SceneError
 
 N = 4
@@ -48,8 +53,9 @@ def gmsh_41(path, groups, curves, z=lambda i: 0.0, surface=("plate",)):
 
 def held(path, name, dimension=2):
     """Numbers, from 1, of the nodes in a group."""
-    points, blocks, groups, _ = read_mesh(path, 1.0, dimension)
-    return set((1 + np.flatnonzero(groups.holds_nodes(name, len(points), [c for _, c in blocks]))).tolist())
+    mesh = read_slices(MPI.COMM_SELF, path, 1.0, dimension)
+    member = Membership(mesh, {name: Region.model_construct(name=name, group=name)}, np.zeros(len(mesh.nodes)))
+    return set((1 + np.flatnonzero(member.nodes())).tolist())
 
 
 def nodes_of(*curves):
@@ -60,7 +66,7 @@ def test_a_group_of_several_curves_has_the_nodes_of_all(tmp_path):
     groups = {"held": (1, 1), "plate": (2, 2)}
     path = gmsh_41(tmp_path / "m.msh", groups, [(LEFT, ["held"]), (LOWER, ["held"])])
     assert held(path, "held") == nodes_of(LEFT, LOWER)
-    facets = read_mesh(path, 1.0, 2)[2].facets["held"][2]
+    facets = read_mesh(path, 2)[2].facets["held"][2]
     assert {tuple(row) for row in (facets + 1).tolist()} == {tuple(sorted(line)) for line in [*LEFT, *LOWER]}
 
 
@@ -73,9 +79,9 @@ def test_a_curve_in_two_groups_is_in_both(tmp_path):
 
 def test_rounding_out_of_the_plane_is_no_third_dimension(tmp_path):
     path = gmsh_41(tmp_path / "m.msh", {"plate": (2, 1)}, [], z=lambda i: 1e-17 * (i % 2))
-    assert read_mesh(path, 1.0, 2)[0].shape == (16, 2)
+    assert read_mesh(path, 2)[0].shape == (16, 2)
     with pytest.raises(SceneError):
-        read_mesh(gmsh_41(tmp_path / "n.msh", {"plate": (2, 1)}, [], z=lambda i: 1e-3 * (i % 2)), 1.0, 2)
+        read_mesh(gmsh_41(tmp_path / "n.msh", {"plate": (2, 1)}, [], z=lambda i: 1e-3 * (i % 2)), 2)
 
 
 def gmsh_22(path, blocks, extra=()):
@@ -93,7 +99,7 @@ def gmsh_22(path, blocks, extra=()):
 
 def test_a_node_of_no_element_may_lie_off_the_plane(tmp_path):
     path = gmsh_22(tmp_path / "m.msh", [(2, 1, TRIANGLES)], extra=[(0.5, 0.5, 3.0)])
-    assert len(read_mesh(path, 1.0, 2)[1][0][1]) == len(TRIANGLES)
+    assert len(read_mesh(path, 2)[1][0][1]) == len(TRIANGLES)
 
 
 def test_groups_in_stretches_and_without_names(tmp_path):
@@ -103,16 +109,13 @@ def test_groups_in_stretches_and_without_names(tmp_path):
 
 def test_a_number_of_groups_of_two_dimensions_is_no_name(tmp_path):
     path = gmsh_22(tmp_path / "m.msh", [(1, 1, LEFT), (2, 1, TRIANGLES)])
-    assert "1" not in read_mesh(path, 1.0, 2)[2].names
+    assert "1" not in read_mesh(path, 2)[2].names
 
 
 def test_an_element_in_two_blocks_is_refused(tmp_path):
     path = gmsh_22(tmp_path / "m.msh", [(2, 1, TRIANGLES), (1, 2, LEFT), (2, 3, TRIANGLES[:1])])
-    from parsolid.scene.mesh import _check_repeated
-
-    points, blocks, *_ = read_mesh(path, 1.0, 2)
     with pytest.raises(SceneError):
-        _check_repeated(points, blocks)
+        refuse_repeated(read_slices(MPI.COMM_SELF, path, 1.0, 2))
 
 
 NODES = [f"{i}, {x!r}, {y!r}, 0." for i, (x, y) in enumerate(SQUARE, 1)]
@@ -133,7 +136,7 @@ def test_parts_of_abaqus_stand_where_their_instances_do(tmp_path):
     placed = ["*Instance, name=A-1, part=A", "*End Instance", "*Instance, name=A-2, part=A", "2., 0., 0."]
     turned = ["2., 0., 0., 2., 0., 1., 90.", "*End Instance", "*End Assembly"]
     path = abaqus(tmp_path / "m.inp", *part("A", more=sets), "*Assembly, name=Asm", *placed, *turned)
-    points, blocks, groups, _ = read_mesh(path, 1.0, 2)
+    points, blocks, groups, _ = read_mesh(path, 2)
     square = np.array(SQUARE)
     np.testing.assert_allclose(points[:16], square, atol=1e-15)
     # turned by 90 degrees about Z through (2, 0)
@@ -151,13 +154,13 @@ def test_sets_of_an_assembly_belong_to_the_instance_that_they_name(tmp_path):
         "*Nset, nset=low, instance=A-1, generate",
     ]
     path = abaqus(tmp_path / "m.inp", *part("A"), *lines, "1, 4, 1", "*End Assembly")
-    assert read_mesh(path, 1.0, 2)[2].nodes["low"].tolist() == [0, 1, 2, 3]
+    assert read_mesh(path, 2)[2].nodes["low"].tolist() == [0, 1, 2, 3]
 
 
 def test_nodes_in_two_sections_and_sets_in_two_blocks(tmp_path):
     nodes = ["*Node", *NODES[:7], "*Node", *NODES[7:]]
     blocks = ["*Element, type=CPE3, elset=all", *ELEMENTS[:5], "*Element, type=CPE3, elset=all", *ELEMENTS[5:]]
-    points, _, groups, _ = read_mesh(abaqus(tmp_path / "m.inp", *nodes, *blocks), 1.0, 2)
+    points, _, groups, _ = read_mesh(abaqus(tmp_path / "m.inp", *nodes, *blocks), 2)
     np.testing.assert_array_equal(points, np.array(SQUARE))
     assert groups.elements["all"].tolist() == list(range(len(TRIANGLES)))
 
@@ -178,5 +181,5 @@ def test_element_types_of_abaqus(tmp_path, name, kind):
 def test_what_is_not_known_in_an_abaqus_file_is_named(tmp_path, lines, word):
     path = abaqus(tmp_path / "m.inp", "*Node", *NODES, *lines)
     with pytest.raises(SceneError) as error:
-        read_mesh(path, 1.0, 2)
+        read_mesh(path, 2)
     assert word in str(error.value)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import SceneError, parse_scene
-from parsolid.scene.fillings import filling_of
 
 
 def body(dimension, placement=None, particles=(12, 9, 7), **shape):

@@ -101,7 +101,7 @@ BROKEN = {
     ),
     "damage by nothing": (
         plate({"damage": {}}),
-        "method.damage: expected exactly one of fracture_energy, critical_stretch, critical_bond_energy; found none",
+        "method.damage: expected exactly one of fracture_energy, critical_stretch, critical_bond_energy, found none",
     ),
     "stretch as an energy": (
         plate({"damage": {"criterion": "energy", "critical_stretch": 0.01}}),
@@ -113,7 +113,7 @@ BROKEN = {
     ),
     "crack nowhere": (
         plate({"pre_cracks": [{}]}),
-        "method.pre_cracks.0: expected exactly one of plane, segment, rectangle; found none",
+        "method.pre_cracks.0: expected exactly one of plane, segment, rectangle, found none",
     ),
     "crack of one end": (
         plate({"pre_cracks": [{"segment": [[0.0, 0.0]]}]}),
@@ -140,7 +140,7 @@ BROKEN = {
     "traction": (plate({"traction": "face"}), "method.traction: expected 'consistent', .* found 'face'"),
     "no modulus": (
         plate(material={"youngs_modulus": None}),
-        "bodies.0.material: expected exactly one of youngs_modulus, shear_modulus; found none",
+        "bodies.0.material: expected exactly one of youngs_modulus, shear_modulus, found none",
     ),
     "no second constant": (
         plate(material={"poissons_ratio": None}),
@@ -149,7 +149,7 @@ BROKEN = {
     "both constants": (
         plate(material={"bulk_modulus": 1e9}),
         (
-            "bodies.0.material: expected at most one of poissons_ratio, bulk_modulus; "
+            "bodies.0.material: expected at most one of poissons_ratio, bulk_modulus, "
             "found poissons_ratio and bulk_modulus"
         ),
     ),
@@ -176,7 +176,7 @@ BROKEN = {
     ),
     "term of no stiffness": (
         plate(material={"terms": [{"tau": 1.0}]}),
-        "bodies.0.material.terms.0: expected exactly one of modulus, ratio; found none",
+        "bodies.0.material.terms.0: expected exactly one of modulus, ratio, found none",
     ),
     "relaxation time": (
         plate(material={"terms": [{"ratio": 1.0, "tau": 0.0}]}),
@@ -196,7 +196,7 @@ BROKEN = {
     ),
     "displacement nowhere": (
         plate(boundaries=[{"kind": "displacement", "displacement": ["0", "0"]}]),
-        "boundaries.0: expected exactly one of where, plane, box, ball, point; found none",
+        "boundaries.0: expected exactly one of where, plane, box, ball, point, found none",
     ),
     "side of a layer": (
         plate(boundaries=[{"kind": "layer", "plane": "X = 0.3"}]),
@@ -208,7 +208,7 @@ BROKEN = {
     ),
     "history of nothing": (
         plate(boundaries=[PULL | {"history": {}}]),
-        "boundaries.0.history: expected exactly one of rows, file; found none",
+        "boundaries.0.history: expected exactly one of rows, file, found none",
     ),
     "history that goes back": (
         plate(boundaries=[PULL | {"history": {"rows": [[0.0, 1.0], [2.0, 1.0], [1.0, 0.0]]}}]),

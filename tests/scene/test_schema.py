@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from parsolid.particles.fillings import filling_of
 from parsolid.scene import dump_scene, load_scene, packaged_scene, parse_scene
 from parsolid.scene.base_model import Plane
-from parsolid.scene.fillings import filling_of
-from parsolid.scene.loading import override_value
-from parsolid.scene.schema import plane_side
+from parsolid.scene.checks import plane_side
+from parsolid.scene.raw_tables import override_value
 
 RUNS = Path(__file__).parents[2] / "runs" / "tlsph"
 SCENES = [*sorted(RUNS.glob("*.toml")), packaged_scene()]

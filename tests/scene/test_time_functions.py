@@ -1,4 +1,4 @@
-"""Functions of time and place beside those of numexpr: values, rates, the times at which they turn, messages."""
+"""Functions of time and place of formulas: values, rates, the times at which they turn, messages."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,5 @@
 """Probes follow their particles from rank to rank, and a new one is a new file."""
 
-import pickle
 import sys
 from types import SimpleNamespace
 
@@ -11,7 +10,7 @@ from solids import Record, follow, punch, simulation
 from parsolid import observables
 from parsolid.observables import declared
 from parsolid.observables.method_quantity import MethodQuantity
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import SceneError, observed, parse_scene
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.probes import Probes
 
@@ -100,8 +99,8 @@ def test_a_twist_is_restored(comm):
 def every_probe(scene: dict) -> list[dict]:
     """A probe of each quantity and of each field, at a particle, and one that is weighted, of what the method knows."""
     method = parse_scene(scene).method
-    fields = [*declared.field_kinds(), *method.extra_fields]
-    quantities = [*declared.quantity_kinds(), *method.extra_quantities]
+    fields = [*observed.probed_fields(), *method.extra_fields]
+    quantities = [*observed.QUANTITIES, *method.extra_quantities]
     # what the material has nothing of is refused
     fields = [name for name in fields if known(scene, {"at": [0.2, 0.2], "fields": [name]})]
     quantities = [name for name in quantities if known(scene, {"quantity": name})]
@@ -138,40 +137,17 @@ NEW_QUANTITY = """
 import numpy as np
 from parsolid.observables.declared import Sampler, quantity
 
-@quantity("farthest_particle", "scalar")
+@quantity("farthest_particle")
 class FarthestParticle(Sampler):
     reduction = "maximum"
 
     def part(self, watched):
         return np.array([np.linalg.norm(watched.rows("position"), axis=1).max(initial=0.0)])
 """
-NEW_KEYS = """
-import numpy as np
-from parsolid.observables.declared import Key, Sampler, quantity
-
-@quantity("distance_of_mass", "scalar")
-class DistanceOfMass(Sampler):
-    keys = {"origin": Key("a point"), "norm": Key("of the distance", ("sum", "largest"))}
-
-    @staticmethod
-    def faults(stated, dimension):
-        return [] if stated["origin"] is not None else [("origin", "a point with distance_of_mass", None)]
-
-    def __init__(self, name, columns, probe):
-        super().__init__(name, columns)
-        self.origin, self.order = np.array(probe.origin), {"sum": 1, "largest": np.inf}[probe.norm or "sum"]
-
-    def part(self, watched):
-        mass, x = watched.tributary_mass, watched.rows("position")
-        return np.append(mass @ x, mass.sum())
-
-    def values(self, joined):
-        return np.array([np.linalg.norm(joined[:-1] / joined[-1] - self.origin, self.order)])
-"""
 NEW_FIELD = """
 from parsolid.observables.declared import field
 
-@field("scalar")
+@field
 def kinetic_energy_density(rows):
     return 0.5 * rows("density") * (rows("velocity") ** 2).sum(axis=1)
 """
@@ -179,27 +155,28 @@ def kinetic_energy_density(rows):
 
 @pytest.fixture
 def more_files(comm, shared_path, monkeypatch):
-    """Two further files in the folder of the observables, and nothing else."""
+    """Two further files in the folder of the observables, and their names in the scene's tables."""
     if comm.rank == 0:
         (shared_path / "farthest.py").write_text(NEW_QUANTITY)
         (shared_path / "energy_density.py").write_text(NEW_FIELD)
-        (shared_path / "distance.py").write_text(NEW_KEYS)
     comm.Barrier()
     for registry in (declared.QUANTITIES, declared.FIELDS):
-        for name in ("farthest_particle", "kinetic_energy_density", "distance_of_mass"):
+        for name in ("farthest_particle", "kinetic_energy_density"):
             monkeypatch.delitem(registry, name, raising=False)
     kept = dict(declared.QUANTITIES), dict(declared.FIELDS)
     monkeypatch.setattr(observables, "__path__", [*observables.__path__, str(shared_path)])
     observables.load()
+    monkeypatch.setitem(observed.QUANTITIES, "farthest_particle", "scalar")
+    monkeypatch.setitem(observed.FIELDS, "kinetic_energy_density", "scalar")
     yield
     for registry, before in zip((declared.QUANTITIES, declared.FIELDS), kept):
         registry.clear()
         registry.update(before)
-    for module in ("farthest", "energy_density", "distance"):
+    for module in ("farthest", "energy_density"):
         sys.modules.pop(f"parsolid.observables.{module}")
 
 
-def test_a_new_probe_or_field_is_one_file(comm, more_files):
+def test_a_new_probe_or_field_is_a_name_and_a_file(comm, more_files):
     probes = [
         {"name": "all", "quantity": "farthest_particle"},
         {"name": "corner", "at": [0.2, 0.2], "fields": ["kinetic_energy_density"]},
@@ -212,22 +189,10 @@ def test_a_new_probe_or_field_is_one_file(comm, more_files):
     assert Observables(sim.systems).field("kinetic_energy_density").shape == (sim.systems[0].owned,)
 
 
-def test_a_probe_with_keys_of_its_own_is_one_file(comm, more_files):
-    probe = {"name": "all", "quantity": "distance_of_mass", "origin": [0.3, 0.4]}
-    columns, _, sim = sampled(spinning() | {"probes": [probe]}, comm, 1)
-    assert columns["all.distance_of_mass"][0] == pytest.approx(0.7, rel=1e-12)
-    columns, *_ = sampled(spinning() | {"probes": [probe | {"norm": "largest"}]}, comm, 1)
-    assert columns["all.distance_of_mass"][0] == pytest.approx(0.4, rel=1e-12)
-    assert parse_scene(sim.scene.resolved()) == sim.scene == pickle.loads(pickle.dumps(sim.scene))
-    for wrong, told in (
-        ({"origin": None}, "probes.0.origin: expected a point with distance_of_mass, found nothing"),
-        ({"origin": [1.0]}, r"probes.0.origin: expected 2 components \(one per dimension\), found \[1.0\]"),
-        ({"norm": "least"}, "probes.0.norm: expected 'sum' or 'largest' .*, found 'least'"),
-        ({"nrom": "sum"}, "probes.0.nrom: expected one of .*the unknown key 'nrom' .did you mean 'norm'"),
-        ({"quantity": "maximum_speed"}, "probes.0.origin: expected no such key without the quantity distance_of_mass"),
-    ):
-        with pytest.raises(SceneError, match=told):
-            parse_scene(spinning() | {"probes": [probe | wrong]})
+def test_what_scenes_may_name_is_what_is_computed():
+    assert declared.QUANTITIES.keys() == observed.QUANTITIES.keys()
+    assert declared.PARTICLE_SAMPLERS.keys() == observed.FIELDS_OF_PROBES.keys()
+    assert declared.FIELDS.keys() == observed.FIELDS.keys() - {"velocity", "position", "deformation_gradient"}
 
 
 def test_without_the_file_the_name_is_refused():

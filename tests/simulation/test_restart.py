@@ -27,8 +27,8 @@ def restart(comm, *, rows=None, same=True, allowed=(), values=None, **header) ->
     """One that has been read, by default of as many ranks as there are; rows (ranks that wrote, 4) [J]."""
     one = object.__new__(Restart)
     one.comm, one.path, one.allowed, one.notes = comm, "checkpoint.h5", allowed, []
-    one.header, one.same_ranks, one.values = HEADER | header, same, values or [{}]
-    one.rows = np.arange(4.0 * comm.size).reshape(comm.size, 4) if rows is None else rows
+    ledger = np.arange(4.0 * comm.size).reshape(comm.size, 4) if rows is None else rows
+    one.header, one.same_ranks, one.values = HEADER | {"ledger": ledger} | header, same, values or [{}]
     return one
 
 

@@ -23,12 +23,6 @@ def test_a_twist_is_a_right_handed_turn_about_its_axis(axis, centre):
         assert twist.values(twist.part(None)) == pytest.approx([angle])
 
 
-def test_a_twist_is_refused_where_there_is_no_such_axis():
-    assert Twist.faults({"axis": "X"}, 2) == [("axis", "'Z' or nothing in 2-D", "X")]
-    assert Twist.faults({"axis": "X"}, 3) == Twist.faults({"axis": "Z"}, 2) == Twist.faults({}, 2) == []
-    assert [key for key, *_ in Twist.faults({}, 3)] == ["axis"]
-
-
 def test_a_projection_weighs_with_the_volume_and_the_weight():
     rows = {"reference_position": np.arange(8.0).reshape(4, 2), "volume": np.array([1.0, 2.0, 3.0, 4.0])}
     fields = {"v": np.arange(8.0).reshape(4, 2) ** 2, "s": np.arange(36.0).reshape(4, 3, 3)}

@@ -1,4 +1,4 @@
-"""A field that is declared as shown is written, told by `check` and can be probed, with nothing said elsewhere."""
+"""A field that is declared as shown is written and told by `check`; a scene names what the settings of methods list."""
 
 import h5py
 import numpy as np
@@ -7,6 +7,7 @@ from solids import simulation, tables
 
 from parsolid.commands.report import print_report
 from parsolid.methods.tlsph import system
+from parsolid.methods.tlsph.settings import TotalLagrangianSPH
 from parsolid.output.run_folder import RunFolder
 from parsolid.particles.declaration import Field
 from parsolid.scene import SceneError, parse_scene
@@ -54,7 +55,13 @@ def test_a_shown_field_takes_no_more_than_its_declaration(comm, shared_path, mar
         assert any(line.split() == ["mark", "1", "kg", "8", "shown"] for line in told.splitlines())
 
 
-def test_a_declared_field_is_named_in_a_scene_and_nowhere_else(comm, shared_path, marked):
+@pytest.fixture
+def named(monkeypatch):
+    """The method's settings, which let scenes name that field."""
+    monkeypatch.setattr(TotalLagrangianSPH, "extra_fields", TotalLagrangianSPH.extra_fields | {"mark": "scalar"})
+
+
+def test_a_field_is_declared_and_named_once(comm, shared_path, marked, named):
     data = tables((5, 4)) | {"output": {"fields": ["mark", "reference_position", "deformation_gradient"]}}
     data["probes"] = [
         {"name": "corner", "at": [0.0, 0.0], "fields": ["mark", "reference_position"]},
@@ -74,23 +81,27 @@ def test_a_declared_field_is_named_in_a_scene_and_nowhere_else(comm, shared_path
 
 
 @pytest.mark.parametrize("name", ["markk", "kinematics", "marks_0", "volume"])
-def test_what_is_declared_nowhere_a_record_or_written_in_any_case_is_no_name(marked, name):
+def test_a_field_that_the_method_does_not_name_is_none(named, name):
     data = tables((5, 4)) | {"output": {"fields": [name]}}
     data["probes"] = [{"name": "p", "at": [0.0, 0.0], "fields": [name]}]
     with pytest.raises(SceneError) as caught:
         parse_scene(data)
-    assert len(caught.value.faults) == 2
-    for place, told in zip(("output.fields.0", "probes.0.fields.0"), sorted(caught.value.faults)):
-        assert told.startswith(f"{place}: expected one of 'displacement'") and told.endswith(f"found {name!r}")
-        assert "'mark'" in told and (name != "markk" or "did you mean 'mark'?" in told)
+    assert sorted(told.key for told in caught.value.faults) == ["output.fields.0", "probes.0.fields.0"]
 
 
-def test_a_name_is_not_judged_where_other_faults_keep_it_from_being_known(marked):
-    data = tables((5, 4)) | {"output": {"fields": ["mark"]}}
+def test_names_are_judged_beside_other_faults(named):
+    data = tables((5, 4)) | {"output": {"fields": ["mark", "marc"]}}
     data["bodies"][0]["material"]["density"] = -1.0
     with pytest.raises(SceneError) as caught:
         parse_scene(data)
-    assert [told.partition(":")[0] for told in caught.value.faults] == ["bodies.0.material.density"]
+    assert {told.key for told in caught.value.faults} == {"bodies.0.material.density", "output.fields.1"}
+
+
+def test_a_field_that_the_options_do_not_bring_is_refused_before_the_run(comm):
+    data = tables((5, 4)) | {"output": {"fields": ["updated_reference_volume"]}}
+    with pytest.raises(SceneError) as caught:
+        simulation(data, comm)
+    assert [told.key for told in caught.value.faults] == ["output.fields.0"]
 
 
 MORE = {"peridynamics": {"damage": {"critical_stretch": 0.1}}, "mpm": {"cell": 0.5}}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from solids import SOFT
 
-from parsolid.commands.study.cases import cases_of
-from parsolid.commands.study.schema import load_study
-from parsolid.errors.variants import companions_of
+from parsolid.campaign.cases import cases_of
+from parsolid.campaign.study_file import load_study
+from parsolid.campaign.variants import coarse_variants
 from parsolid.scene import parse_scene
 
 pytestmark = pytest.mark.serial
@@ -69,11 +69,11 @@ def test_bodies_that_touch_keep_the_kernel_and_those_apart_do_not():
     assert pair(0.0)[0] == "kernel" and pair(3.0)[0] == "best"
 
 
-def test_what_is_written_states_it_so_that_companions_and_restarts_have_the_same():
+def test_what_is_written_states_it_so_that_coarse_runs_and_restarts_have_the_same():
     scene = parse_scene(tables((13, 13)))
     again = parse_scene(scene.resolved())
     assert again.resolved() == scene.resolved() and again.resolved()["method"]["weights"] == "best"
-    coarse = [one.scene for one in companions_of(scene, False)[0]]
+    coarse = [one.scene for one in coarse_variants(scene, False)[0]]
     assert min(one.bodies[0].particles[0] for one in coarse) < 8
     assert {one.systems[0].settings.pair_weights for one in coarse} == {"best"}
 

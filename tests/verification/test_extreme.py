@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from parsolid.campaign.cases import cases_of
+from parsolid.campaign.measures import measures_of
+from parsolid.campaign.runner import Record, not_finite, read_files
+from parsolid.campaign.study_file import load_study
 from parsolid.commands.cli import main
-from parsolid.commands.study.cases import cases_of
-from parsolid.commands.study.launching import arguments_of
-from parsolid.commands.study.measures import measures_of, not_finite
-from parsolid.commands.study.schema import load_study
 
 RUNS = Path(__file__).parents[2] / "runs"
 METHODS = ("tlsph", "mpm", "ulsph")
@@ -50,7 +50,7 @@ def cases(*methods: str) -> dict:
 def test_a_case_ends_as_the_study_says(title, comm, shared_path, capfd):
     case = cases(*METHODS)[title]
     folder = shared_path / "run"
-    status = main([*arguments_of(case, folder), "--quiet", "--set", "output.pictures=false"])
+    status = main([*case.arguments(folder), "--quiet", "--set", "output.pictures=false"])
     said = capfd.readouterr().err
     assert status == STATUS[case.expect or "stable"], said
     if comm.rank > 0:
@@ -59,7 +59,8 @@ def test_a_case_ends_as_the_study_says(title, comm, shared_path, capfd):
     assert "Traceback" not in said
     assert not_finite(folder) == []
     if status == 0:
-        found = measures_of(folder, [1.0], [1.0])
+        summary, history = read_files(folder)
+        found = measures_of(Record("finished", history, summary, [1.0], [1.0]))
         assert case.bounds, "a stable case without a bound says nothing"
         for name, bound in case.bounds.items():
             assert found[name] <= bound, name

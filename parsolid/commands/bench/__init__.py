@@ -10,20 +10,32 @@ from typing import Any
 
 from mpi4py import MPI
 
+from parsolid.commands.arguments import whole_number
 from parsolid.commands.bench.timing import Steps, best_time
 from parsolid.commands.console_table import show_table
 from parsolid.simulation.warmup import wait_quietly
 
+METHODS = ("tlsph", "peridynamics", "mpm", "ulsph")
 
-def bench(comm: MPI.Comm, method: str, particles: int, scaling: int | None) -> int:
+
+def add_arguments(parser: Any) -> None:
+    """Add the command's arguments to an argparse parser."""
+    parser.add_argument("--method", default=METHODS[0], choices=METHODS, help=f"the method (default {METHODS[0]})")
+    about = "about how many particles (default 28000)"
+    parser.add_argument("--particles", type=whole_number, default=28000, metavar="N", help=about)
+    scaling = "also measure whole steps on all ranks with N particles"
+    parser.add_argument("--scaling", type=whole_number, metavar="N", help=scaling)
+
+
+def run_bench(comm: MPI.Comm, options: Any) -> int:
     """Print a method's tables on rank 0; exit status 0. Collective."""
-    module = import_module(f"parsolid.commands.bench.{method}")
+    module = import_module(f"parsolid.commands.bench.{options.method}")
     if comm.rank == 0:
-        for table in module.kernel_tables(particles):
+        for table in module.kernel_tables(options.particles):
             show_table(*table)
     wait_quietly(comm)
-    if scaling:
-        rows = _scaling_rows(comm, module.scaling_scene(scaling))
+    if options.scaling:
+        rows = _scaling_rows(comm, module.scaling_scene(options.scaling))
         if comm.rank == 0:
             show_table("Whole steps", ["ranks", "particles", "steps/s a rank", "speed-up"], rows)
     return 0

@@ -3,7 +3,6 @@
 It knows every table, key, kind, bound and default; what depends on several keys at once only `parsolid check` tells.
 """
 
-import json
 from typing import Any
 
 from parsolid.commands.keys.description import Key, keys_of, meaning_of
@@ -11,17 +10,6 @@ from parsolid.scene.base_model import SceneModel
 from parsolid.scene.schema import Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-
-
-def add_arguments(parser: Any) -> None:
-    """The command `schema` has no arguments."""
-
-
-def run_schema(comm: Any, options: Any) -> int:
-    """Print JSON Schema of scenes; exit status 0."""
-    if comm.rank == 0:
-        print(json.dumps(scene_schema(), indent=1), flush=True)
-    return 0
 
 
 def scene_schema() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The command `init`: a small scene of a method, with comments, and with the method's other keys to choose from."""
+"""A small scene of a method, with comments, and with the method's other keys to choose from."""
 
 import re
 import tomllib
@@ -8,41 +8,34 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from parsolid.collective import SolverError
+from parsolid.collective import SolverError, raise_together
 from parsolid.commands.keys.description import Key, keys_of
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.methods import method_kinds
 from parsolid.scene.schema import Scene
+from parsolid.scene.validation_errors import suggestion
 
 _HEADER = re.compile(r"^\[+([A-Za-z_.]+)\]+$")
 _KEY = re.compile(r"^([A-Za-z_]+) = ")
 _COLUMN = 60
 
 
-def add_arguments(parser: Any) -> None:
-    """Give the arguments of `init` to an argparse parser."""
-    parser.add_argument("method", metavar="METHOD", help=", ".join(method_kinds()))
-    parser.add_argument("-o", "--output", default="scene.toml", metavar="FILE", help="a file that is not there yet")
-
-
-def run_init(comm: Any, options: Any) -> int:
-    """Write a scene to start from; exit status 0. Collective: rank 0 writes. Raises SolverError on all ranks."""
-    if options.method not in method_kinds():
-        raise SolverError(f"init: expected one of {', '.join(method_kinds())}, found {options.method!r}")
+def write_scene(comm: Any, method: str, path: str) -> None:
+    """Write a scene to start from. Collective: rank 0 writes. Raises SolverError on all ranks."""
+    if method not in method_kinds():
+        known = f"expected one of {', '.join(method_kinds())}{suggestion(method, method_kinds())}"
+        raise SolverError(f"--new: {known}, found {method!r}")
     fault = None
     if comm.rank == 0:
         try:
-            with open(Path(options.output), "x", encoding="utf-8") as file:
-                file.write(starting_scene(options.method))
-            print(f"{options.output}: try `mpirun -n 2 python -m parsolid {options.output}`", flush=True)
+            with open(Path(path), "x", encoding="utf-8") as file:
+                file.write(starting_scene(method))
+            print(f"{path}: try `parsolid run {path} --ranks 2`", flush=True)
         except FileExistsError:
-            fault = f"{options.output}: expected a name that is free, found a file, which stays as it is"
+            fault = f"{path}: expected a name that is free, found a file, which stays as it is"
         except OSError as error:
-            fault = f"{options.output}: cannot be written: {error.strerror}"
-    fault = comm.bcast(fault)
-    if fault is not None:
-        raise SolverError(fault)
-    return 0
+            fault = f"{path}: cannot be written: {error.strerror}"
+    raise_together(comm, fault)
 
 
 def starting_scene(method: str) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from parsolid.commands.plot.names import labelled, unit_of, words_of
 from parsolid.commands.plot.results import Results
 from parsolid.commands.plot.scales import prefixed
+from parsolid.observables.words import labelled, unit_of, words_of
 from parsolid.scene.observation import HISTORY_COLUMNS
 
 DOTS_PER_INCH = 100

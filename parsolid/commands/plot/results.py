@@ -18,7 +18,7 @@ from parsolid.output.history import read_history
 from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
 from parsolid.scene.methods import context_of
-from parsolid.scene.schema import Parts
+from parsolid.scene.sound_part import LeftOut, sound_part
 from parsolid.scene.validation_errors import suggestion, told
 
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
@@ -59,10 +59,20 @@ class Results:
         self.title = str(self._tables.get("title") or self.directory.name)
 
     @cached_property
-    def parts(self) -> Parts:
-        """The sound parts of the scene: a reference or mesh that has gone since the run is left out."""
-        found: Any = Parts.of(self._tables, context_of(self._tables, self.directory))
-        return found
+    def _sound(self) -> tuple[Any, LeftOut]:
+        """The sound part of the scene: a reference or mesh that has gone since the run is left out."""
+        return sound_part(self._tables, context_of(self._tables, self.directory))[:2]
+
+    @property
+    def bodies(self) -> dict[int, Any]:
+        """The bodies whose shapes could be read, by number."""
+        scene, left_out = self._sound
+        return {i: body for i, body in enumerate(scene.bodies if scene else ()) if i not in left_out.vague}
+
+    @property
+    def _reference(self) -> Any:
+        """The scene's reference, where it could be read."""
+        return self._sound[0] and self._sound[0].reference
 
     @property
     def method(self) -> Any:
@@ -103,7 +113,7 @@ class Results:
     @cached_property
     def reference(self) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
         """Times [s] and history column -> values of the scene's reference series, None without one."""
-        stated = self.parts.reference
+        stated = self._reference
         if stated is None or stated.series is None:
             return None
         data = json.loads(Path(stated.series).read_text(encoding="utf-8"))
@@ -113,7 +123,7 @@ class Results:
     @property
     def reference_name(self) -> str:
         """What the reference series is: its file's own word for it, or the file's name."""
-        stated = self.parts.reference
+        stated = self._reference
         assert stated is not None and stated.series is not None
         method = json.loads(Path(stated.series).read_text(encoding="utf-8")).get("method")
         return str(method) if method else f"reference, {Path(stated.series).stem}"

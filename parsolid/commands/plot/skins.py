@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.scene.elements import ELEMENTS
+from parsolid.particles.meshes.elements import ELEMENTS
+from parsolid.particles.meshes.imported import read_mesh
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.lattice import Lattice
-from parsolid.scene.mesh import read_mesh
 from parsolid.scene.validation_errors import SceneError
 
 
@@ -99,7 +99,7 @@ def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] 
         if filled.placed_on == "cells":
             return None, None, None, None
         mesh = filled.shape.model
-        points, blocks, *_ = read_mesh(mesh.file, mesh.scale, dimension)
+        points, blocks, *_ = read_mesh(mesh.file, dimension)
         used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
         number = np.zeros(len(points), np.int64)
         number[used] = np.arange(len(used))

@@ -10,8 +10,9 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from parsolid.commands.point.paths import AnyPath
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, reject
-from parsolid.scene.loading import apply_override, read_tables, told_faults
 from parsolid.scene.materials import Material
+from parsolid.scene.model_faults import told_faults
+from parsolid.scene.raw_tables import apply_override, read_tables
 from parsolid.scene.validation_errors import SceneError
 
 MOST_STEPS = 1_000_000
@@ -128,7 +129,7 @@ def load_point(
         context = {"dimension": 3, "folder": str(path.resolve().parent), "trust_code": trust_code}
         point = MaterialPoint.model_validate(data, context=context)
     except ValidationError as error:
-        raise SceneError(dict.fromkeys(faults + told_faults(error, data, MaterialPoint))) from None
+        raise SceneError(dict.fromkeys([*faults, *told_faults(error, data, MaterialPoint)])) from None
     if faults:
         raise SceneError(faults)
     _refuse_collapse(point)

@@ -26,6 +26,15 @@ _NEXT = 0.75
 _ROUND_OFF = 1e-6
 
 
+# field of the places [m] at the start of a step
+START = "tie_start"
+
+
+def held_field(number: int) -> str:
+    """Name of the field of whether a particle's spring of a tie holds, 1 or 0."""
+    return f"tie_{number}_held"
+
+
 class TiedBody(NamedTuple):
     """A body of a tie: its number and name in the scene, system, number there, spacing [m], modulus M [Pa]; nodal:
     particles on its faces; box (2, d) [m] in the reference."""
@@ -43,13 +52,18 @@ class TiedBody(NamedTuple):
 class TiedFaces:
     """The springs of one tie; first is the finer body. owned: particles of this rank that they may pull.
 
-    energy [J]: stored, as far as this rank counts it; force (owned, d) [N].
+    energy, lost [J]: stored, and gone in the last step with springs that ended, as far as this rank counts them; ended:
+    whether any has; force (owned, d) [N].
+
+    A spring ends when a particle that it joins is deleted; the particle beside its point keeps that (`held`).
     """
 
     def __init__(self, comm: Any, number: int, stiffness: float, first: TiedBody, second: TiedBody):
         self.comm, self.number, self.sides = comm, number, (first, second)
         least = min(side.modulus / side.spacing for side in self.sides)
-        self.stiffness, self.energy = stiffness * least, 0.0
+        self.stiffness, self.energy, self.lost, self.ended = stiffness * least, 0.0, 0.0, False
+        self.held = held_field(number)
+        self.deletes = any(self.held in side.system.particles for side in self.sides)
         self._search = ClosePairs()
 
     def build(self) -> None:
@@ -72,7 +86,8 @@ class TiedFaces:
         source, points = self._points(place, volume, second, reach)
         source, points = self._in_order(source, points, names)
         start, rows, weight = self._weights(points, place, volume, second, names)
-        self._keep(halo, start, rows, weight, source, volume)
+        held = halo.with_ghosts(self._kept(self.held, 1.0))
+        self._keep(halo, start, rows, weight, source, volume, held)
 
     @property
     def _dimension(self) -> int:
@@ -90,6 +105,14 @@ class TiedFaces:
         """A field of the owned particles."""
         pieces = [side.system.particles.owned_rows(name)[rows] for side, rows in zip(self.sides, self.rows)]
         return np.ascontiguousarray(np.concatenate(pieces))
+
+    def _kept(self, name: str, default: float) -> np.ndarray:
+        """A field (owned,) that not every system has."""
+        pieces = []
+        for side, rows in zip(self.sides, self.rows):
+            of = side.system.particles
+            pieces.append(of.owned_rows(name)[rows] if name in of else np.full(len(rows), default))
+        return np.concatenate(pieces)
 
     def _points(self, place: Any, volume: Any, second: Any, reach: float) -> tuple[np.ndarray, np.ndarray]:
         """Particles of the first body beside the face, and the points of the face that are theirs."""
@@ -130,7 +153,7 @@ class TiedFaces:
         self._fault = fault
         return _joined(pieces[0], pieces[1])
 
-    def _keep(self, halo: Halo, start: Any, rows: Any, weight: Any, source: Any, volume: Any) -> None:
+    def _keep(self, halo: Halo, start: Any, rows: Any, weight: Any, source: Any, volume: Any, held: Any) -> None:
         """Of springs those that pull a particle of this rank, of ghosts those that they join; collective."""
         concerned: Any = (
             np.add.reduceat(np.append(rows < self.owned, False).astype(int), start[:-1]) if len(source) else []
@@ -148,21 +171,51 @@ class TiedFaces:
         source = source[kept]
         finer = self.sides[0]
         area = volume[source] / (finer.spacing * (0.5 if finer.nodal else 1.0))
-        self.springs, self.counted = self.stiffness * area, source < self.owned
+        self.springs, self.counted, self.source = self.stiffness * area * held[source], source < self.owned, source
         self.moved = np.zeros((self.owned + self.halo.ghosts, self._dimension))
+        self.before, self.gone = np.zeros_like(self.moved), np.zeros(len(self.moved))
         self.force = np.zeros((self.owned, self._dimension))
         self.reference = self._gathered("reference_position")[:, : self._dimension]
-        self._message = self.halo.forward(self.moved)
+        self._message = self.halo.forward(self.moved, *([self.before, self.gone] if self.deletes else []))
 
     def lists(self) -> tuple[Any, ...]:
         """Starts, rows, weights and stiffness [N/m] of the springs."""
         return self.start, self.rows_of, self.weight, self.springs
 
-    def evaluate(self) -> None:
-        """Forces and energy at the present places; neighbours exchange displacements."""
-        self.moved[: self.owned] = self._gathered("position") - self.reference
+    def evaluate(self, ends: bool = True) -> None:
+        """Forces and energy at the present places; neighbours exchange displacements. ends: whether springs of deleted
+        particles end."""
+        position = self._gathered("position")
+        self.moved[: self.owned] = position - self.reference
+        if self.deletes:
+            self.before[: self.owned] = self._gathered(START) - self.reference
+            self.gone[: self.owned] = self._kept("deleted_mass", 0.0) > 0.0
         self._message.now()
+        if self.deletes:
+            if ends:
+                self._end_springs()
+            for side, rows, here in zip(self.sides, self.rows, (slice(self.first), slice(self.first, None))):
+                side.system.particles.owned_rows(START)[rows] = position[here]
         self.energy = kernels.pull(*self.lists(), self.counted, self.moved, self.owned, self.force)
+
+    def _end_springs(self) -> None:
+        """Let springs go of particles that were deleted in the last step.
+
+        Their forces act at its start alone, which leaves k e . e'/2 of the partings before and after it."""
+        self.lost = 0.0
+        joins = np.append(self.gone[self.rows_of] > 0.0, False)
+        ends = np.add.reduceat(joins, self.start[:-1], dtype=int) > 0 if len(self.springs) else np.zeros(0, bool)
+        ends &= self.springs > 0.0
+        for p in np.flatnonzero(ends):
+            here = slice(self.start[p], self.start[p + 1])
+            rows, weight = self.rows_of[here], self.weight[here]
+            if self.counted[p]:
+                self.lost += 0.5 * float(self.springs[p] * (weight @ self.before[rows]) @ (weight @ self.moved[rows]))
+        self.springs[ends], self.ended = 0.0, bool(ends.any())
+        source = self.source[ends & self.counted]
+        first = self.sides[0].system.particles
+        if len(source):
+            first.owned_rows(self.held)[self.rows[0][source]] = 0.0
 
     def pulled(self) -> list[tuple[TiedBody, np.ndarray, np.ndarray]]:
         """Both bodies with rows of particles and the forces [N] on them."""

@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.collective import maximum
 from parsolid.contact.tie.tied_faces import TiedBody, TiedFaces
+from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
@@ -33,7 +34,7 @@ class Ties(Interaction):
         sides = [side for face in self.faces for side in face.sides]
         self.energy_scale = _BEGINNING * max(side.modulus * side.spacing**scene.dimension for side in sides)
         self._placed: tuple[int | None, ...] = ()
-        self._longest = np.inf
+        self._longest, self._resumed = np.inf, False
 
     def _body(self, scene: Scene, body: int) -> TiedBody:
         """Facts of a body; collective."""
@@ -53,13 +54,20 @@ class Ties(Interaction):
         """Springs and their forces; collective. Raises SolverError on all ranks for bodies that cannot be tied."""
         self._build()
         for face in self.faces:
-            face.evaluate()
+            face.evaluate(ends=not self._resumed)
+        self._find_step()
         self._give()
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Of a checkpoint springs hold of what was deleted in its last step: that is for the next one."""
+        self._resumed = True
 
     def _build(self) -> None:
         self._placed = self.placements
         for face in self.faces:
             face.build()
+
+    def _find_step(self) -> None:
         square = max(face.frequency() for face in self.faces)
         self._longest = _SAFETY * 2.0 / np.sqrt(square) if square > 0.0 else np.inf
 
@@ -75,11 +83,17 @@ class Ties(Interaction):
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, and what went into the ledger."""
         energy, placed = self._energy, self.placements
-        if None in placed or placed != self._placed:
+        changes = None in placed or placed != self._placed
+        if changes:
             self._build()
         for face in self.faces:
             face.evaluate()
         ledger.add_term("tie_energy", self._energy - energy)
+        lost = sum(face.lost for face in self.faces)
+        if lost:
+            ledger.add_term(DELETED_STORED, lost)
+        if changes or any(face.ended for face in self.faces):
+            self._find_step()
         self._give()
 
     def _give(self) -> None:

@@ -60,7 +60,7 @@ class CellMigration:
 
         False where a particle is lost.
         """
-        sound = self.grid.settle(self.points, release=not self.keeps_rows)
+        sound = self.grid.update_cells(self.points, release=not self.keeps_rows)
         self.steps += 1
         return self._tidy() and sound if self.steps % _PERIOD == 0 else sound
 
@@ -94,7 +94,7 @@ class CellMigration:
         if uneven:
             self.rebalanced += 1
             return self.redistribute()
-        sound = self.grid.settle(self.points) if any_guests else True
+        sound = self.grid.update_cells(self.points) if any_guests else True
         if disorder:
             self._sort_storage()
         return sound

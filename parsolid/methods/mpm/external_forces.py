@@ -15,6 +15,7 @@ from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.collective import SolverError
 from parsolid.kernels import kernel
 from parsolid.methods.mpm.points import MaterialPoints
+from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.declaration import Field
 
 
@@ -130,9 +131,9 @@ class ExternalForces:
         first_half = 0.5 * self.step * np.sum(rows(EXTERNAL_FORCE) * rows("moved"))
         return float(first_half + np.sum(rows(EXTERNAL_IMPULSE) * rows(self._mean))) + self.behind
 
-    def state(self, comm: MPI.Comm) -> dict[str, Any]:
-        """What a restart needs besides fields; collective."""
-        return {"step": self.step, "behind": comm.allgather(self.behind)}
+    def state(self) -> dict[str, Any]:
+        """What a restart needs besides fields."""
+        return {"step": self.step, "behind": OfRanks(self.behind)}
 
     def set_state(self, comm: MPI.Comm, state: dict[str, Any] | None) -> None:
         """Take back what `state` gave, on any number of ranks. Raises SolverError, on all, where there is nothing."""
@@ -140,6 +141,4 @@ class ExternalForces:
             raise SolverError(
                 "method: expected a checkpoint with the step and the work that velocities lack, found one without"
             )
-        behind = state["behind"]
-        self.step = state["step"]
-        self.behind = behind[comm.rank] if len(behind) == comm.size else sum(behind) / comm.size
+        self.step, self.behind = state["step"], float(own_share(comm, state["behind"])[0])

@@ -28,6 +28,7 @@ from parsolid.methods.mpm.shape_functions import nodes_across
 from parsolid.methods.mpm.transfer import grid_to_particles, particles_to_grid
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import Announce, EnergyLedger
+from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 
@@ -215,11 +216,11 @@ class MaterialPoint(Reports):
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
         return {
-            "external": None if self.external is None else self.external.state(self.comm),
+            "external": None if self.external is None else self.external.state(),
             "partition": self.grid.partition.state(),
             "steps": self.migration.steps,
             "fastest": maximum(self.comm, self.fastest),
-            "plastic_work": self.comm.allgather(self.plastic_work),
+            "plastic_work": OfRanks(self.plastic_work),
             "driven_planes": [[one.moved, one.at] for one in self.conditions.driven],
         }
 
@@ -227,15 +228,13 @@ class MaterialPoint(Reports):
         """Take back what `state` gave; owners of cells only for as many ranks."""
         self.migration.steps, self.fastest = state["steps"], state["fastest"]
         partition = CutTree.from_state(state["partition"], self.dimension)
-        work = state["plastic_work"]
         for one, kept in zip(self.conditions.driven, state.get("driven_planes", ())):
             one.moved, one.at = kept
         if self.external is not None:
             self.external.set_state(self.comm, state.get("external"))
+        self.plastic_work = float(own_share(self.comm, state["plastic_work"])[0])
         if partition.ranks == self.comm.size:
-            self._partition, self.plastic_work = partition, work[self.comm.rank]
-        else:
-            self.plastic_work = sum(work) if self.comm.rank == 0 else 0.0
+            self._partition = partition
 
     # --- external forces of contact, ties and tools ------------------------------------------------------------------
 

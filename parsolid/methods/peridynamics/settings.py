@@ -5,10 +5,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.scene.base_model import Plane, Point, Positive, SceneModel, by_kind, dimension_of, reject
+from parsolid.scene.base_model import Detail, Plane, Point, Positive, SceneModel, by_kind, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.materials import HyperelasticSolid
-from parsolid.scene.method_settings import Detail, MethodSettings
+from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.shapes import Box
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -213,7 +213,13 @@ class Peridynamics(MethodSettings):
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "displacement", "layer", "traction", "pressure")
     pictured_fields: ClassVar = ("damage", "pressure")
     ledger_terms: ClassVar = {"dissipation_fracture": 1, "kinetic_offset": -1, "residual_work": 0}
-    extra_fields: ClassVar = {"damage": "scalar"}
+    extra_fields: ClassVar = {
+        "damage": "scalar",
+        "bond_limit": "scalar",
+        "micromodulus": "scalar",
+        "internal_force": "vector",
+        "area": "vector",
+    }
     extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
 
     kind: Literal["peridynamics"]

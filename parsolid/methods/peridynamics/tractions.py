@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.reduction import ordered_sum
+from decomposition.reduction import sums
 from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.forces import Course, DistributedLoad, TractionLoad
 from parsolid.boundary.surface import Surface
@@ -139,12 +139,12 @@ class Tractions:
             near = np.abs(place[:, plane.axis] - plane.coordinate) <= self.particle_set.spacing[within, plane.axis]
             area[near, plane.axis] = 0.0
         size = np.linalg.norm(area, axis=1)
-        totals = np.asarray(ordered_sum(self.comm, np.column_stack((size, size[:, None] * place, force + area))))
+        totals = sums(self.comm, np.column_stack((size, size[:, None] * place, force + area)).sum(axis=0))
         whole, left = float(totals[0]), np.abs(totals[1 + d :]).max()
         if not whole > 0.0:
             return
         arm = place - totals[1 : 1 + d] / whole
-        widened = float(ordered_sum(self.comm, np.sum(arm * (force + area), axis=1)))
+        widened = float(sums(self.comm, np.sum(arm * (force + area))))
         reach = maximum(self.comm, float(np.linalg.norm(arm, axis=1).max(initial=0.0)))
         missed = max(left / whole, abs(widened) / (reach * whole))
         if missed > _MISSED:
@@ -170,7 +170,7 @@ class Tractions:
     def _add_spread(self, one: Traction, plane: Plane) -> None:
         """The face's force on the volume within the horizon."""
         volume, beneath = self.particle_set.volume, self._beneath(one, plane)[0] <= self.horizon
-        depth = ordered_sum(self.comm, volume[beneath]) / self._area(one, plane)
+        depth = float(sums(self.comm, volume[beneath].sum())) / self._area(one, plane)
         self._add(one, beneath, volume / depth, one.course, plane)
 
     def _add_consistent(self, one: Traction, plane: Plane, mean: DerivedCourse, depth: float) -> None:
@@ -182,7 +182,7 @@ class Tractions:
         scale = -outward * unit
         if depth < min(maximum(self.comm, float(distance[np.isfinite(distance)].max(initial=0.0))), middle):
             # where particles are irregular the force of the face's area is not quite met
-            scale *= self._area(one, plane) / ordered_sum(self.comm, scale[within])
+            scale *= self._area(one, plane) / float(sums(self.comm, scale[within].sum()))
         self._add(one, within, scale, mean, None)
 
     def _mean(self, one: Traction, plane: Plane) -> DerivedCourse:
@@ -204,7 +204,7 @@ class Tractions:
 
     def _area(self, one: Traction, plane: Plane) -> float:
         """Area [m^2] of the face on all ranks."""
-        return float(ordered_sum(self.comm, np.abs(self.particle_set.area[self._face(one), plane.axis])))
+        return float(sums(self.comm, np.abs(self.particle_set.area[self._face(one), plane.axis]).sum()))
 
     def _beneath(self, one: Traction, plane: Plane) -> tuple[np.ndarray, float]:
         """Distance (owned,) [m] of particles meant from the face, infinite for others; sign of its normal."""

@@ -7,8 +7,9 @@ import numpy as np
 
 from parsolid.materials.declaration import Phrase
 from parsolid.pairs.smoothing import smoothing_kernel
+from parsolid.particles.fillings import extent_of
+from parsolid.scene.base_model import Detail
 from parsolid.scene.fillings import filling_of
-from parsolid.scene.method_settings import Detail
 from parsolid.scene.validation_errors import SceneError
 
 # shapes whose particles stand on no lattice
@@ -132,13 +133,13 @@ def _touching(scene: Any) -> list[list[int]]:
     """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there."""
     if len(scene.bodies) < 2:
         return [[]]
-    fillings = [filling_of(body, scene.dimension) for body in scene.bodies]
+    extents = [extent_of(body, scene.dimension) for body in scene.bodies]
     support = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing
     apart = scene.unbonded
     result: list[list[int]] = []
-    for i, one in enumerate(fillings):
+    for i, one in enumerate(extents):
         result.append([])
-        for j, other in enumerate(fillings):
+        for j, other in enumerate(extents):
             gap = np.maximum(np.maximum(other.lower - one.upper, one.lower - other.upper), 0.0)
             bonded = i != j and (apart is None or not apart[i, j])
             if bonded and np.linalg.norm(gap) < support * max(one.coarsest, other.coarsest):

@@ -17,7 +17,7 @@ from parsolid.particles.declaration import Field
 
 
 @kernel
-def excess_forces(rows, pairs, local, images, record, force):
+def excess_forces(rows, pairs, local, images, record, at_stress, force):
     """Fill force (n, d) [N] of the particles at rows (k,) with what is beyond the adjoint; record of particles."""
     d = force.shape[1]
     stride = 4 if d == 3 else 2
@@ -32,7 +32,7 @@ def excess_forces(rows, pairs, local, images, record, force):
             for i in range(d):
                 for j in range(d):
                     factor = s * Q[i] * Q[j] - Q[i] * R[j]
-                    force[a, i] += factor * record[b, stride * j + i] * pairs.weight[w, j]
+                    force[a, i] += factor * record[b, at_stress + stride * j + i] * pairs.weight[w, j]
 
 
 class FixedWalls:
@@ -62,9 +62,9 @@ class FixedWalls:
 
     def find(self) -> None:
         """The forces of the present records."""
-        near = self.lists.near
+        near, at = self.lists.near, self.lists.columns
         force = self.particles.owned_rows("excess_wall_force")
-        excess_forces(self.rows, near.outer, near.local, near.images, self.lists.record, force)
+        excess_forces(self.rows, near.outer, near.local, near.images, self.lists.record, at.stress, force)
 
     def observe(self, duration: float) -> None:
         """Count their work over a duration [s] with the present velocities, on this side of mirror planes."""

@@ -11,6 +11,7 @@ from parsolid.methods.tlsph.list_update import add_forces, advance_stage, advanc
 from parsolid.pairs.list_sweeps import ROWS, gradient_in_plane, gradient_in_space
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
+from parsolid.pairs.rows_of_four import store_row
 from parsolid.solvers.runge_kutta import Stage
 
 
@@ -62,7 +63,7 @@ class ListBodies(StepBound):
         self.fast = aligned_zeros((*room, at.tensor)) if self.waves >= 2 else None
         self.slow = aligned_zeros((*room, at.tensor)) if self.waves == 3 else None
         self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
-        told = [self.record if self.waves else self.record[:, : at.gradient]]
+        told = [self.record if self.waves else self.record[:, at.stress :]]
         told += [one for one in (self.fast, self.slow) if one is not None]
         self._motion = near.halo.forward(self.motion[:, : at.reference])
         self._record = near.halo.forward(*told)
@@ -156,7 +157,7 @@ class ListBodies(StepBound):
         self._record.start()
         self._record.finish()
         if len(near.images.source):
-            mirror_records(near.local, near.images, self.record, at.gradient)
+            mirror_records(near.local, near.images, self.record, at.stress)
             for waves in (self.fast, self.slow):
                 if waves is not None:
                     mirror_waves(near.local, near.images, waves)
@@ -164,7 +165,7 @@ class ListBodies(StepBound):
         rows = motion, self.record, self.fast, self.slow, self.force
         if len(near.outer.neighbour):
             add_forces(self.dimension, near.outer, 0, near.owned, *rows)
-            clear_rows(near.owned, near.rows, 0, self.force)
+            clear_rows(near.owned, near.rows, self.force)
         self._add_own_forces()
         T, D = stored("stress_force"), stored("dissipative_force")
         for block in self.blocks:
@@ -183,16 +184,16 @@ class ListBodies(StepBound):
         near, at, d = self.near, self.columns, self.dimension
         self._begin_sums()
         self._gradient_sweep(near.inner, 0, near.owned, self.motion, self.record)
-        columns = self.record[: near.owned, at.gradient : at.gradient + at.vector * d]
+        columns = self.record[: near.owned, : at.vector * d]
         sums = columns.reshape(near.owned, d, at.vector)[:, :, :d].swapaxes(1, 2).copy()
         columns[:] = 0.0
         return sums
 
     def _begin_gradients(self) -> None:
         """Motion in rows, and what ghosts and images add to the sums of gradients."""
-        at, stored = self.columns, self.particles.storage
+        velocity, position = self.particles.storage("velocity"), self.particles.storage("position")
         for block in self.blocks:
-            gather_motion(block.first, block.last, stored("velocity"), stored("position"), self.motion, at.position)
+            gather_motion(self.dimension, block.first, block.last, velocity, position, self.motion)
         self._begin_sums()
 
     def _begin_sums(self) -> None:
@@ -202,7 +203,7 @@ class ListBodies(StepBound):
         if len(near.images.source):
             mirror_motion(near.local, near.images, self.motion, at.position, at.reference)
         if len(near.outer.neighbour):
-            clear_rows(near.owned, near.rows, at.gradient, self.record)
+            clear_rows(near.owned, near.rows, self.record)
             self._gradient_sweep(near.outer, 0, near.owned, self.motion, self.record)
         self._add_own_sums()
 
@@ -214,21 +215,22 @@ class ListBodies(StepBound):
 
 
 @kernel
-def clear_rows(first, last, column, rows):
-    """Set rows first .. last - 1 to zero from a column on."""
+def clear_rows(first, last, rows):
+    """Set rows first .. last - 1 to zero."""
     for a in range(first, last):
-        for c in range(column, rows.shape[1]):
+        for c in range(rows.shape[1]):
             rows[a, c] = 0.0
 
 
 @kernel
-def gather_motion(first, last, velocity, position, motion, at_position):
+def gather_motion(d, first, last, v, x, motion):
     """Copy v and x (d, n) of particles first .. last - 1 into their rows."""
-    for i in range(velocity.shape[0]):
-        v, x = velocity[i], position[i]
-        for a in range(first, last):
-            motion[a, i] = v[a]
-            motion[a, at_position + i] = x[a]
+    for a in range(np.uintp(first), np.uintp(last)):
+        if d == 3:
+            store_row(motion, a, 0, (v[0, a], v[1, a], v[2, a], 0.0))
+            store_row(motion, a, 4, (x[0, a], x[1, a], x[2, a], 0.0))
+        else:
+            store_row(motion, a, 0, (v[0, a], v[1, a], x[0, a], x[1, a]))
 
 
 @kernel
@@ -244,7 +246,7 @@ def mirror_motion(local, images, motion, at_position, at_reference):
 
 
 @kernel
-def mirror_records(local, images, record, at_gradient):
+def mirror_records(local, images, record, at_stress):
     """Stresses, gradients and impedances of images, in rows from `local` on."""
     d = images.signs.shape[1]
     stride = 4 if d == 3 else 2
@@ -254,8 +256,8 @@ def mirror_records(local, images, record, at_gradient):
             record[a, c] = record[b, c]
         for j in range(d):
             for i in range(d):
-                record[a, stride * j + i] *= s * images.signs[k, i] * images.signs[k, j]
-                record[a, at_gradient + stride * j + i] *= images.signs[k, i] * images.reflection[k, j]
+                record[a, at_stress + stride * j + i] *= s * images.signs[k, i] * images.signs[k, j]
+                record[a, stride * j + i] *= images.signs[k, i] * images.reflection[k, j]
 
 
 @kernel

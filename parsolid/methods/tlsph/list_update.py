@@ -1,6 +1,8 @@
 """Deformation and stress of particles whose neighbours stand in lists: from the rows of the gradient sweep to those of
 the divergence sweep (`pairs.list_sweeps`), tile by tile."""
 
+import numpy as np
+
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.point_update import (
     TILE,
@@ -45,7 +47,7 @@ def finish_gradients_in_space(i, n, half, operator, inverse, record, G):
     """
     for p in range(n):
         a = i + p
-        S1, S2, S3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
+        S1, S2, S3 = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
         L1, L2, L3 = load_row(operator, a, 0), load_row(operator, a, 4), load_row(operator, a, 8)
         one_over_volume = L1[3]
         G1 = scale(one_over_volume, combine_rows(L1, S1, S2, S3))
@@ -59,9 +61,9 @@ def finish_gradients_in_space(i, n, half, operator, inverse, record, G):
             K2 = combine_rows((inverse[1, a], inverse[4, a], inverse[7, a]), G1, G2, G3)
             K3 = combine_rows((inverse[2, a], inverse[5, a], inverse[8, a]), G1, G2, G3)
             G1, G2, G3 = K1, K2, K3
-        store_row(record, a, 12, scale(half, G1))
-        store_row(record, a, 16, scale(half, G2))
-        store_row(record, a, 20, scale(half, G3))
+        store_row(record, a, 0, scale(half, G1))
+        store_row(record, a, 4, scale(half, G2))
+        store_row(record, a, 8, scale(half, G3))
 
 
 @kernel
@@ -69,7 +71,7 @@ def finish_gradients_in_plane(i, n, half, operator, inverse, record, G):
     """`finish_gradients_in_space`, in plane strain; inverse (4, n) or None."""
     for p in range(n):
         a = i + p
-        S11, S21, S12, S22 = load_row(record, a, 4)
+        S11, S21, S12, S22 = load_row(record, a, 0)
         L11, L12, L21, L22 = load_row(operator, a, 0)
         one_over_volume = operator[a, 4]
         G11, G12 = one_over_volume * (S11 * L11 + S12 * L12), one_over_volume * (S11 * L21 + S12 * L22)
@@ -79,22 +81,26 @@ def finish_gradients_in_plane(i, n, half, operator, inverse, record, G):
             K11, K12, K21, K22 = inverse[0, a], inverse[1, a], inverse[2, a], inverse[3, a]
             G11, G12 = G11 * K11 + G12 * K21, G11 * K12 + G12 * K22
             G21, G22 = G21 * K11 + G22 * K21, G21 * K12 + G22 * K22
-        store_row(record, a, 4, (half * G11, half * G21, half * G12, half * G22))
+        store_row(record, a, 0, (half * G11, half * G21, half * G12, half * G22))
 
 
 @kernel
 def store_stresses_in_space(i, n, P, Z, operator, record):
     """P L and half impedances of n particles of a tile into their records, from row i on."""
+    # first P alone: products with numbers out of tiles would be made by gathers, which take twice as long
+    for p in range(n):
+        a = i + p
+        store_row(record, a, 12, (P[p], P[3 * TILE + p], P[6 * TILE + p], 0.0))
+        store_row(record, a, 16, (P[TILE + p], P[4 * TILE + p], P[7 * TILE + p], 0.0))
+        store_row(record, a, 20, (P[2 * TILE + p], P[5 * TILE + p], P[8 * TILE + p], 0.0))
     for p in range(n):
         a = i + p
         L1, L2, L3 = load_row(operator, a, 0), load_row(operator, a, 4), load_row(operator, a, 8)
-        P1 = (P[p], P[3 * TILE + p], P[6 * TILE + p], 0.0)
-        P2 = (P[TILE + p], P[4 * TILE + p], P[7 * TILE + p], 0.0)
-        P3 = (P[2 * TILE + p], P[5 * TILE + p], P[8 * TILE + p], 0.0)
-        store_row(record, a, 0, combine_rows((L1[0], L2[0], L3[0]), P1, P2, P3))
-        store_row(record, a, 4, combine_rows((L1[1], L2[1], L3[1]), P1, P2, P3))
-        store_row(record, a, 8, combine_rows((L1[2], L2[2], L3[2]), P1, P2, P3))
-        record[a, 3], record[a, 7] = Z[p], Z[TILE + p]
+        P1, P2, P3 = load_row(record, a, 12), load_row(record, a, 16), load_row(record, a, 20)
+        store_row(record, a, 12, combine_rows((L1[0], L2[0], L3[0]), P1, P2, P3))
+        store_row(record, a, 16, combine_rows((L1[1], L2[1], L3[1]), P1, P2, P3))
+        store_row(record, a, 20, combine_rows((L1[2], L2[2], L3[2]), P1, P2, P3))
+        record[a, 15], record[a, 19] = Z[p], Z[TILE + p]
 
 
 @kernel
@@ -105,7 +111,7 @@ def store_stresses_in_plane(i, n, P, Z, operator, record):
         L11, L12, L21, L22 = load_row(operator, a, 0)
         P11, P12, P21, P22 = P[p], P[TILE + p], P[3 * TILE + p], P[4 * TILE + p]
         first, second = (P11 * L11 + P12 * L21, P21 * L11 + P22 * L21), (P11 * L12 + P12 * L22, P21 * L12 + P22 * L22)
-        store_row(record, a, 0, (first[0], first[1], second[0], second[1]))
+        store_row(record, a, 4, (first[0], first[1], second[0], second[1]))
         record[a, 8], record[a, 9] = Z[p], Z[TILE + p]
 
 
@@ -223,21 +229,19 @@ def find_forces(d, pairs, first, last, motion, record, fast, slow, force, T, D):
     for i in range(first, last, TILE):
         end = min(i + TILE, last)
         add_forces(d, pairs, i, end, motion, record, fast, slow, force)
-        for c in range(d):
-            stress_force, dissipative = T[c], D[c]
-            for a in range(i, end):
-                stress_force[a] = force[a, c]
-                dissipative[a] = force[a, force.shape[1] // 2 + c]
-        for a in range(i, end):
+        for a in range(np.uintp(i), np.uintp(end)):
             if d == 3:
+                T[0, a], T[1, a], T[2, a] = force[a, 0], force[a, 1], force[a, 2]
+                D[0, a], D[1, a], D[2, a] = force[a, 4], force[a, 5], force[a, 6]
                 store_row(force, a, 0, _ZERO)
                 store_row(force, a, 4, _ZERO)
-                store_row(record, a, 12, _ZERO)
-                store_row(record, a, 16, _ZERO)
-                store_row(record, a, 20, _ZERO)
-            else:
-                store_row(force, a, 0, _ZERO)
+                store_row(record, a, 0, _ZERO)
                 store_row(record, a, 4, _ZERO)
+                store_row(record, a, 8, _ZERO)
+            else:
+                T[0, a], T[1, a], D[0, a], D[1, a] = force[a, 0], force[a, 1], force[a, 2], force[a, 3]
+                store_row(force, a, 0, _ZERO)
+                store_row(record, a, 0, _ZERO)
 
 
 @kernel

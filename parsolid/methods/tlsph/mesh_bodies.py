@@ -12,7 +12,6 @@ import numpy as np
 from decomposition.halo import Halo
 from decomposition.reduction import sums
 from parsolid.collective import anywhere
-from parsolid.kernels import aligned_zeros
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods.tlsph.list_bodies import ListBodies, clear_rows
@@ -27,9 +26,9 @@ from parsolid.pairs.mesh_weights import (
     surface_divergence,
     surface_gradient,
 )
-from parsolid.pairs.pair_list import MirrorImages, PairList
+from parsolid.pairs.pair_list import MirrorImages, PairList, weights_of_pairs
 from parsolid.particles.declaration import Columns, Field
-from parsolid.particles.mesh_elements import elements_around
+from parsolid.particles.meshes.around import elements_around
 
 # part of the largest stable step that method.safety = 1 means, and iterations that find the highest frequency
 _SAFETY, _ITERATIONS = 0.9, 30
@@ -98,7 +97,7 @@ def _starts(pairs: MeshPairs, kept: np.ndarray) -> np.ndarray:
 def _pair_list(pairs: MeshPairs, kept: np.ndarray, factor: float) -> PairList:
     """Some of the pairs with g_ab and k_ab = S |g_ab|, as impedances have no direction."""
     d = pairs.difference.shape[1]
-    weight = aligned_zeros((len(kept), 4))
+    weight = weights_of_pairs(len(kept))
     weight[:, :d] = pairs.difference[kept]
     weight[:, d] = factor * np.linalg.norm(pairs.difference[kept], axis=1)
     return PairList(_starts(pairs, kept).astype(np.uint32), pairs.neighbour[kept].astype(np.uint32), weight)
@@ -139,12 +138,11 @@ class MeshBodies(ListBodies):
     def find_pairs(self, scene: Any, particle_set: Any, numbers: list[int]) -> None:
         """Pairs, weights, volumes, areas, masses and the largest step; numbers: of the bodies. Collective."""
         comm, of = self.system.comm, self.particles.owned_rows
-        found = {
-            number: elements_around(
-                comm, scene.bodies[number], self.dimension, particle_set.identifier[particle_set.body == number]
-            )
-            for number in numbers
-        }
+        found = {}
+        for number in numbers:
+            body, own = scene.bodies[number], particle_set.identifier[particle_set.body == number]
+            mesh = particle_set.meshes.get((body.shape.model.file, body.shape.model.scale))
+            found[number] = elements_around(comm, body, self.dimension, own, mesh)
         self.of_second_order = {number: one.of_second_order for number, one in found.items() if one.of_second_order}
         elements = [block for one in found.values() for block in one.blocks]
         extent = max(one.extent for one in found.values())
@@ -207,14 +205,13 @@ class MeshBodies(ListBodies):
         return shear + total_modulus(law.branch_moduli), lame
 
     def _add_own_sums(self) -> None:
-        sums = self.record[:, self.columns.gradient :]
         for pairs in self.near.surface:
-            surface_gradient(*pairs, self.motion, sums)
+            surface_gradient(*pairs, self.motion, self.record)
 
     def _add_own_forces(self) -> None:
         place = self.motion, self.columns.position, self.dimension
         for pairs, surface, stiffness in zip(self.near.lists, self.near.surface, self.stiffness):
-            surface_divergence(*surface, self.record, self.force)
+            surface_divergence(*surface, self.record, self.columns.stress, self.force)
             stretch_forces(pairs.start, pairs.neighbour, stiffness, *place, self.force)
 
     # --- the largest step at rest -----------------------------------------------------------------------------------
@@ -258,14 +255,15 @@ class MeshBodies(ListBodies):
         stride = 4 if d == 3 else 2
         self.record[:] = 0.0
         for j in range(d):
-            self.record[: self.last, stride * j : stride * j + d] = P[:, :, j]
+            column = at.stress + stride * j
+            self.record[: self.last, column : column + d] = P[:, :, j]
         self._record.start()
         self._record.finish()
         for pairs in near.lists:
             add_forces(d, pairs, 0, near.owned, None, self.record, None, None, self.force)
         self._add_own_forces()
         forces = self.force[: self.last, :d].copy()
-        clear_rows(0, near.rows, 0, self.force)
+        clear_rows(0, near.rows, self.force)
         self.record[:] = 0.0
         self.motion[:, at.reference : at.reference + d] = X
         return forces

@@ -15,9 +15,9 @@ from parsolid.methods.tlsph.body_weights import (
     weights_of_bodies,
 )
 from parsolid.pairs.smoothing import kernel_names
-from parsolid.scene.base_model import NotNegative, Positive, reject
+from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
-from parsolid.scene.method_settings import KINETIC_OFFSET, Detail, MethodSettings
+from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
 
 # keys of which a scene that states one has chosen its weights
 _OF_WEIGHTS = {"kernel", "smoothing", "weights", "pair_correction"}
@@ -34,6 +34,11 @@ class TotalLagrangianSPH(MethodSettings):
     bodies_meet: ClassVar = False
     graded_bodies: ClassVar = True
     initial_stress_refused: ClassVar = None
+    extra_fields: ClassVar = {
+        **dict.fromkeys(("stress_force", "dissipative_force", "area", "updated_reference_position"), "vector"),
+        "updated_reference_volume": "scalar",
+        "cofactor": "tensor",
+    }
     evolved: ClassVar = (*("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),)
     evolved_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
     materials: ClassVar = ("hyperelastic",)

@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.boundary.walls import Walls
 from parsolid.methods.leapfrog import Leapfrog
 from parsolid.methods.protocol import EnergyLedger
+from parsolid.of_ranks import OfRanks, own_share
 
 
 class HalfKick(NamedTuple):
@@ -45,14 +46,13 @@ class ViscousHeat:
         self.continues = self.continues and step == 0.0
         return change
 
-    def state(self, comm: Any) -> dict[str, Any]:
-        """The step, and what is to come on each rank; collective."""
-        return {"step": self.step, "to_come": comm.allgather(self.to_come)}
+    def state(self) -> dict[str, Any]:
+        """The step, and what is to come on each rank."""
+        return {"step": self.step, "to_come": OfRanks(self.to_come)}
 
     def set_state(self, comm: Any, state: dict[str, Any]) -> None:
         """Take back what `state` gave; on another number of ranks the first has all."""
-        self.step, heat = state["step"], state["to_come"]
-        self.to_come = heat[comm.rank] if len(heat) == comm.size else sum(heat) * (comm.rank == 0)
+        self.step, self.to_come = state["step"], float(own_share(comm, state["to_come"])[0])
 
 
 class Kicks:

@@ -7,9 +7,9 @@ from pydantic import Field
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.ulsph.state import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names
-from parsolid.scene.base_model import NotNegative, Positive, SceneModel, TableOr
+from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, TableOr
 from parsolid.scene.failure import QUANTITIES, faults_of_names
-from parsolid.scene.method_settings import Detail, MethodSettings, named_observables
+from parsolid.scene.method_settings import MethodSettings, named_observables
 
 # what only one kind of material has
 _KIND_OF = {
@@ -66,7 +66,12 @@ class UpdatedLagrangianSPH(MethodSettings):
         "heat_flux": "heat comes through planes of a temperature",
     }
     declared_fields: ClassVar = (*STATE, *MICRO_STATE, DAMAGE)
-    extra_fields: ClassVar = {"internal_energy": "scalar"}
+    extra_fields: ClassVar = {
+        **dict.fromkeys(("internal_energy", "sound_speed", "smoothing_length", "viscous_heat"), "scalar"),
+        **dict.fromkeys(("criterion_damage", "micro_curl"), "scalar"),
+        **dict.fromkeys(("force", "viscous_force", "heat_flux", "area"), "vector"),
+        **dict.fromkeys(("micro_gradient", "energetic_flux", "dissipative_flux"), "vector"),
+    }
     pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
     ledger_terms: ClassVar = {
         "viscous_dissipation": 1,

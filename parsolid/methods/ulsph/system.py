@@ -232,7 +232,7 @@ class UpdatedLagrangianSPH(Reports):
     def state(self) -> dict[str, Any]:
         """The list, whether it is used up, and viscous heat to come; collective."""
         news = anywhere(self.comm, self.news)
-        heat = self.kicks.viscous_heat.state(self.comm)
+        heat = self.kicks.viscous_heat.state()
         kept = {"pairs": self.pairs.state(), "time": self.time, "news": news, "viscous_heat": heat}
         return kept | {"last_step": self.kicks.leapfrog.last_step}
 

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, ge
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import ByKind, Plane, Point, SceneModel, reject
+from parsolid.scene.base_model import ByKind, Detail, Plane, Point, SceneModel, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Formula, FormulaVector
-from parsolid.scene.method_settings import Detail
 from parsolid.scene.regions import Named, OnPlane
-from parsolid.scene.validation_errors import NOTHING, fault
+from parsolid.scene.validation_errors import NOTHING
 
 if TYPE_CHECKING:
     from parsolid.scene.regions import Region
@@ -88,6 +87,13 @@ class Reporting(SceneModel):
         return self
 
 
+def reaction_columns(name: str, dimension: int) -> list[str]:
+    """Columns of the history of a condition that tells its force."""
+    axes = "xyz"[:dimension]
+    moment = [f"{name}.moment_{axis}" for axis in axes] if dimension == 3 else [f"{name}.moment"]
+    return [*(f"{name}.force_{axis}" for axis in axes), *moment]
+
+
 def reaction_details(conditions: list[Any], probes: list[str], carriers: list[list[Any]]) -> list[Detail]:
     """Faults of conditions that tell their force: (place, expected, found).
 
@@ -115,18 +121,18 @@ def reaction_details(conditions: list[Any], probes: list[str], carriers: list[li
 _WHOLE_MOTION = ("fixed", "rotation")
 
 
-def clashes(conditions: dict[int, Any]) -> list[str]:
+def clashes(conditions: list[Any]) -> list[Detail]:
     """Faults of conditions that contradict one another: on one plane, or on one region of which one says all of its
     motion and another says it again."""
     return _contradictions(conditions) + _said_twice(conditions)
 
 
-def _contradictions(conditions: dict[int, Any]) -> list[str]:
+def _contradictions(conditions: list[Any]) -> list[Detail]:
     """Faults of conditions on one plane that hold a component of its motion in different ways."""
-    faults = []
-    for i, one in conditions.items():
-        for j, other in conditions.items():
-            if j >= i or one.region_name or other.region_name or getattr(other, "plane", None) is None:
+    faults: list[Detail] = []
+    for i, one in enumerate(conditions):
+        for j, other in enumerate(conditions[:i]):
+            if one.region_name or other.region_name or getattr(other, "plane", None) is None:
                 continue
             apart = None not in (one.body, other.body) and one.body != other.body
             if apart or one.plane != other.plane:
@@ -134,7 +140,7 @@ def _contradictions(conditions: dict[int, Any]) -> list[str]:
             held, before = _held(one), _held(other)
             if any(held[axis] != before[axis] for axis in held.keys() & before.keys()):
                 expected = f"a plane whose motion boundaries.{j} ({other.kind!r}) does not hold otherwise"
-                faults.append(fault(("boundaries", i, "plane"), expected, str(one.plane)))
+                faults.append((("boundaries", i, "plane"), expected, str(one.plane)))
                 break
     return faults
 
@@ -159,10 +165,10 @@ def _is_zero(source: Any) -> bool:
         return False
 
 
-def _said_twice(conditions: dict[int, Any]) -> list[str]:
+def _said_twice(conditions: list[Any]) -> list[Detail]:
     """Faults of conditions on one region of which one says all of its motion and another says it again."""
-    faults, seen = [], dict[tuple[str, str | None], list[int]]()
-    for i, one in conditions.items():
+    faults, seen = list[Detail](), dict[tuple[str, str | None], list[int]]()
+    for i, one in enumerate(conditions):
         if one.region_name is None or one.kind not in (*_WHOLE_MOTION, "velocity", "displacement"):
             continue
         there = seen.setdefault((one.region_name, one.body), [])
@@ -173,7 +179,7 @@ def _said_twice(conditions: dict[int, Any]) -> list[str]:
             left = any(formula.free.any() for which in pair for formula in which.formulas.values())
             if "rotation" in kinds or ("fixed" in kinds and not left):
                 expected = f"a region whose motion boundaries.{j} ({conditions[j].kind!r}) does not say"
-                faults.append(fault(("boundaries", i, "where"), expected, one.region_name))
+                faults.append((("boundaries", i, "where"), expected, one.region_name))
                 break
         there.append(i)
     return faults

@@ -30,7 +30,6 @@ class PyParsolid(PythonPackage):
     depends_on("py-h5py@3.10: +mpi", type=("build", "run"))
     depends_on("py-meshio@5.3:", type=("build", "run"))
     depends_on("py-pydantic@2.6:", type=("build", "run"))
-    depends_on("py-numexpr@2.10:", type=("build", "run"))
     depends_on("py-tomli-w@1:", type=("build", "run"))
     depends_on("py-rich@13:", type=("build", "run"))
     depends_on("py-scipy@1.11:", type=("build", "run"))

@@ -1,0 +1,196 @@
+"""One rule that makes a coarser scene of a scene: same lengths, shapes and masses, fewer particles.
+
+Every lattice gets whole numbers of intervals again, so that the ratio of the spacings is not the one requested; the
+ratio is chosen near it such that all directions of all bodies have nearly the same one, probes stand as they did
+between particles, and planes that lie on a background grid lie on the coarser one. What follows from the spacing by a
+ratio (horizon, skin, smoothing length, radius of contact) needs no rule; the cell of a grid grows with it.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.particles.fillings import filling_of
+from parsolid.scene import Scene, parse_scene
+
+# fewest intervals of a lattice along a direction of which it had more
+LEAST = {"tlsph": 2, "ulsph": 3, "mpm": 2, "peridynamics": 3}
+# how far from the ratio requested, as a factor; of a position on a grid, and of a ratio
+_REACH, _ROUND_OFF, _LEAST_RATIO = 1.4, 1e-6, 1.15
+# weights of unlike ratios and of displaced probes beside the distance from the ratio requested
+_UNLIKE, _DISPLACED = 3.0, 0.5
+
+
+class NotCoarsened(Exception):
+    """No coarser scene can be made; the message says why, in the words of the scene."""
+
+
+class BodyLattice(NamedTuple):
+    """Intervals along the directions of a body's lattice; ends: how many particles more than intervals there are."""
+
+    number: int
+    intervals: tuple[int, ...]
+    ends: tuple[int, ...]
+    least: int
+    lower: np.ndarray
+    upper: np.ndarray
+    box: bool
+
+    def coarser(self, ratio: float) -> tuple[int, ...]:
+        """Intervals at a ratio of the spacing; a direction of one interval keeps it."""
+        return tuple(max(1, round(count / ratio)) for count in self.intervals)
+
+    def offsets(self, place: np.ndarray, intervals: tuple[int, ...]) -> np.ndarray:
+        """Where a place stands between particles (d,), in intervals from the nearest one."""
+        where = (place - self.lower) / (self.upper - self.lower) * intervals - 0.5 * (1 - np.array(self.ends))
+        last = np.array(intervals) - 1 + np.array(self.ends)
+        result: np.ndarray = where - np.clip(np.round(where), 0, last)
+        return result
+
+
+@dataclass(frozen=True)
+class CoarseScene:
+    """A coarser scene as tables; ratio: of the spacings, the actual one; lattices: numbers of particles, in words."""
+
+    tables: dict[str, Any]
+    ratio: float
+    lattices: str
+
+
+def lattices_of(scene: Scene) -> list[BodyLattice]:
+    """The lattices of all bodies. Raises NotCoarsened for a mesh, which has its own particles."""
+    kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}
+    result = []
+    for number, body in enumerate(scene.bodies):
+        if body.shape.kind == "mesh":
+            raise NotCoarsened(f"bodies.{number} is a mesh, which has its own particles: a coarser one is not known")
+        filling: Any = filling_of(body, scene.dimension)
+        on_ends = [line.nodes and not line.closed and line.count > 1 for line in filling.lines]
+        intervals = tuple(line.count - bool(ends) for line, ends in zip(filling.lines, on_ends))
+        least, box = LEAST.get(kinds[number], 2), body.shape.kind in ("box", "perforated_box")
+        ends = tuple(map(int, on_ends))
+        result.append(BodyLattice(number, intervals, ends, least, filling.lower, filling.upper, box))
+    return result
+
+
+def lattice_words(scene: Scene) -> str:
+    """Numbers of particles of all lattices: "9 x 49 x 9", or "71 x 21, 71 x 21"."""
+    try:
+        lattices = lattices_of(scene)
+    except NotCoarsened:
+        return "mesh"
+    return ", ".join(" x ".join(str(n + end) for n, end in zip(one.intervals, one.ends)) for one in lattices)
+
+
+def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> CoarseScene:
+    """The coarser scene at a ratio of spacings near the one requested for, and above another.
+
+    Raises NotCoarsened with the reason: a mesh, a body of too few particles, a grid that does not fit.
+    """
+    lattices = lattices_of(scene)
+    ratio = _best_ratio(scene, lattices, requested, more_than)
+    new = [lattice.coarser(ratio) for lattice in lattices]
+    for lattice, intervals in zip(lattices, new):
+        for axis, (before, now) in enumerate(zip(lattice.intervals, intervals)):
+            if now < lattice.least and before > now:
+                found = f"{now + lattice.ends[axis]} particles along its direction {axis + 1}"
+                least = f"this method needs {lattice.least + lattice.ends[axis]}"
+                raise NotCoarsened(
+                    f"bodies.{lattice.number} would have {found} at 1/{ratio:.3g} of its resolution, {least}"
+                )
+    tables = without_requests(scene)
+    for lattice, intervals in zip(lattices, new):
+        body = tables["bodies"][lattice.number]
+        body.pop("spacing", None)
+        body["particles"] = [n + end for n, end in zip(intervals, lattice.ends)]
+    actual = ratio
+    for method in methods_of(tables):
+        if "cell" in method:
+            method["cell"] *= ratio
+    if not any("cell" in method for method in methods_of(tables)):
+        actual = _mean_ratio(lattices, new)
+    words = ", ".join(" x ".join(map(str, tables["bodies"][one.number]["particles"])) for one in lattices)
+    return CoarseScene(tables, actual, words)
+
+
+def without_requests(scene: Scene) -> dict[str, Any]:
+    """A scene's tables without what is requested of its errors, which its numbers do not depend on."""
+    return {key: part for key, part in scene.resolved().items() if key not in ("errors", "run")}
+
+
+def methods_of(tables: dict[str, Any]) -> list[dict[str, Any]]:
+    """The tables of a scene's methods."""
+    return tables["methods"] if "methods" in tables else [tables["method"]]
+
+
+def parsed(tables: dict[str, Any], trust_code: bool) -> Scene:
+    """The scene of tables that another scene has been resolved to. Raises SceneError."""
+    return parse_scene(tables, trust_code=trust_code)
+
+
+def _mean_ratio(lattices: list[BodyLattice], new: list[tuple[int, ...]]) -> float:
+    """The geometric mean over directions, long ones counting more."""
+    pairs = [(a, b) for one, now in zip(lattices, new) for a, b in zip(one.intervals, now)]
+    weights = sum(a - 1 for a, _ in pairs)
+    if not weights:
+        raise NotCoarsened("every body has a single particle along each direction")
+    return math.exp(sum((a - 1) * math.log(a / b) for a, b in pairs) / weights)
+
+
+def _best_ratio(scene: Scene, lattices: list[BodyLattice], requested: float, more_than: float) -> float:
+    places = [np.array(probe.at, float) for probe in scene.probes if probe.at is not None]
+    best = (math.inf, 0.0)
+    misfits = False
+    for ratio in sorted(set(_candidates(lattices, requested, more_than))):
+        if not _grids_fit(scene, ratio):
+            misfits = True
+            continue
+        unlike = displaced = 0.0
+        for one in lattices:
+            now = one.coarser(ratio)
+            moved = [abs(math.log(a / (b * ratio))) for a, b in zip(one.intervals, now) if a > 1]
+            unlike = max([unlike, *moved])
+            for place in places if one.box else ():
+                if (place >= one.lower - 1e-9).all() and (place <= one.upper + 1e-9).all():
+                    offsets = one.offsets(place, one.intervals) - one.offsets(place, now)
+                    displaced = max(displaced, float(np.abs(offsets).max()))
+        cost = abs(math.log(ratio / requested)) + _UNLIKE * unlike + _DISPLACED * displaced
+        best = min(best, (cost, ratio))
+    if best[1] == 0.0:
+        if misfits:
+            raise NotCoarsened(
+                f"no grid about {requested:.3g} times coarser has the planes of the boundaries on its nodes"
+            )
+        raise NotCoarsened(
+            f"no lattice is about {requested:.3g} times coarser: too few particles along every direction"
+        )
+    return best[1]
+
+
+def _candidates(lattices: list[BodyLattice], requested: float, more_than: float) -> Iterator[float]:
+    """Ratios at which some direction has a whole number of intervals."""
+    least, most = max(requested / _REACH, more_than), requested * _REACH
+    for count in {count for one in lattices for count in one.intervals if count > 1}:
+        for fewer in range(max(1, math.ceil(count / most)), math.floor(count / least) + 1):
+            yield count / fewer
+
+
+def _grids_fit(scene: Scene, ratio: float) -> bool:
+    """Whether planes of boundaries that lie on nodes of a background grid lie on those of the coarser one."""
+    for system in scene.systems:
+        cell: float | None = getattr(system.settings, "cell", None)
+        if cell is None:
+            continue
+        origin = getattr(system.settings, "origin", None) or [0.0] * scene.dimension
+        for plane in [one.plane for one in scene.boundaries if getattr(one, "plane", None) is not None]:
+            nodes = (plane.offset - origin[plane.axis]) / cell
+            if _whole(nodes) and not _whole(nodes / ratio):
+                return False
+    return True
+
+
+def _whole(number: float) -> bool:
+    return abs(number - round(number)) < _ROUND_OFF * max(1.0, abs(number))

@@ -1,0 +1,120 @@
+"""The orders that methods are known to have, by kind of quantity: declared here and nowhere else.
+
+They are those of smooth motions, as docs/accuracy.md, docs/mpm.md and docs/peridynamics.md observe them. What makes a
+motion less smooth, or a value that of the particle nearest to a point, lowers them to REDUCED.
+"""
+
+from typing import Any
+
+from parsolid.simulation.ledger import terms_of
+
+ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION, MICRO = (
+    "energy",
+    "motion",
+    "stress",
+    "heat",
+    "integral",
+    "extreme",
+    "reaction",
+    "micro",
+)
+# of the spacing; peridynamics with a horizon that shrinks with it has surfaces of first order
+_SPACING: dict[str, dict[str, float]] = {
+    "tlsph": {ENERGY: 2.0, MOTION: 2.0, STRESS: 2.0, INTEGRAL: 2.0},
+    "ulsph": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0, MICRO: 2.0},
+    "mpm": {ENERGY: 2.0, MOTION: 2.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0},
+    "peridynamics": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, INTEGRAL: 1.0},
+}
+# at corners of supports, after contact, where matter yields or fails, of extremes over all particles
+REDUCED = 1.0
+# of the step, by what integrates in time
+_STEP = {"ssp-rk3": 3.0, "leapfrog": 2.0, "explicit": 2.0, "quasi-static": 1.0, "mpm": 1.0, "ulsph": 2.0}
+
+_OF_STRESS, _OF_HEAT = ("stress", "pressure", "mises"), ("temperature", "heat")
+# plastic flow that has inertia: its waves are of the second order and more (docs/microinertia.md)
+_OF_MICRO = ("plastic_strain", "micro_rate", "micro_stress")
+_OF_INTEGRALS = ("momentum", "work", "mass", "energy", "entropy", "dissipation")
+
+
+def kind_of(column: str, scene: Any) -> str:
+    """What a column of the history is."""
+    if column in {
+        "kinetic",
+        "stored",
+        "dissipation_internal",
+        "dissipation_numerical",
+        "work_external",
+        *terms_of(scene),
+    }:
+        return ENERGY
+    name, _, quantity = column.partition(".")
+    probe = next((one for one in scene.probes if one.name == name), None)
+    if probe is None:
+        return REACTION
+    if probe.quantity is not None and any(word in quantity for word in ("maximum", "minimum", "bounds")):
+        return EXTREME
+    if probe.quantity is not None and any(word in quantity for word in _OF_INTEGRALS):
+        return INTEGRAL
+    if any(word in quantity for word in _OF_MICRO):
+        return MICRO
+    if any(word in quantity for word in _OF_STRESS):
+        return STRESS
+    return HEAT if any(word in quantity for word in _OF_HEAT) else MOTION
+
+
+def reduced_regularity(scene: Any) -> str | None:
+    """Why a scene's motion is not smooth, in words; None where nothing says so."""
+    if scene.contact or scene.tools:
+        return "contact"
+    if any(getattr(system.settings, "damage", None) for system in scene.systems):
+        return "fracture"
+    kinds = {body.material.kind for body in scene.bodies}
+    if "elastic-plastic" in kinds and moving(scene):
+        return "plastic flow"
+    return "plastic flow" if "micro-inertia" in kinds and struck(scene) else None
+
+
+def without_order(scene: Any) -> str | None:
+    """Why errors of a scene's motion do not fall with the spacing, in words; None where they do (docs/mpm.md)."""
+    grids = [system.settings for system in scene.systems if system.settings.kind == "mpm"]
+    if any(one.basis == "linear" and one.motion for one in grids):
+        return "the linear basis does not converge where particles cross cells (quadratic-spline does)"
+    return None
+
+
+def struck(scene: Any) -> bool:
+    """Whether matter with micro-inertia is hit, or its flow is held at a plane, where it has a kink; without either its
+    micro waves are smooth.
+    """
+    kinds = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro_clamped"}
+    return bool(kinds) or len(scene.bodies) > 1
+
+
+def moving(scene: Any) -> bool:
+    """Whether anything moves, so that matter may yield."""
+    return any(getattr(system.settings, "motion", True) for system in scene.systems)
+
+
+def order_in_spacing(column: str, scene: Any) -> float:
+    """The order that is known of a column; 0 where it has none."""
+    kind = kind_of(column, scene)
+    if kind != HEAT and without_order(scene):
+        return 0.0
+    if kind in (EXTREME, REACTION) or reduced_regularity(scene):
+        return REDUCED
+    return min(_SPACING.get(system.settings.kind, {}).get(kind, REDUCED) for system in scene.systems)
+
+
+def order_in_time(scene: Any) -> float:
+    """The least order of the steps of a scene's methods."""
+    orders = []
+    for system in scene.systems:
+        settings = system.settings
+        solution = getattr(getattr(settings, "solution", None), "kind", None)
+        orders.append(_STEP.get(solution or getattr(settings, "integrator", settings.kind), 1.0))
+    return min(orders)
+
+
+def step_is_stated(scene: Any) -> bool:
+    """Whether steps are as long at any spacing, so that finer particles do not make them shorter."""
+    return any(getattr(getattr(s.settings, "solution", None), "kind", None) == "quasi-static" for s in scene.systems)

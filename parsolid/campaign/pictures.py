@@ -1,0 +1,237 @@
+"""Log-log pictures: errors of a study against run time and spacing, errors of options against run time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parsolid.campaign.cases import Case
+from parsolid.campaign.halving import Configuration, Plan
+from parsolid.campaign.reference import Reference
+from parsolid.campaign.report import shown_errors
+from parsolid.campaign.study import lines_of
+from parsolid.campaign.study_file import Study
+from parsolid.observables.words import words_of
+
+MARKERS = "osD^vPX*<>hd"
+# of a panel
+MOST_CURVES = 8
+_DOTS_PER_INCH = 90
+# what cannot be told apart on a picture
+_ALIKE = 0.02
+_OTHER_CODE = "another code, hollow"
+_ENVELOPE: dict[str, Any] = {"color": "0.8", "linewidth": 7.0, "solid_joinstyle": "round", "zorder": 0}
+
+
+@dataclass
+class Abscissa:
+    """What errors are drawn against: a value of a run, and the same of another code; slopes to be shown with it."""
+
+    name: str
+    label: str
+    value: Callable[[Case], float | None]
+    other_code: Callable[[Case], float | None]
+    slopes: tuple[int, ...] = ()
+
+
+TIME = Abscissa(
+    "time",
+    "processor seconds of the time loop, all ranks",
+    lambda case: case.measures["processor_seconds"],
+    lambda case: case.other_code.get("processor_seconds"),
+)
+SPACING = Abscissa("spacing", "particle spacing [m]", lambda case: case.spacing, lambda case: case.spacing, (1, 2))
+
+
+def draw_study(study: Study, cases: list[Case], folder: Path) -> list[Path]:
+    """Write error_against_time.png and error_against_spacing.png where there are runs for them; the files written.
+
+    Raises ModuleNotFoundError without matplotlib.
+    """
+    spaced_lines = lines_of(cases)
+    every_line = dict(spaced_lines)
+    for case in cases:
+        if case.spacing is None and case.measures.get("errors"):
+            every_line.setdefault((case.series.name,), []).append(case)
+    requested = ((TIME, every_line), (SPACING, spaced_lines))
+    return [_picture(study, lines, abscissa, folder) for abscissa, lines in requested if lines]
+
+
+def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: Abscissa, folder: Path) -> Path:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    names = shown_errors(study, [case for line in lines.values() for case in line])
+    panels = _panels(list(lines.values()), names)
+    looks = _looks([curve for _, curves in panels for curve in curves])
+    columns = min(2, max(1, len(panels)))
+    rows = max(1, -(-len(panels) // columns))
+    figure, axes = pyplot.subplots(
+        rows, columns, figsize=(5.2 * columns, 3.9 * rows), squeeze=False, layout="constrained"
+    )
+    for place in axes.flat[len(panels) :]:
+        place.set_visible(False)
+    for (title, curves), place in zip(panels, axes.flat):
+        place.set(xscale="log", yscale="log", xlabel=abscissa.label, ylabel="error", title=title)
+        place.grid(True, which="both", alpha=0.25)
+        points = [point for curve in curves for point in _draw(place, curve, looks[curve.text], abscissa)]
+        if points and abscissa.slopes:
+            _triangles(place, np.array(points), abscissa.slopes)
+        label_decades(place.xaxis)
+    handles = {text: handle for place in axes.flat for handle, text in zip(*place.get_legend_handles_labels())}
+    handles |= {_OTHER_CODE: handles.pop(_OTHER_CODE)} if _OTHER_CODE in handles else {}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    figure.suptitle(study.title, fontsize=11)
+    path = folder / f"error_against_{abscissa.name}.png"
+    figure.savefig(path, dpi=_DOTS_PER_INCH)
+    pyplot.close(figure)
+    return path
+
+
+@dataclass
+class Curve:
+    """One error of one line of runs, and what it is called in the legend."""
+
+    line: list[Case]
+    error: str
+    text: str
+
+
+def _panels(lines: list[list[Case]], names: list[str]) -> list[tuple[str, list[Curve]]]:
+    """Title and curves of each panel, none with more curves than can be told apart."""
+    result = []
+    for panel in dict.fromkeys(map(_panel, names)):
+        errors = [name for name in names if _panel(name) == panel]
+        curves = [curve for line in lines for curve in _curves(line, errors)]
+        parts = max(1, -(-len(curves) // MOST_CURVES))
+        ends = [len(curves) * part // parts for part in range(parts + 1)]
+        pieces = [curves[first:last] for first, last in pairwise(ends)]
+        titles = [panel if len(pieces) == 1 else f"{panel} ({i} of {len(pieces)})" for i in range(1, len(pieces) + 1)]
+        result += list(zip(titles, pieces))
+    return result
+
+
+def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
+    """The errors that a line has, with what tells each from the others; of errors that agree the first."""
+    had: list[str] = []
+    for error in errors:
+        values = _values(line, error)
+        if any(values) and not any(_agree(values, _values(line, other)) for other in had):
+            had.append(error)
+    result = []
+    for error in had:
+        words = [*line[0].line]
+        if "@" in error:
+            words.append(f"t = {error.split('@')[1]} s")
+        elif "." in error and len(had) > 1:
+            words.append(words_of(error))
+        result.append(Curve(line, error, ", ".join(words)))
+    return result
+
+
+def _values(line: list[Case], error: str) -> list[float]:
+    return [case.measures["errors"].get(error) or 0.0 for case in line]
+
+
+def _agree(one: list[float], two: list[float]) -> bool:
+    return all(abs(a - b) <= _ALIKE * max(a, b) for a, b in zip(one, two))
+
+
+def _looks(curves: list[Curve]) -> dict[str, dict[str, Any]]:
+    """A colour and a marker for each name of the legend, the same in all panels."""
+    names = dict.fromkeys(curve.text for curve in curves)
+    return {
+        name: {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
+        for number, name in enumerate(names)
+    }
+
+
+def _panel(name: str) -> str:
+    """The panel that an error belongs to: its name without the time, one for all probes."""
+    field = name.split("@", maxsplit=1)[0]
+    return "probe" if "." in field else words_of(field)
+
+
+def _draw(place: Any, curve: Curve, look: dict[str, Any], abscissa: Abscissa) -> list[tuple[float, float]]:
+    """Draw a curve, and what another code reached hollow and dotted; the points of the curve."""
+    points = _positive((abscissa.value(case), case.measures["errors"].get(curve.error)) for case in curve.line)
+    if not points:
+        return []
+    place.plot(*zip(*points), "-", markersize=4.5, linewidth=1.3, label=curve.text, **look)
+    other_code = _positive((abscissa.other_code(case), case.other_code.get(curve.error)) for case in curve.line)
+    if other_code:
+        hollow = {"markersize": 7, "markerfacecolor": "none", "linewidth": 0.8}
+        place.plot(*zip(*other_code), ":", **hollow, **look)
+        place.plot([], [], ":", color="0.3", marker="o", label=_OTHER_CODE, **hollow)
+    return points
+
+
+def _positive(points: Any) -> list[tuple[float, float]]:
+    return [(x, y) for x, y in points if x and y]
+
+
+def _triangles(place: Any, points: Any, slopes: tuple[int, ...]) -> None:
+    """Triangles of the slopes below the points (n, 2)."""
+    x1 = np.sqrt(points[:, 0].min() * points[:, 0].max())
+    x0, y0 = x1 / 1.6, points[:, 1].min() * 0.6
+    for slope in slopes:
+        y1 = y0 * (x1 / x0) ** slope
+        place.plot([x0, x1, x1, x0], [y0, y0, y1, y0], color="0.4", linewidth=0.8)
+        place.annotate(str(slope), (x1, y1), xytext=(3, -4), textcoords="offset points", fontsize=8, color="0.3")
+
+
+def label_decades(axis: Any) -> None:
+    """Label an axis at 1, 2 and 5 of each decade, as such numbers are said: more labels would stand on each other."""
+    from matplotlib import ticker
+
+    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(ticker.NullFormatter())
+    axis.set_tick_params(labelsize=8.5)
+
+
+def draw_pareto(plan: Plan, reference: Reference, edge: list[Any], path: Path) -> Path:
+    """Error against processor seconds, a line an option, and the lower envelope; the file written.
+
+    Raises ModuleNotFoundError without matplotlib.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(9.0, 5.2), layout="constrained")
+    axes.plot([point[0] for point in edge], [point[1] for point in edge], label="lower envelope", **_ENVELOPE)
+    shown, others = _labelled(plan, edge)
+    for number, one in enumerate(shown):
+        color, width = (f"C{number - 1}", 1.3) if number else ("black", 2.2)
+        style: dict[str, Any] = {"marker": MARKERS[number], "markersize": 4.5, "linewidth": width, "color": color}
+        axes.plot(one.times, one.errors, label=one.option.name, zorder=2 if number else 3, **style)
+    for number, one in enumerate(others):
+        # an option of one run is a point
+        style = {"marker": "." if len(one.errors) == 1 else "", "color": "0.7", "linewidth": 0.8, "zorder": 1}
+        axes.plot(one.times, one.errors, label=None if number else "other choices", **style)
+    if reference.uncertain:
+        axes.axhspan(0.0, reference.uncertain, color="0.93", zorder=-1, label="not known better than this")
+    axes.set(xscale="log", yscale="log", xlabel="processor seconds of the time loop, all ranks")
+    axes.set(ylabel=f"error of {words_of(plan.column)}", title=plan.scene.title)
+    label_decades(axes.xaxis)
+    axes.grid(True, which="both", alpha=0.25)
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    figure.savefig(path, dpi=90)
+    pyplot.close(figure)
+    return path
+
+
+def _labelled(plan: Plan, edge: list[Any]) -> tuple[list[Configuration], list[Configuration]]:
+    """The scene as it stands, those of the envelope, and then the best of what went farthest; and all others."""
+    own = plan.configurations[0]
+    best = {id(point[2]) for point in edge}
+    made = [one for one in plan.configurations if one.errors and one is not own]
+    made.sort(key=lambda one: (id(one) not in best, -len(one.errors), one.errors[-1]))
+    return [own, *made[: MOST_CURVES - 1]], made[MOST_CURVES - 1 :]

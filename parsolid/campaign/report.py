@@ -1,0 +1,200 @@
+"""Tables of a study: on the terminal, as Markdown, as CSV."""
+
+import csv
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from parsolid.campaign.cases import Case
+from parsolid.campaign.measures import MEASURES
+from parsolid.campaign.study_file import Study
+from parsolid.simulation.job import FAILED
+from parsolid.simulation.loop import FINISHED
+
+
+@dataclass
+class ResultTable:
+    """A table of texts; `left` is the number of its first columns that are words; notes stand below it."""
+
+    title: str
+    headings: list[str]
+    left: int
+    rows: list[list[str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def rich(self) -> Table:
+        """The table for a terminal."""
+        table = Table(title=self.title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+        for i, heading in enumerate(self.headings):
+            table.add_column(heading, justify="left" if i < self.left else "right", overflow="fold")
+        for row in self.rows:
+            table.add_row(*row, style="red" if row[-1].startswith("no") else None)
+        return table
+
+    def markdown(self) -> str:
+        """The table in Markdown, with its title and notes."""
+        rule = ["---" if i < self.left else "---:" for i in range(len(self.headings))]
+        lines = [" | ".join(cells).replace("\n", " ") for cells in (self.headings, rule, *self.rows)]
+        notes = "".join(f"\n- {note}" for note in self.notes)
+        return (
+            f"### {self.title}\n\n"
+            + "\n".join(f"| {line} |" for line in lines)
+            + "\n"
+            + (notes + "\n" if notes else "")
+        )
+
+
+def tables_of(study: Study, cases: list[Case]) -> list[ResultTable]:
+    """The tables of a study: one a series for errors, one of all runs for stability; runs without a record are left
+    out.
+    """
+    done = [case for case in cases if case.record is not None]
+    if study.report == "stability":
+        return [_stability_table(study, done)] if done else []
+    series = {case.series.name: [other for other in done if other.series is case.series] for case in done}
+    return [_accuracy_table(study, name, group) for name, group in series.items()]
+
+
+def shown_errors(study: Study, cases: list[Case]) -> list[str]:
+    """Names of the errors of some runs, in the study's order."""
+    present = dict.fromkeys(name for case in cases for name in case.measures.get("errors") or {})
+    return [name for name in (present if study.errors is None else study.errors) if name in present]
+
+
+def _accuracy_table(study: Study, name: str, cases: list[Case]) -> ResultTable:
+    errors, axes = shown_errors(study, cases), [axis.title for axis in cases[0].series.axes]
+    compared = any(case.other_code for case in cases)
+    probed = any("momentum_drift" in case.measures for case in cases)
+    iterated = any(case.measures.get("iterations_per_step") for case in cases)
+    measured = [
+        "particles",
+        "steps",
+        *(["iterations_per_step"] if iterated else []),
+        "core_seconds",
+        "processor_seconds",
+    ]
+    measured += ["numerical_dissipation", "energy_drift"] + (["momentum_drift"] if probed else [])
+    headings = [*axes, "ranks", *(MEASURES[key][0] for key in measured), *map(spaced, errors)]
+    table = ResultTable(
+        name, headings + (["errors / other code", "CPU s / other code"] if compared else []) + ["as stated"], len(axes)
+    )
+    for case in cases:
+        row = [*case.labels.values(), str(case.ranks), *(told(case, key) for key in measured)]
+        row += [_error_with_order(case, error) for error in errors]
+        if compared:
+            ratios = case.other_code_ratios
+            time = ratios.pop("processor_seconds", None)
+            row += [f"{ratio:.2f}" if ratio is not None else "" for ratio in (max(ratios.values(), default=None), time)]
+        table.rows.append([*row, _verdict(case)])
+    table.notes = _notes(cases)
+    return table
+
+
+def _stability_table(study: Study, cases: list[Case]) -> ResultTable:
+    measured = [
+        "particles",
+        "steps",
+        "mean_step",
+        "smallest_step",
+        "energy_drift",
+        "numerical_dissipation",
+        "largest_fall",
+    ]
+    headings = ["run", "must show", "ended", *(MEASURES[key][0] for key in measured), "ranks", "as stated"]
+    table = ResultTable(study.title, headings, 3)
+    for case in cases:
+        shows = case.shows or {"failure": "a clean failure", "refused": "refused"}.get(case.expect or "", "stable")
+        bounds = [f"{MEASURES.get(name, (name,))[0]} <= {bound:g}" for name, bound in _asked(case).items()]
+        row = [case.title, ", ".join([shows, *bounds]), _ending(case), *(told(case, key) for key in measured)]
+        table.rows.append([*row, str(case.ranks), _verdict(case)])
+    table.notes = _notes(cases)
+    return table
+
+
+def _asked(case: Case) -> dict[str, float]:
+    """The bounds of a run that is to finish."""
+    return case.bounds if case.expect in (None, "stable") else {}
+
+
+def _ending(case: Case) -> str:
+    """How a run ended, in a few words."""
+    record: Any = case.record
+    if record.status == FINISHED:
+        return "finished"
+    ending = record.ending
+    clean = "cleanly, " if record.status == FAILED and ending["clean"] and not ending["not_finite"] else ""
+    text = (record.message or "").split("\n")[0].removeprefix("the run failed: ")
+    return f"{record.status} {clean}exit {ending['exit_status']}: {text}"
+
+
+def told(case: Case, name: str) -> str:
+    """A measure as a table tells it."""
+    value = case.measures.get(name)
+    if value is None:
+        return ""
+    if name == "peak_memory_bytes_per_rank":
+        value /= 2**20
+    return format(value, MEASURES[name][1])
+
+
+def spaced(name: str) -> str:
+    """An error's name with spaces where a heading may break."""
+    return name.replace("_", " ").replace("@", " at t = ")
+
+
+def _error_with_order(case: Case, name: str) -> str:
+    value = (case.measures.get("errors") or {}).get(name)
+    if value is None:
+        return ""
+    return f"{value:.2e}" + (f" ({case.orders[name]:.1f})" if name in case.orders else "")
+
+
+def _verdict(case: Case) -> str:
+    return "no" if case.faults else "yes"
+
+
+def _notes(cases: list[Case]) -> list[str]:
+    return [f"{case.title}: {fault}" for case in cases for fault in case.faults]
+
+
+def write_study_csv(path: Path, study: Study, cases: list[Case]) -> None:
+    """One row a run: labels, how it ended, measures, errors, observed orders."""
+    done = [case for case in cases if case.record is not None]
+    axes = list(dict.fromkeys(axis for case in done for axis in case.labels))
+    errors = list(dict.fromkeys(name for case in done for name in case.measures.get("errors") or {}))
+    headings = ["series", *axes, "spacing", "ranks", "status", "exit_status", "as_stated", *MEASURES]
+    headings += [*(f"error {name}" for name in errors), *(f"order {name}" for name in errors)]
+    headings += ["load_average", "folder", "faults"]
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(headings)
+        for case in done:
+            record: Any = case.record
+            found = case.measures.get("errors") or {}
+            row = [case.series.name, *(case.labels.get(axis) for axis in axes), case.spacing, case.ranks]
+            row += [
+                record.status,
+                record.ending["exit_status"],
+                _verdict(case),
+                *(case.measures.get(name) for name in MEASURES),
+            ]
+            row += [found.get(name) for name in errors] + [case.orders.get(name) for name in errors]
+            writer.writerow([*row, min(record.ending["load"], default=None), case.folder_name, "; ".join(case.faults)])
+
+
+def print_tables(console: Console, tables: list[ResultTable]) -> None:
+    """Print tables with their notes."""
+    for table in tables:
+        console.print(table.rich())
+        for note in table.notes:
+            console.print(f"  {note}", markup=False, highlight=False, style="red")
+
+
+def write_study_markdown(path: Path, study: Study, command: str, remark: str, tables: list[ResultTable]) -> None:
+    """The tables in Markdown under the command that makes them."""
+    head = f"## {study.title}\n\nMade by `{command}`. {remark}\n\n"
+    path.write_text(head + "\n".join(table.markdown() for table in tables), encoding="utf-8")

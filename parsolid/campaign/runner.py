@@ -1,0 +1,332 @@
+"""Runs scenes and keeps what they left: on the ranks of this process, or as programs of their own.
+
+A run's folder is named by a digest of all that its numbers depend on, so that what has been run is not run again, and
+what was stopped or killed goes on.
+"""
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import time as clock
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.campaign.variants import Variant
+from parsolid.collective import SolverError, anywhere
+from parsolid.launcher import start
+from parsolid.output.checkpoint import DEFAULT_NAME, find_checkpoint, partial_name, previous_name
+from parsolid.output.errors import OutputError, together
+from parsolid.output.history import read_history
+from parsolid.output.run_folder import RunFolder
+from parsolid.output.summary import write_summary
+from parsolid.scene import Scene, SceneError
+from parsolid.simulation.job import FAILED, Job
+from parsolid.simulation.loop import FINISHED, Limits, RunFailed, Simulation
+from parsolid.simulation.restart import Restart
+from parsolid.simulation.signals import REQUEST
+
+History = dict[str, np.ndarray]
+REFUSED, TIMED_OUT, CRASHED = "refused", "timed out", "crashed"
+# a run that ended so ends so again
+LASTING = (FINISHED, FAILED, REFUSED)
+_ENDINGS = {0: FINISHED, 3: FAILED, 2: REFUSED}
+# seconds between the signal that a run catches and the one that it cannot; where the study itself is ended, whose
+# unfinished runs are begun anew, no more than a launcher takes to end its ranks
+_GRACE, _HASTE = 10.0, 1.0
+
+
+class Interrupted(Exception):
+    """A signal or the wall time ended a run, which left a checkpoint."""
+
+
+@dataclass
+class Record:
+    """What a run left.
+
+    history: column -> values, on rank 0 alone; loop_seconds, processor_seconds: of each repetition, the first step,
+    which loads kernels, counted as one of the others; message: last words of a run that did not finish; ending: of a
+    program of its own, as record.json has it.
+    """
+
+    status: str
+    history: History = field(default_factory=dict)
+    summary: dict[str, Any] = field(default_factory=dict)
+    loop_seconds: list[float] = field(default_factory=list)
+    processor_seconds: list[float] = field(default_factory=list)
+    message: str | None = None
+    ending: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def seconds(self) -> float:
+        """Processor seconds of all ranks, of the fastest repetition."""
+        return min(self.processor_seconds, default=0.0)
+
+    @property
+    def core_seconds(self) -> float:
+        """Wall seconds times ranks, of the fastest repetition."""
+        return float(self.summary.get("ranks", 1)) * min(self.loop_seconds, default=0.0)
+
+    @property
+    def particles(self) -> int:
+        """Particles of all bodies; 0 where the run has not begun."""
+        return int(self.summary.get("particles", 0))
+
+    @property
+    def steps(self) -> int:
+        """Steps taken."""
+        return int(self.summary.get("steps", 0))
+
+
+@dataclass(frozen=True)
+class VariantRun:
+    """A variant that has been run."""
+
+    variant: Variant
+    record: Record
+
+    @property
+    def ratio(self) -> float:
+        """Spacing over that of the run beside which it was made."""
+        return self.variant.ratio
+
+    @property
+    def history(self) -> History:
+        """On rank 0; empty where the run did not finish."""
+        return self.record.history if self.record.status == FINISHED else {}
+
+    @property
+    def seconds(self) -> float:
+        """Processor seconds."""
+        return self.record.seconds
+
+    def with_history(self, history: History) -> "VariantRun":
+        """The same with another history."""
+        return VariantRun(self.variant, replace(self.record, history=history))
+
+    def over(self, ratio: float) -> "VariantRun":
+        """The same with its ratio over that of a level."""
+        return VariantRun(replace(self.variant, ratio=self.variant.ratio / ratio), self.record)
+
+
+def read_files(folder: Path) -> tuple[dict[str, Any], History]:
+    """Summary and history of a folder, empty where there are none; for one rank. Raises OutputError."""
+    summary, history = folder / "summary.json", folder / "history.csv"
+    return (
+        json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else {},
+        {name: np.array(values) for name, values in read_history(history).items()} if history.exists() else {},
+    )
+
+
+def seconds_of(summary: dict[str, Any]) -> tuple[float, float]:
+    """Wall and processor seconds of a run's steps, the first one counted as one of the others."""
+    steps, result = summary["steps"], []
+    for loop, first in (
+        (summary["loop_seconds"], summary["first_step_seconds"]),
+        (summary["loop_processor_seconds"], summary["first_step_processor_seconds"]),
+    ):
+        result.append(float((loop - first) * steps / (steps - 1) if steps > 1 and first < loop else loop))
+    return result[0], result[1]
+
+
+class InProcess:
+    """Runs variants on the ranks of this process, each into a folder below one; all methods are collective."""
+
+    def __init__(self, comm: MPI.Intracomm, folder: Path, limits: Limits | None = None) -> None:
+        self.comm, self.folder, self.limits = comm, folder, limits or Limits()
+
+    def run(self, variant: Variant, folder: Path | None = None, begins: Callable[[], None] | None = None) -> VariantRun:
+        """Run a variant unless it is there; begins: called where it is not. Raises Interrupted on all ranks.
+
+        A scene that cannot be set up is a record with that message: the run itself tells whether it can be.
+        """
+        place = folder or self.folder / self.comm.bcast(variant.digest if self.comm.rank == 0 else None)
+        record = self.read(place)
+        if record is None:
+            if begins is not None:
+                begins()
+            try:
+                run_into(self.comm, variant.scene, place, self.limits)
+            except (SceneError, SolverError) as error:
+                return VariantRun(variant, Record(REFUSED, message=f"it cannot be set up: {error}"))
+            record = self.read(place)
+            assert record is not None
+        return VariantRun(variant, record)
+
+    def read(self, folder: Path) -> Record | None:
+        """What a run that has ended left in a folder, None where it has not; the history on rank 0."""
+        record = None
+        with together(self.comm, f"cannot read {folder}"):
+            if self.comm.rank == 0 and (folder / "summary.json").exists():
+                summary, history = read_files(folder)
+                if summary["status"] in (FINISHED, FAILED):
+                    wall, processor = seconds_of(summary)
+                    record = Record(summary["status"], history, summary, [wall], [processor], summary.get("fault"))
+        known: Record | None = self.comm.bcast(None if record is None else replace(record, history={}))
+        return record if self.comm.rank == 0 else known
+
+
+def has_checkpoint(comm: MPI.Intracomm, folder: Path) -> bool:
+    """Whether a run in a folder has left a checkpoint. Collective."""
+    name = folder / DEFAULT_NAME
+    return anywhere(comm, any(path.exists() for path in (name, partial_name(name), previous_name(name))))
+
+
+def run_into(comm: MPI.Intracomm, scene: Scene, folder: Path, limits: Limits) -> None:
+    """Run a scene, or go on with it, into a folder. Raises Interrupted. Collective."""
+    restart = None
+    if has_checkpoint(comm, folder):
+        try:
+            restart = Restart(comm, find_checkpoint(folder, comm))
+        except OutputError:
+            # it begins anew
+            restart = None
+    simulation = Simulation(comm, scene, restart)
+    with (
+        closing(RunFolder(comm, folder, restart.path if restart else None)) as files,
+        closing(Job(simulation, files, restart)) as job,
+    ):
+        try:
+            status = job.run(limits, REQUEST)["status"]
+        except RunFailed:
+            status = FAILED
+    if status not in (FINISHED, FAILED):
+        raise Interrupted
+
+
+@dataclass
+class Launched:
+    """Runs `parsolid` with arguments as a program of its own on ranks, and ends it after a time [s]."""
+
+    title: str
+    arguments: Callable[[Path], list[str]]
+    ranks: int
+    timeout: float
+
+    def run(self, folder: Path, repetitions: int = 1) -> Record:
+        """Run as many times as a folder lacks repetitions, and return the record, which is kept in record.json.
+
+        A KeyboardInterrupt ends the run and leaves no record that it is done.
+        """
+        record = read_record(folder)
+        if record is None or record.status not in LASTING:
+            record = self._once(folder)
+            write_record(folder, record)
+        # made beside, so that an interruption takes nothing of what is there
+        beside = folder / "again"
+        while record.status == FINISHED and len(record.loop_seconds) < repetitions:
+            again = self._once(beside)
+            shutil.rmtree(beside)
+            if again.status != FINISHED:
+                break
+            record.loop_seconds += again.loop_seconds
+            record.processor_seconds += again.processor_seconds
+            record.ending["load"] += again.ending["load"]
+            write_record(folder, record)
+        return record
+
+    def _once(self, folder: Path) -> Record:
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        load, began, arguments = os.getloadavg()[0], clock.perf_counter(), self.arguments(folder)
+        with open(folder / "log.txt", "wb") as log:
+            pipes = {"stdin": subprocess.DEVNULL, "stdout": log, "stderr": subprocess.STDOUT}
+            job = start([*arguments, "--quiet", "--set", "output.pictures=false"], self.ranks, **pipes)
+            exit_status = wait(job, self.timeout)
+        status = TIMED_OUT if exit_status is None else _ENDINGS.get(exit_status, CRASHED)
+        text = (folder / "log.txt").read_text(encoding="utf-8", errors="replace")
+        summary, history = read_files(folder)
+        record = Record(status, history, summary)
+        if status != FINISHED:
+            record.message = f"ended after {self.timeout:g} s" if status == TIMED_OUT else _last_words(text)
+        if summary:
+            wall, processor = seconds_of(summary)
+            record.loop_seconds, record.processor_seconds = [wall], [processor]
+        record.ending = {
+            "title": self.title,
+            "exit_status": exit_status,
+            "clean": _is_clean(text, status),
+            "not_finite": not_finite(folder),
+            "seconds": clock.perf_counter() - began,
+            "load": [load],
+            "ranks": self.ranks,
+            "command": shlex.join(["parsolid", *arguments]),
+        }
+        return record
+
+
+def read_record(folder: Path) -> Record | None:
+    """The record of a program of its own; None where there is none that can be read."""
+    try:
+        kept = json.loads((folder / "record.json").read_text(encoding="utf-8"))
+        summary, history = read_files(folder)
+    except (OSError, ValueError, OutputError):
+        return None
+    known = {name: kept.pop(name) for name in ("status", "message", "loop_seconds", "processor_seconds")}
+    return Record(history=history, summary=summary, **known, ending=kept)
+
+
+def write_record(folder: Path, record: Record) -> None:
+    """Keep a record in record.json."""
+    kept = {name: getattr(record, name) for name in ("status", "message", "loop_seconds", "processor_seconds")}
+    write_summary(folder / "record.json", kept | record.ending)
+
+
+def wait(job: subprocess.Popen[Any], timeout: float) -> int | None:
+    """Exit status, None when the time limit [s] ended the run; no process of it outlives the call."""
+    try:
+        return job.wait(timeout)
+    except subprocess.TimeoutExpired:
+        return None
+    except KeyboardInterrupt:
+        _end(job, _HASTE)
+        raise
+    finally:
+        _end(job, _GRACE)
+
+
+def _end(job: subprocess.Popen[Any], grace: float) -> None:
+    """End what is left of a run: with the signal that it catches, and after a grace [s] for certain."""
+    for number, patience in ((signal.SIGTERM, grace), (signal.SIGKILL, None)):
+        if job.poll() is None:
+            try:
+                os.killpg(job.pid, number)
+                job.wait(patience)
+            except (ProcessLookupError, subprocess.TimeoutExpired):
+                continue
+
+
+def _last_words(log: str) -> str:
+    """What a run said of its end."""
+    found = log.find("parsolid: ")
+    text = log[found + len("parsolid: ") :] if found >= 0 else "\n".join(log.splitlines()[-3:])
+    return text.strip()[:2000]
+
+
+def _is_clean(log: str, status: str) -> bool:
+    """Whether a run ended as it should: silently, or with one message and no traceback."""
+    messages = {FINISHED: 0, FAILED: 1, REFUSED: 1}.get(status)
+    return log.count("parsolid: ") == messages and "Traceback" not in log
+
+
+def not_finite(folder: Path) -> list[str]:
+    """Names of the files of a run, and where in them, that hold a number that is not finite."""
+    faults = [f"history.csv: {name}" for name, values in read_files(folder)[1].items() if not np.isfinite(values).all()]
+    for path in sorted(folder.glob("*.vtkhdf")) + sorted(folder.glob("checkpoint*.h5")):
+        with h5py.File(path) as file:
+
+            def look(name: Any, item: Any, path: Path = path) -> None:
+                if isinstance(item, h5py.Dataset) and item.dtype.kind == "f" and not np.isfinite(item[()]).all():
+                    faults.append(f"{path.name}: {name}")
+
+            file.visititems(look)
+    return faults

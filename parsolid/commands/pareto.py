@@ -1,0 +1,63 @@
+"""`parsolid pareto`: which options of method and settings have the least error of a column for their time."""
+
+from pathlib import Path
+from typing import Any
+
+from parsolid.commands.arguments import OVERRIDE, TRUST_CODE, seconds
+
+# core-seconds, unless given
+BUDGET = 600.0
+
+
+def add_arguments(parser: Any) -> None:
+    """Add the command's arguments to an argparse parser."""
+    parser.add_argument("scene", metavar="SCENE", help="TOML file")
+    parser.add_argument(
+        "--column", required=True, metavar="COLUMN", help="of the history, such as kinetic or tip.twist"
+    )
+    budget = f"at most so many core-seconds in all (default {BUDGET:g})"
+    parser.add_argument("--core-seconds", type=seconds, default=BUDGET, metavar="S", help=budget)
+    axis = "vary this alone, such as kernel, weights, integrator, method; may be repeated"
+    parser.add_argument("--axis", action="append", default=[], metavar="NAME", help=axis)
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder of the runs (default: results/SCENE-pareto)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY.PATH=VALUE", help=OVERRIDE)
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
+    parser.add_argument("--dry-run", action="store_true", help="tell what would be run, and stop")
+
+
+def run_pareto(comm: Any, options: Any) -> int:
+    """Compare the options that a scene has; the exit status: 0, or 75 when a signal ended it. Collective.
+
+    Raises SceneError for a bad scene, a column or an axis that is not there; SolverError for a scene of which no
+    coarser one can be made.
+    """
+    from parsolid.campaign.halving import plan_of
+    from parsolid.campaign.options import axes_of
+    from parsolid.campaign.pareto import run_pareto
+    from parsolid.campaign.runner import InProcess
+    from parsolid.campaign.targets import columns_of
+    from parsolid.commands.run import bcast_scene
+    from parsolid.output.log import aloud
+    from parsolid.scene import SceneError, load_scene
+    from parsolid.scene.validation_errors import suggestion
+    from parsolid.simulation.signals import REQUEST
+
+    REQUEST.install()
+    scene = bcast_scene(comm, lambda: load_scene(options.scene, options.set, options.trust_code))
+    for word, names, known in (
+        ("--column", [options.column], columns_of(scene)),
+        ("--axis", options.axis, axes_of(scene)),
+    ):
+        for name in names:
+            if name not in known:
+                found = f"expected one of {', '.join(known)}{suggestion(name, known)}, found {name!r}"
+                raise SceneError([f"{word}: {found}"])
+
+    def say(text: str) -> None:
+        if comm.rank == 0:
+            aloud(text)
+
+    plan = plan_of(scene, options.column, options.axis, options.trust_code)
+    folder = Path(options.output or Path("results") / f"{Path(options.scene).stem}-pareto")
+    command = f"parsolid pareto {options.scene} --column {options.column}"
+    return run_pareto(InProcess(comm, folder), plan, options.core_seconds, command, say, options.dry_run)

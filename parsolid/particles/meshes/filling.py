@@ -1,0 +1,176 @@
+"""Particles from meshes: on nodes or at the centroids of elements, made by all ranks of their slices of the mesh."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from decomposition.slices import Slices, count_before
+from parsolid.collective import maximum, minimum
+from parsolid.particles.meshes.elements import shares_of_nodes
+from parsolid.particles.meshes.inside import Solid
+from parsolid.particles.meshes.membership import Membership
+from parsolid.particles.meshes.slices import in_words, read_slices
+from parsolid.particles.meshes.topology import (
+    boundary_facets,
+    mean_edge,
+    refuse_repeated,
+    sound_volumes,
+)
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.bodies import FilledShape
+from parsolid.scene.lattice import jitter_offsets
+from parsolid.scene.named_regions import Region
+from parsolid.scene.validation_errors import SceneError
+
+
+class MeshFilling:
+    """Particles of a mesh, of which a rank has those that come of its slice until `scatter` brings others.
+
+    nodes: volumes of the elements and areas of the boundary facets lumped to their nodes, the spacing is the mean
+    length of the edges that meet; nodes of no element are dropped. cells: one particle an element, the spacing is its
+    volume to the power 1/d. mesh: the slices; groups: names of those that the mesh has. See `lattice.Filling`.
+    """
+
+    def __init__(self, comm: Any, body: FilledShape, dimension: int) -> None:
+        """Raises SceneError, on all ranks, for meshes that cannot be read, elements that are partly inside out or there
+        twice, and meshes that lie in themselves. Collective."""
+        self.comm, self.body = comm, body
+        self.mesh = mesh = read_slices(comm, body.shape.model.file, body.shape.model.scale, dimension)
+        self.groups = sorted(mesh.groups.names)
+        volumes = sound_volumes(mesh)
+        refuse_repeated(mesh)
+        points = mesh.local.points
+        self.lower = minimum(comm, points.min(axis=0, initial=np.inf))
+        self.upper = maximum(comm, points.max(axis=0, initial=-np.inf))
+        self.facets, self.edge = boundary_facets(mesh), mean_edge(mesh)
+        self.solid = Solid(mesh, self.facets)
+        count, place = self.solid.within_itself()
+        if place is not None:
+            found = f"{count} facets of its surface in other elements, the first at ({in_words(place)})"
+            raise SceneError([f"expected a mesh that does not lie in itself, found {found}"])
+        # of the particles first .. first + n - 1 in the order of the mesh
+        self.rows: dict[str, np.ndarray] = {}
+        if body.placed_on == "nodes":
+            self._on_nodes(volumes)
+        else:
+            self._in_elements(volumes)
+        self.first, self.count = count_before(comm, len(self.rows["volume"]))
+        self.coarsest = float(maximum(comm, self.rows["spacing"].max(initial=0.0)))
+
+    def _on_nodes(self, volumes: list[np.ndarray]) -> None:
+        mesh, local = self.mesh, self.mesh.local
+        total, d = len(local.nodes), local.points.shape[1]
+        volume, area, movable = np.zeros(total), np.zeros((total, d)), np.ones(total, bool)
+        for (_, cells), shares in zip(local.blocks, volumes):
+            volume += np.bincount(cells.ravel(), shares.ravel(), minlength=total)
+        for _, nodes, vectors in self.facets:
+            shares = shares_of_nodes(local.points[nodes], vectors)
+            for i in range(d):
+                area[:, i] += np.bincount(nodes.ravel(), shares[:, :, i].ravel(), minlength=total)
+            movable[nodes] = False
+        come = mesh.nodes.deliver(local.nodes, volume=volume, area=area, movable=movable)
+        self._used = _marked(len(mesh.nodes), come["number"])
+        self.rows = {
+            "position": mesh.points,
+            "volume": _summed(len(mesh.nodes), come["number"], come["volume"]),
+            "area": _summed(len(mesh.nodes), come["number"], come["area"]),
+            "spacing": self.edge,
+            "movable": ~_marked(len(mesh.nodes), come["number"][~come["movable"]]),
+        }
+        self.rows = {name: values[self._used] for name, values in self.rows.items()}
+
+    def _in_elements(self, volumes: list[np.ndarray]) -> None:
+        points = self.mesh.local.points
+        volume = np.concatenate([shares.sum(axis=1) for shares in volumes])
+        area = np.zeros((len(volume), points.shape[1]))
+        for owner, _, vectors in self.facets:
+            np.add.at(area, owner, vectors)
+        self.rows = {
+            "position": np.concatenate([points[cells].mean(axis=1) for _, cells in self.mesh.local.blocks]),
+            "volume": volume,
+            "area": area,
+            "spacing": volume ** (1.0 / points.shape[1]),
+            "movable": np.ones(len(volume), bool),
+        }
+        self.rows = self._kept_elements(self.rows)
+
+    def _kept_elements(self, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Rows of own elements, brought to the ranks that keep their numbers and in the order of these."""
+        come = self.mesh.elements.deliver(self.mesh.local.numbers, **rows)
+        order = np.argsort(come.pop("number"))
+        return {name: values[order] for name, values in come.items()}
+
+    def mark(self, known: Mapping[str, Region]) -> None:
+        """Find the particles in regions, and what of their surface is; before `scatter`. Collective."""
+        member = Membership(self.mesh, known, self.edge)
+        inside = member.facets(self.facets)
+        if self.body.placed_on == "nodes":
+            vectors, held = self._surfaces_on_nodes(inside, len(known))[self._used], member.nodes()[self._used]
+        else:
+            vectors = np.zeros((len(self.mesh.local.numbers), len(known), self.mesh.points.shape[1]))
+            for (owner, _, area), chosen in zip(self.facets, inside):
+                np.add.at(vectors, owner, chosen[:, :, None] * area[:, None, :])
+            vectors = self._kept_elements({"vectors": vectors})["vectors"]
+            held = member.elements(self.rows["position"], self.rows["spacing"])
+        self.rows["regions"] = (held | vectors.any(axis=2)).astype(np.int64)
+        self.rows["surfaces"] = vectors.reshape(len(vectors), -1)
+
+    def _surfaces_on_nodes(self, inside: list[np.ndarray], regions: int) -> np.ndarray:
+        """Area vectors (own nodes, regions, d) [m^2] of the facets in regions, lumped to their nodes."""
+        local = self.mesh.local
+        met = np.unique(np.concatenate([nodes.ravel() for _, nodes, _ in self.facets]))
+        vectors = np.zeros((len(met), regions, local.points.shape[1]))
+        for (_, nodes, area), chosen in zip(self.facets, inside):
+            places = np.searchsorted(met, nodes)
+            for to, share in zip(places.T, shares_of_nodes(local.points[nodes], area).swapaxes(0, 1)):
+                np.add.at(vectors, to, chosen[:, :, None] * share[:, None, :])
+        come = self.mesh.nodes.deliver(local.nodes[met], vectors=vectors)
+        return _summed(len(self.mesh.nodes), come["number"], come["vectors"])
+
+    def scatter(self, start: int, particles: Slices) -> None:
+        """Bring this rank those of the mesh's particles, which begin at number `start`, that are in its slice of all.
+        Collective."""
+        numbers = start + self.first + np.arange(len(self.rows["volume"]))
+        self.rows = particles.deliver(numbers, **self.rows)
+        self.first = max(particles.first - start, 0)
+        del self.rows["number"]
+
+    def inside(self, places: np.ndarray, margin: float) -> int:
+        """How many places (n, d) of all ranks, summed over the ranks, are in the mesh, farther from its surface than a
+        margin [m]. Collective."""
+        near = ((places > self.lower) & (places < self.upper)).all(axis=1)
+        return self.solid.inside(np.ascontiguousarray(places[near]), margin)
+
+    def piece(self, first: int, last: int) -> ParticleSet:
+        """The particles with ids first .. last-1, which this rank has, their body index left at 0."""
+        identifier = np.arange(first, last)
+        rows = {name: values[first - self.first : last - self.first].copy() for name, values in self.rows.items()}
+        dimension = rows["position"].shape[1]
+        spacing = np.repeat(rows["spacing"][:, None], dimension, axis=1)
+        offset = jitter_offsets(self.body, identifier, rows["movable"], dimension)
+        return ParticleSet(
+            identifier=identifier,
+            position=rows["position"] + offset * spacing,
+            volume=rows["volume"],
+            spacing=spacing,
+            axes=None,
+            body=np.zeros(len(identifier), np.int32),
+            area=rows["area"],
+            regions=rows.get("regions"),
+            surfaces=rows.get("surfaces"),
+        )
+
+
+def _summed(count: int, number: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Sums (count, ...) of values (n, ...) by number (n,), in their order."""
+    result = np.zeros((count, *values.shape[1:]))
+    np.add.at(result, number, values)
+    return result
+
+
+def _marked(count: int, number: np.ndarray) -> np.ndarray:
+    """Which of `count` numbers (n,) has."""
+    result = np.zeros(count, bool)
+    result[number] = True
+    return result

@@ -1,0 +1,280 @@
+"""Terms of formulas: numpy functions of values and, where they are asked for, of rates of change in time.
+
+A term is a tree of constants, names, functions and tables. Its rate is found with dual numbers: every value has its
+rate, None where it does not change in time; at a jump or a corner it is the one after it.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.scene.csv_table import read_csv_table
+
+
+class Dual(NamedTuple):
+    """A value and its rate in time, both numbers or (n,) arrays."""
+
+    value: Any
+    rate: Any = None
+
+
+class Function(NamedTuple):
+    """A function that takes so many values.
+
+    rate: that of its value, from the value and the duals that are given, None where it has none; flat: whether it is 0
+    wherever there is one.
+    """
+
+    value: Callable[..., Any]
+    takes: int = 1
+    rate: Callable[..., Any] | None = None
+    flat: bool = False
+
+
+def _sum(a: Any, b: Any) -> Any:
+    return b if a is None else a if b is None else a + b
+
+
+def _product(rate: Any, factor: Any) -> Any:
+    return None if rate is None else rate * factor
+
+
+# whole exponents of which powers are products
+_WHOLE = frozenset(map(float, range(1, 17)))
+
+
+def _power(base: Any, exponent: Any) -> Any:
+    if not isinstance(exponent, float) or exponent not in _WHOLE:
+        return base**exponent
+    result, square, left = None, base, int(exponent)
+    while left:
+        if left & 1:
+            result = square if result is None else result * square
+        left >>= 1
+        square = square * square if left else square
+    return result
+
+
+def _rate_of_power(value: Any, a: Dual, b: Dual) -> Any:
+    if b.rate is None:
+        return a.rate * b.value * _power(a.value, b.value - 1.0)
+    return value * _sum(b.rate * np.log(a.value), _product(a.rate, b.value / a.value))
+
+
+def _where(condition: Any, a: Any, b: Any) -> Any:
+    if np.asarray(condition).dtype != bool:
+        raise TypeError("where() wants a comparison first")
+    return np.where(condition, a, b)
+
+
+def _chosen(first: Any, a: Dual, b: Dual) -> Any:
+    return np.where(first, *[0.0 if one.rate is None else one.rate for one in (a, b)])
+
+
+def _rate_of_clip(value: Any, x: Dual, lowest: Dual, highest: Dual) -> Any:
+    larger = Dual(np.maximum(x.value, lowest.value), _chosen(x.value >= lowest.value, x, lowest))
+    return _chosen(larger.value < highest.value, larger, highest)
+
+
+def _share(x: Any, begin: Any, end: Any) -> Any:
+    return (x - begin) / (end - begin)
+
+
+def _rate_of_ramp(value: Any, x: Dual, begin: Dual, end: Dual) -> Any:
+    share, width = _share(x.value, begin.value, end.value), end.value - begin.value
+    rate = _sum(_product(x.rate, 1.0 / width), _product(begin.rate, (share - 1.0) / width))
+    rate = _sum(rate, _product(end.rate, -share / width))
+    return _rate_of_clip(value, Dual(share, rate), Dual(0.0), Dual(1.0))
+
+
+# d f(x) / dx
+_SLOPES: dict[str, Callable[[Any], Any]] = {
+    "sin": np.cos,
+    "cos": lambda x: -np.sin(x),
+    "tan": lambda x: 1.0 + np.tan(x) ** 2,
+    "exp": np.exp,
+    "expm1": np.exp,
+    "log": lambda x: 1.0 / x,
+    "log1p": lambda x: 1.0 / (1.0 + x),
+    "log2": lambda x: 1.0 / (x * np.log(2.0)),
+    "log10": lambda x: 1.0 / (x * np.log(10.0)),
+    "sqrt": lambda x: 0.5 / np.sqrt(x),
+    "sinh": np.cosh,
+    "cosh": np.sinh,
+    "tanh": lambda x: 1.0 - np.tanh(x) ** 2,
+    "arctan": lambda x: 1.0 / (1.0 + x * x),
+    "arcsin": lambda x: 1.0 / np.sqrt(1.0 - x * x),
+    "arccos": lambda x: -1.0 / np.sqrt(1.0 - x * x),
+    "arcsinh": lambda x: 1.0 / np.sqrt(x * x + 1.0),
+    "arccosh": lambda x: 1.0 / np.sqrt(x * x - 1.0),
+    "arctanh": lambda x: 1.0 / (1.0 - x * x),
+    "abs": np.sign,
+}
+
+
+def _with_slope(name: str) -> Function:
+    slope = _SLOPES[name]
+    return Function(getattr(np, name), 1, lambda value, x: slope(x.value) * x.rate)
+
+
+_FLAT = ("sign", "floor", "ceil", "round", "trunc", "isnan", "isinf", "isfinite", "signbit")
+# what a formula may call
+FUNCTIONS: dict[str, Function] = {
+    **{name: _with_slope(name) for name in _SLOPES},
+    **{name: Function(getattr(np, name), 1, flat=True) for name in _FLAT},
+    **{name: Function(getattr(np, name), 2) for name in ("arctan2", "fmod", "hypot", "copysign", "nextafter")},
+    "where": Function(_where, 3, lambda value, condition, a, b: _chosen(condition.value, a, b)),
+    # where both are equal, what the first does after a corner of time that rises
+    "minimum": Function(np.minimum, 2, lambda value, a, b: _chosen(a.value < b.value, a, b)),
+    "maximum": Function(np.maximum, 2, lambda value, a, b: _chosen(a.value >= b.value, a, b)),
+    "clip": Function(lambda x, lowest, highest: np.minimum(np.maximum(x, lowest), highest), 3, _rate_of_clip),
+    "ramp": Function(lambda *given: np.minimum(np.maximum(_share(*given), 0.0), 1.0), 3, _rate_of_ramp),
+    "step": Function(lambda x, begin: np.where(x < begin, 0.0, 1.0), 2, flat=True),
+}
+# operators, by their names in a parsed text; those whose values are true or false first
+_LOGICAL = {
+    "Lt": np.less,
+    "LtE": np.less_equal,
+    "Gt": np.greater,
+    "GtE": np.greater_equal,
+    "Eq": np.equal,
+    "NotEq": np.not_equal,
+    "BitAnd": np.bitwise_and,
+    "BitOr": np.bitwise_or,
+    "Invert": np.invert,
+}
+LOGICAL = frozenset(_LOGICAL)
+_OPERATORS: dict[str, Function] = {
+    **{name: Function(function, flat=True) for name, function in _LOGICAL.items()},
+    "Add": Function(lambda a, b: a + b, 2, lambda value, a, b: _sum(a.rate, b.rate)),
+    "Sub": Function(lambda a, b: a - b, 2, lambda value, a, b: _sum(a.rate, _product(b.rate, -1.0))),
+    "Mult": Function(
+        lambda a, b: a * b, 2, lambda value, a, b: _sum(_product(a.rate, b.value), _product(b.rate, a.value))
+    ),
+    "Div": Function(
+        lambda a, b: a / b,
+        2,
+        lambda value, a, b: _sum(_product(a.rate, 1.0 / b.value), _product(b.rate, -value / b.value)),
+    ),
+    "Pow": Function(_power, 2, _rate_of_power),
+    "Mod": Function(np.fmod, 2),
+    "USub": Function(lambda a: -a, 1, lambda value, a: -a.rate),
+    "UAdd": Function(lambda a: a, 1, lambda value, a: a.rate),
+}
+
+
+class Term:
+    """Part of a formula; names: those that its value depends on; looked_up: whether a table is in it."""
+
+    names: frozenset[str] = frozenset()
+    looked_up = False
+
+    def value(self, known: Mapping[str, Any]) -> Any:
+        """The value, of those that the names stand for."""
+        raise NotImplementedError
+
+    def dual(self, known: Mapping[str, Any]) -> Dual:
+        """The value and its rate in time. Raises ValueError for a function that has none."""
+        return Dual(self.value(known))
+
+    def in_time(self, time: float) -> float | None:
+        """The value at a time [s]; None where it depends on more, or on a table."""
+        return None if self.looked_up or self.names - {"t"} else float(self.value({"t": np.float64(time)}))
+
+
+class Constant(Term):
+    """A number, or true or false."""
+
+    def __init__(self, number: Any) -> None:
+        self.number = number
+
+    def value(self, known: Mapping[str, Any]) -> Any:
+        return self.number
+
+
+class Name(Term):
+    """A coordinate or the time."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.names = name, frozenset((name,))
+
+    def value(self, known: Mapping[str, Any]) -> Any:
+        return known[self.name]
+
+    def dual(self, known: Mapping[str, Any]) -> Dual:
+        return Dual(known[self.name], 1.0 if self.name == "t" else None)
+
+
+class Applied(Term):
+    """A function or an operator of other terms."""
+
+    def __init__(self, name: str, *arguments: Term) -> None:
+        self.name, self.arguments = name, arguments
+        self.names = frozenset().union(*(one.names for one in arguments))
+        self.looked_up = any(one.looked_up for one in arguments)
+
+    @property
+    def function(self) -> Function:
+        """What is applied."""
+        return _OPERATORS[self.name] if self.name in _OPERATORS else FUNCTIONS[self.name]
+
+    def value(self, known: Mapping[str, Any]) -> Any:
+        return self.function.value(*[one.value(known) for one in self.arguments])
+
+    def dual(self, known: Mapping[str, Any]) -> Dual:
+        given = [one.dual(known) for one in self.arguments]
+        function, value = self.function, self.function.value(*[one.value for one in given])
+        if function.flat or all(one.rate is None for one in given):
+            return Dual(value)
+        if function.rate is None:
+            raise ValueError(f"no rate of {self.name!r}")
+        return Dual(value, function.rate(value, *given))
+
+
+class Looked(Term):
+    """The values of a table at those of a term."""
+
+    looked_up = True
+
+    def __init__(self, table: "Table", argument: Term) -> None:
+        self.table, self.argument, self.names = table, argument, argument.names
+
+    def value(self, known: Mapping[str, Any]) -> Any:
+        return self.table.at(self.argument.value(known))
+
+    def dual(self, known: Mapping[str, Any]) -> Dual:
+        place = self.argument.dual(known)
+        rate = None if place.rate is None else self.table.slope(place.value) * place.rate
+        return Dual(self.table.at(place.value), rate)
+
+
+class Table:
+    """Two columns of a CSV file: linear between rows, constant outside; a repeated place jumps."""
+
+    def __init__(self, path: str, column: str | None = None) -> None:
+        """column: the name of the values' column, the second one unless given. Raises ValueError for a file that is no
+        such table."""
+        self.places, self.values = read_csv_table(path, column)
+        if (np.diff(self.places) < 0.0).any():
+            raise ValueError(f"a first column that falls in {os.path.basename(path)!r}")
+
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """Values at places, after a jump."""
+        return np.interp(places, self.places, self.values)
+
+    def slope(self, places: np.ndarray) -> np.ndarray:
+        """Slopes at places, after a corner; 0 outside."""
+        after = np.searchsorted(self.places, places, side="right")
+        inside = (after > 0) & (after < len(self.places))
+        end = np.where(inside, after, 1)
+        if len(self.places) == 1:
+            return np.zeros(np.shape(places))
+        rise, run = self.values[end] - self.values[end - 1], self.places[end] - self.places[end - 1]
+        return np.where(inside, rise / np.where(run > 0.0, run, 1.0), 0.0)
+
+    @property
+    def jumps(self) -> np.ndarray:
+        """Places at which the values jump."""
+        return self.places[1:][np.diff(self.places) == 0.0]

@@ -1,0 +1,36 @@
+"""Names of what every method lets a scene watch: fields of particles and quantities of all of them, with their kinds.
+
+`parsolid.observables` computes them. "rotation": about the axis out of the plane in 2-D, a vector in space.
+"""
+
+# in the order in which they are written
+FIELDS = {
+    "displacement": "vector",
+    "velocity": "vector",
+    "position": "vector",
+    "deformation_gradient": "tensor",
+    "stress": "tensor",
+    "first_piola_kirchhoff_stress": "tensor",
+    "pressure": "scalar",
+    "von_mises_stress": "scalar",
+    "jacobian": "scalar",
+    "rank": "scalar",
+    "error_indicator": "scalar",
+}
+# fields that are written unless a scene chooses, and those that no probe takes
+USUAL_FIELDS = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
+NOT_PROBED = ("rank", "error_indicator")
+# fields of a probe at a particle that need more than the present state
+FIELDS_OF_PROBES = {"twist": "scalar"}
+QUANTITIES = {
+    "minimum_jacobian": "scalar",
+    "maximum_speed": "scalar",
+    "linear_momentum": "vector",
+    "angular_momentum": "rotation",
+    "centre_of_mass": "vector",
+}
+
+
+def probed_fields() -> dict[str, str]:
+    """Name -> kind of the fields that probes at a particle take."""
+    return {name: kind for name, kind in FIELDS.items() if name not in NOT_PROBED} | FIELDS_OF_PROBES

@@ -1,0 +1,112 @@
+"""Raw tables of a TOML file: reading them, setting single keys, and what no key takes whatever it is for."""
+
+import tomllib
+from collections.abc import Iterator
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from parsolid.materials.declaration import Phrase
+from parsolid.scene.base_model import LEAST, MOST, Detail
+from parsolid.scene.validation_errors import Fault, SceneError, fault, key_path, told
+
+# tables and lists one within the other; a scene has no more than eight
+DEEPEST = 32
+
+# a table that a file of a kind has to have, and the command that takes it
+_MARKS = {"scene": "bodies", "study": "series", "material point": "path"}
+_COMMANDS = {"scene": "run", "study": "study", "material point": "point"}
+
+
+def read_tables(path: Path, what: str) -> dict[str, Any]:
+    """The raw tables of a TOML file; `what` it should hold is for the message. Raises SceneError."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SceneError([f"{path}: expected a readable {what}, found {error.strerror or error}"]) from None
+    except ValueError as error:
+        raise SceneError([f"{path}: expected TOML, found a fault: {error}"]) from None
+    except RecursionError:
+        raise SceneError([f"{path}: expected TOML, found tables or lists nested too deeply"]) from None
+    if faults := raw_faults(data):
+        raise SceneError(faults)
+    # one word for a file of another kind, in place of one for each of its keys
+    own, others = _MARKS[what], {name: mark for name, mark in _MARKS.items() if name != what}
+    if own not in data:
+        for name, mark in others.items():
+            if mark in data:
+                raise SceneError([f"{path}: expected a {what}, found a {name}: parsolid {_COMMANDS[name]} {path}"])
+    return data
+
+
+def _values(data: dict[str, Any]) -> Iterator[tuple[tuple[Any, ...], Any]]:
+    """Place and value of all that is no table or list, and of those that are nested too deeply."""
+    waiting: list[tuple[tuple[Any, ...], Any]] = [((), data)]
+    while waiting:
+        place, value = waiting.pop()
+        if len(place) > DEEPEST:
+            yield place, value
+        elif isinstance(value, dict):
+            waiting += [((*place, key), part) for key, part in value.items()]
+        elif isinstance(value, list):
+            waiting += [((*place, number), part) for number, part in enumerate(value)]
+        else:
+            yield place, value
+
+
+def raw_faults(data: dict[str, Any]) -> list[Fault]:
+    """What no key takes, whatever it is for: deep nesting, whole numbers that are not TOML's, texts with NUL."""
+    faults: list[Fault] = []
+    for place, value in _values(data):
+        if len(place) > DEEPEST:
+            faults.append(fault(place[:3], f"at most {DEEPEST} tables or lists one within the other", Phrase("more")))
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+            faults.append(fault(place, "a whole number of 64 bits, as TOML has them", Phrase("a larger one")))
+        elif isinstance(value, str) and "\0" in value:
+            faults.append(fault(place, "a text without NUL", value))
+    return list(dict.fromkeys(faults))
+
+
+def immoderate_numbers(data: dict[str, Any]) -> list[Detail]:
+    """Numbers that are too large or too small to compute with."""
+    return [
+        (place, f"0 or a number of a size from {LEAST:g} to {MOST:g}", value)
+        for place, value in _values(data)
+        if isinstance(value, float) and isfinite(value) and value and not LEAST <= abs(value) <= MOST
+    ]
+
+
+def apply_override(data: dict[str, Any], override: str) -> str | None:
+    """Set one "key.path=value" in raw tables, or take the key away with "key.path=": what else there is then holds. The
+    fault when there is no such place, else None."""
+    path, equals, text = override.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        return f"--set {override}: expected key.path=value, found {told(override)}"
+    place: Any = data
+    key: Any
+    for depth, key in enumerate(keys):
+        last = depth == len(keys) - 1
+        if isinstance(place, list):
+            if not key.isdigit() or int(key) >= len(place):
+                expected = f"an index from 0 to {len(place) - 1}" if place else "no index, the list is empty"
+                return f"--set {path.strip()}: expected {expected} after {key_path(keys[:depth])}, found {told(key)}"
+            key = int(key)
+        elif not isinstance(place, dict):
+            return f"--set {path.strip()}: expected a table at {key_path(keys[:depth])}, found {told(place)}"
+        if last and not text.strip():
+            place.pop(key) if isinstance(place, list) else place.pop(key, None)
+        elif last:
+            place[key] = override_value(text.strip())
+        else:
+            place = place[key] if isinstance(place, list) else place.setdefault(key, {})
+    return None
+
+
+def override_value(text: str) -> Any:
+    """A TOML value, or the text itself where it is none."""
+    try:
+        tables = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    return tables["value"] if len(tables) == 1 else text

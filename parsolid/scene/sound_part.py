@@ -1,0 +1,259 @@
+"""What of a scene's tables is sound.
+
+A table that is at fault is mended just as far as the others need it to be judged: an unknown key is taken away, an
+entry of a list is left out, a number out of its bounds and a formula stand for one that would do.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from parsolid.scene.base_model import UNKNOWN, Detail
+from parsolid.scene.methods import NamedMethod, settings_class
+from parsolid.scene.model_faults import told_fault
+from parsolid.scene.raw_tables import immoderate_numbers
+from parsolid.scene.schema import Scene
+from parsolid.scene.validation_errors import Fault, fault
+
+# more than this often nothing new is told
+MOST_PASSES = 8
+# lists of which an entry at fault is left out
+_ENTRIES = ("boundaries", "initial", "contact", "tie", "tools", "probes")
+Place = tuple[str | int, ...]
+_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number")
+_FORMULAS = ("velocity", "displacement", "deformation_gradient", "temperature", "micro_rate")
+# keys of a body that say where its particles are
+_PLACES = ("shape", "particles", "spacing")
+
+
+@dataclass
+class LeftOut:
+    """What the sound part of a scene lacks of what its file states.
+
+    numbers: of the entries of each list, those in the file; names: those of all bodies stated, None where one of them
+    is at fault; regions: those that entries name which are left out; incomplete: entries are missing; vague: bodies
+    that are not where the file would have them; settled: methods and materials are known; sure: and so are all keys of
+    methods; timed: the end is known; doubtful: places of stand-ins, whose faults may be those of the stand-ins; mended:
+    tables of which the same is true while they are read.
+    """
+
+    numbers: dict[str, list[int]] = field(default_factory=dict)
+    names: list[str] | None = None
+    regions: set[str] = field(default_factory=set)
+    incomplete: bool = False
+    vague: set[int] = field(default_factory=set)
+    settled: bool = True
+    sure: bool = True
+    timed: bool = True
+    doubtful: set[Place] = field(default_factory=set)
+    mended: set[Place] = field(default_factory=set)
+
+    @classmethod
+    def nothing(cls, tables: dict[str, Any]) -> "LeftOut":
+        """Before any table is left out."""
+        numbers = {key: list(range(len(tables[key]))) for key in _ENTRIES if isinstance(tables.get(key), list)}
+        bodies = tables["bodies"] if isinstance(tables.get("bodies"), list) else []
+        sound = all(isinstance(body, dict) and isinstance(body.get("name", ""), str) for body in bodies)
+        return cls(numbers, [body["name"] for body in bodies if "name" in body] if sound else None)
+
+    def number(self, key: str, entry: int) -> int:
+        """The number in the file of an entry of a list."""
+        return self.numbers[key][entry] if key in self.numbers else entry
+
+    def stated(self, place: Place) -> Place:
+        """The place in the file of one in the sound part."""
+        if len(place) > 1 and isinstance(place[1], int):
+            return place[0], self.number(str(place[0]), place[1]), *place[2:]
+        return place
+
+    def faults(self, details: list[Detail]) -> list[Fault]:
+        """Details of checks between tables as faults of the file."""
+        stated = [(self.stated(place), expected, found) for place, expected, found in details]
+        return [fault(*detail) for detail in stated if not is_within(detail[0], self.doubtful)]
+
+
+def is_within(place: Place, tables: set[Place]) -> bool:
+    """Whether a place is in one of some tables, or is one of them."""
+    return any(place[: len(one)] == one for one in tables)
+
+
+def sound_part(data: dict[str, Any], context: dict[str, Any]) -> tuple[Any, LeftOut, list[Fault]]:
+    """The scene as far as its tables are sound in themselves, what it lacks, and the faults of single tables.
+
+    The scene is None where nothing can be told of the others: without a dimension, or a body.
+    """
+    tables, left_out = _copied(data), LeftOut.nothing(data)
+    faults: dict[Fault, None] = {}
+    for number in range(MOST_PASSES):
+        found: list[Any] = []
+        scene = None
+        try:
+            scene = Scene.model_validate(tables, context=context)
+        except ValidationError as error:
+            found = error.errors(include_url=False)
+        doubtful = left_out.doubtful | left_out.mended
+        for item in found:
+            place = left_out.stated(item["loc"])
+            if not is_within(place, doubtful):
+                faults[told_fault(item, tables, Scene, place)] = None
+        if number == 0:
+            told = {item["loc"] for item in found}
+            immoderate = [one for one in immoderate_numbers(data) if not is_within(one[0], told)]
+            faults.update((fault(*one, code="bound"), None) for one in immoderate)
+            found += [{"loc": place, "type": "finite_number", "input": value} for place, _, value in immoderate]
+        if not found:
+            return scene, left_out, list(faults)
+        if context["dimension"] is None or not _mend(tables, found, left_out, context):
+            break
+    return None, left_out, list(faults)
+
+
+def _copied(tables: Any) -> Any:
+    """Tables that have no other in common, whoever made them."""
+    if isinstance(tables, dict):
+        return {key: _copied(value) for key, value in tables.items()}
+    return [_copied(value) for value in tables] if isinstance(tables, list) else tables
+
+
+def _mend(tables: dict[str, Any], found: list[ErrorDetails], left_out: LeftOut, context: dict[str, Any]) -> bool:
+    """Mend tables where errors were found; whether that could be done."""
+    dropped: set[tuple[str, int]] = set()
+    for item in found:
+        place = item["loc"]
+        top: Any = place[0] if place else None
+        table = _table_at(tables, place[:-1])
+        if place and not isinstance(table, dict | list):
+            # it has been mended as a whole
+            continue
+        if item["type"] == "extra_forbidden":
+            table.pop(place[-1], None)
+        elif top in _ENTRIES and len(place) > 1:
+            dropped.add((top, int(place[1])))
+        elif top == "bodies" and len(place) > 1:
+            _mend_body(tables["bodies"], item, left_out, context)
+        elif top == "regions" and len(place) > 1:
+            _mend_region(tables["regions"], int(place[1]))
+        elif top in (None, "method", "methods"):
+            _mend_method(tables, item, left_out)
+        elif top == "end_time":
+            tables[top], left_out.timed = 1.0, False
+        elif top in ("output", "loads") and len(place) > 1:
+            tables[top].pop(place[1], None)
+        elif top in ("dimension", "bodies") or top not in tables:
+            return False
+        else:
+            tables.pop(top)
+            left_out.incomplete = True
+    for key, number in sorted(dropped, reverse=True):
+        _leave_out(tables, key, number, left_out)
+    return True
+
+
+def _table_at(tables: Any, place: tuple[Any, ...]) -> Any:
+    """The table or list at a place; None where something else stands."""
+    for key in place:
+        if not isinstance(tables, dict | list) or (isinstance(tables, dict) and key not in tables):
+            return None
+        tables = tables[key]
+    return tables
+
+
+def _leave_out(tables: dict[str, Any], key: str, number: int, left_out: LeftOut) -> None:
+    """Leave an entry of a list out; regions that it names are in use all the same."""
+    entry = tables[key].pop(number)
+    left_out.numbers[key].pop(number)
+    left_out.incomplete = True
+    if isinstance(entry, dict) and isinstance(entry.get("where"), str):
+        left_out.regions.add(entry["where"])
+
+
+def _mend_region(regions: list[Any], number: int) -> None:
+    """A region of the same name stands for one at fault."""
+    named = isinstance(regions[number], dict) and isinstance(regions[number].get("name"), str)
+    name = regions[number]["name"] if named else f"region {number}"
+    regions[number] = {"name": name.replace(".", " ").replace(",", " ").strip() or "region", "plane": "X = 0"}
+
+
+def _mend_method(tables: dict[str, Any], item: ErrorDetails, left_out: LeftOut) -> None:
+    """A method without the keys that are at fault, if it can do without them; else nothing is known of it."""
+    place: tuple[Any, ...] = item["loc"]
+    depth = 1 if place[:1] == ("method",) else 2
+    table = _table_at(tables, place[:depth]) if len(place) > depth else None
+    if not isinstance(table, dict | None):
+        return
+    model = settings_class(table)
+    own = model.model_fields.get(place[depth]) if table and model else None
+    if table and own is not None and not own.is_required():
+        table.pop(place[depth], None)
+        left_out.doubtful.add(place[: depth + 1])
+        left_out.mended.add(place[:depth])
+        # the usual number will do for what others ask of the method
+        left_out.sure = left_out.sure and item["type"] in _BOUNDS and len(place) == depth + 1
+        return
+    left_out.settled = left_out.sure = False
+    if place[:1] == ("methods",) and len(place) > 1:
+        methods = tables["methods"]
+        name = methods[place[1]].get("name") if isinstance(methods[place[1]], dict) else None
+        methods[place[1]] = NamedMethod.model_construct(name=str(name), settings=UNKNOWN)
+    else:
+        tables.pop("methods", None)
+        tables["method"] = UNKNOWN
+
+
+def _mend_body(bodies: list[Any], item: ErrorDetails, left_out: LeftOut, context: dict[str, Any]) -> None:
+    dimension, methods = context["dimension"], context["methods"]
+    place: tuple[Any, ...] = item["loc"]
+    number, key = place[1], place[2] if len(place) > 2 else None
+    if not isinstance(bodies[number], dict):
+        bodies[number] = {"material": UNKNOWN}
+        left_out.settled = left_out.sure = False
+        left_out.doubtful.add(place[:2])
+    body = bodies[number]
+    if key == "material":
+        _mend_material(body, item, left_out)
+    elif key == "method":
+        left_out.settled = left_out.sure = False
+        left_out.doubtful.add(place[:2])
+        body.pop(key, None)
+        if methods:
+            body[key] = next(iter(methods))
+    elif key in _FORMULAS:
+        left_out.doubtful.add(place[:3])
+        if len(place) > 3 and not isinstance(item["input"], list | dict):
+            _table_at(bodies, place[1:-1])[place[-1]] = 0.0
+        elif key == "deformation_gradient":
+            body[key] = [[float(i == j) for j in range(dimension)] for i in range(dimension)]
+        else:
+            body[key] = [0.0] * dimension if key in ("velocity", "displacement") else 300.0
+    elif key in (None, *_PLACES) or key not in body:
+        # somewhere else, if it has been tried where the file has it
+        if key == "shape" or number in left_out.vague or not isinstance(body.get("shape"), dict):
+            body["shape"] = {"box": {"lower": [0.0] * dimension, "upper": [1.0] * dimension}}
+        body.pop("spacing", None)
+        body["particles"] = [3] * dimension
+        if "mesh" in body["shape"]:
+            body.pop("particles")
+        left_out.vague.add(number)
+        left_out.doubtful.update(("bodies", number, word) for word in (*_PLACES, "placement", "grading"))
+    else:
+        left_out.doubtful.add(place[:3])
+        body.pop(key)
+        if key == "name":
+            left_out.names = None
+
+
+def _mend_material(body: dict[str, Any], item: ErrorDetails, left_out: LeftOut) -> None:
+    """A number within its bounds stands for one that is not; of another fault nothing is known of the material."""
+    place: tuple[Any, ...] = item["loc"]
+    table = place[:3]
+    if item["type"] in _BOUNDS and len(place) > 3 and table not in left_out.doubtful:
+        bounds = item.get("ctx", {})
+        within = bounds.get("gt", 0.0) + 1.0 if "gt" in bounds else next(iter(bounds.values()), 1.0)
+        _table_at(body, place[2:-1])[place[-1]] = float(within)
+        left_out.doubtful.add(place if place[3:] == ("density",) else table)
+        return
+    body["material"] = UNKNOWN
+    left_out.settled = left_out.sure = False
+    left_out.doubtful.update([table, (*table[:2], "heated"), (*table[:2], "micro_rate")])

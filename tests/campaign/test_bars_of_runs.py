@@ -1,0 +1,174 @@
+"""`run --error-bars` and `--target` as a whole, on any number of ranks: bars, restarts in a coarse run, limits."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from parsolid.api.results import load
+from parsolid.campaign.error_bars import Campaign, ErrorTable
+from parsolid.campaign.estimate import Bar
+from parsolid.campaign.runner import InProcess, Interrupted, Record, VariantRun, read_files
+from parsolid.campaign.targets import NOT_REACHED, Target, no_bar, predicted_seconds, worst
+from parsolid.campaign.variants import SPACING, Variant, coarse_variants
+from parsolid.commands.cli import parse
+from parsolid.commands.run import run_scene
+from parsolid.scene import SceneError, load_scene, parse_scene
+from parsolid.simulation.loop import Limits
+
+SCENE = Path(__file__).parents[2] / "runs" / "tlsph" / "tensile_smooth.toml"
+SMALL = ["bodies.0.particles=[17, 17]", "end_time=0.0008", "output.pictures=false", "output.fields_times=[]"]
+COLUMNS = {"kinetic": "K", "stored": "W", "dissipation_internal": "Dint", "corner.displacement_y": "uy_11"}
+
+
+def run(comm, folder, *options, more=()):
+    words = parse(["run", str(SCENE), "-q", "-o", str(folder), *options])
+    return run_scene(comm, load_scene(SCENE, [*SMALL, *more]), words, 0.0)
+
+
+def test_bars_hold_the_true_errors_and_are_the_same_on_any_ranks(comm, shared_path, capsys):
+    from scipy.interpolate import CubicSpline
+
+    assert run(comm, shared_path / "all", "--error-bars") == 0
+    comm.barrier()
+    if comm.rank == 0:
+        folder = shared_path / "all"
+        told = json.loads((folder / "summary.json").read_text())["error_bars"]
+        results = load(folder)
+        data = json.loads((SCENE.parent / "reference" / "tensile_smooth_b3.json").read_text())
+        times, inside = results.columns["time"], []
+        for column, name in COLUMNS.items():
+            true = np.abs(results.columns[column] - CubicSpline(data["t"], data["series"][name])(times))
+            inside.append(np.mean(true <= results.errors[column] + 1e-9))
+            assert np.median(results.errors[column][5:] / np.maximum(true[5:], 1e-12)) < 8.0
+        assert np.mean(inside) > 0.95, inside
+        assert [one["for"] for one in told["companions"]] == ["spacing", "spacing"]
+        kinetic = told["columns"]["kinetic"]
+        assert kinetic["order"] > 1.0 and set(kinetic["parts"]) == {"spacing", "dissipation"}
+    if comm.size > 1:
+        # the same on one rank
+        status = run(MPI.COMM_SELF, shared_path / f"alone-{comm.rank}", "--error-bars") if comm.rank == 0 else 0
+        if comm.rank == 0:
+            mine, alone = (load(shared_path / name).errors for name in ("all", "alone-0"))
+            assert status == 0 and mine.keys() == alone.keys()
+            for name, values in mine.items():
+                assert np.allclose(values, alone[name], rtol=1e-6, atol=1e-9 * np.abs(values).max())
+        comm.barrier()
+
+
+def test_a_coarse_run_that_was_stopped_goes_on_with_the_same_bits(comm, shared_path):
+    found, _ = coarse_variants(load_scene(SCENE, SMALL), False)
+    with pytest.raises(Interrupted):
+        InProcess(comm, shared_path / "stopped", Limits(steps=7)).run(found[0])
+    runs, again = ([InProcess(comm, shared_path / name).run(one) for one in found[:2]] for name in ("stopped", "whole"))
+    assert [one.record.steps for one in runs] == [one.record.steps for one in again]
+    if comm.rank == 0:
+        for one, other in zip(runs, again):
+            assert all(np.array_equal(one.history[name], other.history[name]) for name in other.history)
+    begun = []
+    for one in found[:2]:
+        InProcess(comm, shared_path / "whole").run(one, begins=lambda: begun.append(1))
+    assert not begun
+
+
+def test_coarse_runs_that_cannot_be_set_up_or_fail_are_told_and_left_out(comm, shared_path):
+    told = []
+    campaign = Campaign(comm, shared_path, False, Limits(), told.append, None)
+    good, other = coarse_variants(load_scene(SCENE, SMALL), False)[0]
+    tables = other.scene.resolved()
+    tables["method"]["weights"] = "fourth-order"
+    tables["bodies"][0]["particles"] = [4, 4]
+    bad = Variant(parse_scene(tables), SPACING, other.ratio, "4 x 4")
+    runs = campaign.run_variants([good, bad], shared_path)
+    assert [one.record.status for one in runs] == ["finished", "refused"]
+    assert not runs[1].history and runs[1].record.message and sum(runs[1].record.message in line for line in told) == 1
+
+
+# the command that kills its process when it has written its first checkpoint, so that no machine is too fast for it
+_KILLED = """
+import os, runpy, signal
+from parsolid.simulation import checkpoints
+
+write = checkpoints.write_checkpoint
+
+def write_and_die(*arguments):
+    write(*arguments)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+checkpoints.write_checkpoint = write_and_die
+runpy.run_module("parsolid", run_name="__main__", alter_sys=True)
+"""
+
+
+@pytest.mark.serial
+@pytest.mark.slow
+def test_a_run_that_was_killed_in_a_coarse_run_goes_on_in_it(tmp_path):
+    often = ["output.checkpoint_wall=1e-3"]
+    sets = [word for one in [*SMALL, *often] for word in ("--set", one)]
+    words = ["run", str(SCENE), "-q", "-o", str(tmp_path / "killed"), "--error-bars", *sets]
+    environment = os.environ | {"PYTHONPATH": str(SCENE.parents[2])}
+    process = subprocess.run([sys.executable, "-c", _KILLED, *words], env=environment)
+    assert process.returncode == -signal.SIGKILL
+    (left,) = tmp_path.glob("killed/companions/*/checkpoint.h5")
+    assert not (left.parent / "summary.json").exists()
+    for name in ("killed", "whole"):
+        assert run(MPI.COMM_SELF, tmp_path / name, "--error-bars", more=often) == 0
+    killed, whole = ((tmp_path / name / "history_error.csv").read_text() for name in ("killed", "whole"))
+    assert killed == whole
+
+
+def test_a_target_is_reached_or_the_limit_is_told(comm, shared_path, capsys):
+    scene = load_scene(SCENE, SMALL)
+    words = parse(["run", str(SCENE), "-o", str(shared_path / "t"), "--target", "corner.displacement_y=15%"])
+    assert run_scene(comm, scene, words, 0.0) == 0
+    said = capsys.readouterr().out
+    words = parse(
+        ["run", str(SCENE), "-o", str(shared_path / "t"), "--target", "kinetic=1e-9%", "--core-seconds", "1e-6"]
+    )
+    assert run_scene(comm, scene, words, 0.0) == NOT_REACHED == 4
+    limited = capsys.readouterr().out
+    if comm.rank == 0:
+        # what is there is not run again
+        assert "coarse run 1 of 2" in said and "coarse run" not in limited
+        levels = sorted((shared_path / "t" / "levels").iterdir())
+        assert all(len(read_files(level)[1]["time"]) > 2 for level in levels)
+
+
+def test_a_column_without_a_bar_is_told():
+    """One that has a NaN has none at all."""
+    values = {"tip.u_x": np.array([0.0, np.nan]), "kinetic": np.array([0.0, 1.0])}
+    table = ErrorTable(np.arange(2.0), values, {"kinetic": Bar(np.array([0.0, 0.1]), 2.0, 2.0, 1.25, "order 2.0")})
+    wanted = [Target("kinetic", 0.2, True), Target("tip.u_x", 0.2, True)]
+    assert worst(table, wanted) is None and no_bar(table, wanted).startswith("tip.u_x=20%")
+    assert worst(table, wanted[:1]) == pytest.approx((0.5, 2.0))
+
+
+@pytest.mark.parametrize("text", ["kinetic", "kinetic=two%", "kinetic=-1", "tip.twist=2%", "kinetic 2 %"])
+def test_a_target_that_is_none_is_refused(text):
+    with pytest.raises(SceneError):
+        Target.parse(text, ["kinetic", "stored"])
+
+
+def test_a_target_is_a_share_or_a_size():
+    assert Target.parse("kinetic=2%", ["kinetic"]) == Target("kinetic", 0.02, True)
+    assert Target.parse(" kinetic = 0.5 ", ["kinetic"]) == Target("kinetic", 0.5, False)
+    assert str(Target.parse("kinetic=0.25%", ["kinetic"])) == "kinetic=0.25%"
+
+
+def run_of(particles, steps, seconds, ratio):
+    """A variant that has been run, as far as its cost goes."""
+    summary = {"particles": particles, "steps": steps}
+    return VariantRun(Variant(None, SPACING, ratio, ""), Record("finished", {}, summary, [], [seconds]))
+
+
+def test_times_of_runs_are_foretold_from_a_time_a_step_and_one_a_particle():
+    """Particles in a plane grow with the square of the resolution, steps as they did."""
+    runs = [run_of(n * n, 10 * n, 10 * n * (2e-4 + 1e-6 * n * n), 40.0 / n) for n in (10, 20, 40)]
+    assert predicted_seconds(runs, 0.5, 2) == pytest.approx(800 * (2e-4 + 6400e-6))
+    assert predicted_seconds(runs[:1], 2.0, 2) == pytest.approx(2 * 4 * runs[0].seconds)

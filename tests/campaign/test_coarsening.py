@@ -1,0 +1,75 @@
+"""The one rule that makes coarser scenes: same lengths, shapes and masses; what cannot be made is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from parsolid.campaign.coarsening import NotCoarsened, coarsen, lattice_words, parsed
+from parsolid.campaign.variants import SOLVER, SPACING, STEP, coarse_variants
+from parsolid.particles.fillings import filling_of
+from parsolid.scene import load_scene
+
+RUNS = Path(__file__).parents[2] / "runs"
+
+
+def mass_and_bounds(scene):
+    fillings = [filling_of(body, scene.dimension) for body in scene.bodies]
+    volume = [filling.piece(0, filling.count).volume.sum() for filling in fillings]
+    return np.array(volume), np.concatenate([[filling.lower, filling.upper] for filling in fillings])
+
+
+@pytest.mark.parametrize(
+    "name, lattices",
+    [
+        ("tlsph/column", "6 x 31 x 6"),
+        ("ulsph/plate_impact", "44 x 13, 44 x 13"),
+        ("peridynamics/vibrating_bar", "666"),
+        ("peridynamics/plate_with_hole", "24 x 24"),
+        ("mpm/taylor", "20 x 202"),
+        ("mixed/bars", "31 x 7, 30 x 6"),
+        ("contact/ring", "58 x 3"),
+        ("mpm/taylor_quarter", "11 x 11 x 111"),
+    ],
+)
+def test_bodies_keep_shape_and_mass_with_nearly_one_ratio_of_spacings(name, lattices):
+    scene = load_scene(RUNS / f"{name}.toml")
+    made = coarsen(scene, 1.5 if scene.dimension != 2 else 1.6)
+    other = parsed(made.tables, False)
+    assert made.lattices == lattice_words(other) == lattices
+    # the staircase of a hole is as exact as its cells are small
+    exact = 5e-3 if "hole" in name else 1e-12
+    for before, now in zip(mass_and_bounds(scene), mass_and_bounds(other)):
+        assert np.allclose(before, now, rtol=exact)
+    counts = [filling_of(body, scene.dimension).count for one in (scene, other) for body in one.bodies]
+    whole = len(scene.bodies)
+    assert (sum(counts[:whole]) / sum(counts[whole:])) ** (1 / scene.dimension) == pytest.approx(made.ratio, rel=0.15)
+
+
+def test_planes_on_the_nodes_of_a_grid_stay_on_nodes_and_what_has_no_such_grid_is_refused():
+    scene = load_scene(RUNS / "mpm" / "cosine_mode.toml")
+    made = coarsen(scene, 1.6)
+    assert made.ratio == 2.0 and made.tables["method"]["cell"] == 0.002
+    with pytest.raises(NotCoarsened, match="planes of the boundaries on its nodes"):
+        coarsen(scene, 2.56, 2.5)
+
+
+@pytest.mark.parametrize(
+    "name, reason",
+    [
+        ("tlsph/bushing", "bodies.0 is a mesh, which has its own particles"),
+        ("tlsph/thin_plate", "bodies.0 would have 2 particles along its direction 3"),
+    ],
+)
+def test_what_cannot_be_coarser_is_refused_with_the_reason(name, reason):
+    found, refused = coarse_variants(load_scene(RUNS / f"{name}.toml"), False)
+    assert not found and all(reason in one for one in refused)
+
+
+def test_variants_are_coarser_ones_one_of_half_the_step_and_one_of_a_looser_solver():
+    scene = load_scene(RUNS / "peridynamics" / "creep_bar.toml")
+    found, refused = coarse_variants(scene, False)
+    assert not refused and [one.purpose for one in found] == [SPACING, STEP, SOLVER, SPACING]
+    coarse, half, loose, near = (one.scene.method.solution for one in found)
+    assert half.step == 0.5 * coarse.step and loose.tolerance == 100 * coarse.tolerance == 100 * near.tolerance
+    assert len({one.digest for one in found}) == 4

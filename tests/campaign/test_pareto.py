@@ -1,0 +1,149 @@
+"""`pareto`: which options a scene has, which are dropped, what is on the envelope, and what is refused."""
+
+import argparse
+import csv
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from parsolid.campaign.halving import Configuration, plan_of, time_to
+from parsolid.campaign.options import Option, options_of
+from parsolid.campaign.pareto import envelope, seconds_for
+from parsolid.campaign.reference import observed_reference
+from parsolid.campaign.runner import Record, VariantRun
+from parsolid.campaign.variants import SPACING, Variant
+from parsolid.commands.cli import main
+from parsolid.commands.pareto import add_arguments, run_pareto
+from parsolid.scene import SceneError, load_scene
+
+RUNS = Path(__file__).parents[2] / "runs"
+SCENE = RUNS / "tlsph" / "tensile_smooth.toml"
+SMALL = ("bodies.0.particles=[9, 9]", "end_time=0.0002")
+
+
+def options(folder, *words, column="stored"):
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    sets = [word for one in SMALL for word in ("--set", one)]
+    return parser.parse_args([str(SCENE), "--column", column, "-o", str(folder), *sets, *words])
+
+
+def names(plan):
+    return {one.option.name for one in plan.configurations}
+
+
+def test_a_scene_has_the_choices_that_its_laws_and_boundaries_allow():
+    plan = plan_of(load_scene(SCENE), "stored", [], False)
+    assert {"as the scene", "integrator leapfrog", "weights best", "h/dx 1", "method peridynamics"} <= names(plan)
+    refused = "\n".join(plan.refused)
+    assert "method mpm: bodies.0.material.branches" in refused and "method ulsph: bodies.0.material.kind" in refused
+    taylor = plan_of(load_scene(RUNS / "ulsph" / "taylor.toml"), "kinetic", ["method", "dissipation"], False)
+    assert names(taylor) == {"as the scene", "dissipation off", "dissipation linear 1 quadratic 1", "method mpm"}
+    grid = taylor.variant(Option((("method", "kind", "mpm"),)), 0).scene
+    assert grid.method.cell == pytest.approx(2 * 0.5 * (25.4e-3 / 26 + 3.81e-3 / 4), rel=0.05)
+    axisymmetric = plan_of(load_scene(RUNS / "mpm" / "taylor.toml"), "kinetic", ["method"], False)
+    assert "method ulsph: method.geometry: expected to be as usual" in "\n".join(axisymmetric.refused)
+
+
+def test_changes_that_do_not_go_together_are_refused():
+    plan = plan_of(load_scene(SCENE, list(SMALL)), "stored", ["integrator"], False)
+    leapfrog = next(option for option in options_of(plan.scene, ["integrator"]))
+    assert plan.add(leapfrog.together(Option((("step", "cfl", 0.5),)))) is None
+    assert "expected a step that is stated so" in plan.refused[-1]
+    assert plan.add(Option((("kernel", "kernel", "wendland-c2"),))) is None and "changes nothing" in plan.refused[-1]
+
+
+def test_kernels_are_no_choice_where_all_weights_are_in_closed_form():
+    """Runs with them are the same to the last bit: the least error for its time would be chance's."""
+    best = ["method.weights=best", "method.integrator=leapfrog"]
+    plan = plan_of(load_scene(SCENE, [*SMALL, *best]), "stored", [], False)
+    assert not any(name.startswith(("kernel ", "h/dx ")) for name in names(plan))
+    assert "kernel quintic-spline: it changes nothing here" in plan.refused
+    assert {"weights kernel", "dissipation 0.3"} <= names(plan)
+    together = Option((("weights", "weights", "kernel"), ("kernel", "kernel", "quintic-spline")))
+    assert plan.add(together) is not None
+
+
+def made(option, levels, column="q"):
+    """A configuration of runs with (ratio, seconds, error) each; its column swings with that error."""
+    scene = SimpleNamespace(systems=[], end_time=1.0)
+    time = np.linspace(0.0, 1.0, 101)
+    one = Configuration(option)
+    for ratio, seconds, error in levels:
+        history = {"time": time, column: (1.0 + error) * np.sin(3.0 * time)}
+        one.runs.append(
+            VariantRun(Variant(scene, SPACING, ratio, ""), Record("finished", history, {}, [seconds], [seconds]))
+        )
+        one.errors.append(error)
+    return one
+
+
+def test_the_envelope_has_what_nothing_else_beats_and_times_follow_power_laws():
+    good = made(Option(), [(4.0, 1.0, 0.16), (2.0, 8.0, 0.04), (1.0, 64.0, 0.01)])
+    poor = made(Option((("a", "a", 1),)), [(4.0, 0.5, 0.4), (2.0, 9.0, 0.05)])
+    found = envelope(SimpleNamespace(configurations=[good, poor]))
+    assert [(seconds, error) for seconds, error, *_ in found] == [(0.5, 0.4), (1.0, 0.16), (8.0, 0.04), (64.0, 0.01)]
+    assert found[0][2] is poor and all(point[2] is good for point in found[1:])
+    assert time_to(good, 0.0025, 2) == pytest.approx(64.0 * 4.0**1.5) and time_to(good, 0.01, 2) == 64.0
+    assert seconds_for(good, 0.02) == pytest.approx(8.0 * 8.0**0.5) and seconds_for(good, 0.5) == 1.0
+    assert seconds_for(poor, 0.04) == float("inf")
+    stuck = made(Option(), [(2.0, 1.0, 0.1), (1.0, 8.0, 0.1)])
+    assert time_to(stuck, 0.05, 2) > 100.0 * 8.0
+
+
+def test_without_a_reference_the_limit_of_the_best_is_the_reference(monkeypatch):
+    monkeypatch.setattr("parsolid.campaign.reference.order_in_spacing", lambda column, scene: 2.0)
+    good = made(Option(), [(4.0, 1.0, 0.16), (2.0, 8.0, 0.04), (1.0, 64.0, 0.01)])
+    poor = made(Option((("a", "a", 1),)), [(4.0, 0.5, 0.4), (2.0, 9.0, -0.3)])
+    families = [(one.option.name, one.runs) for one in (good, poor)]
+    found = observed_reference(SimpleNamespace(end_time=1.0), "q", families)
+    assert "'as the scene' from 3" in found.words and found.uncertain < 0.03
+    assert np.allclose(found.values, np.sin(3.0 * found.times), atol=2e-4)
+
+
+@pytest.mark.slow
+def test_choices_are_run_within_the_budget_kept_and_reported(comm, shared_path, capsys):
+    words = ["--axis", "integrator"]
+    assert run_pareto(comm, options(shared_path, *words)) == 0
+    said = capsys.readouterr().out
+    if comm.rank == 0:
+        assert "pareto: expected:" in said and "for an error of" in said
+        assert said.index("integrator leapfrog") < said.index("pareto: expected:") < said.index("level 1 of")
+        with open(shared_path / "pareto.csv") as file:
+            rows = list(csv.DictReader(file))
+        assert {row["choice"] for row in rows} == {"as the scene", "integrator leapfrog"}
+        assert any(row["envelope"] == "1" for row in rows) and (shared_path / "pareto.png").exists()
+        assert "true values: the scene's series" in (shared_path / "pareto.md").read_text()
+        runs = {path: path.stat().st_mtime_ns for path in shared_path.glob("runs/*/summary.json")}
+    # all of it is there; and of a budget that is used up nothing more is run
+    assert run_pareto(comm, options(shared_path, *words)) == 0
+    if comm.rank == 0:
+        assert runs == {path: path.stat().st_mtime_ns for path in shared_path.glob("runs/*/summary.json")}
+    assert run_pareto(comm, options(shared_path / "little", *words, "--core-seconds", "1e-9")) == 0
+    if comm.rank == 0:
+        assert capsys.readouterr().out.count("the budget: about") == 2
+        assert len(list(shared_path.glob("little/runs/*/summary.json"))) == 1
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("words, column", [([], "kinetick"), (["--axis", "basis"], "kinetic")])
+def test_what_is_not_there_is_refused(comm, tmp_path, words, column):
+    with pytest.raises(SceneError):
+        run_pareto(comm, options(tmp_path / "results", *words, column=column))
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "words, new",
+    [
+        (["study", str(SCENE), "--pareto", "kinetic"], "parsolid pareto"),
+        (["study", str(SCENE), "--budget", "1"], "--core-seconds"),
+        (["study", str(SCENE), "--axis=method"], "--axis"),
+        (["pareto", str(SCENE), "--budget", "1"], "--core-seconds"),
+    ],
+)
+def test_words_of_earlier_versions_are_refused_with_the_new_ones(words, new, capsys):
+    assert main(words) == 2 and new in capsys.readouterr().err

@@ -1,0 +1,316 @@
+"""The command `study`: what a study may say, the runs it means, how they are made, kept and judged."""
+
+import argparse
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from parsolid.campaign.cases import cases_of
+from parsolid.campaign.measures import energies_of, momentum_of
+from parsolid.campaign.runner import Record, not_finite, read_record, wait
+from parsolid.campaign.study import judge
+from parsolid.campaign.study_file import load_study, toml_value
+from parsolid.commands.cli import main
+from parsolid.commands.study import add_arguments, run_study
+from parsolid.scene import SceneError
+from parsolid.scene.raw_tables import override_value
+
+pytestmark = pytest.mark.serial
+
+SCENE = """
+title = "Block"
+dimension = 2
+end_time = 2e-3
+[method]
+kind = "tlsph"
+[[bodies]]
+shape = { box = { lower = [0, 0], upper = [1, 1] } }
+particles = [5, 5]
+velocity = ["10*X", "0"]
+[bodies.material]
+kind = "neo-hookean"
+density = 1000
+youngs_modulus = 1e6
+poissons_ratio = 0.3
+[[probes]]
+name = "total"
+quantity = "linear_momentum"
+[output]
+history_steps = 1
+[reference]
+series = "series.json"
+columns = { kinetic = "K" }
+"""
+STUDY = """
+title = "Blocks"
+[[series]]
+name = "block"
+scene = "block.toml"
+{series}
+[[series.axes]]
+name = "particles"
+settings = [
+    {{ label = "5", spacing = 0.25, set = ["bodies.0.particles=[5, 5]"] }},
+    {{ label = "9", spacing = 0.125, set = ["bodies.0.particles=[9, 9]"]{setting} }},
+]
+{more}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "block.toml").write_text(SCENE)
+    (tmp_path / "series.json").write_text(
+        json.dumps({"t": [0, 1e-3, 2e-3, 3e-3], "E0": 2e4, "series": {"K": [2e4] * 4}})
+    )
+    return tmp_path
+
+
+def write(folder, series="", setting="", more=""):
+    path = folder / "study.toml"
+    path.write_text(STUDY.format(series=series, setting=setting, more=more))
+    return path
+
+
+def faults(path) -> str:
+    with pytest.raises(SceneError) as error:
+        cases_of(load_study(path))
+    return str(error.value)
+
+
+def options(path, *words):
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return parser.parse_args([str(path), "-o", str(path.parent / "results"), *words])
+
+
+# --- what a study may say ---------------------------------------------------------------------------------------------
+
+
+def test_a_study_tells_all_its_faults_at_once(folder):
+    text = faults(write(folder, series='scene_file = "x"\ncombine = "both"\nranks = 0', setting=', expect = "fine"'))
+    assert "series.0.scene_file: expected one of" in text
+    assert "did you mean" in text
+    assert "series.0.combine: expected 'product' or 'zip', found 'both'" in text
+    assert "series.0.ranks: expected a number >= 1, found 0" in text
+    assert "series.0.axes.0.settings.1.expect: expected 'stable', 'failure' or 'refused', found 'fine'" in text
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ("[[series.axes]]\nkey = 'method.cfl'", "series.0.axes.1: expected key with values, found one of them"),
+        ("[[series.axes]]\nname = 'x'", "series.0.axes.1: expected exactly one of settings, key, ranks, found none"),
+        (
+            "[[series.axes]]\nranks = [2, 2]",
+            "series.0.axes.1.ranks.1: expected something that is not there yet, found '2'",
+        ),
+        ("[[series]]\nname = 'block'\nscene = 'block.toml'", "series.1.name: expected a name that no other series has"),
+        ("[[series]]\nname = 'b'\nscene = 'no.toml'", "series.1.scene: expected an existing file"),
+    ],
+)
+def test_a_fault_names_its_key(folder, more, told):
+    assert told in faults(write(folder, more=more))
+
+
+def test_axes_in_step_have_equal_lengths(folder):
+    path = write(folder, series="combine = 'zip'", more="[[series.axes]]\nranks = [1, 2, 3]")
+    assert "expected axes of equal length with combine = 'zip', found [2, 3]" in faults(path)
+
+
+def test_names_that_no_run_has_are_refused(folder):
+    text = faults(write(folder, series="bounds = { kinetick = 1.0 }\norders = { steps = 1 }"))
+    assert "bounds: expected one of" in text
+    assert "(did you mean 'kinetic'?), found 'kinetick'" in text
+    assert "orders: expected one of kinetic" in text
+
+
+def test_the_faults_of_a_scene_name_the_run(folder):
+    text = faults(write(folder, more="[[series.axes]]\nkey = 'method.cfl'\nvalues = [0.5, -1]"))
+    assert "block, 5, -1: method.cfl: expected a number > 0, found -1" in text
+
+
+def test_two_runs_that_are_the_same_are_refused(folder):
+    again = "[[series]]\nname = 'again'\nscene = 'block.toml'\nset = ['bodies.0.particles=[9, 9]']"
+    text = faults(write(folder, more=again))
+    assert text == "again: expected a run that differs from the others, found the scene and ranks of block, 9"
+
+
+@pytest.mark.parametrize("value", [1, 0.5, 1e-12, True, 'a "b" \\c', [1, [2.5, "x"]], [{"beta": 1.0, "tau": 0.02}], []])
+def test_values_stand_behind_set_as_they_are(value):
+    assert override_value(toml_value(value)) == value
+
+
+# --- the runs it means ------------------------------------------------------------------------------------------------
+
+
+def test_axes_make_every_combination(folder):
+    path = write(folder, series="ranks = 3", more="[[series.axes]]\nkey = 'method.safety'\nvalues = [0.5, 0.7]")
+    cases = cases_of(load_study(path))
+    assert [case.title for case in cases] == ["block, 5, 0.5", "block, 5, 0.7", "block, 9, 0.5", "block, 9, 0.7"]
+    assert [case.ranks for case in cases] == [3] * 4
+    assert [case.particles for case in cases] == [25, 25, 81, 81]
+    assert cases[3].overrides == ["bodies.0.particles=[9, 9]", "method.safety=0.7"]
+    assert cases[0].line == cases[2].line != cases[1].line
+    assert len({case.folder_name for case in cases}) == 4
+
+
+def test_axes_in_step_make_pairs(folder):
+    cases = cases_of(load_study(write(folder, series="combine = 'zip'", more="[[series.axes]]\nranks = [1, 2]")))
+    assert [(case.title, case.ranks) for case in cases] == [("block, 5, 1", 1), ("block, 9, 2", 2)]
+
+
+def test_a_folder_is_named_after_all_that_the_numbers_depend_on(folder, monkeypatch):
+    path = write(folder)
+    before = [case.digest for case in cases_of(load_study(path))]
+    assert before == [case.digest for case in cases_of(load_study(path))]
+    (folder / "series.json").write_text((folder / "series.json").read_text().replace("E0", "E0") + " ")
+    after = [case.digest for case in cases_of(load_study(path))]
+    monkeypatch.setattr("parsolid.campaign.variants.source_digest", lambda: "other sources")
+    assert len({*before, *after, *(case.digest for case in cases_of(load_study(path)))}) == 6
+
+
+# --- what is told of them ---------------------------------------------------------------------------------------------
+
+
+def with_errors(folder, errors, **study):
+    loaded = load_study(write(folder, **study))
+    cases = cases_of(loaded)
+    for case, error in zip(cases, errors):
+        case.record = Record("finished", ending={"clean": True, "not_finite": []})
+        case.measures = {"errors": {"kinetic": error}, "processor_seconds": 2.0}
+    judge(loaded, cases)
+    return cases
+
+
+def test_orders_are_observed_between_consecutive_spacings(folder):
+    coarse, fine = with_errors(folder, [4e-2, 1e-2])
+    assert coarse.orders == {}
+    assert fine.orders == {"kinetic": pytest.approx(2.0)}
+
+
+def test_a_run_is_held_to_what_is_stated(folder):
+    series = "orders = { kinetic = 1.9 }\nbounds = { kinetic = 3e-2 }\nother_code = { processor_seconds = 1.0 }"
+    coarse, fine = with_errors(folder, [4e-2, 2e-2], series=series)
+    time = "processor_seconds 2.00 of the other code, at most 1"
+    assert coarse.faults == ["kinetic 0.04, at most 0.03", time]
+    assert fine.faults == [time, "order of kinetic 1.00, at least 1.9"]
+
+
+def test_energies_of_a_history():
+    columns = {"step": [0, 1, 2], "time": [0, 1, 2], "dt": [0, 0.5, 0.25]}
+    columns |= {
+        "kinetic": [4.0, 2.0, 1.0],
+        "stored": [0.0, 1.0, 1.5],
+        "work_external": [0.0] * 3,
+        "balance": [0.0, -0.2, 0.1],
+        "dissipation_internal": [0.0, 1.0, 0.6],
+    }
+    columns |= {"dissipation_numerical": [0.0, 0.2, 0.4]}
+    columns |= {"p.linear_momentum_x": [2.0, 2.0, 2.001], "p.linear_momentum_y": [0.0] * 3}
+    history = {name: np.array(values, float) for name, values in columns.items()}
+    found = energies_of(history)
+    assert found["energy_drift"] == pytest.approx(0.05)
+    assert found["numerical_dissipation"] == pytest.approx(0.1)
+    assert found["largest_fall"] == pytest.approx(0.1)
+    assert found["smallest_step"] == 0.25
+    assert momentum_of(history)["momentum_drift"] == pytest.approx(0.001 / 2.001)
+    # round-off of a momentum that is zero: over what 2 kg with 4 J could have
+    history |= {"p.linear_momentum_x": np.array([0.0, 1e-14, -4e-14])}
+    assert momentum_of(history, 2.0)["momentum_drift"] == pytest.approx(1e-14)
+
+
+def test_numbers_that_are_not_finite_are_found(tmp_path):
+    (tmp_path / "history.csv").write_text("step,time,kinetic\n0,0,1\n1,1,nan\n")
+    assert not_finite(tmp_path) == ["history.csv: kinetic"]
+
+
+# --- making them ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_study_runs_reports_and_goes_on(folder, comm, capsys):
+    path = write(
+        folder,
+        series="bounds = { energy_drift = 1e-2, momentum_drift = 1e-11 }",
+        more="[[series]]\nname = 'one'\nscene = 'block.toml'\nexpect = 'refused'\nset = ['bodies.0.particles=[1, 1]']",
+    )
+    assert run_study(comm, options(path, "--dry-run")) == 0
+    assert "3 runs, 3 to do" in capsys.readouterr().out
+    assert run_study(comm, options(path, "--only", "block")) == 0
+    results = folder / "results"
+    assert "2 of 3 runs made, 2 as stated, 0 not" in " ".join(capsys.readouterr().out.split())
+    pictures = {"error_against_time.png", "error_against_spacing.png"}
+    assert {"study.csv", "study.md"} | pictures <= {path.name for path in results.iterdir()}
+    records = {p: p.stat().st_mtime_ns for p in results.glob("runs/*/record.json")}
+    assert run_study(comm, options(path)) == 0
+    assert "2 of 3 runs are there already" in capsys.readouterr().out
+    assert {p: p.stat().st_mtime_ns for p in records} == records
+    rows = (results / "study.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["series", "block", "block", "one"]
+    assert "refused exit 2" in (results / "study.md").read_text() or "refused,2" in rows[3]
+    assert run_study(comm, options(path, "--repetitions", "2", "--only", "block, 5")) == 0
+    assert sorted(len(read_record(p.parent).loop_seconds) for p in results.glob("runs/*/record.json")) == [0, 1, 2]
+
+
+@pytest.mark.slow
+def test_a_run_that_does_not_do_what_is_stated_gives_the_study_its_status(folder, comm, capsys):
+    path = write(folder, series="bounds = { kinetic = 1e-9 }")
+    assert run_study(comm, options(path, "--only", "block, 5")) == 3
+    assert "block, 5: kinetic" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_run_that_takes_too_long_is_ended_and_made_again(folder, comm):
+    case = cases_of(load_study(write(folder, series="timeout = 0.05")))[0]
+    record = case.launched.run(folder / "run")
+    assert (record.status, record.ending["exit_status"]) == ("timed out", None)
+    case.timeout = 600.0
+    assert case.launched.run(folder / "run").status == "finished"
+
+
+def test_only_names_that_are_there(folder, comm):
+    with pytest.raises(SceneError):
+        run_study(comm, options(write(folder), "--only", "blok"))
+
+
+def test_a_study_that_is_ended_does_not_wait_for_a_run_that_hears_nothing():
+    deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); time.sleep(60)"
+    process = subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE, start_new_session=True)
+    process.stdout.readline()
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    began = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            wait(process, 60.0)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert process.poll() == -signal.SIGKILL and time.monotonic() - began < 5.0
+
+
+def test_what_is_asked_for_in_vain_is_told_in_one_message(folder, tmp_path, capsys):
+    scene, study = str(folder / "block.toml"), str(write(folder))
+    path = tmp_path / "path.toml"
+    path.write_text('path = { kind = "shear" }')
+    for words, told in (
+        (["study", scene], f"{scene}: expected a study, found a scene: parsolid run {scene}"),
+        (["run", study], f"{study}: expected a scene, found a study: parsolid study {study}"),
+        (["point", scene], f"{scene}: expected a material point, found a scene: parsolid run {scene}"),
+        (["check", str(path)], f"{path}: expected a scene, found a material point: parsolid point {path}"),
+        (["check", scene, "--ranks", "many"], "--ranks: expected a whole number of at least 1, found many"),
+        (["run", scene, "--wall-time", "10m"], "--wall-time: expected a positive number of seconds, found 10m"),
+    ):
+        assert main(words) == 2
+        found = capsys.readouterr().err
+        assert re.match(f"parsolid: (argument )?{told}", found), found

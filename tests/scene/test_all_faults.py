@@ -1,0 +1,144 @@
+"""Scenes with several faults at once: every one is told, with its key, and nothing else is."""
+
+import copy
+import random
+
+import pytest
+from plain_tables import MATERIAL
+from test_faults import DELETED, changed
+
+from parsolid.scene import SceneError, parse_scene
+from parsolid.scene.validation_errors import Fault
+
+
+def box(lower, upper):
+    return {"box": {"lower": lower, "upper": upper}}
+
+
+SCENE = {
+    "title": "two blocks",
+    "dimension": 3,
+    "end_time": 1.0,
+    "method": {"kind": "tlsph"},
+    "bodies": [
+        {
+            "name": "low",
+            "shape": box([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]),
+            "particles": [5, 5, 5],
+            "material": dict(MATERIAL),
+        },
+        {
+            "name": "high",
+            "shape": box([0.0, 0.0, 1.25], [1.0, 1.0, 2.25]),
+            "particles": [5] * 3,
+            "material": dict(MATERIAL),
+        },
+    ],
+    "regions": [{"name": "core", "shape": box([0.3, 0.3, 0.3], [0.7, 0.7, 0.7])}],
+    "boundaries": [
+        {"kind": "fixed", "plane": "Z = 0", "body": "low"},
+        {"kind": "roller", "plane": "X = 0", "body": "low"},
+        {"kind": "traction", "plane": "Z = 2.25", "traction": ["0", "0", "-1e3*t"]},
+    ],
+    "initial": [{"body": "high", "velocity": ["0", "0", "-1"]}],
+    "contact": [{"bodies": ["low", "high"], "friction": 0.1}],
+    "tools": [{"name": "floor", "shape": {"plane": {"point": [0.0, 0.0, -1.0], "normal": [0.0, 0.0, 1.0]}}}],
+    "probes": [
+        {"name": "corner", "at": [1.0, 1.0, 1.0], "fields": ["velocity"]},
+        {"name": "core", "where": "core", "fields": ["pressure"]},
+        {"name": "all", "quantity": "linear_momentum"},
+    ],
+    "output": {"fields_interval": 0.1, "history_steps": 2},
+    "reference": {"final": {"kinetic": 1.0}},
+}
+
+# of each table of the scene: changes, the key at fault, the code
+FAULTS = [
+    [({"title": 3}, "title", "type"), ({"title": DELETED, "titel": "x"}, "titel", "unknown-key")],
+    [({"output.fields_interval": 1e-9}, "output.fields_interval", "refused"), ({"end_time": "x"}, "end_time", "type")],
+    [
+        ({"method.cfl": -1.0}, "method.cfl", "bound"),
+        ({"method.smoothin": 1.0}, "method.smoothin", "unknown-key"),
+        ({"method.integrator": "leapfog"}, "method.integrator", "choice"),
+        ({"method.reconstruction": "yes"}, "method.reconstruction", "type"),
+    ],
+    [
+        ({"bodies.0.material.density": -1.0}, "bodies.0.material.density", "bound"),
+        ({"bodies.0.material.denstiy": 1.0}, "bodies.0.material.denstiy", "unknown-key"),
+        ({"bodies.0.velocity": ["Q", "0", "0"]}, "bodies.0.velocity.0", "refused"),
+        ({"bodies.0.jitter": 0.5}, "bodies.0.jitter", "bound"),
+    ],
+    [
+        ({"bodies.1.velocity": ["0", "0"]}, "bodies.1.velocity", "refused"),
+        ({"bodies.1.spacing": 0.1}, "bodies.1", "exclusive"),
+        ({"bodies.1.placement": "corners"}, "bodies.1.placement", "choice"),
+    ],
+    [({"regions.0.shape": DELETED}, "regions.0", "exclusive"), ({"regions.0.side": "on"}, "regions.0.side", "refused")],
+    [
+        ({"boundaries.0.kind": "fixd"}, "boundaries.0.kind", "choice"),
+        ({"boundaries.0.body": "lower"}, "boundaries.0.body", "refused"),
+        ({"boundaries.0.plane": "Z = 0.4"}, "boundaries.0.plane", "refused"),
+        ({"boundaries.0.mirrored": True}, "boundaries.0.mirrored", "unknown-key"),
+    ],
+    [
+        ({"boundaries.1.plane": "Q = 0"}, "boundaries.1.plane", "refused"),
+        ({"boundaries.1.plane": DELETED}, "boundaries.1", "exclusive"),
+        ({"boundaries.1.where": "nowhere", "boundaries.1.plane": DELETED}, "boundaries.1.where", "refused"),
+        ({"boundaries.1.reaction": True}, "boundaries.1.reaction", "refused"),
+    ],
+    [({"boundaries.2.traction": DELETED}, "boundaries.2.traction", "missing")],
+    [({"initial.0.body": "top"}, "initial.0.body", "refused"), ({"initial.0.velocity": 1}, "initial.0.velocity", None)],
+    [
+        ({"contact.0.bodies": ["low", "hgih"]}, "contact.0.bodies", "refused"),
+        ({"contact.0.friction": -0.1}, "contact.0.friction", "bound"),
+    ],
+    [
+        ({"tools.0.bodies": ["lo"]}, "tools.0.bodies.0", "refused"),
+        ({"tools.0.stiffness": 1e9}, "tools.0.stiffness", "bound"),
+    ],
+    [
+        ({"probes.0.fields": ["velocty"]}, "probes.0.fields.0", "refused"),
+        ({"probes.0.name": "a.b"}, "probes.0.name", None),
+        ({"probes.0.at": [1.0, 1.0]}, "probes.0.at", "refused"),
+    ],
+    [({"probes.2.name": "core"}, "probes.2.name", "refused"), ({"probes.2.fields": ["pressure"]}, "probes.2", None)],
+    [
+        ({"loads": {"manufactured": True}}, "loads.manufactured", "refused"),
+        ({"loads.gravity": 1}, "loads.gravity", None),
+    ],
+    [({"reference.final": {"kinetik": 1.0}}, "reference.final.kinetik", "refused")],
+]
+
+
+def test_the_scene_is_sound():
+    parse_scene(SCENE)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_every_fault_is_told_at_once(seed):
+    chance = random.Random(seed)
+    drawn = [chance.choice(one) for one in chance.sample(FAULTS, chance.randint(1, 5))]
+    scene = copy.deepcopy(SCENE)
+    for changes, *_ in drawn:
+        scene = changed(scene, changes)
+    with pytest.raises(SceneError) as caught:
+        parse_scene(scene)
+    told = {one.key: one.code for one in caught.value.faults}
+    assert told.keys() == {key for _, key, _ in drawn}
+    assert all(code in (None, told[key]) for _, key, code in drawn)
+
+
+def test_what_is_at_fault_hides_what_depends_on_it():
+    scene = changed(SCENE, {"bodies.0.material.kind": "rubber", "reference.final": {"kinetik": 1.0}, "title": 3})
+    with pytest.raises(SceneError) as caught:
+        parse_scene(scene)
+    assert [one.key for one in caught.value.faults] == ["title", "bodies.0.material.kind"]
+
+
+def test_a_fault_has_parts_and_travels():
+    import pickle
+
+    one = Fault("choice", "a.b", "'x' or 'y'", "'z'", " (did you mean 'y'?)")
+    again = pickle.loads(pickle.dumps(one))
+    assert again == one == "a.b: expected 'x' or 'y', found 'z' (did you mean 'y'?)"
+    assert (again.code, again.key, again.expected, again.found) == ("choice", "a.b", "'x' or 'y'", "'z'")
