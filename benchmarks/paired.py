@@ -48,13 +48,18 @@ CASES = {
 }
 
 
-def run(folder: Path, scene: str, steps: int, ranks: int, cache: Path | None = None) -> dict:
-    """The summary of one run; `cache`: an empty folder for compiled kernels instead of the user's."""
+def run(
+    folder: Path, scene: str, steps: int, ranks: int, cache: Path | None = None, bytecode: Path | None = None
+) -> dict:
+    """The summary of one run; `cache`: an empty folder for compiled kernels instead of the user's; `bytecode`: where
+    Python keeps compiled modules, which are compiled anew if there is none."""
     with tempfile.TemporaryDirectory() as results:
         command = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
         command += [sys.executable, "-m", "parsolid", "run", *([str(TIMED / f"{scene}.toml")] if scene else []), "-q"]
         command += ["-o", results, "--max-steps", str(steps), "--set", "output.pictures=false"]
         variables = environment(folder) | ({"XDG_CACHE_HOME": str(cache)} if cache else {})
+        if bytecode is not None:
+            variables = variables | {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(bytecode)}
         ended = subprocess.run(command, env=variables, cwd=results, capture_output=True, text=True, check=False)
         path = Path(results) / "summary.json"
         if not path.exists():
@@ -83,23 +88,26 @@ def compare(old: Path, new: Path, names: list[str], pairs: int) -> None:
         print(f"{name:22s}{before:9.1f}{now:9.1f}{ratio:8.2f}{low:8.2f}{high:6.2f}", flush=True)
 
 
-def started(folder: Path, steps: int, cache: Path | None = None) -> tuple[float, float, float]:
+def started(
+    folder: Path, steps: int, cache: Path | None = None, bytecode: Path | None = None
+) -> tuple[float, float, float]:
     """Processor seconds with those of child processes, wall seconds and MB of so many steps of the main example."""
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    summary = run(folder, "", steps, 1, cache)
+    summary = run(folder, "", steps, 1, cache, bytecode)
     wall, after = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return spent, wall, summary["peak_memory_bytes_per_rank"] / 1e6
 
 
 def start_up(trees: list[Path], repeats: int) -> None:
-    """Print what a process costs until its first step, with kernels compiled before and without."""
+    """Print what a process costs until its first step, with modules and kernels compiled before, and with modules
+    alone."""
     print(f"{'checkout':30s}{'warm CPU s':>12s}{'MB':>8s}{'cold CPU s':>12s}{'wall s':>8s}")
     for tree in trees:
-        started(tree, 1)
-        warm = np.median([started(tree, 1) for _ in range(repeats)], axis=0)
-        with tempfile.TemporaryDirectory() as empty:
-            cold = started(tree, 1, Path(empty))
+        with tempfile.TemporaryDirectory() as modules, tempfile.TemporaryDirectory() as empty:
+            started(tree, 1, None, Path(modules))
+            warm = np.median([started(tree, 1, None, Path(modules)) for _ in range(repeats)], axis=0)
+            cold = started(tree, 1, Path(empty), Path(modules))
         told = f"{warm[0]:12.2f}{warm[2]:8.0f}{cold[0]:12.1f}{cold[1]:8.1f}"
         print(f"{os.path.relpath(tree, HERE)[-29:]:30s}{told}", flush=True)
 

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from parsolid.collective import maximum, minimum
 from parsolid.commands.busy_cores import busy_cores, cores_with_room
 from parsolid.commands.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
-from parsolid.contact.relations import relations
+from parsolid.contact.report import describe_contacts
 from parsolid.machine import cores
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
@@ -37,7 +37,7 @@ def print_report(
     seconds, work = measured.measure()
     disk = bytes_on_disk(comm, scene, systems)
     ahead = _elsewhere(measured, elsewhere, base, work, idle) if elsewhere else []
-    memory, meetings = maximum(comm, peak_memory_bytes()), relations(comm, scene, systems)
+    memory, meetings = maximum(comm, peak_memory_bytes()), describe_contacts(comm, scene, systems)
     table = _of_each(comm, simulation) if len(systems) > 1 else ""
     if comm.rank > 0:
         return

@@ -12,7 +12,7 @@ from parsolid.collective import SolverError, anywhere
 from parsolid.commands.check_advice import advice, cost_advice, scene_advice, size_advice, thin_advice
 from parsolid.commands.profiling import profiled
 from parsolid.commands.standard_pictures import draw
-from parsolid.contact.relations import relations
+from parsolid.contact.report import describe_contacts
 from parsolid.kernel_cache import cache_folder, wanted_folder
 from parsolid.kernels import on_compile
 from parsolid.output.checkpoint import find_checkpoint
@@ -185,7 +185,7 @@ def _set_up(
 def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None, options: Namespace) -> None:
     """Print warnings and notes on a run that is about to begin; collective."""
     advised = size_advice(simulation) + thin_advice(simulation) + cost_advice(simulation)
-    advised += relations(simulation.comm, simulation.scene, simulation.systems)
+    advised += describe_contacts(simulation.comm, simulation.scene, simulation.systems)
     if simulation.comm.rank > 0:
         return
     moved = [f"the results of an earlier run are in {aside} now" for aside in folder.moved]

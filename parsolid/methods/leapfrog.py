@@ -92,8 +92,8 @@ def drift(first, last, step, v, x):
     """x += step v of particles first..last-1, both (d, n or more); the sum of all velocities, finite if each is."""
     total = 0.0
     for c in range(v.shape[0]):
-        velocity, place = v[c], x[c]
-        for a in range(first, last):
+        velocity, place = v[c, first:last], x[c, first:last]
+        for a in range(last - first):
             place[a] += step * velocity[a]
             total += velocity[a]
     return total

@@ -11,19 +11,33 @@ import numpy as np
 
 from decomposition.boxes import BoxOfNodes, GhostExchange, Link, Transfer, links_of, with_ghosts
 from parsolid.kernels import aligned_zeros, kernel
-from parsolid.pairs.box_planes import WINDOW, Box, PlaneScratch, copy, divergence_pass, gradient_pass, plane_scratch
+from parsolid.pairs.box_planes import (
+    PAIR_WINDOW,
+    STRESS_WINDOW,
+    Box,
+    PlaneScratch,
+    Window,
+    divergence_pass,
+    gradient_pass,
+    place_of,
+    plane_scratch,
+)
 from parsolid.pairs.box_weights import AxisTables
+
+# nodes over which the weights along rows are repeated, about: short loops are slow, long tables leave the cache
+_PERIOD = 192
 
 
 @kernel
 def copy_to_box(box, field, array):
     """Copy the own nodes of a field (c, n) into an array (c, places) with all planes of a box."""
-    row, width = box.first, box.last_node - box.first_node
+    row, n = box.first, box.last_node - box.first_node
     for i in range(box.first_plane, box.last_plane):
-        place = box.start + i * box.nodes + box.first_node
+        to, start = np.uintp(place_of(box.motion, i) + box.first_node), np.uintp(row)
         for c in range(field.shape[0]):
-            copy(array[c, place : place + width], field[c, row : row + width])
-        row += width
+            for p in range(np.uintp(n)):
+                array[c, to + p] = field[c, start + p]
+        row += n
 
 
 # --- the boxes of a rank ------------------------------------------------------------------------------------------
@@ -71,15 +85,20 @@ class BoxSweeps:
             empty = bool(np.any(part[0] >= part[1]))
             box = None if empty else _box_of(one, part, bound)
             if box is not None:
-                start = places if self.has_ghosts else one.first
-                window = (min(WINDOW, box.planes), 0) if self.in_turn else (box.planes, start)
-                box = box._replace(start=start, window=window[0], window_start=window[1])
+                every = Window(places if self.has_ghosts else one.first, box.planes, box.nodes)
+                stresses, pairs = (every._replace(start=0, planes=n) for n in (STRESS_WINDOW, PAIR_WINDOW))
+                box = box._replace(motion=every)
+                if self.in_turn:
+                    box = box._replace(stresses=stresses, pairs=pairs)
+                else:
+                    box = box._replace(stresses=every, pairs=every)
                 places += box.planes * box.nodes
             self.boxes.append(box)
-        self.places = max([0, *(box.start + box.planes * box.nodes for box in self.here)])
-        kept = max([0, *(box.window_start + box.window * box.nodes for box in self.here)])
-        self.G, self.P = aligned_zeros((d * d, kept)), aligned_zeros((d * d, kept))
-        self.Z = aligned_zeros((2 * d if directional else 2, kept)) if upwind else None
+        self.places = max([0, *(box.motion.end for box in self.here)])
+        of_pairs = max([0, *(box.pairs.end for box in self.here)])
+        self.P = aligned_zeros((d * d, max([0, *(box.stresses.end for box in self.here)])))
+        self.G = aligned_zeros((d * d, of_pairs))
+        self.Z = aligned_zeros((2 * d if directional else 2, of_pairs)) if upwind else None
         self.v, self.x = np.zeros((2, d, self.places if self.has_ghosts else 0))
         self._scratch = {box.first: plane_scratch(box, d) for box in self.here}
         self._motion, self._stress = self._exchanges(comm, boxes, d)
@@ -128,8 +147,7 @@ class BoxSweeps:
         all planes another array."""
         G = np.zeros((len(self.v) ** 2, self.places)) if self.in_turn else self.G
         for box in self.here:
-            whole = box._replace(window=box.planes, window_start=box.start)
-            gradient_pass(whole, self.scratch(box), self.v, G)
+            gradient_pass(box, self.scratch(box), self.v, G)
         return G
 
     def divergence(self, force: np.ndarray, dissipation: np.ndarray) -> None:
@@ -150,7 +168,7 @@ class BoxSweeps:
 
 def _transfer(box: Any, link: Link, array: np.ndarray, rows: slice, depth: int) -> Transfer:
     """Some rows of a box array beside a cut, so many planes deep."""
-    planes = array[rows, box.start : box.start + box.planes * box.nodes]
+    planes = array[rows, box.motion.start : box.motion.end]
     planes = planes.reshape(len(planes), box.planes, box.nodes)
     inside, outside = ((slice(None), *there[depth]) for there in (link.inside, link.outside))
     return Transfer(link.rank, planes[inside], planes[outside])
@@ -163,39 +181,62 @@ def _aligned(table: np.ndarray) -> np.ndarray:
 
 
 def _box_of(one: BoxOnRank, part: np.ndarray, bound: np.ndarray) -> Box:
-    """Its places in arrays are still to be set. part, bound (2, d): first nodes and those after the last, without and
-    with ghosts."""
+    """Its windows are still to be set. part, bound (2, d): first nodes and those after the last, without and with
+    ghosts."""
     axes, (first, last), (low, high) = one.nodes.axes, part - bound[0], bound
     count = high - low
-    row = int(count[2]) if len(axes) > 2 else 1
+    # in two dimensions a plane is one row
+    row, rows = int(count[-1]), int(count[1]) if len(axes) > 2 else 1
     spans = [slice(a, b) for a, b in zip(low, high)]
+    period = max(1, _PERIOD // row) * row if len(axes) > 2 else row
 
-    def by_node(name: str) -> tuple[np.ndarray, ...]:
+    def by_memory_axis(name: str) -> list[np.ndarray]:
+        return [getattr(one.tables[axis], name)[..., span] for axis, span in zip(axes, spans)]
+
+    def weights(name: str) -> np.ndarray:
+        """By plane, by row, and by node of rows."""
+        *slow, in_row = by_memory_axis(name)
+        return _aligned(np.concatenate((*slow, np.tile(in_row, period // row)), axis=-1))
+
+    def by_node(name: str) -> list[np.ndarray]:
         """Tables of axis 0 by plane, of the others by node of a plane."""
-        tables = [getattr(one.tables[axis], name)[..., span] for axis, span in zip(axes, spans)]
-        tables[1] = np.repeat(tables[1], row, axis=-1)
+        tables = by_memory_axis(name)
         if len(axes) > 2:
-            tables[2] = np.tile(tables[2], int(count[1]))
-        return tuple(_aligned(table) for table in tables)
+            tables[1] = np.repeat(tables[1], row, axis=-1)
+        tables[-1] = np.tile(tables[-1], rows)
+        return tables
 
+    by_row = [by_memory_axis(name)[1] for name in ("gradient", "divergence")]
+    own_rows = (int(first[1]), int(last[1])) if len(axes) > 2 else (0, 0)
     length, *across = by_node("length")
+    nowhere = Window(0, int(count[0]), rows * row)
     return Box(
         first=one.first,
-        start=0,
-        window=0,
-        window_start=0,
         planes=int(count[0]),
-        nodes=int(count[1]) * row,
+        nodes=rows * row,
         row=row,
+        motion=nowhere,
+        stresses=nowhere,
+        pairs=nowhere,
         first_plane=int(first[0]),
         last_plane=int(last[0]),
-        first_node=int(first[1]) * row,
-        last_node=int(last[1]) * row,
+        first_node=int(first[1]) * (row if len(axes) > 2 else 1),
+        last_node=int(last[1]) * (row if len(axes) > 2 else 1),
         axes=axes,
-        gradient=by_node("gradient"),
-        divergence=by_node("divergence"),
-        jump=by_node("jump"),
-        half_step=by_node("half_step"),
-        length=length,
-        area=np.prod(across, axis=0),
+        gradient=weights("gradient"),
+        divergence=weights("divergence"),
+        period=period,
+        runs=_runs(np.concatenate(by_row), *own_rows),
+        jump=_aligned(np.concatenate(by_node("jump"), axis=-1)),
+        half_step=_aligned(np.concatenate(by_node("half_step"))),
+        length=_aligned(length),
+        area=_aligned(np.prod(across, axis=0)),
     )
+
+
+def _runs(weights: np.ndarray, first: int, last: int) -> np.ndarray:
+    """First and last row, that excluded, (k, 2) of runs of equal weights (.., rows) in rows first to last - 1."""
+    rows = np.arange(first, last)
+    differ = np.any(weights[..., rows[1:]] != weights[..., rows[:-1]], axis=(0, 1))
+    bounds = np.concatenate((rows[:1], rows[1:][differ], [last][: len(rows)]))
+    return np.stack((bounds[:-1], bounds[1:]), axis=1).astype(np.int64)

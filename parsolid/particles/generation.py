@@ -7,22 +7,23 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.slices import Slices
+from parsolid.particles.agreement import agree
 from parsolid.particles.fillings import filling_of
+from parsolid.particles.marks import mark_lattice
 from parsolid.particles.memory import check_memory
 from parsolid.particles.meshes.filling import MeshFilling
+from parsolid.particles.overlap import overlap_faults
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.base_model import LEAST, MOST
 from parsolid.scene.checks import unbounded_plane
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.initial import meant
 from parsolid.scene.lattice import Filling
-from parsolid.scene.marks import mark_lattice
 from parsolid.scene.named_regions import Region, uses_of_regions
-from parsolid.scene.overlap import overlap_faults
 from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.regions import NOBODY, Named, nearest_particles, selected
 from parsolid.scene.schema import Scene
-from parsolid.scene.validation_errors import SceneError, agree, fault, key_path, suggestion
+from parsolid.scene.validation_errors import SceneError, fault, key_path, suggestion
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:

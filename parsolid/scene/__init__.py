@@ -21,13 +21,12 @@ if TYPE_CHECKING:
     from parsolid.scene.loading import dump_scene, load_scene, packaged_scene, parse_scene
     from parsolid.scene.regions import nearest_particles, selected
     from parsolid.scene.schema import Scene
-    from parsolid.scene.validation_errors import SceneError, agree
+    from parsolid.scene.validation_errors import SceneError
 
 __all__ = [
     "ParticleSet",
     "Scene",
     "SceneError",
-    "agree",
     "dump_scene",
     "initial_deformation_gradient",
     "initial_displacement",
@@ -47,7 +46,6 @@ _HOMES = {
     "ParticleSet": "parsolid.particles.particle_set",
     "Scene": "parsolid.scene.schema",
     "SceneError": "parsolid.scene.validation_errors",
-    "agree": "parsolid.scene.validation_errors",
     "nearest_particles": "parsolid.scene.regions",
     "selected": "parsolid.scene.regions",
     **dict.fromkeys(("dump_scene", "load_scene", "packaged_scene", "parse_scene"), "parsolid.scene.loading"),

@@ -1,6 +1,7 @@
 """What all tables of a scene share: strictness, exclusive keys, a kind that chooses the model, points and planes."""
 
 from collections.abc import Mapping
+from enum import StrEnum
 from math import isfinite
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, get_args
@@ -15,6 +16,18 @@ AXES = ("X", "Y", "Z")
 
 # sizes of numbers of which products of five are within what floating-point numbers hold
 LEAST, MOST = 1e-60, 1e60
+
+
+class OnRestart(StrEnum):
+    """Whether a continued run may have a key otherwise: as it likes, the same without a word on it, or never.
+
+    Others may change where the user says so. What stands at a table holds for keys in it of which nothing is said.
+    """
+
+    FREE = "free"
+    SILENT = "silent"
+    FIXED = "fixed"
+
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -62,13 +75,20 @@ def method_of(info: ValidationInfo, table: object = None) -> type | None:
 class SceneModel(BaseModel):
     """A table of a scene: unknown keys and implicit conversions are refused, and it cannot be changed.
 
-    `exactly_one` and `at_most_one` name groups of keys that exclude each other.
+    `exactly_one` and `at_most_one` name groups of keys that exclude each other; on_restart: rules of its keys.
     """
 
     # built where a scene has such a table: most have a dozen of the seventy
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
     at_most_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    on_restart: ClassVar[dict[str, OnRestart]] = {}
+
+    @classmethod
+    def rule_on_restart(cls, key: str) -> OnRestart | None:
+        """What is said of a key, by this table or one that it is derived from."""
+        owners = (vars(owner).get("on_restart", {}) for owner in cls.__mro__)
+        return next((rules[key] for rules in owners if key in rules), None)
 
     @classmethod
     def _conflicts(cls, table: dict[str, Any]) -> list[InitErrorDetails]:

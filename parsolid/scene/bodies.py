@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, ValidationInfo, WrapValidator, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Positive, SceneModel, dimension_of, method_of, mismatch, reject
+from parsolid.scene.base_model import OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.materials import Material
 from parsolid.scene.shapes import Shape
@@ -36,6 +36,9 @@ class FilledShape(SceneModel):
     """
 
     at_most_one: ClassVar = (("particles", "spacing"),)
+    on_restart: ClassVar = dict.fromkeys(
+        ("name", "shape", "particles", "spacing", "placement", "jitter", "seed"), OnRestart.FIXED
+    )
     name: Name | None = Field(None, description="by which other tables call the body")
     shape: Shape
     particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
@@ -93,6 +96,9 @@ class Body(FilledShape):
     Without `deformation_gradient` the initial one is that of `displacement`, and without either the identity.
     """
 
+    on_restart: ClassVar = dict.fromkeys(
+        ("velocity", "displacement", "deformation_gradient", "temperature", "method"), OnRestart.FIXED
+    )
     velocity: InitialVector | None = Field(None, description="a formula in X, Y, Z for each component [m/s]")
     displacement: InitialVector | None = Field(None, description="the initial one, a formula for each component [m]")
     deformation_gradient: InitialMatrix | None = Field(None, description="the initial one, rows of formulas")

@@ -3,11 +3,11 @@
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from parsolid.scene.base_model import Positive, SceneModel
+from parsolid.scene.base_model import OnRestart, Positive, SceneModel
 from parsolid.scene.declared import BASES, by_law
 from parsolid.scene.library import LibraryTable, stated_sets
 from parsolid.scene.method_settings import named_observables
@@ -44,6 +44,7 @@ Criterion: Any = by_law("failure")
 class Scatter(SceneModel):
     """Weibull's spread of the strengths of particles, of mean 1, drawn from their identifiers."""
 
+    on_restart: ClassVar = {"seed": OnRestart.FIXED}
     modulus: Positive = Field(description="Weibull's modulus m: the higher, the less spread")
     seed: int = Field(0, ge=0, description="of the draw")
 

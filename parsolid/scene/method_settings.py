@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Detail, Positive, SceneModel, reject
+from parsolid.scene.base_model import Detail, OnRestart, Positive, SceneModel, reject
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"
@@ -50,7 +50,9 @@ class MethodSettings(SceneModel):
     evolved: ClassVar[tuple[str, ...]] = ("velocity",)
     evolved_of_particles: ClassVar[tuple[str, ...]] = ()
     evolved_forces: ClassVar[tuple[str, ...]] = ()
-    evolved_between: ClassVar[tuple[str, ...]] = ("contact_stick", "stick_*", "external_impulse", "moved")
+    evolved_between: ClassVar[tuple[str, ...]] = (
+        *("contact_partner", "contact_stick", "stick_*", "external_impulse", "moved"),
+    )
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")
     declared_fields: ClassVar[tuple[Any, ...]] = ()
@@ -61,6 +63,11 @@ class MethodSettings(SceneModel):
     viscous_terms: ClassVar[tuple[str, ...]] = ()
     bodies_meet: ClassVar[bool] = True
     graded_bodies: ClassVar[bool] = False
+    on_restart: ClassVar = {
+        **dict.fromkeys(("maximum_step", "minimum_step", "substeps", "dissipation_warning"), OnRestart.FREE),
+        **dict.fromkeys(("balance_warning", "balance_limit", "cfl", "safety", "rebalance"), OnRestart.FREE),
+        **dict.fromkeys(("kind", "reference", "weights"), OnRestart.FIXED),
+    }
     kind: str
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")

@@ -5,7 +5,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from parsolid.scene.base_model import ByKind, SceneModel, TableOr
+from parsolid.scene.base_model import ByKind, OnRestart, SceneModel, TableOr
 from parsolid.scene.validation_errors import Fault, key_path, suggestion, told
 
 # error of pydantic -> what it expects, and the code of the fault
@@ -40,7 +40,7 @@ def told_fault(error: Any, data: dict[str, Any], model: type[SceneModel], stated
     key = key_path(place if stated is None else stated)
     if kind == "mismatch":
         return Fault(error["ctx"]["code"], key, error["ctx"]["expected"], error["ctx"]["found"])
-    section = _section_at(place[:-1], data, model)
+    section = section_at(place[:-1], data, model)
     fields = section.model_fields if section is not None else {}
     if kind == "extra_forbidden":
         near = suggestion(place[-1], fields)
@@ -56,7 +56,7 @@ def told_fault(error: Any, data: dict[str, Any], model: type[SceneModel], stated
     return Fault(code, key, expected, told(found))
 
 
-def _section_at(place: tuple[Any, ...], data: Any, model: type[SceneModel]) -> type[SceneModel] | None:
+def section_at(place: tuple[Any, ...], data: Any, model: type[SceneModel]) -> type[SceneModel] | None:
     """The model of the table at a place of a model's raw tables."""
     section: Any = model
     annotation: Any = model
@@ -84,3 +84,12 @@ def _model_of(annotation: Any, value: Any) -> type[SceneModel] | None:
         candidates = [*getattr(annotation, "__metadata__", ()), *get_args(annotation)]
     models = (_model_of(candidate, value) for candidate in candidates)
     return next((model for model in models if model is not None), None)
+
+
+def on_restart(place: tuple[Any, ...], data: Any, model: type[SceneModel]) -> OnRestart | None:
+    """What a continued run may do with a key of a model's tables: what is said of it, or of the tables it is in."""
+    rule = None
+    for depth, key in enumerate(place):
+        section = section_at(place[:depth], data, model) if isinstance(key, str) else None
+        rule = (section.rule_on_restart(key) if section is not None else None) or rule
+    return rule

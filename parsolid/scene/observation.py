@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, reject
+from parsolid.scene.base_model import Detail, NotNegative, OnRestart, Positive, SceneModel, reject
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.probes import ShownField
 from parsolid.scene.shapes import ExistingFile
@@ -25,6 +25,7 @@ class Output(SceneModel):
         ("fields_interval", "fields_times"),
         ("checkpoint_interval", "checkpoint_steps"),
     )
+    on_restart: ClassVar = {"where": OnRestart.FIXED}
     directory: str = Field(default="results", description="the folder of the results, relative to the working folder")
     history_interval: Positive | None = Field(None, description="time between rows of history.csv [s]")
     history_steps: Annotated[int, Field(ge=1)] | None = Field(

@@ -1,13 +1,13 @@
 """The scene as a whole; what looks at several of its tables at once is in `scene.checks`."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import InitErrorDetails
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Positive, SceneModel, method_of, mismatch, reject
+from parsolid.scene.base_model import OnRestart, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import OwnBody
 from parsolid.scene.boundaries import Boundary
 from parsolid.scene.contact import Contact, contact_pairs, unbonded
@@ -26,6 +26,10 @@ from parsolid.scene.tools import Tool
 class Scene(SceneModel):
     """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
 
+    on_restart: ClassVar = {
+        **dict.fromkeys(("title", "end_time", "output", "errors", "run"), OnRestart.SILENT),
+        **dict.fromkeys(("dimension", "initial"), OnRestart.FIXED),
+    }
     title: str = Field("", description="what the run is called")
     dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")

@@ -2,10 +2,8 @@
 
 import difflib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
-
-from mpi4py import MPI
 
 from parsolid.materials.declaration import Phrase
 
@@ -41,17 +39,6 @@ class SceneError(Exception):
 
     def __str__(self) -> str:
         return "\n".join(self.faults)
-
-
-def agree(comm: MPI.Comm, faults: Sequence[str]) -> None:
-    """Raise the same SceneError on every rank when any rank has a fault (collective).
-
-    A rank passes on its first faults only, so that a fault of every particle does not flood the ranks.
-    """
-    if comm.allreduce(len(faults)) == 0:
-        return
-    every = [fault for piece in comm.allgather(faults[:50]) for fault in piece]
-    raise SceneError(dict.fromkeys(every))
 
 
 NOTHING = Phrase("nothing")

@@ -2,7 +2,8 @@
 
 Everything that the scene says is compared, files by what is in them. Some keys may change as they like, a table of
 factors after the time of the checkpoint; others may where the user names them, since what follows is well defined; the
-rest says what the state in the checkpoint is, so that another value of it means nothing there.
+rest says what the state in the checkpoint is, so that another value of it means nothing there. Which is which stands at
+the tables that have them (`on_restart` of `base_model.SceneModel`).
 """
 
 import fnmatch
@@ -15,63 +16,13 @@ from typing import Any, NamedTuple
 
 from parsolid.checksums import digest
 from parsolid.scene import Scene
+from parsolid.scene.base_model import OnRestart
 from parsolid.scene.load_histories import FactorHistory
+from parsolid.scene.model_faults import on_restart
 from parsolid.scene.validation_errors import NOTHING, key_path, told
 
-
-def _of_methods(*keys: str) -> tuple[str, ...]:
-    """Keys of a scene's method, and of any of several."""
-    return tuple(f"{place}.{key}" for place in ("method", "methods.*") for key in keys)
-
-
-# patterns of keys; what does not change the state, and how long steps are
-FREE = (
-    "title",
-    "end_time",
-    "output.*",
-    "errors",
-    "run",
-    *_of_methods(
-        "cfl",
-        "safety",
-        "maximum_step",
-        "minimum_step",
-        "substeps",
-        "rebalance",
-        "balance_warning",
-        "balance_limit",
-        "dissipation_warning",
-        "solution.safety",
-        "solution.damage_safety",
-        "solution.step",
-        "solution.tolerance",
-        "solution.most_iterations",
-    ),
-)
-# not worth a note
-SILENT = ("title", "end_time", "output.*", "errors", "run")
-# which particles and bonds there are, and what is of the start alone
-FIXED = (
-    "dimension",
-    *_of_methods("kind", "horizon_ratio", "pre_cracks*", "reference", "weights", "initial_state"),
-    "methods.*.name",
-    "bodies.*.method",
-    "bodies.*.name",
-    "bodies.*.shape*",
-    "bodies.*.particles",
-    "bodies.*.spacing",
-    "bodies.*.placement",
-    "bodies.*.jitter",
-    "bodies.*.seed",
-    "bodies.*.velocity",
-    "bodies.*.displacement",
-    "bodies.*.deformation_gradient",
-    "bodies.*.temperature",
-    "initial*",
-    "output.where",
-)
 # keys that checkpoints of earlier versions do not have, with the value that changes nothing
-ADDED = dict.fromkeys(_of_methods("clamp_edges"), 0.0)
+ADDED = {"method.clamp_edges": 0.0, "methods.*.clamp_edges": 0.0}
 # keys within tables of a name that scenes may leave out, and what that means by the tables' kind: who states it changes
 # nothing, and where it means something else now that is a change
 _WEIGHTS: dict[str, dict[str, Any]] = {"tlsph": {"weights": "kernel"}}
@@ -86,12 +37,16 @@ _TABLE = re.compile(r"""table\((["'])(/.*?)\1""")
 
 
 class Change(NamedTuple):
-    """A key with its values in the checkpoint and in the scene; later: they differ after the checkpoint only."""
+    """A key with its values in the checkpoint and in the scene.
+
+    later: they differ after the checkpoint only; rule: what the scene's tables say of the key.
+    """
 
     key: str
     before: Any
     now: Any
     later: bool
+    rule: OnRestart | None = None
 
     def of(self, patterns: tuple[str, ...]) -> bool:
         """Whether the key is one of the patterns' or within a table of theirs."""
@@ -151,23 +106,30 @@ def _history(value: Any) -> Any:
     return {"rows": FactorHistory.model_construct(**value).table} if is_file else value
 
 
-def changes(before: Any, now: Any, time: float, place: tuple[Any, ...] = ()) -> Iterator[Change]:
+def changes(before: Any, now: Any, time: float) -> Iterator[Change]:
     """Where the contents of two scenes differ; time [s]: of the checkpoint."""
+    for place, change in _differences(before, now, time, ()):
+        rule = on_restart(place, now, Scene) or on_restart(place, before, Scene)
+        yield change._replace(rule=OnRestart.FIXED if place[::2] == ("methods", "name") else rule)
+
+
+def _differences(before: Any, now: Any, time: float, place: tuple[Any, ...]) -> Iterator[tuple[Any, Change]]:
     if before == now:
         return
     if isinstance(before, dict) and isinstance(now, dict):
         if place and place[-1] == "history" and "rows" in before and "rows" in now:
-            yield Change(key_path((*place, "rows")), before["rows"], now["rows"], _alike_until(time, before, now))
+            later = _alike_until(time, before, now)
+            yield (*place, "rows"), Change(key_path((*place, "rows")), before["rows"], now["rows"], later)
             return
         for key in [*before, *(key for key in now if key not in before)]:
-            yield from changes(before.get(key, NOTHING), now.get(key, NOTHING), time, (*place, key))
+            yield from _differences(before.get(key, NOTHING), now.get(key, NOTHING), time, (*place, key))
     elif _tables(before) and _tables(now):
         for number in range(max(len(before), len(now))):
             old, new = (tables[number] if number < len(tables) else NOTHING for tables in (before, now))
-            yield from changes(old, new, time, (*place, number))
+            yield from _differences(old, new, time, (*place, number))
     else:
         later = bool(place) and place[-1] == "jumps" and _until(time, before) == _until(time, now)
-        yield Change(key_path(place), before, now, later)
+        yield place, Change(key_path(place), before, now, later)
 
 
 def _tables(value: Any) -> bool:
@@ -193,9 +155,9 @@ def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: fl
     for change in found:
         if change.before is NOTHING and any(change.of((key,)) and change.now == same for key, same in ADDED.items()):
             continue
-        fixed = change.of(FIXED)
-        if change.later or (change.of(FREE) and not fixed) or (not fixed and change.of(allowed)):
-            if not change.of(SILENT):
+        fixed = change.rule is OnRestart.FIXED
+        if change.later or (not fixed and (change.rule is not None or change.of(allowed))):
+            if change.rule is not OnRestart.SILENT:
                 then = f"{told(change.before)} until the checkpoint at t = {time:.6g} s"
                 notes.append(f"{change.key}: {then}, from there on {told(change.now)}")
             continue

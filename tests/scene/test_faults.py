@@ -5,8 +5,9 @@ import math
 
 import pytest
 
+from parsolid.particles.agreement import agree
 from parsolid.particles.generation import generate
-from parsolid.scene import SceneError, agree, load_scene, packaged_scene, parse_scene
+from parsolid.scene import SceneError, load_scene, packaged_scene, parse_scene
 from parsolid.scene.validation_errors import told
 
 DELETED = object()

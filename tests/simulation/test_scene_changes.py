@@ -8,8 +8,10 @@ from solids import punch, tables
 from parsolid.scene import parse_scene
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.bodies import Body
+from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.methods import method_kinds, settings_class
 from parsolid.scene.schema import Scene
-from parsolid.simulation.scene_changes import FIXED, FREE, _until, changes, completed, contents, judged
+from parsolid.simulation.scene_changes import _until, changes, completed, contents, judged
 
 TIME = 0.3
 
@@ -32,10 +34,10 @@ def test_every_key_that_is_not_in_the_list_is_refused():
         (change,) = changes(scene, _with(scene, place, "another"), TIME)
         assert change.key == key or key.startswith(change.key)
         faults, _ = judged([change], (), "checkpoint.h5", TIME)
-        assert bool(faults) == (not change.of(FREE)), key
+        assert bool(faults) == (change.rule not in ("free", "silent")), key
         if faults:
             assert faults[0].startswith(f"{change.key}: expected ") and "'another'" in faults[0]
-            assert bool(judged([change], (change.key,), "", TIME)[0]) == change.of(FIXED)
+            assert bool(judged([change], (change.key,), "", TIME)[0]) == (change.rule == "fixed")
         seen += 1
     assert seen > 40
 
@@ -122,28 +124,19 @@ def _with(value, place, leaf):
     return [_with(part, place[1:], leaf) if i == place[0] else part for i, part in enumerate(value)]
 
 
-def test_what_is_free_is_in_a_scene():
-    """No pattern of the list is a misspelt key."""
-    known = set(_keys(Scene)) | set(_keys(Body)) | _method_keys()
-    for pattern in FREE + FIXED:
-        assert pattern.rstrip("*.").rpartition(".")[2] in known, pattern
+def test_rules_are_of_keys_that_tables_have():
+    methods = [settings_class({"kind": kind}) for kind in method_kinds()]
+    known = {MethodSettings: {key for one in methods for key in one.model_fields}}
+    models = [*_models(SceneModel)]
+    assert {Scene, Body, MethodSettings} <= {one for one in models if "on_restart" in vars(one)}
+    for model in models:
+        assert vars(model).get("on_restart", {}).keys() <= known.get(model, model.model_fields.keys()), model
 
 
-def _keys(model):
-    for name, field in model.model_fields.items():
-        yield name
-        for part in (field.annotation, *getattr(field.annotation, "__args__", ())):
-            if isinstance(part, type) and issubclass(part, SceneModel):
-                yield from _keys(part)
-
-
-def _method_keys() -> set[str]:
-    from parsolid.methods.mpm import settings as mpm
-    from parsolid.methods.peridynamics import settings as peridynamics
-    from parsolid.methods.tlsph import settings as tlsph
-
-    models = [value for room in (mpm, peridynamics, tlsph) for value in vars(room).values()]
-    return {key for m in models if isinstance(m, type) and issubclass(m, SceneModel) for key in m.model_fields}
+def _models(model):
+    yield model
+    for one in model.__subclasses__():
+        yield from _models(one)
 
 
 def history(*rows) -> dict:

@@ -5,7 +5,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.scene.base_model import Detail, Plane, Point, Positive, SceneModel, by_kind, dimension_of, reject
+from parsolid.scene.base_model import (
+    Detail,
+    OnRestart,
+    Plane,
+    Point,
+    Positive,
+    SceneModel,
+    by_kind,
+    dimension_of,
+    reject,
+)
 from parsolid.scene.contact import in_contact
 from parsolid.scene.materials import HyperelasticSolid
 from parsolid.scene.method_settings import MethodSettings
@@ -58,6 +68,7 @@ class Explicit(SceneModel):
     While bonds may break the step is also at most `damage_safety` times that of the undamaged body.
     """
 
+    on_restart: ClassVar = dict.fromkeys(("safety", "damage_safety"), OnRestart.FREE)
     kind: Literal["explicit"]
     safety: float = Field(0.8, gt=0, le=1, description="time step over the stability limit")
     damage_safety: float = Field(0.25, gt=0, le=1, description="the same where bonds may break")
@@ -72,6 +83,7 @@ class QuasiStatic(SceneModel):
     extrapolation  of the polynomial through earlier states at which a solution starts, the order: 0 the last state
     """
 
+    on_restart: ClassVar = dict.fromkeys(("step", "tolerance", "most_iterations"), OnRestart.FREE)
     kind: Literal["quasi-static"]
     step: Positive = Field(description="the material step [s]")
     solver: Literal["conjugate-gradients", "dynamic-relaxation"] = Field(
@@ -222,6 +234,7 @@ class Peridynamics(MethodSettings):
     }
     extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
 
+    on_restart: ClassVar = dict.fromkeys(("horizon_ratio", "initial_state", "pre_cracks"), OnRestart.FIXED)
     kind: Literal["peridynamics"]
     horizon_ratio: float = Field(3.0, ge=1, le=30, description="horizon over particle spacing, from 1 to 30")
     influence: Literal["constant", "linear", "cubic-spline"] = "constant"

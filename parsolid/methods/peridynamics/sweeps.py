@@ -92,16 +92,17 @@ def bond_vectors(motion, Q, R, T, a, b):
 @kernel
 def add_gradients_in_space(bonds, images, receivers, motion, sums):
     """Add sum_b w_ab (f_b - f_a) (x) xi to sums; neighbours below row `receivers` receive, too."""
-    for a in range(bonds.start.shape[0] - 1):
+    start, neighbour, weight = bonds.start, bonds.neighbour, bonds.weight
+    for a in range(start.size - 1):
         X, f = load_row(motion, a, 0), load_row(motion, a, 4)
         s0, s1, s2 = load_row(sums, a, 0), load_row(sums, a, 4), load_row(sums, a, 8)
-        for k in range(bonds.start[a], bonds.start[a + 1]):
-            b = bonds.neighbour[k]
+        for k in range(start[a], start[a + 1]):
+            b = neighbour[k]
             X_b, f_b = load_row(motion, b, 0), load_row(motion, b, 4)
             if images is not None:
                 Q, R, T = image_of(images, k)
                 X_b, f_b = add(multiply(R, X_b), T), multiply(Q, f_b)
-            xi, jump = subtract(X_b, X), scale(bonds.weight[k], subtract(f_b, f))
+            xi, jump = subtract(X_b, X), scale(weight[k], subtract(f_b, f))
             d0, d1, d2 = scale(xi[0], jump), scale(xi[1], jump), scale(xi[2], jump)
             s0, s1, s2 = add(s0, d0), add(s1, d1), add(s2, d2)
             if b < receivers:
@@ -136,19 +137,20 @@ def add_gradients_in_plane(bonds, images, receivers, motion, sums):
 @kernel
 def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
     """Add the forces of the bonds [N]; C None: without control; neighbours below row `receivers` receive, too."""
-    for a in range(bonds.start.shape[0] - 1):
+    start, neighbour, weight = bonds.start, bonds.neighbour, bonds.weight
+    for a in range(start.size - 1):
         X, f, total = load_row(motion, a, 0), load_row(motion, a, 4), load_row(force, a, 0)
         M0, M1, M2 = load_row(M, a, 0), load_row(M, a, 4), load_row(M, a, 8)
         if C is not None:
             C0, C1, C2 = load_row(C, a, 0), load_row(C, a, 4), load_row(C, a, 8)
-        for k in range(bonds.start[a], bonds.start[a + 1]):
-            b, w = bonds.neighbour[k], bonds.weight[k]
+        for k in range(start[a], start[a + 1]):
+            b = neighbour[k]
             X_b, m0, m1, m2 = load_row(motion, b, 0), load_row(M, b, 0), load_row(M, b, 4), load_row(M, b, 8)
             if images is not None:
                 Q, R, T = image_of(images, k)
                 X_b = add(multiply(R, X_b), T)
                 m0, m1, m2 = scale(R[0], multiply(Q, m0)), scale(R[1], multiply(Q, m1)), scale(R[2], multiply(Q, m2))
-            xi = scale(w, subtract(X_b, X))
+            xi = subtract(X_b, X)
             t = add_scaled(scale(xi[0], add(M0, m0)), xi[1], add(M1, m1))
             t = add_scaled(t, xi[2], add(M2, m2))
             if C is not None:
@@ -156,12 +158,13 @@ def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
                 if images is not None:
                     f_b, c0 = multiply(Q, f_b), scale(Q[0], multiply(Q, c0))
                     c1, c2 = scale(Q[1], multiply(Q, c1)), scale(Q[2], multiply(Q, c2))
-                jump = scale(w, subtract(f_b, f))
+                jump = subtract(f_b, f)
                 t = add_scaled(t, jump[0], add(C0, c0))
                 t = add_scaled(add_scaled(t, jump[1], add(C1, c1)), jump[2], add(C2, c2))
+            t = scale(weight[k], t)
             total = add(total, t)
             if b < receivers:
-                add_to_row(force, b, 0, scale(-1.0, t))
+                store_row(force, b, 0, subtract(load_row(force, b, 0), t))
         store_row(force, a, 0, total)
 
 

@@ -8,6 +8,7 @@ from parsolid.kernels import kernel
 from parsolid.methods.tlsph.box_update import advance_box, advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
 from parsolid.methods.tlsph.leapfrog import StepBound
+from parsolid.pairs.box_planes import place_of, weights_along
 from parsolid.pairs.box_sweeps import BoxOnRank, BoxSweeps
 from parsolid.pairs.box_weights import REACH, axis_tables
 from parsolid.solvers.runge_kutta import Stage
@@ -49,7 +50,7 @@ class BoxBodies(StepBound):
         for one, box in zip(bodies, self.sweeps.boxes):
             if box is not None:
                 plane, node = np.divmod(one.clamp_edges - box.first, box.last_node - box.first_node)
-                found.append(box.window_start + (plane + box.first_plane) * box.nodes + box.first_node + node)
+                found.append(place_of(box.motion, plane + box.first_plane) + box.first_node + node)
         return np.concatenate(found)
 
     def advance_step(self, step: float) -> tuple[bool, float, float]:
@@ -117,7 +118,7 @@ class BoxBodies(StepBound):
         self.sweeps.exchange_motion(displacement, stored("position"))
         gradient = self.sweeps.gradient()
         for box, block in self.parts:
-            planes = gradient[:, box.start : box.start + box.planes * box.nodes].reshape(-1, box.planes, box.nodes)
+            planes = gradient[:, box.motion.start : box.motion.end].reshape(-1, box.planes, box.nodes)
             own = planes[:, box.first_plane : box.last_plane, box.first_node : box.last_node]
             result[block.first : block.last] = own.reshape(len(own), -1).T.reshape(-1, self.dimension, self.dimension)
 
@@ -132,12 +133,18 @@ class BoxBodies(StepBound):
         """Interactions counted once a particle: nodes that have a weight in the gradient of another one."""
         total = 0
         for box, _ in self.parts:
-            for axis, table in enumerate(box.gradient):
-                own, times = slice(box.first_plane, box.last_plane), box.last_node - box.first_node
-                if axis > 0:
-                    own, times = slice(box.first_node, box.last_node), box.last_plane - box.first_plane
-                others = np.delete(table[0][:, own], REACH, axis=0)
-                total += times * int(np.count_nonzero(others))
+            planes, nodes = box.last_plane - box.first_plane, box.last_node - box.first_node
+            in_row = min(box.row, nodes)
+            # own planes, rows and nodes of a row in the tables, and how often each is met
+            parts = [
+                (0, box.first_plane, planes, nodes),
+                (box.planes, box.first_node // box.row, nodes // box.row, planes * box.row),
+            ]
+            parts = parts[: self.dimension - 1]
+            parts.append((weights_along(box, self.dimension - 1), 0, in_row, planes * nodes // in_row))
+            for table, first, count, times in parts:
+                weights = box.gradient[0, :, table + first : table + first + count]
+                total += times * int(np.count_nonzero(np.delete(weights, REACH, axis=0)))
         return total
 
     def arrays(self) -> list[np.ndarray]:

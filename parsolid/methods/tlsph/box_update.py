@@ -18,23 +18,48 @@ from parsolid.methods.tlsph.point_update import (
     waves_tile,
 )
 from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, load_deformation
-from parsolid.pairs.box_planes import copy, forces_in_plane, gradient_in_plane, place_in_window
+from parsolid.pairs.box_planes import (
+    dissipative_forces_in_plane,
+    gradient_in_plane,
+    place_of,
+    stress_forces_in_plane,
+)
 from parsolid.pairs.box_weights import REACH
 
 
 @kernel
-def take_extremes(J, signal, least, most):
-    """Least J and greatest signal so far, place by place of tiles, which vectorises; what is not a number stays."""
-    for p in range(J.size):
+def take_extremes(n, J, signal, least, most):
+    """Least J and greatest signal so far of n places of tiles, one by one, which vectorises; what is not a number
+    stays."""
+    for p in range(np.uintp(n)):
         least[p] = least[p] if (least[p] <= J[p]) | (least[p] != least[p]) else J[p]
         most[p] = most[p] if (most[p] >= signal[p]) | (most[p] != most[p]) else signal[p]
 
 
 @kernel
-def add_products(total, a, b):
-    """total (n,) += a b."""
-    for p in range(a.size):
-        total[p] += a[p] * b[p]
+def add_losses(n, total, lost, volume, row):
+    """total (n,) += lost volume, of volumes from a row on."""
+    first = np.uintp(row)
+    for p in range(np.uintp(n)):
+        total[p] += lost[p] * volume[first + p]
+
+
+@kernel
+def store_waves(Z, place, n, fast, slow, count):
+    """Rows of tiles of pressure and shear waves, `count` of each, into Z from a place on."""
+    start = np.uintp(place)
+    for k in range(count):
+        row = np.uintp(k * TILE)
+        for p in range(np.uintp(n)):
+            Z[k, start + p], Z[count + k, start + p] = fast[row + p], slow[row + p]
+
+
+@kernel
+def store_numbers(field, row, n, numbers):
+    """Numbers of a tile into a field (n,) from a row on."""
+    first = np.uintp(row)
+    for p in range(np.uintp(n)):
+        field[first + p] = numbers[p]
 
 
 @kernel
@@ -46,8 +71,8 @@ def advance_box(
 
     Fields (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,)
     [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. force,
-    dissipation: fields of `forces_in_plane`, which are filled while stresses are in the cache; None where planes of
-    other ranks are needed first. Otherwise as in `list_update.advance_step`, as is what is returned.
+    dissipation (d, n) [N]: fields of V Div P and V D, which are filled while stresses are in the cache; None where
+    planes of other ranks are needed first. Otherwise as in `list_update.advance_step`, as is what is returned.
     """
     values = scratch.values
     row, least, most, dissipated = box.first, np.ones(TILE), np.zeros(TILE), np.zeros(TILE)
@@ -55,7 +80,7 @@ def advance_box(
     tensor, symmetric, tile_F, tile_G, tile_P, tile_J, tile_Z = (
         places.tensor, places.symmetric, tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
     )  # fmt: skip
-    signal, lost, stress = tiles.signal, tiles.lost, tiles.initial
+    slow_Z, signal, lost, stress = tile_Z[TILE:], tiles.signal, tiles.lost, tiles.initial
     moduli, times, weights, losses = branches.moduli, branches.times, branches.weights, branches.losses
     total, third = 0.0, 0.0 if d == 2 else 1.0
     for k in range(moduli.size):
@@ -63,10 +88,10 @@ def advance_box(
     if d == 2:
         tile_G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
-        plane = place_in_window(box, i)
-        gradient_in_plane(box, i, v, values, G, plane + box.first_node)
+        of_pairs, of_stresses = place_of(box.pairs, i), place_of(box.stresses, i)
+        gradient_in_plane(box, i, v, values, G, of_pairs + box.first_node)
         for a in range(box.first_node, box.last_node, TILE):
-            n, place = min(TILE, box.last_node - a), plane + a
+            n, place = min(TILE, box.last_node - a), of_pairs + a
             copy_in(tile_G, tensor, G, place, n)
             copy_in(tile_F, tensor, gradient, row, n)
             if A is not None:
@@ -86,21 +111,25 @@ def advance_box(
                 copy_in(stress, tensor, initial, row, n)
                 add_initial_stress(tile_F, stress, tile_P)
             copy_out(gradient, row, n, tile_F, tensor)
-            copy_out(P, place, n, tile_P, tensor)
+            copy_out(P, of_stresses + a, n, tile_P, tensor)
             if Z is not None:
-                copy(Z[0, place : place + n], tile_Z[:n])
-                copy(Z[1, place : place + n], tile_Z[TILE : TILE + n])
+                store_waves(Z, place, n, tile_Z, slow_Z, 1)
             if A is not None:
                 copy_branches_out(field_A, row, n, A, symmetric)
-                add_products(dissipated[:n], lost[:n], volume[row : row + n])
-            copy(jacobian[row : row + n], tile_J[:n])
-            take_extremes(tile_J[:n], signal[:n], least, most)
+                add_losses(n, dissipated, lost, volume, row)
+            store_numbers(jacobian, row, n, tile_J)
+            take_extremes(n, tile_J, signal, least, most)
             row += n
-        if force is not None and i >= REACH:
-            forces_in_plane(box, scratch, i - REACH, P, v, x, G, Z, None, force, dissipation)
+        if force is not None:
+            if Z is not None and i > 0:
+                dissipative_forces_in_plane(box, scratch, i - 1, v, x, G, Z, None, dissipation)
+            if i >= REACH:
+                stress_forces_in_plane(box, i - REACH, P, values, force)
     if force is not None:
+        if Z is not None:
+            dissipative_forces_in_plane(box, scratch, box.last_plane - 1, v, x, G, Z, None, dissipation)
         for i in range(max(0, box.last_plane - REACH), box.last_plane):
-            forces_in_plane(box, scratch, i, P, v, x, G, Z, None, force, dissipation)
+            stress_forces_in_plane(box, i, P, values, force)
     sound, lost_energy, greatest = True, 0.0, 0.0
     for p in range(TILE):
         sound = sound and least[p] > 0.0
@@ -129,10 +158,10 @@ def advance_box_stage(
     if d == 2:
         tile_G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
-        plane = place_in_window(box, i)
-        gradient_in_plane(box, i, v, values, G, plane + box.first_node)
+        of_pairs, of_stresses = place_of(box.pairs, i), place_of(box.stresses, i)
+        gradient_in_plane(box, i, v, values, G, of_pairs + box.first_node)
         for a in range(box.first_node, box.last_node, TILE):
-            n, place = min(TILE, box.last_node - a), plane + a
+            n, place = min(TILE, box.last_node - a), of_pairs + a
             copy_in(tile_G, tensor, G, place, n)
             load_deformation(tile_F, tile_H, tile_J, tensor, gradient, cofactors, jacobian, row, n)
             if at_start:
@@ -153,11 +182,9 @@ def advance_box_stage(
                 copy_in(stress, tensor, initial, row, n)
                 add_initial_stress(F_before, stress, tile_P)
             store_deformation(tile_F, tile_H, tile_J, tensor, gradient, cofactors, jacobian, row, n)
-            copy_out(P, place, n, tile_P, tensor)
+            copy_out(P, of_stresses + a, n, tile_P, tensor)
             if Z is not None:
-                for k in range(d):
-                    copy(Z[k, place : place + n], fast[k * TILE : k * TILE + n])
-                    copy(Z[d + k, place : place + n], slow[k * TILE : k * TILE + n])
+                store_waves(Z, place, n, fast, slow, d)
             for p in range(n):
                 sound = sound and tile_J[p] > 0.0
             if A is not None:

@@ -68,6 +68,7 @@ class LawBlock:
         self.solid = law._replace(branch_moduli=None, relaxation_times=None)
         self.moduli = np.array(law.branch_moduli or (), float)
         self.times = np.array(law.relaxation_times or (), float)
+        self._relaxation_times = self.times.tolist()
         self.dimension = particles.owned_rows("position").shape[1]
         self.tiles, self.places = make_tiles(), PLACES[self.dimension]
         self.A, self.branch_sum = make_branch_tiles(len(self.moduli))
@@ -78,9 +79,9 @@ class LawBlock:
         """Over a step [s] of leapfrog."""
         if not len(self.times):
             return self._none
-        weights = [relaxation_weights(step, time) for time in self.times]
-        losses = [[time * w for w in loss_weights(step, time)] for time in self.times]
-        return self._branches(weights, losses, weights)
+        over = np.array([relaxation_weights(step, time) for time in self._relaxation_times])
+        losses = np.array([loss_weights(step, time) for time in self._relaxation_times]) * self.times[:, None]
+        return Branches(self.moduli, self.times, over, losses, over)
 
     def branches_at_stage(self, time: float, step: float) -> Branches:
         """At a stage of SSP-RK3, time: 0, 1/2 or 1 of the step [s]."""

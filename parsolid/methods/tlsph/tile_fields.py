@@ -84,28 +84,39 @@ def copy(out, numbers):
         out[p] = numbers[p]
 
 
+# Indices are unsigned, as numba asks of every signed one whether it counts from the end, and no slices are made, as
+# numba would count their references.
+
+
 @kernel
 def copy_in(tile, places, field, i, n):
     """Components of n particles from row i on into a tile."""
+    start = np.uintp(i)
     for c in range(places.size):
-        first = places[c] * TILE
-        copy(tile[first : first + n], field[c, i : i + n])
+        first = np.uintp(places[c] * TILE)
+        for p in range(np.uintp(n)):
+            tile[first + p] = field[c, start + p]
 
 
 @kernel
 def copy_out(field, i, n, tile, places):
     """Components of n particles of a tile into rows i .. i + n - 1."""
+    start = np.uintp(i)
     for c in range(places.size):
-        first = places[c] * TILE
-        copy(field[c, i : i + n], tile[first : first + n])
+        first = np.uintp(places[c] * TILE)
+        for p in range(np.uintp(n)):
+            field[c, start + p] = tile[first + p]
 
 
 @kernel
 def copy_branches_in(A, symmetric, field, i, n):
     """A of all branches of n particles from row i on into tiles."""
-    m = symmetric.size
+    m, start = symmetric.size, np.uintp(i)
     for k in range(A.size // (6 * TILE)):
-        copy_in(A[6 * TILE * k : 6 * TILE * (k + 1)], symmetric, field[m * k : m * (k + 1)], i, n)
+        for c in range(m):
+            first, row = np.uintp((6 * k + symmetric[c]) * TILE), m * k + c
+            for p in range(np.uintp(n)):
+                A[first + p] = field[row, start + p]
         if m == 3:
             # A33 of the plane, which relaxation leaves 1 but for round-off, is no state: a restart has the same bits
             A[6 * TILE * k + 2 * TILE : 6 * TILE * k + 3 * TILE] = 1.0
@@ -114,9 +125,12 @@ def copy_branches_in(A, symmetric, field, i, n):
 @kernel
 def copy_branches_out(field, i, n, A, symmetric):
     """The way back of `copy_branches_in`."""
-    m = symmetric.size
+    m, start = symmetric.size, np.uintp(i)
     for k in range(A.size // (6 * TILE)):
-        copy_out(field[m * k : m * (k + 1)], i, n, A[6 * TILE * k : 6 * TILE * (k + 1)], symmetric)
+        for c in range(m):
+            first, row = np.uintp((6 * k + symmetric[c]) * TILE), m * k + c
+            for p in range(np.uintp(n)):
+                field[row, start + p] = A[first + p]
 
 
 @kernel

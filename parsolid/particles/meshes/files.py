@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.particles.marks import TOLERANCE
 from parsolid.particles.meshes.abaqus import read_abaqus
 from parsolid.particles.meshes.elements import ELEMENTS, OF_CORNERS
 from parsolid.particles.meshes.gmsh_text import read_gmsh_text
 from parsolid.particles.meshes.groups import MeshGroups, groups_of
-from parsolid.scene.marks import TOLERANCE
 from parsolid.scene.validation_errors import SceneError
 
 _LESS_THAN_SOLID = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}

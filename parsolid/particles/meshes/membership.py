@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from parsolid.particles.marks import TOLERANCE
 from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.particles.meshes.topology import Facets
-from parsolid.scene.marks import TOLERANCE
 from parsolid.scene.named_regions import Region
 
 

@@ -13,10 +13,11 @@ from decomposition.migration import migrate
 from decomposition.slices import Slices
 from parsolid.checksums import added, sum_of_rows
 from parsolid.collective import anywhere
+from parsolid.particles.agreement import agree
 from parsolid.particles.meshes.files import MeshOfFile, read_with_meshio, solid_mesh
 from parsolid.particles.meshes.groups import MeshGroups
 from parsolid.particles.meshes.imported import Contents, ImportedMesh, contents_of, is_imported, mesh_of
-from parsolid.scene.validation_errors import SceneError, agree
+from parsolid.scene.validation_errors import SceneError
 
 _READER = 0
 
