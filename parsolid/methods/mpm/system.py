@@ -103,7 +103,7 @@ class MaterialPoint(Reports):
             self.accelerate_nodes(time, step)
         assert self._energies is not None
         boundaries = self._move_particles(time + step, step)
-        self._sound, materials = self._advance_stress(step)
+        self._sound, materials = self.advance_stress(step)
         self._energies.book(ledger, step, boundaries, materials, self.loads)
         self._energies = None
         self._sound = self.migration.migrate() and self._sound
@@ -148,7 +148,7 @@ class MaterialPoint(Reports):
         nodes.find_remapped_velocities()
         return self.conditions.impose(nodes, nodes.remapped, time)[1]
 
-    def _advance_stress(self, step: float) -> tuple[bool, dict[str, float]]:
+    def advance_stress(self, step: float) -> tuple[bool, dict[str, float]]:
         """State and stress of all particles after a step [s] with the velocity gradients that they have: whether all
         are sound, and what this rank's laws tell the ledger [J]."""
         sound, self.fastest, terms = True, 0.0, {"plastic_work": 0.0, "viscous_work": 0.0}
@@ -194,7 +194,7 @@ class MaterialPoint(Reports):
             self.points.without_deleted()
         self.migration.redistribute()
         self.nodes.follow_cells()
-        self._advance_stress(0.0)
+        self.advance_stress(0.0)
         take_forces(self.comm, scene, self)
         if taken and self.external is not None:
             self.external.go_on(min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf))
