@@ -58,7 +58,7 @@ class MethodSettings(SceneModel):
     declared_fields: ClassVar[tuple[Any, ...]] = ()
     extra_fields: ClassVar[dict[str, str]] = {}
     extra_quantities: ClassVar[dict[str, str]] = {}
-    pictured_fields: ClassVar[tuple[str, ...]] = ("pressure",)
+    pictured_fields: ClassVar[tuple[str, ...]] = ("von_mises_stress", "pressure")
     ledger_terms: ClassVar[dict[str, int]] = {}
     viscous_terms: ClassVar[tuple[str, ...]] = ()
     bodies_meet: ClassVar[bool] = True
