@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import parsolid
+from parsolid.api import pictures
 from parsolid.collective import SolverError
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import RunFailed
@@ -229,6 +230,17 @@ def test_the_report_of_a_check_has_what_a_run_takes(results):
     assert [one.code for one in parsolid.check(SCENE | {"bodies": [thin]}).warnings] == []
     with pytest.raises(SceneError):
         parsolid.check(SCENE | {"end_time": -1.0})
+
+
+@pytest.mark.parametrize(
+    "stated, seconds, drawn", [(None, 0.1, False), (None, 1e3, True), (True, 0.1, True), (False, 1e3, False)]
+)
+def test_a_run_draws_when_the_scene_says_so_or_it_has_taken_long(comm, tmp_path, monkeypatch, stated, seconds, drawn):
+    pytest.importorskip("pyvista")
+    calls = []
+    monkeypatch.setattr(pictures, "draw", calls.append)
+    pictures.draw_at_end(comm, tmp_path, stated, seconds)
+    assert calls == [tmp_path] * (drawn and comm.rank == 0)
 
 
 def test_a_script_under_mpirun_is_a_run_on_all_its_ranks(comm, shared_path):
