@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Detail, NotNegative, SceneModel
+from parsolid.scene.base_model import Finding, NotNegative, SceneModel
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.validation_errors import suggestion
 
@@ -152,14 +152,14 @@ def unbonded(contacts: list[Contact], names: list[str | None]) -> np.ndarray | N
     return result
 
 
-def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Detail]:
+def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Finding]:
     """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
-    faults, seen = list[Detail](), dict[tuple[str, ...], int]()
+    faults, seen = list[Finding](), dict[tuple[str, ...], int]()
     for i, one in enumerate(contacts):
         for name in dict.fromkeys(one.bodies):
             if names is not None and name not in names:
                 expected = f"the name of a body{suggestion(name, names)}"
-                faults.append((("contact", i, "bodies"), expected, name))
+                faults.append((("contact", i, "bodies"), expected, name, "unknown-name"))
         if len(set(one.bodies)) < len(one.bodies):
             expected = "each body once (one name alone: contact within it)"
             faults.append((("contact", i, "bodies"), expected, one.bodies))
@@ -168,7 +168,9 @@ def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Det
         for pair in pairs:
             if pair in seen:
                 found = " and ".join(map(repr, pair))
-                faults.append((("contact", i, "bodies"), f"pairs that contact.{seen[pair]} does not name", found))
+                faults.append(
+                    (("contact", i, "bodies"), f"pairs that contact.{seen[pair]} does not name", found, "repeated")
+                )
                 break
         seen |= {pair: i for pair in pairs if pair not in seen}
     return faults
