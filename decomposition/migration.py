@@ -56,11 +56,17 @@ def migrate(comm: MPI.Comm, owner: np.ndarray, arrays: dict[str, np.ndarray]) ->
     record = np.dtype([(name, array.dtype, array.shape[1:]) for name, array in arrays.items()])
     order = np.argsort(owner, kind="stable")
     targets, first = np.unique(owner[order], return_index=True)
-    pieces = {rank: _packed(rows, arrays, record) for rank, rows in zip(targets.tolist(), np.split(order, first[1:]))}
-    own = pieces.pop(comm.rank, np.empty(0, record))
-    sources, come = send_to_some(comm, list(pieces), list(pieces.values()), own)
-    come.insert(int(np.searchsorted(sources, comm.rank)), own)
-    return {name: np.concatenate([piece[name] for piece in come]) for name in arrays}
+    leaving = dict(zip(targets.tolist(), np.split(order, first[1:])))
+    staying = leaving.pop(comm.rank, np.zeros(0, np.int64))
+    packed = [_packed(rows, arrays, record) for rows in leaving.values()]
+    sources, come = send_to_some(comm, list(leaving), packed, np.empty(0, record))
+    lower = int(np.searchsorted(sources, comm.rank))
+    return {
+        name: np.concatenate(
+            [*(one[name] for one in come[:lower]), array[staying], *(one[name] for one in come[lower:])]
+        )
+        for name, array in arrays.items()
+    }
 
 
 def _packed(rows: np.ndarray, arrays: dict[str, np.ndarray], record: np.dtype) -> np.ndarray:

@@ -22,6 +22,9 @@ _ROUNDING, _MOST_CELLS = 1e-9, 1 << 20
 _DIGIT = 11
 _BUCKETS = 1 << _DIGIT
 
+# pairs of boxes that a sweep looks at in one piece
+_AT_ONCE = 1 << 18
+
 
 def checked_points(points: np.ndarray, name: str = "points") -> np.ndarray:
     """The points as a contiguous (n, d) float64 array, d = 1, 2 or 3. Raises ValueError for another shape."""
@@ -390,3 +393,26 @@ def _two_sets(
     strips = strips_of(np.minimum(lower, other_lower), np.maximum(upper, other_upper), reach)
     first = _sorted(points, np.ascontiguousarray(radius), 0, *strips.order(points))
     return strips, first, _sorted(others, np.ascontiguousarray(other_radius), 0, *strips.order(others))
+
+
+def close_boxes(lower: np.ndarray, upper: np.ndarray, distance: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of each two boxes (n, d) [m] that are less than a distance [m] apart along every axis, the lower first,
+    by a sweep along the axis in which boxes lie farthest apart. distance: one, or (n,), half the sum of both."""
+    count, half = len(lower), 0.5 * np.broadcast_to(np.asarray(distance, float), len(lower))[:, None]
+    lower, upper = lower - half, upper + half
+    axis = int(np.argmax(np.ptp(lower + upper, axis=0))) if count and np.isfinite(half).all() else 0
+    order = np.argsort(lower[:, axis], kind="stable")
+    low, high = lower[order], upper[order]
+    ends = np.maximum(np.searchsorted(low[:, axis], high[:, axis], "right") - np.arange(count) - 1, 0)
+    before, found = np.concatenate(([0], np.cumsum(ends))), [np.zeros((2, 0), np.int64)]
+    start = 0
+    while start < count:
+        # so many boxes at once as keeps arrays small
+        stop = max(int(np.searchsorted(before, before[start] + _AT_ONCE, "right")) - 1, start + 1)
+        one = np.repeat(np.arange(start, stop), ends[start:stop])
+        other = one + 1 + np.arange(len(one)) - np.repeat(before[start:stop] - before[start], ends[start:stop])
+        meet = ((low[other] <= high[one]) & (low[one] <= high[other])).all(axis=1)
+        found.append(np.sort(order[np.stack((one[meet], other[meet]))], axis=0))
+        start = stop
+    first, second = np.concatenate(found, axis=1)
+    return first, second

@@ -33,40 +33,55 @@ _TAG, _SWAP_TAG, _SOME_TAG = 16001, 16002, 16003
 # --- packing ------------------------------------------------------------------------------------------------------
 
 
+# indices are unsigned: numba asks of signed ones whether they are negative, which takes twice the time
+
+
 @njit(cache=True)
 def _pack(flat, step, columns, rows, message, width, first):
     """Copy rows of an array into messages, whose rows are `width` long, from their column `first` on."""
-    for m in range(len(rows)):
-        place, at = step * rows[m], width * m + first
-        for k in range(len(columns)):
-            message[at + k] = flat[place + columns[k]]
+    at, count = np.uintp(first), np.uintp(len(columns))
+    for m in range(np.uintp(len(rows))):
+        place = np.uintp(step) * np.uintp(rows[m])
+        for k in range(count):
+            here = place + np.uintp(columns[k])
+            message[at + k] = flat[here]
+        at += np.uintp(width)
 
 
 @njit(cache=True)
 def _unpack(flat, step, columns, rows, message, width, first):
     """Copy messages into rows of an array."""
-    for m in range(len(rows)):
-        place, at = step * rows[m], width * m + first
-        for k in range(len(columns)):
-            flat[place + columns[k]] = message[at + k]
+    at, count = np.uintp(first), np.uintp(len(columns))
+    for m in range(np.uintp(len(rows))):
+        place = np.uintp(step) * np.uintp(rows[m])
+        for k in range(count):
+            here = place + np.uintp(columns[k])
+            flat[here] = message[at + k]
+        at += np.uintp(width)
 
 
 @njit(cache=True)
 def _add(flat, step, columns, rows, message, width, first):
     """Add messages to rows of an array, one neighbour after the other."""
-    for m in range(len(rows)):
-        place, at = step * rows[m], width * m + first
-        for k in range(len(columns)):
-            flat[place + columns[k]] += message[at + k]
+    at, count = np.uintp(first), np.uintp(len(columns))
+    for m in range(np.uintp(len(rows))):
+        place = np.uintp(step) * np.uintp(rows[m])
+        for k in range(count):
+            here = place + np.uintp(columns[k])
+            flat[here] += message[at + k]
+        at += np.uintp(width)
 
 
 @njit(cache=True)
 def _raise(flat, step, columns, rows, message, width, first):
     """Put the larger of a message and the row into rows of an array."""
-    for m in range(len(rows)):
-        place, at = step * rows[m], width * m + first
-        for k in range(len(columns)):
-            flat[place + columns[k]] = max(flat[place + columns[k]], message[at + k])
+    at, count = np.uintp(first), np.uintp(len(columns))
+    for m in range(np.uintp(len(rows))):
+        place = np.uintp(step) * np.uintp(rows[m])
+        for k in range(count):
+            here = place + np.uintp(columns[k])
+            flat[here] = max(flat[here], message[at + k])
+        at += np.uintp(width)
 
 
 @njit(cache=True)
@@ -75,20 +90,18 @@ def _sum(flat, step, columns, rows, message, width, first, lower, own_rows, own)
 
     lower: how many rows of the messages come from lower ranks; own_rows: `rows`, each once; own: room for them.
     """
-    c = len(columns)
-    for m in range(len(own_rows)):
-        for k in range(c):
-            own[c * m + k] = flat[step * own_rows[m] + columns[k]]
-            flat[step * own_rows[m] + columns[k]] = 0.0
-    for m in range(lower):
-        for k in range(c):
-            flat[step * rows[m] + columns[k]] += message[width * m + first + k]
-    for m in range(len(own_rows)):
-        for k in range(c):
-            flat[step * own_rows[m] + columns[k]] += own[c * m + k]
-    for m in range(lower, len(rows)):
-        for k in range(c):
-            flat[step * rows[m] + columns[k]] += message[width * m + first + k]
+    count, step, width = np.uintp(len(columns)), np.uintp(step), np.uintp(width)
+    for m in range(np.uintp(len(own_rows))):
+        place = step * np.uintp(own_rows[m])
+        for k in range(count):
+            own[count * m + k] = flat[place + np.uintp(columns[k])]
+            flat[place + np.uintp(columns[k])] = 0.0
+    _add(flat, step, columns, rows[:lower], message, width, first)
+    for m in range(np.uintp(len(own_rows))):
+        place = step * np.uintp(own_rows[m])
+        for k in range(count):
+            flat[place + np.uintp(columns[k])] += own[count * m + k]
+    _add(flat, step, columns, rows[lower:], message[np.intp(width) * lower :], width, first)
 
 
 def _flat(array: np.ndarray, kind: type) -> tuple[np.ndarray, int, np.ndarray]:

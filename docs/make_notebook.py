@@ -60,7 +60,7 @@ plt.gca().set(aspect="equal", title=f"t = {1e3 * now.time:g} ms");
 """,
     "Step by step, with the arrays of the state at hand. Here a brake takes 1 % of the velocity in each step:",
     """
-simulation = parsolid.set_up(scene)
+simulation = parsolid.Simulation(scene)
 heights = []
 
 @simulation.on_step
@@ -69,7 +69,7 @@ def brake(simulation):
         velocity *= 0.99
     heights.append((simulation.time, simulation.field("position")[:, 1].max()))
 
-simulation.run_until(2e-3)
+simulation.run(2e-3)
 braked, free = np.array(heights), results.columns
 plt.plot(1e3 * braked[:, 0], braked[:, 1] - 1, label="braked")
 shown = free["time"] <= 2e-3

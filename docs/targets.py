@@ -10,9 +10,10 @@ import numpy as np
 from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
-from parsolid.api.results import load
+from parsolid.api.running import run_scene
 from parsolid.commands.cli import parse
-from parsolid.commands.run import run_scene
+from parsolid.commands.run import options_of
+from parsolid.output.results import load
 from parsolid.scene import load_scene
 
 ROOT = Path(__file__).parents[1]
@@ -65,7 +66,9 @@ def main() -> None:
             ]
             said = io.StringIO()
             with contextlib.redirect_stdout(said):
-                run_scene(MPI.COMM_WORLD, load_scene(words[1], [*overrides, *QUICK]), parse(words), 0.0)
+                scene = load_scene(words[1], [*overrides, *QUICK])
+                parsed = parse(words)
+                run_scene(MPI.COMM_WORLD, scene, Path(parsed.output), options_of(parsed), 0.0)
             text = said.getvalue()
             end = re.search(r"reached with (.*) after (\S+) core-s in (\S+)", text)
             shares = re.findall(r"\(([\d.e+-]+) % of its largest\)", text)

@@ -10,15 +10,40 @@ __version__ = "0.1.0"
 for _library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
-# what is loaded when it is first asked for: `import parsolid` itself costs nothing
-_OFFERED = ("load", "run", "set_up", "material", "OutputError", "RunFailed", "SceneError", "SolverError")
+# module -> names, loaded when they are first asked for: `import parsolid` itself costs nothing
+_HOMES = {
+    "parsolid.api.materials": ("material",),
+    "parsolid.api.report": (
+        "Report",
+        "check",
+    ),
+    "parsolid.api.running": ("run",),
+    "parsolid.api.scenes": ("Scene",),
+    "parsolid.api.simulation": ("Simulation",),
+    "parsolid.collective": ("SolverError",),
+    "parsolid.output.errors": ("OutputError",),
+    "parsolid.output.results": (
+        "Results",
+        "load",
+    ),
+    "parsolid.scene": (
+        "SceneError",
+        "load_scene",
+    ),
+    "parsolid.simulation.loop": ("RunFailed",),
+    "parsolid.simulation.outputs": (
+        "Cadence",
+        "Output",
+    ),
+}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _OFFERED:
-        return getattr(import_module("parsolid.api"), name)
+    for module, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(module), name)
     raise AttributeError(f"module 'parsolid' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_OFFERED])
+    return sorted([*globals(), *(name for names in _HOMES.values() for name in names)])

@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from parsolid.commands.point.choice import point_law
-from parsolid.commands.point.driver import drive
-from parsolid.commands.point.report import tabulate
-from parsolid.commands.point.schema import MaterialPoint
 from parsolid.materials.hyperelastic import acoustics, evaluation
 from parsolid.materials.registry import law_of
+from parsolid.point.choice import point_law
+from parsolid.point.driver import drive, tabulate
+from parsolid.point.schema import MaterialPoint
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.materials import HyperelasticSolid, Material
 from parsolid.scene.model_faults import told_faults

@@ -1,80 +1,137 @@
-"""Whole runs from Python."""
+"""Whole runs: a scene into a folder, with the error bars, targets and pictures that are asked for."""
 
-import copy
-import os
 import subprocess
 import tempfile
 import time as clock
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
-from parsolid.api.results import RunResults, load
-from parsolid.collective import SolverError
-from parsolid.commands.cli import parse
-from parsolid.commands.run import TO_BE_CONTINUED, bcast_scene, overrides_of, run_scene
+from parsolid.api.check_advice import cost_advice, scene_advice, size_advice, thin_advice
+from parsolid.api.pictures import draw_at_end
+from parsolid.api.profiling import profiled
+from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.collective import SolverError, anywhere
+from parsolid.contact.report import describe_contacts
+from parsolid.kernel_cache import cache_folder, wanted_folder
+from parsolid.kernels import on_compile
 from parsolid.launcher import start, stop
-from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
-from parsolid.scene.raw_tables import apply_override
-from parsolid.simulation.loop import RunFailed
+from parsolid.output.checkpoint import find_checkpoint
+from parsolid.output.directory import occupy
+from parsolid.output.errors import OutputError
+from parsolid.output.log import LOG, aloud
+from parsolid.output.progress import NORMAL, QUIET, Compilations, Progress
+from parsolid.output.results import Results, load
+from parsolid.output.run_folder import RunFolder
+from parsolid.scene import Scene, dump_scene
+from parsolid.scene.declared import law_files
+from parsolid.scene.shapes import MeshFile
+from parsolid.simulation.job import Job
+from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
+from parsolid.simulation.restart import Restart
+from parsolid.simulation.signals import REQUEST
+from parsolid.simulation.warmup import warm_up
+
+DONE, TO_BE_CONTINUED = 0, 75
+NEWEST = ""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What a run is asked for besides its scene.
+
+    restart: a checkpoint, NEWEST of the folder, or None for a new run; allow_change: keys of the scene that may differ
+    from those of the checkpoint; max_steps: steps to stop after; wall_time: seconds after which the run writes a
+    checkpoint and stops; error_bars: also estimate the errors of all columns; target: how small error bars shall be;
+    core_seconds: what that may take; trust_code: laws in files are run; level: of what is printed, see
+    `output.progress`; profile: write which functions take the time; inputs: files that must not be written over.
+    """
+
+    restart: str | None = None
+    allow_change: Sequence[str] = ()
+    max_steps: int | None = None
+    wall_time: float | None = None
+    error_bars: bool = False
+    target: Sequence[str] = ()
+    core_seconds: float | None = None
+    trust_code: bool = False
+    level: int = NORMAL
+    profile: bool = False
+    inputs: Sequence[str] = ()
+
+    def words(self) -> list[str]:
+        """The same as options of `parsolid run`."""
+        values = {"--max-steps": self.max_steps, "--wall-time": self.wall_time, "--core-seconds": self.core_seconds}
+        words = [word for name, value in values.items() if value is not None for word in (name, str(value))]
+        words += [word for key in self.allow_change for word in ("--allow-change", key)]
+        words += [word for target in self.target for word in ("--target", target)]
+        switches = {"--error-bars": self.error_bars, "--trust-code": self.trust_code, "--quiet": self.level == QUIET}
+        words += [name for name, on in (switches | {"--profile": self.profile}).items() if on]
+        return [*words, *([] if self.restart is None else ["--restart", *filter(None, [self.restart])])]
 
 
 def run(
-    scene: str | Path | dict[str, Any],
+    scene: AnyScene,
     output: str | Path | None = None,
     ranks: int | None = None,
-    options: tuple[str, ...] = ("--quiet",),
+    *,
+    overrides: Sequence[str] = (),
+    restart: bool | str | Path = False,
+    allow_change: Sequence[str] = (),
+    max_steps: int | None = None,
+    wall_time: float | None = None,
+    error_bars: bool = False,
+    target: Sequence[str] = (),
+    core_seconds: float | None = None,
+    quiet: bool = True,
     trust_code: bool = False,
-) -> RunResults:
+) -> Results:
     """Run a scene to its end and give its results.
 
-    scene: TOML file, or its tables, in which files are relative to the working folder; output: folder of the results,
-    the scene's unless given; ranks: started by mpirun, which waits for them; without it the run is in this process, on
-    all ranks of an `mpirun` script (then it is collective). options: further words of `parsolid run`. trust_code: laws
-    in files that the scene names are run.
+    scene: a Scene, a TOML file, or tables, in which files are relative to the working folder; output: folder of the
+    results, the scene's unless given; ranks: started by mpirun, which waits for them; without it the run is in this
+    process, on all ranks of an `mpirun` script (then it is collective). overrides: "key.path=value". restart: True goes
+    on from the newest checkpoint of the folder, a file from that one. The rest as in `RunOptions`.
 
     Raises SceneError or SolverError (bad input, told as on the command line), OutputError, RunFailed (the run went
     wrong), on all ranks.
     """
-    comm = MPI.COMM_WORLD
+    comm, began = MPI.COMM_WORLD, clock.perf_counter()
     if ranks is not None and comm.size > 1:
         raise SolverError(f"ranks: expected none in a script on {comm.size} ranks, which all take part, found {ranks}")
-    more = (*options, "--trust-code") if trust_code else options
-    words = parse(["run", *more])
-    stated = bcast_scene(comm, lambda: read_scene(scene, words.trust_code, overrides_of(words)))
+    newest = NEWEST if restart is True else None
+    options = RunOptions(
+        restart=newest if isinstance(restart, bool) else str(restart),
+        allow_change=tuple(allow_change),
+        max_steps=max_steps,
+        wall_time=wall_time,
+        error_bars=error_bars,
+        target=tuple(target),
+        core_seconds=core_seconds,
+        trust_code=trust_code,
+        level=QUIET if quiet else NORMAL,
+        inputs=(str(scene),) if isinstance(scene, str | Path) else (),
+    )
+    stated = scene_on_all_ranks(comm, lambda: read_scene(scene, overrides, trust_code))
     folder = Path(output if output is not None else stated.output.directory)
     if ranks is None:
-        words.scene, words.output = None if isinstance(scene, dict) else str(scene), str(folder)
-        run_scene(comm, stated, words, clock.perf_counter())
+        run_scene(comm, stated, folder, options, began)
     else:
-        _in_processes(stated, folder, ranks, more)
+        _in_processes(stated, folder, ranks, options)
     comm.barrier()
     return load(folder)
 
 
-def read_scene(scene: str | Path | dict[str, Any], trust_code: bool, overrides: Sequence[str] = ()) -> Scene:
-    """A scene of a TOML file or of its tables, in which files are relative to the working folder. Raises SceneError.
-
-    overrides: see `load_scene`.
-    """
-    if not isinstance(scene, dict):
-        return load_scene(scene, list(overrides), trust_code)
-    tables = copy.deepcopy(scene)
-    if faults := [text for text in (apply_override(tables, override) for override in overrides) if text]:
-        raise SceneError(faults)
-    if isinstance(output := tables.setdefault("output", {}), dict):
-        output.setdefault("directory", "results/scene")
-    return parse_scene(tables, os.getcwd(), trust_code)
-
-
-def _in_processes(scene: Scene, folder: Path, ranks: int, options: tuple[str, ...]) -> None:
+def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -> None:
     """Start a job of its own and wait for it. Raises what its exit status means."""
     with tempfile.TemporaryDirectory() as temporary:
         stated = Path(temporary) / "scene.toml"
         dump_scene(scene, stated)
-        job = start(["run", str(stated), "-o", str(folder), *options], ranks, stderr=subprocess.PIPE, text=True)
+        words = ["run", str(stated), "-o", str(folder), *options.words()]
+        job = start(words, ranks, stderr=subprocess.PIPE, text=True)
         try:
             said = job.communicate()[1].strip().removeprefix("parsolid: ")
         except KeyboardInterrupt:
@@ -82,6 +139,130 @@ def _in_processes(scene: Scene, folder: Path, ranks: int, options: tuple[str, ..
             job.communicate()
             raise
     # one that was told to stop is done, too, as it is in this process
-    if job.returncode in (0, TO_BE_CONTINUED):
+    if job.returncode in (DONE, TO_BE_CONTINUED):
         return
     raise {2: SolverError, 3: RunFailed}.get(job.returncode, RuntimeError)(said or f"exit status {job.returncode}")
+
+
+def run_scene(comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptions, began: float) -> int:
+    """Run a scene into a folder with all that is asked for, in this process; the exit status that says how it ended.
+
+    began: reading of the performance counter from which the wall time counts [s]. Collective.
+    """
+    target = options.target or (scene.run.target if scene.run else [])
+    error_bars = options.error_bars or scene.errors is not None
+    if not target and not error_bars:
+        return run_alone(comm, scene, folder, options, began, pictures=True)
+    status = _run_campaign(comm, scene, folder, options, target, began)
+    if status == DONE and not target:
+        draw_at_end(comm, folder, scene.output.pictures, clock.perf_counter() - began, options.level == QUIET)
+    return status
+
+
+def _run_campaign(
+    comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptions, target: Sequence[str], began: float
+) -> int:
+    """Error bars of a scene, or levels of it until targets are reached; the exit status. Collective."""
+    from parsolid.campaign.error_bars import Campaign, run_with_error_bars
+    from parsolid.campaign.runner import has_checkpoint
+    from parsolid.campaign.targets import run_to_targets
+
+    limits = Limits(None, None if options.wall_time is None else began + options.wall_time)
+
+    def alone(scene: Scene, folder: Path) -> int:
+        own = replace(options, restart=NEWEST, level=QUIET) if target else options
+        if own.restart == NEWEST and not has_checkpoint(comm, folder):
+            # it was stopped in its coarse runs: there is nothing to go on with
+            own = replace(own, restart=None)
+        return run_alone(comm, scene, folder, own, began)
+
+    def say(text: str) -> None:
+        if comm.rank == 0 and options.level != QUIET:
+            aloud(text)
+
+    campaign = Campaign(comm, folder, options.trust_code, limits, say, alone)
+    if target:
+        stated = scene.run.core_seconds if scene.run else None
+        return run_to_targets(campaign, scene, list(target), options.core_seconds or stated)
+    return run_with_error_bars(campaign, scene)
+
+
+def run_alone(
+    comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptions, began: float, pictures: bool = False
+) -> int:
+    """Run one scene into a folder without runs beside it; the exit status. Collective."""
+    with ExitStack() as kept:
+        if comm.rank == 0 and options.level != QUIET:
+            kept.enter_context(on_compile(Compilations(cache_folder(), wanted_folder())))
+        try:
+            simulation, files, restart = _set_up(comm, scene, folder, options, kept)
+        except OutputError as error:
+            # a folder that cannot be written or a checkpoint that cannot be read is bad input
+            raise SolverError(str(error)) from error
+        _announce(simulation, files, restart, options)
+        job = kept.enter_context(closing(Job(simulation, files, restart, _progress(simulation, options))))
+        limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
+        with profiled(comm, files.directory if options.profile else None):
+            status = job.run(limits, REQUEST)["status"]
+        if pictures and status == FINISHED:
+            taken = clock.perf_counter() - began
+            draw_at_end(comm, files.directory, scene.output.pictures, taken, options.level == QUIET)
+    return TO_BE_CONTINUED if status == INTERRUPTED else DONE
+
+
+def _set_up(
+    comm: MPI.Intracomm, scene: Scene, directory: Path, options: RunOptions, kept: ExitStack
+) -> tuple[Simulation, RunFolder, Restart | None]:
+    """Simulation, folder and restart (or None); nothing is written before the scene is known to be sound. Collective.
+
+    kept: gives the lock on the folder back when it is left.
+    """
+    restart, lock = None, None
+    if options.restart is not None:
+        # before the checkpoint is read, so that no other run goes on from it or writes the next one
+        lock = occupy(comm, directory) if anywhere(comm, directory.is_dir()) else None
+        if lock is not None:
+            kept.callback(lock.release)
+        path = Path(options.restart) if options.restart else find_checkpoint(directory, comm)
+        restart = Restart(comm, path, tuple(options.allow_change))
+    elif options.allow_change:
+        raise SolverError(f"--allow-change {options.allow_change[0]}: expected --restart with it, found none")
+    started = clock.perf_counter()
+    warm_up(comm, scene)
+    simulation = Simulation(comm, scene, restart)
+    # whoever waits waits for the kernels, too
+    simulation.clock.began = started
+    folder = RunFolder(comm, directory, restart.path if restart else None, _inputs(options, scene, restart), lock)
+    kept.callback(folder.close)
+    return simulation, folder, restart
+
+
+def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None, options: RunOptions) -> None:
+    """Print warnings and notes on a run that is about to begin; collective."""
+    advised = size_advice(simulation) + thin_advice(simulation) + cost_advice(simulation)
+    advised += describe_contacts(simulation.comm, simulation.scene, simulation.systems)
+    if simulation.comm.rank > 0:
+        return
+    moved = [f"the results of an earlier run are in {aside} now" for aside in folder.moved]
+    notes = [*moved, *scene_advice(simulation.scene), *(restart.notes if restart else ()), *advised]
+    for line in (*map(str, simulation.warnings), *(f"note: {note}" for note in notes)):
+        LOG.say(line)
+        if options.level != QUIET:
+            aloud(line)
+
+
+def _progress(simulation: Simulation, options: RunOptions) -> list[Progress]:
+    """Lines of progress, on the terminal and in the log; of rank 0."""
+    if simulation.comm.rank > 0:
+        return []
+    streams = [(options.level, None), (NORMAL, LOG.stream)][: 1 + (LOG.stream is not None)]
+    return [
+        Progress(simulation.scene.title, simulation.scene.end_time, simulation.particles, *stream) for stream in streams
+    ]
+
+
+def _inputs(options: RunOptions, scene: Scene, restart: Restart | None) -> tuple[Path | str, ...]:
+    """Files that the run reads and must not write over."""
+    meshes = tuple(body.shape.model.file for body in scene.bodies if isinstance(body.shape.model, MeshFile))
+    series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
+    return (*options.inputs, *meshes, *series, *law_files(scene), *((restart.path,) if restart else ()))

@@ -31,19 +31,19 @@ def run_pareto(comm: Any, options: Any) -> int:
     Raises SceneError for a bad scene, a column or an axis that is not there; SolverError for a scene of which no
     coarser one can be made.
     """
+    from parsolid.api.scenes import scene_on_all_ranks
     from parsolid.campaign.halving import plan_of
     from parsolid.campaign.options import axes_of
     from parsolid.campaign.pareto import run_pareto
     from parsolid.campaign.runner import InProcess
     from parsolid.campaign.targets import columns_of
-    from parsolid.commands.run import bcast_scene
     from parsolid.output.log import aloud
     from parsolid.scene import SceneError, load_scene
     from parsolid.scene.validation_errors import suggestion
     from parsolid.simulation.signals import REQUEST
 
     REQUEST.install()
-    scene = bcast_scene(comm, lambda: load_scene(options.scene, options.set, options.trust_code))
+    scene = scene_on_all_ranks(comm, lambda: load_scene(options.scene, options.set, options.trust_code))
     for word, names, known in (
         ("--column", [options.column], columns_of(scene)),
         ("--axis", options.axis, axes_of(scene)),

@@ -2,8 +2,9 @@
 
 Boxes of bodies and their mean velocities are agreed on at a build. Until the next one a body's particles stay in its
 box, moved by its mean velocity and widened by a margin, or a rank asks for another build; so bodies that are apart cost
-one look at each particle's place. Where two are near, no pair that was not listed may come within the kernel's reach:
-particles within reach of the other's box move less than half a skin in the frame of the mean of both motions.
+one look at each particle's place. Pairs are found by a sweep, so that their number grows with that of the bodies. Where
+two are near, no pair that was not listed may come within the kernel's reach: particles within reach of the other's box
+move less than half a skin in the frame of the mean of both motions.
 """
 
 import math
@@ -12,14 +13,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
+from decomposition.pair_search import close_boxes
 from parsolid.collective import maximum
-from parsolid.contact.body_pairs import BodyPairs
+from parsolid.contact.bodies import ContactBodies
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.pairs.displacement import body_bounds
 
 # of the gap to the next body, what a body apart may outgrow its box by
 _SHARE = 0.25
+# of contacts of so many bodies all pairs are looked at, of more those nearer than so many reaches of the kernel
+_FEW, _FAR = 64, 3.5
 # of its speed of waves, by which a body's particles are taken to get faster until the next look
 _FASTER = 0.01
 
@@ -81,50 +85,100 @@ def time_left(place, velocity, listed, body, of_body, near, ahead):
     return left
 
 
+@kernel
+def fastest_against(velocity, body, start, other):
+    """The greatest speed (n, d) [m/s] of particles against the mean velocities other (partners, d) of those that their
+    bodies (n,) may meet, rows start[body] .. start[body + 1] - 1."""
+    most = 0.0
+    for a in range(len(velocity)):
+        for p in range(start[body[a]], start[body[a] + 1]):
+            square = 0.0
+            for i in range(velocity.shape[1]):
+                square += (velocity[a, i] - other[p, i]) ** 2
+            most = max(most, square)
+    return math.sqrt(most)
+
+
 class BroadPhase:
     """Boxes (bodies, d) [m] of the scene's bodies when they were agreed on, mean velocities [m/s], and margins [m].
 
-    near: for each body pair, whether lists are needed, any_near: for one at least; beyond (pairs,) [m]: by what they
-    reach farther than the kernel; expires: the time [s] at which bodies that are apart may meet; until (pairs,) [s]:
-    how long after the agreement those of each may at first, 0 where near.
+    Of pairs of bodies in contact less than `far` [m] apart, both ways round, in the order of their contacts and
+    numbers: own, other, reverse, the number of the other way round, law, its number among `ContactBodies.laws`, reach
+    and skin [m]; near: whether lists are needed, any_near: for one at least; beyond [m]: by what lists reach farther
+    than the kernel; until [s]: how long after the agreement those of each are apart, 0 where near; expires: the time
+    [s] at which any bodies that are apart may meet.
     """
 
-    def __init__(self, comm: Any, bodies: int, pairs: BodyPairs, systems: list[ParticleSystem]) -> None:
-        self.comm, self.systems, self.bodies = comm, systems, bodies
+    def __init__(self, comm: Any, bodies: int, contact: ContactBodies, systems: list[ParticleSystem]) -> None:
+        self.comm, self.systems, self.bodies, self.contact = comm, systems, bodies, contact
         self.numbers = [np.array(system.bodies) for system in systems]
         self.faster = np.zeros(bodies)
-        for body, kind in pairs.kinds.items():
+        for body, kind in contact.kinds.items():
             self.faster[body] = _FASTER * kind.speed
-        self.own, self.other, self.reach, self.skin = pairs.own, pairs.other, pairs.reach, pairs.skin
+        self.used = np.array(sorted(contact.kinds))
 
-    def agree(self, time: float) -> None:
-        """Boxes and motions at a time [s]; collective."""
-        self.time, bodies = time, self.bodies
-        self.lower, self.upper, self.velocity, _ = body_motions(self.comm, bodies, self.systems)
+    def agree(self, time: float, far: float = 0.0) -> None:
+        """Boxes and motions at a time [s], of pairs less than the distance `far` [m] apart at least; collective."""
+        self.time = time
+        self.lower, self.upper, self.velocity, _ = body_motions(self.comm, self.bodies, self.systems)
+        self.far = max(far, _FAR * self.contact.reach) if max(map(len, self.contact.members)) > _FEW else np.inf
+        self._find_pairs()
         own, other = self.own, self.other
         between = np.maximum(self.lower[own] - self.upper[other], self.lower[other] - self.upper[own])
         self.gap = gap = np.linalg.norm(np.maximum(between, 0.0), axis=1)
         gap[own == other] = 0.0
         apart = gap >= self.reach + self.skin
-        self.margin = np.full(bodies, np.inf)
+        self.margin = np.full(self.bodies, -1.0)
+        self.margin[self.used] = _SHARE * self.far
         np.minimum.at(self.margin, own, np.maximum(0.5 * self.skin, np.where(apart, _SHARE * gap, 0.0)))
-        self.margin[np.isinf(self.margin)] = -1.0
         # until moving boxes with their margins are within reach of one another
         one, two = ((self.lower[i], self.upper[i], self.velocity[i]) for i in (own[apart], other[apart]))
         self.until = np.zeros(len(own))
         self.until[apart] = meetings(one, two, self.margin[own[apart]] + self.margin[other[apart]] + self.reach[apart])
         self.reach_beyond(0.0)
 
+    def _find_pairs(self) -> None:
+        """Pairs of bodies in contact whose boxes are less than `far` apart."""
+        pieces = [np.zeros((3, 0), np.int64)]
+        for number, members in enumerate(self.contact.members):
+            if len(members) < 3:
+                first, second = members[:1], members[-1:]
+            else:
+                first, second = (
+                    members[one] for one in close_boxes(self.lower[members], self.upper[members], self.far)
+                )
+            pieces.append(np.stack((np.full(len(first), number), first, second)))
+        found = np.concatenate(pieces, axis=1)
+        number, first, second = found[:, np.lexsort(found[::-1])]
+        # both ways round, but once of a body with itself
+        ways = np.where(first == second, 1, 2)
+        pair, start = np.repeat(np.arange(len(first)), ways), np.cumsum(ways) - ways
+        back = np.arange(len(pair)) - start[pair]
+        self.own, self.other = np.where(back, second[pair], first[pair]), np.where(back, first[pair], second[pair])
+        self.reverse = start[pair] + np.where(ways[pair] == 2, 1 - back, 0)
+        self.law = self.contact.laws_between(number[pair], self.own, self.other)
+        laws = [law[:2] for _, law in self.contact.laws]
+        self.reach, self.skin = np.ascontiguousarray(np.array(laws)[self.law].T)
+
     def reach_beyond(self, distance: float) -> None:
         """Let lists reach farther than the kernel by a distance [m] where that is more than their skin: what comes so
-        fast is seen before it presses."""
+        fast is seen before it presses. Collective."""
+        if self.contact.reach + distance > self.far:
+            self.agree(self.time, 2.0 * (self.contact.reach + distance))
         self.beyond = np.maximum(self.skin, distance)
         self.near = self.gap < self.reach + self.beyond
         self.any_near = bool(self.near.any())
         near = np.flatnonzero(self.near)
         self._near_by_body = near[np.argsort(self.own[near], kind="stable")]
         self.until[self.near] = 0.0
-        self.expires = self.time + float(self.until[~self.near].min(initial=np.inf))
+        self.expires = self.time + min(float(self.until[~self.near].min(initial=np.inf)), self._far_ones_meet())
+
+    def _far_ones_meet(self) -> float:
+        """How long [s] after the agreement bodies of pairs that are not listed stay apart."""
+        velocity = self.velocity[self.used]
+        fastest = 2.0 * float(np.linalg.norm(velocity - velocity.mean(axis=0), axis=1).max())
+        room = (1.0 - 2.0 * _SHARE) * self.far - self.contact.reach
+        return room / fastest if fastest > 0.0 else float(np.inf)
 
     def time_left(self, time: float, ahead: float) -> float:
         """How long [s] after a time [s] this rank's lists hold, at most a time ahead [s]."""
@@ -143,23 +197,24 @@ class BroadPhase:
     def fastest(self, ahead: float) -> float:
         """The greatest speed [m/s] of this rank's particles of bodies that are near another one, or themselves, or may
         be in a time [s], against the mean of that, when boxes were agreed on."""
-        most, coming = 0.0, self.until <= ahead
+        coming = np.flatnonzero(self.until <= ahead)
+        coming, most = coming[np.argsort(self.own[coming], kind="stable")], 0.0
         for system, numbers in zip(self.systems, self.numbers):
-            for local, number in enumerate(numbers):
-                others = self.other[coming & (self.own == number)]
-                rows = system.particles.owned_rows
-                velocity = rows("velocity")[rows("body") == local] if len(others) else np.zeros((0, 0))
-                for other in others if len(velocity) else ():
-                    square = ((velocity - self.velocity[other]) ** 2).sum(axis=1)
-                    most = max(most, float(square.max()) ** 0.5)
+            start, pairs = self._of_bodies(coming, numbers)
+            if len(pairs):
+                velocity, body = map(system.particles.owned_rows, ("velocity", "body"))
+                most = max(most, fastest_against(velocity, body, start, self.velocity[self.other[pairs]]))
         return most
+
+    def _of_bodies(self, pairs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Those of some pairs, sorted by their own bodies, that are of the bodies of a system: starts, numbers."""
+        first, last = (np.searchsorted(self.own[pairs], numbers, side) for side in ("left", "right"))
+        start = np.concatenate(([0], np.cumsum(last - first))).astype(np.int64)
+        return start, np.concatenate([pairs[:0], *(pairs[i:j] for i, j in zip(first, last))])
 
     def _partners(self, numbers: np.ndarray, now: MovingBoxes, elapsed: float) -> Partners:
         """Near bodies of each of some bodies."""
-        near = self._near_by_body
-        first, last = (np.searchsorted(self.own[near], numbers, side) for side in ("left", "right"))
-        start = np.concatenate(([0], np.cumsum(last - first))).astype(np.int64)
-        pairs = np.concatenate([near[:0], *(near[i:j] for i, j in zip(first, last))])
+        start, pairs = self._of_bodies(self._near_by_body, numbers)
         other = self.other[pairs]
         frame, allowed = 0.5 * (self.velocity[self.own[pairs]] + self.velocity[other]), 0.5 * self.skin[pairs]
         reach = self.reach[pairs] + allowed

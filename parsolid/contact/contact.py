@@ -5,24 +5,24 @@
 The forces are the gradient of U, between pairs and along their connection, so that momentum and angular momentum are
 kept; friction is a tangential spring of stiffness kappa A_i/2 a particle, with Coulomb's limit, whose reaction is
 spread by weights exact for linear fields. A step reads: `Search` has the candidates, `forces` finds penetrations and
-forces in the new places, `Host` gives them to particles, `StepRule` says how long the next step may be, and
-`BroadPhase` when lists are used up.
+forces in the new places, `StepRule` says how long the next step may be, and `BroadPhase` when lists are used up.
 """
 
 from typing import Any
 
 import numpy as np
 
-from parsolid.collective import maximum, minimum, raise_together
+from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.contact import forces
-from parsolid.contact.body_pairs import areas_of, body_pairs, slots_of
+from parsolid.contact.bodies import ContactBodies, areas_of, most_partners, share_of
 from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.forces import Pressure, Rubbing
-from parsolid.contact.host import Host
 from parsolid.contact.search import Search, Segment
+from parsolid.contact.self_contact import SelfContact
 from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after, taken_by_deletion
-from parsolid.contact.within import WithinBodies
+from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -38,22 +38,61 @@ _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
 _UNSEEN = 3.0
 
 
+# bodies that one particle may be near at once, at most
+_PARTNERS = 12
+
+
+@kernel
+def assign_columns(row, other, partner, column, fresh):
+    """The column of its fields in which each candidate (n,) keeps what it knows of the other body, from partner
+    (particles, columns), which is brought up to date, into column (n,), and whether that is one it did not have, into
+    fresh (n,). Returns whether there were enough.
+
+    row, other (n,): of the particle, and number of the other body; all candidates of a particle are among them.
+    """
+    kept, enough = np.zeros(partner.shape, np.bool_), True
+    for m in range(len(row)):
+        column[m], fresh[m] = -1, False
+        for k in range(partner.shape[1]):
+            if partner[row[m], k] == other[m]:
+                kept[row[m], k], column[m] = True, k
+    for m in range(len(row)):
+        if column[m] < 0:
+            fresh[m] = True
+            for k in range(partner.shape[1]):
+                if column[m] < 0 and not kept[row[m], k]:
+                    kept[row[m], k], column[m], partner[row[m], k] = True, k, other[m]
+            enough = enough and column[m] >= 0
+    return enough
+
+
+@kernel
+def add_to_rows(row, part, source, target):
+    """Add vectors (n, 3), each times the part (n,) that its candidate is of its particle, to rows of (particles, d)."""
+    for m in range(len(row)):
+        for i in range(target.shape[1]):
+            target[row[m], i] += part[m] * source[m, i]
+
+
 def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     """What particles carry of contact, those of all bodies of a system, before its state is set."""
-    slots, d = slots_of(scene), system.dimension
-    if not slots:
+    columns, d = min(most_partners(scene), _PARTNERS), system.dimension
+    if not columns:
         return
     system.take_external_forces(keep_rows=True)
     particles = system.particles
     vector: dict[str, Any] = {"mirror": "vector", "layout": Rows(d)}
-    particles.declare(Field("contact_depth", slots, "1", checkpointed=True, layout=Rows(slots)))
-    particles.declare(Field("contact_level", slots, "m", layout=Rows(slots)))
+    # how deep it lies in its own body, a column for each reach from which it is seen, see `ContactBodies.columns`; of
+    # each other body that it is near the number, how deep it is in that, and the spring of friction
+    particles.declare(Field("contact_partner", columns, "1", checkpointed=True, whole=True, layout=Rows(columns)), -1)
+    particles.declare(Field("contact_depth", columns, "1", checkpointed=True, layout=Rows(columns)))
+    particles.declare(Field("contact_level", columns, "m", layout=Rows(columns)))
+    if any(one.friction for one in of_model(scene.contact, "kernel")):
+        particles.declare(Field("contact_stick", columns * d, "m", checkpointed=True, layout=Rows(columns * d)))
     particles.declare(Field("contact_listed", d, "m", **vector))
     # place at the start of a step
     particles.declare(Field("contact_start", d, "m", **vector))
     particles.declare(Field("contact_force", d, "N", shown=True, checkpointed=True, **vector))
-    if any(one.friction for one in of_model(scene.contact, "kernel")):
-        particles.declare(Field("contact_stick", slots * d, "m", checkpointed=True, layout=Rows(slots * d)))
 
 
 class KernelContact(Interaction):
@@ -66,18 +105,28 @@ class KernelContact(Interaction):
         """systems: of the scene, whose particles have the fields of `declare_fields`. Collective."""
         self.comm, self.systems = comm, systems
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
-        self.body_pairs = body_pairs(comm, scene, systems)
-        self.boxes = BroadPhase(comm, len(scene.bodies), self.body_pairs, systems)
-        self.search, self.within = Search(comm, self.body_pairs, systems), WithinBodies(self.body_pairs, systems)
-        self.steps = StepRule(self.body_pairs)
-        self.rubs = any(pair.law.friction for pair in self.body_pairs.pairs)
+        self.contact_bodies = ContactBodies(comm, scene, systems)
+        self.boxes = BroadPhase(comm, len(scene.bodies), self.contact_bodies, systems)
+        self.search, self.self_contact = Search(comm, self.boxes, systems), SelfContact(self.contact_bodies, systems)
+        self.steps = StepRule(self.contact_bodies)
+        self._refuse_many_reaches()
+        self.rubs = any(law.friction for _, law in self.contact_bodies.laws)
         self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.deletes = any("deleted_mass" in system.particles for system in systems)
         self.checkpoint: dict[str, Any] | None = None
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
+        self.corrects, self.most = False, min(most_partners(scene), _PARTNERS)
         self._placed: tuple[int | None, ...] = ()
         self._steps_to_look = 0
-        self.hosts: list[Host] = []
+        # whether rows of earlier lists may still show a force
+        self._listed_anew = False
+
+    def _refuse_many_reaches(self) -> None:
+        most = max(map(len, self.contact_bodies.columns.values()))
+        if most > _PARTNERS:
+            raise SolverError(
+                f"contact: expected at most {_PARTNERS} kinds of bodies, by spacing, that one may touch, found {most}"
+            )
 
     def begin(self, time: float) -> None:
         """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies lie in
@@ -86,12 +135,12 @@ class KernelContact(Interaction):
         if kept is None:
             for system in self.systems:
                 system.particles.owned_rows("contact_force")[:] = 0.0
-            fill_depths(self.comm, self.body_pairs, self.systems, self.names)
+            fill_depths(self.comm, self.contact_bodies, self.systems, self.names)
             stable = minimum(self.comm, min(one.stable_step() for one in self.systems))
             steps.last = max(steps.shortest, stable)
         self.rebuild(time)
         # found anew, forces of friction differ from those that made them in the last bits
-        forces_kept = [one.forces[0].copy() for one in self.hosts]
+        forces_kept = [system.particles.owned_rows("contact_force").copy() for system in self.systems]
         depth, where = self.find_forces(None, held=True)
         steps.begin(self._seen(), self._penetrations_after(2.0 * steps.last * self._velocity()))
         if kept is None:
@@ -100,17 +149,19 @@ class KernelContact(Interaction):
             steps.start_with(pressed, self.boxes.expires - time)
         else:
             self._take_back(kept, forces_kept)
-        for one in self.hosts:
-            one.give(0.0)
+        self.act(0.0)
         first, self.checkpoint = kept is None and self.rebuilds == 1, None
-        number = next((one.pair for one in self.search.segments if first and 0 <= where < one.last), None)
-        pair = None if number is None else self.body_pairs.pairs[number]
-        raise_together(self.comm, overlap(depth, pair, self.body_pairs, self.names) if pair is not None else None)
+        fault = None
+        if first and where >= 0:
+            pair = self.search.pair[where]
+            both = int(self.boxes.own[pair]), int(self.boxes.other[pair])
+            fault = overlap(depth, both, self.contact_bodies, self.names)
+        raise_together(self.comm, fault)
 
     def _take_back(self, kept: dict[str, Any], forces_kept: list[np.ndarray]) -> None:
         """Forces, energies and steps of a checkpoint for those found anew; on other ranks only the forces."""
-        for one, force in zip(self.hosts, forces_kept):
-            one.resume(force)
+        for system, force in zip(self.systems, forces_kept):
+            system.particles.owned_rows("contact_force")[:] = force
         same = len(kept["energies"]) == self.comm.size
         if same:
             self.energy, self.stuck = kept["energies"][self.comm.rank]
@@ -162,8 +213,7 @@ class KernelContact(Interaction):
             self.find_forces(ledger, held=step == 0.0)
             ledger.add_term("contact_energy", self.energy - energy)
             ledger.add_term("stick_energy", self.stuck - stuck)
-            for one in self.hosts:
-                one.give(step)
+            self.act(step)
         if step > 0.0:
             self.steps.starting = max(self.steps.starting - 1, 0)
         self._steps_to_look -= 1
@@ -196,7 +246,7 @@ class KernelContact(Interaction):
         """Boxes, candidates and lists in the present places; collective."""
         self._placed = self.placements
         self.boxes.agree(time)
-        self.within.look()
+        self.self_contact.look()
         for system in self.systems:
             rows = system.particles.owned_rows
             rows("contact_listed")[:] = rows("position")
@@ -205,12 +255,25 @@ class KernelContact(Interaction):
         fast = self._reach_ahead()
         last = self.steps.last
         prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last
-        self.search.build(self.boxes, self.within.excluded if self.within.any else None, self._constants, prune)
+        self.search.build(self.self_contact, self._constants, prune)
         self.rebuilds += 1
         self.news, self._steps_to_look = fast, 1
         if not self.search.segments:
             self.steps.allowed = np.inf
+        self._give_columns()
         self._make_room()
+
+    def _give_columns(self) -> None:
+        """Columns of the particles' fields for the present candidates; collective."""
+        count, enough = self.search.owned, True
+        self.column, self.fresh = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+        for one in self.search.segments:
+            storage = self.systems[one.system].particles.storage
+            partner, here = storage("contact_partner").reshape(-1, self.most), slice(one.first, one.last)
+            other = self.boxes.other[one.pair]
+            enough = assign_columns(one.rows, other, partner, self.column[here], self.fresh[here]) and enough
+        fault = f"contact: expected at most {self.most} bodies within reach of one particle, found more"
+        raise_together(self.comm, None if enough else fault)
 
     def _reach_ahead(self) -> bool:
         """Let lists reach farther where particles are so fast that they use them up before they can be made anew; then
@@ -218,7 +281,7 @@ class KernelContact(Interaction):
         rule = self.steps
         soon = max(rule.last, rule.shortest)
         fastest = maximum(self.comm, self.boxes.fastest(_AHEAD * soon))
-        fast = bool(fastest * soon > FAST * self.boxes.reach.min())
+        fast = bool(fastest * soon > FAST * min(law.reach for _, law in self.contact_bodies.laws))
         # the step may get as long as systems allow before contact has a say
         rule.unseen = minimum(self.comm, min(one.stable_step() for one in self.systems)) if fast else 0.0
         if fast:
@@ -228,13 +291,14 @@ class KernelContact(Interaction):
     def _make_room(self) -> None:
         """Arrays and messages of the present candidates."""
         search, owned, whole = self.search, self.search.owned, len(self.search.points.rows)
-        laws = [(self.body_pairs.pairs[one.pair], one.last - one.first) for one in search.segments]
-        of_law = [
-            np.repeat([getattr(pair.law, name) for pair, _ in laws], [count for _, count in laws])
+        friction, self.longest = (
+            np.array([getattr(law, name) for _, law in self.contact_bodies.laws], float)[self.boxes.law[search.pair]]
             for name in ("friction", "longest")
-        ]
-        friction, self.longest = (np.asarray(values, float) for values in of_law)
-        self.pressure = Pressure(np.zeros(owned), self._from_fields("contact_level", 1).ravel(), *np.zeros((2, whole)))
+        )
+        # what was too far away to be a candidate has seen nothing of the other body
+        blind = -search.points.threshold * search.points.per_slope
+        before = np.where(self.fresh, blind, self._from_fields("contact_level", 1).ravel())
+        self.pressure = Pressure(np.zeros(owned), before, *np.zeros((2, whole)))
         self.force, self.correction, self.heat = np.zeros((owned, 3)), np.zeros((owned, 3)), np.zeros(owned)
         vectors = [np.zeros((whole, 3)) for _ in range(3)]
         self.rubbing: Any = None
@@ -245,40 +309,57 @@ class KernelContact(Interaction):
             sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
         self.places = search.halo.forward(search.points.rows, search.points.moved)
         self.pressures = search.halo.forward(*sent)
-        self.hosts = [Host(system, i, search) for i, system in enumerate(self.systems)]
+        self._find_parts()
 
-    def _constants(self, segments: list[Segment], volume: np.ndarray, share: np.ndarray) -> list[np.ndarray]:
+    def _find_parts(self) -> None:
+        """Particles on which contact acts in each system, and of candidates, the number of theirs and what they feel
+        over what counts of these, which is not 1 where planes are not those of both bodies."""
+        none, search = np.zeros(0, np.int64), self.search
+        self.part, self.acted_on = np.ones(search.owned), [none] * len(self.systems)
+        self.recipient = np.zeros(search.owned, np.int64)
+        for one in search.segments:
+            self.acted_on[one.system], number = np.unique(one.rows, return_inverse=True)
+            self.recipient[one.first : one.last] = number.reshape(-1)
+            share = share_of(self.systems[one.system].particles, one.rows)
+            self.part[one.first : one.last] = search.points.share[one.first : one.last] / share
+        self._listed_anew = True
+
+    def _constants(self, volume: np.ndarray, share: np.ndarray) -> list[np.ndarray]:
         """Threshold, slope, stiffness, 1/R and norm (n,) of candidates with whole volumes (n,) [m^3]."""
-        result = np.zeros((5, len(volume)))
-        for one in segments:
-            pair, here = self.body_pairs.pairs[one.pair], slice(one.first, one.last)
-            system = self.systems[one.system]
-            inside = system.particles.storage("contact_depth")[one.rows, pair.slot]
-            colour, steepness = pair.law.threshold(inside)
-            least = self.within.least_thresholds(one.system, pair, one.rows, system.dimension)
-            nodal = self.body_pairs.kinds[pair.own].nodal
-            area = areas_of(system, one.rows, volume[here], share[here] if nodal else None)
-            result[0, here] = colour if least is None else np.maximum(colour, least)
-            result[1, here], result[2, here] = 1.0 / steepness, 0.5 * pair.law.stiffness * area
-            result[3, here], result[4, here] = 1.0 / pair.law.reach, pair.law.norm
+        result, bodies = np.zeros((5, len(volume))), self.contact_bodies
+        for law, here, one in self.search.of_laws():
+            system, rows, pair = self.systems[one.system], one.rows[here - one.first], self.search.pair[here]
+            kind = bodies.kinds[int(self.boxes.own[pair[0]])]
+            depth = system.particles.storage("contact_depth").reshape(-1, self.most)
+            colour, steepness = law.threshold(depth[rows, bodies.columns[kind][law.reach, law.planes]])
+            least = self.self_contact.least_thresholds(one.system, law, rows, system.dimension)
+            if least is not None:
+                alone = (self.boxes.own == self.boxes.other)[pair]
+                colour = np.where(alone, np.maximum(colour, least), colour)
+            area = areas_of(system, rows, volume[here], share[here] if kind.nodal else None)
+            result[0, here], result[1, here] = colour, 1.0 / steepness
+            result[2, here] = 0.5 * law.stiffness * area
+            result[3, here], result[4, here] = 1.0 / law.reach, law.norm
         return list(result)
 
+    def _of_columns(self, one: Segment, name: str, width: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        """A field (particles, columns, width) of a segment's system, and where in it its candidates are."""
+        field = self.systems[one.system].particles.storage(name).reshape(-1, self.most, width)
+        return field, (one.rows, self.column[one.first : one.last])
+
     def _from_fields(self, name: str, width: int) -> np.ndarray:
-        """Values (owned, width) of the candidates, of a field with so many columns for each pair of a body."""
+        """Values (owned, width) of the candidates, of a field with so many numbers a column."""
         result = np.zeros((self.search.owned, width))
         for one in self.search.segments:
-            first = self.body_pairs.pairs[one.pair].slot * width
-            field = self.systems[one.system].particles.storage(name)
-            result[one.first : one.last] = field[one.rows, first : first + width]
+            field, where = self._of_columns(one, name, width)
+            result[one.first : one.last] = field[where]
         return result
 
     def _to_fields(self, name: str, values: np.ndarray) -> None:
         """Take `_from_fields` back."""
-        width = values.shape[1]
         for one in self.search.segments:
-            first = self.body_pairs.pairs[one.pair].slot * width
-            field = self.systems[one.system].particles.storage(name)
-            field[one.rows, first : first + width] = values[one.first : one.last]
+            field, where = self._of_columns(one, name, values.shape[1])
+            field[where] = values[one.first : one.last]
 
     # --- forces ---------------------------------------------------------------------------------------------------
 
@@ -309,9 +390,27 @@ class KernelContact(Interaction):
             forces.add_tractions(search.points, search.pairs, rubbing, self.force)
             if ledger is not None and self.warms:
                 self._warm(ledger)
-        for one in self.hosts:
-            one.take(self.force, self.correction if corrects else None)
+        self.corrects = corrects
+        for system, acted_on in zip(self.systems, self.acted_on):
+            of = system.particles.owned_rows
+            of("contact_force")[slice(None) if self._listed_anew else acted_on] = 0.0
+            of("contact_start")[acted_on] = of("position")[acted_on]
+        for one in search.segments:
+            of, here = self.systems[one.system].particles.owned_rows, slice(one.first, one.last)
+            add_to_rows(one.rows, self.part[here], self.force[here], of("contact_force"))
+        self._listed_anew = False
         return deepest
+
+    def act(self, step: float) -> None:
+        """Add the forces to those on the particles, and what the impulse of a step [s] has besides."""
+        for one in self.search.segments:
+            particles, rows = self.systems[one.system].particles, self.acted_on[one.system]
+            share, of = share_of(particles, rows)[:, None], particles.owned_rows
+            of(EXTERNAL_FORCE)[rows] += share * of("contact_force")[rows]
+            if self.corrects and step > 0.0:
+                here, force = slice(one.first, one.last), np.zeros((len(rows), particles.fields["position"].components))
+                add_to_rows(self.recipient[here], self.part[here], self.correction[here], force)
+                of(EXTERNAL_IMPULSE)[rows] += 0.5 * step * share * force
 
     def _find_penetrations(self, known: bool) -> tuple[float, int]:
         """Places, penetrations and energy; the deepest and of which candidate; collective among neighbours. known:
@@ -329,9 +428,10 @@ class KernelContact(Interaction):
     def _rub(self, ledger: EnergyLedger | None, follows: bool) -> None:
         """Friction of the owned candidates, whose springs the particles keep."""
         search, rubbing, d = self.search, self.rubbing, self.search.points.dimension
-        rubbing.stretch[:, :d] = self._from_fields("contact_stick", d)
+        rubbing.stretch[:, :d] = np.where(self.fresh[:, None], 0.0, self._from_fields("contact_stick", d))
         self.stuck = forces.rub(search.points, search.pairs, follows, self.pressure, rubbing)
         self._to_fields("contact_stick", rubbing.stretch[:, :d])
+        self.fresh[:] = False
         if ledger is not None:
             ledger.add_term("friction_dissipation", float(rubbing.lost.sum()))
         if self.warms:
@@ -340,7 +440,14 @@ class KernelContact(Interaction):
     def _warm(self, ledger: EnergyLedger) -> None:
         """Half of what friction took to each of two bodies, where their laws have temperatures."""
         forces.add_others_heat(self.search.points, self.search.pairs, self.rubbing.given, self.heat)
-        stored = sum(one.warm(self.heat) for one in self.hosts if one.system.takes_heat)
+        stored = 0.0
+        for one in self.search.segments:
+            system = self.systems[one.system]
+            if system.takes_heat:
+                heat = (self.part * self.heat)[one.first : one.last]
+                taken = np.bincount(one.rows, heat, minlength=system.owned)
+                warmed = np.flatnonzero(taken)
+                stored += system.take_heat(taken[warmed], warmed)
         if stored:
             ledger.add_term("friction_heat", stored)
 
@@ -374,8 +481,3 @@ def _send(message: Any) -> None:
     if not message.silent:
         message.start()
         message.finish()
-
-
-def build_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:
-    """The contact of a scene by forces between particles, if it has any; collective."""
-    return [KernelContact(comm, scene, systems)] if of_model(scene.contact, "kernel") else []

@@ -1,29 +1,54 @@
-"""All that acts between the bodies of a scene: contact of particles and of grids, tools, ties."""
+"""All that acts between the bodies of a scene besides their methods; code is loaded where a scene needs it."""
 
 from typing import Any
 
-from parsolid.contact.contact import build_contact, declare_fields
-from parsolid.contact.grid import build_grid_contact, enable_grid_contact
-from parsolid.contact.tie import build_ties, declare_tie_fields
-from parsolid.contact.tools import build_tools, declare_tool_fields
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.scene.contact import grid_pairs, of_model
 
 
 def declare_interactions(scene: Scene, number: int, system: ParticleSystem) -> None:
-    """Give the system of a number in the scene the particle fields that its interactions need, before it begins."""
-    declare_fields(scene, system)
-    declare_tie_fields(scene, system)
-    declare_tool_fields(scene, system)
-    enable_grid_contact(scene, number, system)
+    """What particles of a system, of a number in the scene, need for contact, ties and tools, before its state is set.
+
+    A system with contact on its grid gives energies of one time where others act on its nodes.
+    """
+    if of_model(scene.contact, "kernel"):
+        from parsolid.contact.contact import declare_fields
+
+        declare_fields(scene, system)
+    if scene.tie:
+        from parsolid.contact.ties import declare_tie_fields
+
+        declare_tie_fields(scene, system)
+    if scene.tools:
+        from parsolid.contact.tools.touch import declare_tool_fields
+
+        declare_tool_fields(scene, system)
+    if any(number in pair for pair in grid_pairs(scene)):
+        system.take_external_forces(keep_rows=False)
 
 
 def build_interactions(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:
-    """The interactions of a scene, in the order in which they act in a step; collective."""
-    return [
-        *build_contact(comm, scene, systems),
-        *build_tools(comm, scene, systems),
-        *build_ties(comm, scene, systems),
-        *build_grid_contact(comm, scene, systems),
-    ]
+    """Contact, tools, ties, and contact on grids, which follows what gives impulses before a step; collective.
+
+    Raises SolverError on all ranks for what cannot be.
+    """
+    result: list[Interaction] = []
+    if of_model(scene.contact, "kernel"):
+        from parsolid.contact.contact import KernelContact
+
+        result.append(KernelContact(comm, scene, systems))
+    if scene.tools:
+        from parsolid.contact.tools.contact import RigidTools
+
+        result.append(RigidTools(comm, scene, systems))
+    if scene.tie:
+        from parsolid.contact.ties import Ties
+
+        result.append(Ties(comm, scene, systems))
+    if on_grid := grid_pairs(scene):
+        from parsolid.methods.mpm.nodal_contact import NodalContact
+
+        result.append(NodalContact(comm, [((systems[i], systems[j]), one.friction) for (i, j), one in on_grid.items()]))
+    return result

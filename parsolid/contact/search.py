@@ -1,15 +1,16 @@
 """Contact candidates of a rank: its particles near other bodies, their ghosts on other ranks, and who is near whom."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from decomposition.halo import Halo
 from decomposition.pair_search import ClosePairs
-from parsolid.contact.body_pairs import BodyPairs, reflections, shares_of
+from parsolid.contact.bodies import ContactLaw, reflections, shares_of
 from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.forces import Candidates, Pairs, may_press
+from parsolid.contact.self_contact import SelfContact
 from parsolid.contact.time_step import SEEN
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
@@ -67,58 +68,69 @@ def sort_rows(start, neighbour, code, key):
             neighbour[m], code[m] = b, c
 
 
+@kernel
+def near_boxes(place, pair, lower, upper, reach):
+    """Which places (n, d) [m] are within reach (pairs,) [m] of the box lower, upper (pairs, d) of their pair (n,)."""
+    result = np.zeros(len(place), np.bool_)
+    for a in range(len(place)):
+        p, square = pair[a], 0.0
+        for i in range(place.shape[1]):
+            square += max(lower[p, i] - place[a, i], place[a, i] - upper[p, i], 0.0) ** 2
+        result[a] = square < reach[p] * reach[p]
+    return result
+
+
 class Segment(NamedTuple):
-    """Rows of a system's particles that are candidates first..last-1, all of one body pair."""
+    """Candidates first..last-1: rows of a system's particles, one for each body that a particle may touch, and the
+    numbers of the pairs of bodies."""
 
     system: int
-    pair: int
     rows: np.ndarray
+    pair: np.ndarray
     first: int
     last: int
 
 
-# constants of candidates from segments and whole volumes, in the order of `forces.Candidates` from threshold on
-Constants = Callable[[list[Segment], np.ndarray, np.ndarray], list[np.ndarray]]
+# constants of candidates from whole volumes, in the order of `forces.Candidates` from threshold on
+Constants = Callable[[np.ndarray, np.ndarray], list[np.ndarray]]
 
 
 class Search:
     """Candidates of one rank: segments, the halo of their ghosts, and pairs.
 
-    points, pairs: see `forces`; owned: how many candidates are this rank's own.
+    points, pairs: see `forces`; owned: how many candidates are this rank's own; pair (owned,): of bodies.
     """
 
-    def __init__(self, comm: Any, body_pairs: BodyPairs, systems: list[ParticleSystem]) -> None:
-        self.comm, self.body_pairs, self.systems = comm, body_pairs, systems
+    def __init__(self, comm: Any, boxes: BroadPhase, systems: list[ParticleSystem]) -> None:
+        self.comm, self.boxes, self.systems = comm, boxes, systems
         self._search = ClosePairs()
 
-    def build(
-        self, boxes: BroadPhase, excluded: Callable[..., np.ndarray] | None, constants: Constants, prune: bool
-    ) -> None:
-        """Candidates and pairs in the present places; collective.
-
-        excluded: which pairs of candidates of one body do not touch although they are near, see `within`. prune: leave
-        out candidates that press on nothing and on which nothing presses, as long as the lists hold.
-        """
-        reaches = self.body_pairs.reach + boxes.beyond
+    def build(self, within: SelfContact, constants: Constants, prune: bool) -> None:
+        """Candidates and pairs in the present places; collective. prune: leave out candidates that press on nothing and
+        on which nothing presses, as long as the lists hold."""
+        boxes = self.boxes
+        reaches = boxes.reach + boxes.beyond
         self.half = 0.5 * reaches
-        self.segments = self._segments(boxes)
+        self.segments = self._segments()
         self.owned = self.segments[-1].last if self.segments else 0
-        pair = np.concatenate([np.full(one.last - one.first, one.pair) for one in self.segments] or [np.zeros(0, int)])
+        self.pair = np.concatenate([np.zeros(0, np.int64), *(one.pair for one in self.segments)])
         place, share = self.gathered("position"), self._shares()
         reach = float(reaches[boxes.near].max(initial=0.0))
         halo = Halo(self.comm, place, reach * _HAIR if reach > 0.0 else 1.0)
         d, volume = place.shape[1], self.gathered("volume") / share
-        of_law: Any = constants(self.segments, volume, share)
-        skin, identifier = self.body_pairs.skin[pair], self.gathered("identifier").astype(np.int64)
+        of_law: Any = constants(volume, share)
+        skin, identifier = boxes.skin[self.pair], self.gathered("identifier").astype(np.int64)
         rows = np.zeros((self.owned + halo.ghosts, 4))
         rows[: self.owned, :d], rows[: self.owned, 3] = place, volume
         halo.forward(rows).now()
-        pair, particle = halo.with_ghosts(pair.astype(np.int64)), halo.with_ghosts(identifier)
+        pair, particle = halo.with_ghosts(self.pair), halo.with_ghosts(identifier)
         start, neighbour = self._neighbours(np.ascontiguousarray(rows[:, :d]), pair, particle)
-        if excluded is not None:
+        if any(within.touching):
             reference = halo.with_ghosts(self.gathered("reference_position"))
             row = np.repeat(np.arange(self.owned), np.diff(start))
-            start, neighbour = _kept(start, neighbour, ~excluded(pair, row, neighbour, reference, particle))
+            start, neighbour = _kept(
+                start, neighbour, ~within.excluded(boxes, pair, row, neighbour, reference, particle)
+            )
         start, neighbour, image, mirrors = self._with_images(start, neighbour, rows[:, :d], pair)
         active = np.ones(self.owned, np.int64)
         points = Candidates._make([rows, np.zeros((len(rows), 3)), share, *of_law, d])
@@ -132,7 +144,7 @@ class Search:
         found: Any = (np.zeros(1, np.int64), np.empty(0, np.int32)) * 2
         if self.owned:
             found = self._search.find(place, np.ascontiguousarray(self.half[pair]), self.owned)
-        return directed(*found[:2], self.owned, *found[2:], pair, self.body_pairs.reverse, particle)
+        return directed(*found[:2], self.owned, *found[2:], pair, self.boxes.reverse, particle)
 
     def _prune(self, halo: Halo, points: Candidates, pairs: Pairs, image: np.ndarray, particle: np.ndarray) -> None:
         """Keep the pairs of which one may press; collective. pairs.active, particle: with ghosts."""
@@ -151,19 +163,26 @@ class Search:
         active = pairs.active[: self.owned][mine].astype(np.int64)
         self.pairs = Pairs(start, neighbour, None if pairs.mirrors is None else image, pairs.mirrors, active)
         before = np.concatenate(([0], np.cumsum(mine)))
-        ends = [(one, int(before[one.first]), int(before[one.last])) for one in self.segments]
+        kept = [(one, mine[one.first : one.last]) for one in self.segments]
         self.segments = [
-            one._replace(rows=one.rows[mine[one.first : one.last]], first=first, last=last)
-            for one, first, last in ends
-            if last > first
+            Segment(one.system, one.rows[here], one.pair[here], int(before[one.first]), int(before[one.last]))
+            for one, here in kept
+            if here.any()
         ]
-        self.owned = int(mine.sum())
+        self.owned, self.pair = int(mine.sum()), self.pair[mine]
 
     def _shares(self) -> np.ndarray:
-        pieces = [
-            shares_of(self.systems[one.system], one.rows, self.body_pairs.pairs[one.pair]) for one in self.segments
-        ]
-        return np.concatenate(pieces or [np.zeros(0)])
+        result = np.ones(self.owned)
+        for law, here, one in self.of_laws():
+            result[here] = shares_of(self.systems[one.system], one.rows[here - one.first], law)
+        return result
+
+    def of_laws(self) -> Iterator[tuple[ContactLaw, np.ndarray, Segment]]:
+        """Each law with candidates that it is for, of one segment."""
+        for one in self.segments:
+            number = self.boxes.law[one.pair]
+            for k in np.unique(number):
+                yield self.boxes.contact.laws[k][1], one.first + np.flatnonzero(number == k), one
 
     def leave_out_deleted(self) -> None:
         """Let owned candidates that were deleted feel nothing more and be felt no more."""
@@ -173,30 +192,28 @@ class Search:
                 gone = one.first + np.flatnonzero(particles.owned_rows("deleted_mass")[one.rows] > 0.0)
                 self.points.rows[gone, 3], self.pairs.active[gone] = 0.0, 0
 
-    def _segments(self, boxes: BroadPhase) -> list[Segment]:
+    def _segments(self) -> list[Segment]:
         """Particles near other bodies, but those that were deleted before the last forces were found."""
         result: list[Segment] = []
-        first = 0
-        bodies = [_rows_of(system) for system in self.systems]
-        for number in np.flatnonzero(boxes.near):
-            pair = self.body_pairs.pairs[number]
-            for index, system in enumerate(self.systems):
-                if pair.own not in system.bodies:
-                    continue
-                rows = bodies[index][system.bodies.index(pair.own)]
-                if pair.own != pair.other:
-                    place = system.particles.owned_rows("position")[rows]
-                    out = np.maximum(boxes.lower[pair.other] - place, place - boxes.upper[pair.other])
-                    gap = np.maximum(out, 0.0)
-                    rows = rows[(gap * gap).sum(axis=1) < (2.0 * self.half[number]) ** 2]
-                if "deleted_mass" in system.particles:
-                    force, gone = (
-                        system.particles.owned_rows(name)[rows] for name in ("contact_force", "deleted_mass")
-                    )
-                    rows = rows[(gone <= 0.0) | force.any(axis=1)]
-                if len(rows):
-                    result.append(Segment(index, int(number), rows, first, first + len(rows)))
-                    first += len(rows)
+        boxes, near, first = self.boxes, np.flatnonzero(self.boxes.near), 0
+        for index, system in enumerate(self.systems):
+            of, local = system.particles.owned_rows, np.full(boxes.bodies, -1)
+            local[list(system.bodies)] = np.arange(len(system.bodies))
+            mine = near[local[boxes.own[near]] >= 0]
+            order = np.argsort(of("body"), kind="stable")
+            ends = np.searchsorted(of("body")[order], np.arange(len(system.bodies) + 1))
+            # particles of the own body of each pair, pair after pair
+            begin, count = ends[local[boxes.own[mine]]], np.diff(ends)[local[boxes.own[mine]]]
+            pair = np.repeat(mine, count)
+            rows = order[np.arange(len(pair)) + np.repeat(begin - np.cumsum(count) + count, count)]
+            box = boxes.lower[boxes.other], boxes.upper[boxes.other]
+            keep = near_boxes(of("position")[rows], pair, *box, 2.0 * self.half) | (boxes.own == boxes.other)[pair]
+            if "deleted_mass" in system.particles:
+                keep &= (of("deleted_mass")[rows] <= 0.0) | of("contact_force")[rows].any(axis=1)
+            if keep.any():
+                last = first + int(keep.sum())
+                result.append(Segment(index, rows[keep], pair[keep], first, last))
+                first = last
         return result
 
     def gathered(self, name: str) -> np.ndarray:
@@ -210,24 +227,23 @@ class Search:
     def _with_images(self, start: Any, neighbour: Any, place: np.ndarray, pair: np.ndarray) -> tuple[Any, ...]:
         """Lists with the images of neighbours behind the symmetry planes that both bodies have: starts, neighbours,
         numbers of images, and the mirrors of `forces.Pairs`."""
-        image, planes = np.zeros(len(neighbour), np.int8), [one.planes for one in self.body_pairs.pairs]
-        if not any(planes):
+        image, d = np.zeros(len(neighbour), np.int8), place.shape[1]
+        laws = [law for _, law in self.boxes.contact.laws]
+        if not any(law.planes for law in laws):
             return start, neighbour, image, None
-        d = place.shape[1]
         tables: list[tuple[np.ndarray, np.ndarray]] = [(np.ones(d), np.zeros(d))]
         row = np.repeat(np.arange(self.owned), np.diff(start))
         rows, neighbours, images = [row], [neighbour], [image]
-        for number, shared in enumerate(planes):
-            mine = pair[row] == number
-            if not mine.any():
-                continue
-            limit = 2.0 * self.half[number]
+        for shared in {law.planes: None for law in laws}:
+            of_these = np.array([law.planes == shared for law in laws])[self.boxes.law]
+            mine = np.flatnonzero(of_these[pair[row]])
+            limit = 2.0 * self.half[pair[row[mine]]]
             for R, T in reflections(shared, d):
                 mirrored = place[neighbour[mine]] * R + T
                 gap = np.linalg.norm(place[row[mine]] - mirrored, axis=1)
                 # a particle on a plane is its own image there
-                off = (np.abs(mirrored - place[neighbour[mine]]) > 1e-6 * limit)[:, R < 0.0].all(axis=1)
-                chosen = np.flatnonzero(mine)[(gap < limit) & off]
+                off = (np.abs(mirrored - place[neighbour[mine]]) > 1e-6 * limit[:, None])[:, R < 0.0].all(axis=1)
+                chosen = mine[(gap < limit) & off]
                 rows.append(row[chosen])
                 neighbours.append(neighbour[chosen])
                 images.append(np.full(len(chosen), len(tables), np.int8))
@@ -240,13 +256,6 @@ class Search:
         order = np.argsort(row, kind="stable")
         start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned)))).astype(np.int64)
         return start, neighbour[order], image[order], mirrors
-
-
-def _rows_of(system: ParticleSystem) -> list[np.ndarray]:
-    """Rows of each body, rising."""
-    body = system.particles.owned_rows("body")
-    order = np.argsort(body, kind="stable")
-    return np.split(order, np.searchsorted(body[order], np.arange(1, len(system.bodies))))
 
 
 def _kept(start: np.ndarray, neighbour: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parsolid.contact.body_pairs import BodyPairs
+from parsolid.contact.bodies import ContactBodies
 from parsolid.contact.forces import Candidates, Pairs, Pressure, find_penetrations
 from parsolid.kernels import kernel
 
@@ -116,8 +116,8 @@ class StepRule:
     steps yet.
     """
 
-    def __init__(self, pairs: BodyPairs) -> None:
-        self.last = self.shortest = min(pair.law.longest for pair in pairs.pairs)
+    def __init__(self, contact: ContactBodies) -> None:
+        self.last = self.shortest = min(law.longest for _, law in contact.laws)
         self.unseen, self.allowed = 0.0, np.inf
         self.at_start, self.starting = np.inf, 0
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from decomposition.pair_search import close_boxes
 from parsolid.materials.declaration import Phrase
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.inside import INSIDE
@@ -20,7 +21,9 @@ def overlap_faults(scene: Scene, fillings: list[Any], particle_set: ParticleSet,
 
     Particles on a surface are in neither.
     """
-    pairs = [(i, j) for i in range(len(fillings)) for j in range(len(fillings)) if i != j and _near(fillings, i, j)]
+    lower, upper = (np.array([getattr(one, name) for one in fillings], float) for name in ("lower", "upper"))
+    close = [(i, j) for i, j in np.transpose(close_boxes(lower, upper, 0.0)).tolist() if _near(fillings, i, j)]
+    pairs = sorted([*close, *((j, i) for i, j in close)])
     counts = np.zeros(len(pairs), np.int64)
     for number, (outer, inner) in enumerate(pairs):
         inside = INSIDE.get(scene.bodies[outer].shape.kind)

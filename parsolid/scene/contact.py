@@ -1,5 +1,6 @@
 """Contact between bodies, and within one, as a scene states it."""
 
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
@@ -127,7 +128,8 @@ def grid_faults(scene: Any) -> list[Any]:
     if not details:
         numbers = {number: k for k, system in enumerate(scene.systems) for number in system.bodies}
         told = grid_pairs(scene)
-        for first, second, contact in contact_pairs(scene.contact, [body.name for body in scene.bodies]):
+        names = [body.name for body in scene.bodies]
+        for first, second, contact in contact_pairs(scene.contact, names) if told else ():
             pair = min(numbers[first], numbers[second]), max(numbers[first], numbers[second])
             other = told.get(pair)
             if other is not None and (other.model, other.friction) != (contact.model, contact.friction):
@@ -142,35 +144,42 @@ def unbonded(contacts: list[Contact], names: list[str | None]) -> np.ndarray | N
 
     None where all are bonded where they touch. Names of other bodies than those given count for nothing.
     """
-    here = [one.model_copy(update={"bodies": [name for name in one.bodies if name in names]}) for one in contacts]
-    pairs = contact_pairs([one for one in here if len(one.bodies) > 1], names)
-    if not pairs:
+    number = {name: k for k, name in enumerate(names) if name is not None}
+    members = [[number[name] for name in one.bodies if name in number] for one in contacts]
+    if not any(len(one) > 1 for one in members):
         return None
     result = np.zeros((len(names), len(names)), bool)
-    for pair in pairs:
-        result[pair.first, pair.second] = result[pair.second, pair.first] = True
+    for one in members:
+        if len(one) > 1:
+            result[np.ix_(one, one)] = True
+    np.fill_diagonal(result, False)
     return result
 
 
 def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Finding]:
     """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
-    faults, seen = list[Finding](), dict[tuple[str, ...], int]()
+    faults, sizes, named = list[Finding](), dict[int, int](), defaultdict[str, list[int]](list)
+    known = None if names is None else set(names)
     for i, one in enumerate(contacts):
         for name in dict.fromkeys(one.bodies):
-            if names is not None and name not in names:
+            if names is not None and known is not None and name not in known:
                 expected = f"the name of a body{suggestion(name, names)}"
                 faults.append((("contact", i, "bodies"), expected, name, "unknown-name"))
         if len(set(one.bodies)) < len(one.bodies):
             expected = "each body once (one name alone: contact within it)"
             faults.append((("contact", i, "bodies"), expected, one.bodies))
             continue
-        pairs = [tuple(one.bodies)] if len(one.bodies) == 1 else list(combinations(sorted(one.bodies), 2))
-        for pair in pairs:
-            if pair in seen:
-                found = " and ".join(map(repr, pair))
-                faults.append(
-                    (("contact", i, "bodies"), f"pairs that contact.{seen[pair]} does not name", found, "repeated")
-                )
-                break
-        seen |= {pair: i for pair in pairs if pair not in seen}
+        # contacts that have named two of its bodies, or the only one
+        shared = Counter(earlier for name in one.bodies for earlier in named[name] if sizes[earlier] > 1)
+        twice = [earlier for earlier, count in shared.items() if count > 1]
+        if len(one.bodies) == 1:
+            twice = [earlier for earlier in named[one.bodies[0]] if sizes[earlier] == 1]
+        if twice:
+            first = min(twice)
+            found = " and ".join(map(repr, [name for name in sorted(one.bodies) if first in named[name]][:2]))
+            expected = f"pairs that contact.{first} does not name"
+            faults.append((("contact", i, "bodies"), expected, found, "repeated"))
+        sizes[i] = len(one.bodies)
+        for name in one.bodies:
+            named[name].append(i)
     return faults

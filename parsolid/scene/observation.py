@@ -45,7 +45,9 @@ class Output(SceneModel):
     compression: Annotated[int, Field(ge=0, le=9)] = Field(
         default=0, description="level at which the fields are deflated when the run has finished, 0 for not at all"
     )
-    pictures: bool = Field(True, description="draw the standard pictures at the end")
+    pictures: bool | None = Field(
+        None, description="draw the standard pictures at the end; unless said, of runs that have taken 20 s"
+    )
 
     @field_validator("fields_times")
     @classmethod

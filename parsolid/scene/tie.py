@@ -45,7 +45,7 @@ def tie_faults(scene: Any) -> list[Finding]:
             faults.append((("tie", i, "bodies"), f"the name of a body{hint}", name, "unknown-name"))
         if not unknown and len(set(one.bodies)) < 2:
             faults.append((("tie", i, "bodies"), "two bodies", one.bodies))
-    if faults:
+    if faults or not scene.tie:
         return faults
     contact = {pair[:2] for pair in contact_pairs(scene.contact, names)}
     seen = set()

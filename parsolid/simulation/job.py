@@ -76,24 +76,27 @@ class Job:
                 one.last_step = simulation.clock.step
 
     def run(self, limits: Limits | None = None, stop: StopRequest | None = None) -> dict[str, Any]:
-        """Run to the scene's end or to a limit, with a checkpoint at the end; the summary, as summary.json has it.
+        """Run to the scene's end or to a limit, and `end`; the summary. Collective.
 
-        Collective. Raises RunFailed on all ranks, once the summary is written.
+        Raises RunFailed on all ranks, once the summary is written.
         """
-        failure = None
         try:
             status = self.simulation.run(None, self.outputs, limits, stop)
+        except RunFailed as failure:
+            self.end(FAILED, str(failure).splitlines()[0])
+            raise
+        return self.end(status)
+
+    def end(self, status: str, fault: str | None = None) -> dict[str, Any]:
+        """Write the last checkpoint, unless there is a fault, and summary.json; the summary. Collective."""
+        if fault is None:
             self.finish()
-        except RunFailed as error:
-            status, failure = FAILED, error
-        summary = self.summary(status) | ({"fault": str(failure).splitlines()[0]} if failure else {})
+        summary = self.summary(status) | ({} if fault is None else {"fault": fault})
         with together(self.simulation.comm, f"cannot write {self.folder.summary}"):
             if self.simulation.comm.rank == 0:
                 write_summary(self.folder.summary, summary | provenance())
         for one in self.progress:
             one.close(summary)
-        if failure is not None:
-            raise failure
         return summary
 
     def finish(self) -> None:

@@ -2,12 +2,12 @@
 of unlike spacing. Found when a run is set up, told by `check` and at the run's start.
 """
 
-from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from parsolid.collective import SolverError, maximum, minimum
+from parsolid.contact.report import contact_warnings
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
@@ -16,7 +16,7 @@ from parsolid.scene.warned import Warned
 
 # a part is bent rather than sheared where it is so many times as long as thick
 _SLENDER = 4.0
-# bodies closer than so many of the larger spacing touch, as in `contact.relations`
+# bodies closer than so many of the larger spacing touch, as in `contact.report`
 _TOUCHING = 1.5
 _ROUND_OFF = 1e-6
 
@@ -38,7 +38,7 @@ def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> li
     Raises SolverError, on all ranks, for bonded bodies whose spacings or densities differ too much.
     """
     extents: dict[int, Extent] = {}
-    found: list[Warned] = []
+    found: list[Warned] = contact_warnings(scene, systems)
     plans = {plan.bodies: plan for plan in scene.systems}
     for system in systems:
         told = (one._replace(text=in_words_of(scene, plans[system.bodies], one.text)) for one in system.warnings())
@@ -73,9 +73,9 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
 def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dict[int, Extent]) -> None:
     """Raises SolverError where two bodies that the method bonds differ by more than it bears."""
     apart, settings = scene.unbonded, system.settings
-    for i, j in combinations(system.bodies, 2):
-        if apart is not None and apart[i, j]:
-            continue
+    bodies = np.array(system.bodies)
+    bonded = np.ones((len(bodies),) * 2, bool) if apart is None else ~apart[np.ix_(bodies, bodies)]
+    for i, j in bodies[np.argwhere(np.triu(bonded, 1))].tolist():
         (lower, upper, spacing), (other_lower, other_upper, other) = extents[i], extents[j]
         gap = np.linalg.norm(np.maximum(np.maximum(lower - other_upper, other_lower - upper), 0.0))
         if gap > _TOUCHING * max(spacing.max(), other.max()):

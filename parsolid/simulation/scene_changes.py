@@ -21,13 +21,11 @@ from parsolid.scene.load_histories import FactorHistory
 from parsolid.scene.model_faults import on_restart
 from parsolid.scene.validation_errors import NOTHING, key_path, told
 
-# keys that checkpoints of earlier versions do not have, with the value that changes nothing
-ADDED = {"method.clamp_edges": 0.0, "methods.*.clamp_edges": 0.0}
 # keys within tables of a name that scenes may leave out, and what that means by the tables' kind: who states it changes
-# nothing, and where it means something else now that is a change
+# nothing
 _WEIGHTS: dict[str, dict[str, Any]] = {"tlsph": {"weights": "kernel"}}
 LEFT_OUT: dict[str, dict[str, dict[str, Any]]] = {
-    "stabilisation": {"shear-scaled": {"coefficient": 0.35}, "paper": {"coefficient": 1.0}},
+    "stabilisation": {"shear-scaled": {"coefficient": 0.35}},
     "method": _WEIGHTS,
     "methods": _WEIGHTS,
 }
@@ -153,8 +151,6 @@ def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: fl
     """Faults, and notes on what was accepted; allowed: keys that the user allows to change, and all within them."""
     faults, notes = [], []
     for change in found:
-        if change.before is NOTHING and any(change.of((key,)) and change.now == same for key, same in ADDED.items()):
-            continue
         fixed = change.rule is OnRestart.FIXED
         if change.later or (not fixed and (change.rule is not None or change.of(allowed))):
             if change.rule is not OnRestart.SILENT:

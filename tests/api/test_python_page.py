@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -37,3 +38,16 @@ def test_the_notebook_runs(comm, shared_path, monkeypatch):
     assert names["results"].summary["status"] == "finished"
     # the brake is felt
     assert abs(names["braked"][-1, 1] - 1.0) < abs(names["free"]["corner.displacement_y"]).max()
+
+
+def test_the_example_of_a_stepped_scene(comm, shared_path, monkeypatch):
+    """Twice the static deflection of a beam: w L^4/(8 E' I), and 1.2 w L^2/(2 G h) of its shear."""
+    pytest.importorskip("matplotlib")
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.chdir(shared_path)
+    names = runpy.run_path(str(DOCS.parent / "examples" / "cantilever.py"))
+    weight, plane, shear = 1100.0 * 9.81 * 0.1, 1e6 / (1.0 - 0.3**2), 1e6 / 2.6
+    static = weight * 0.4**4 / 8.0 / (plane * 0.1**3 / 12.0) + 1.2 * weight * 0.4**2 / 2.0 / (shear * 0.1)
+    assert names["lowest"] == pytest.approx(-2.0 * static, rel=0.05)
+    comm.Barrier()
+    assert (shared_path / "cantilever.png").stat().st_size > 1000

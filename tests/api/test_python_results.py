@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import sys
 from pathlib import Path
 
@@ -9,8 +10,9 @@ import numpy as np
 import pytest
 
 import parsolid
+from parsolid.api import pictures
 from parsolid.collective import SolverError
-from parsolid.scene import SceneError
+from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import RunFailed
 
 SCENE = {
@@ -38,8 +40,8 @@ def results(tmp_path_factory):
 @pytest.mark.slow
 def test_a_job_of_its_own_leaves_what_a_run_in_this_process_leaves(tmp_path):
     """With the same options, which act in both."""
-    options = ("-q", "--set", "bodies.0.particles=[8,8]", "--end-time", "5e-4")
-    here, there = (parsolid.run(SCENE, output=tmp_path / str(n), ranks=n, options=options) for n in (None, 2))
+    overrides = ("bodies.0.particles=[8,8]", "end_time=5e-4")
+    here, there = (parsolid.run(SCENE, output=tmp_path / str(n), ranks=n, overrides=overrides) for n in (None, 2))
     for results, ranks in ((here, 1), (there, 2)):
         assert results.summary["ranks"] == ranks and results.summary["particles"] == 64
         assert results.summary["end_time"] == 5e-4
@@ -125,10 +127,10 @@ def test_stress_is_the_derivative_of_the_energy_and_waves_are_those_of_the_solid
 
 
 def test_steps_by_hand_are_those_of_the_run(results):
-    simulation = parsolid.set_up(SCENE)
+    simulation = parsolid.Simulation(SCENE)
     seen = []
     simulation.on_step(lambda now: seen.append(now.time))
-    assert simulation.run_until(1.0) == 1e-3 and simulation.finished
+    assert simulation.run(1.0) == 1e-3 and simulation.finished
     assert len(seen) == simulation.steps == results.summary["steps"] and seen[-1] == 1e-3
     found, expected = simulation.energies(), results.columns
     assert found["kinetic"] == expected["kinetic"][-1]
@@ -139,17 +141,69 @@ def test_steps_by_hand_are_those_of_the_run(results):
         simulation.arrays("velocty")
     with pytest.raises(KeyError, match="presure: expected one of .*pressure.*, or one that `arrays` knows"):
         simulation.field("presure")
-    with pytest.raises(ValueError, match="expected at least one step, found -1"):
+    with pytest.raises(ValueError, match="step: "):
         simulation.step(-1)
-    with pytest.raises(ValueError, match=r"expected a time from the present 0\.001 s on, found 0\.0005"):
-        simulation.run_until(5e-4)
+    with pytest.raises(ValueError, match="run: "):
+        simulation.run(5e-4)
     with pytest.raises(SceneError, match=r"expected a column of the history, one of step, .*found 'kinetc'.*'kinetic'"):
         results.columns["kinetc"]
     assert json.loads((Path(results.directory) / "summary.json").read_text()) == results.summary
 
 
+def test_a_scene_made_of_arguments_is_that_of_the_tables(tmp_path):
+    scene = parsolid.Scene(**SCENE)
+    assert (
+        scene.resolved() == parse_scene(SCENE | {"output": SCENE["output"] | {"directory": "results/scene"}}).resolved()
+    )
+    assert pickle.loads(pickle.dumps(scene)) == scene and isinstance(scene, type(parse_scene(SCENE)))
+    other = parsolid.Scene(**(SCENE | {"bodies": [SCENE["bodies"][0] | {"particles": np.array([9, 9])}]}))
+    assert other.bodies[0].particles == scene.bodies[0].particles
+    with pytest.raises(SceneError) as error:
+        parsolid.Scene(dimension=2, end_time=-1.0, method={"kind": "tlsph"}, bodies=[], bodis=[])
+    assert [fault.partition(":")[0] for fault in error.value.faults] == ["end_time", "bodies", "bodis"]
+
+
+PROBED = SCENE | {
+    "boundaries": [{"kind": "fixed", "plane": "Y = 0", "mirror": False, "name": "ground", "reaction": True}],
+    "probes": [{"name": "corner", "at": [1.0, 1.0], "fields": ["displacement"]}],
+    "output": SCENE["output"] | {"history_steps": 1},
+}
+
+
+def test_a_stepped_run_leaves_what_a_run_leaves_and_goes_on_to_the_bit(comm, shared_path):
+    whole = parsolid.run(PROBED, output=shared_path / "whole")
+    written, seen = [], []
+    with parsolid.Simulation(PROBED, output=shared_path / "pieces", comm=comm) as simulation:
+        simulation.on_step(lambda now: seen.append(now.steps))
+        simulation.step(2)
+        probes = simulation.probes()
+        assert seen == [1, 2] and not simulation.finished
+
+    class Times(parsolid.Output):
+        every = parsolid.Cadence(steps=2)
+
+        def write(self, simulation):
+            written.append(simulation.clock.step)
+
+    for name in ("corner.displacement_y", "ground.force_y"):
+        assert probes[name] == whole.columns[name][2]
+    stopped = parsolid.load(shared_path / "pieces")
+    assert stopped.summary["status"] == "stopped" and len(stopped.columns["time"]) == 3
+    comm.Barrier()
+    folder = shared_path / "pieces"
+    with parsolid.Simulation(PROBED, output=folder, restart=folder, outputs=[Times()], comm=comm) as simulation:
+        simulation.run()
+        assert simulation.finished
+    again = parsolid.load(folder)
+    assert again.summary["status"] == "finished" and written == list(range(4, whole.summary["steps"] + 1, 2))
+    for name, values in whole.columns.items():
+        assert again.columns[name].tobytes() == values.tobytes(), name
+    assert list(again.fields) == list(whole.fields)
+    assert again.fields[1e-3]["stress"].tobytes() == whole.fields[1e-3]["stress"].tobytes()
+
+
 def test_what_a_script_adds_to_the_velocities_ends_its_run():
-    simulation = parsolid.set_up(SCENE | {"end_time": 1.0})
+    simulation = parsolid.Simulation(SCENE | {"end_time": 1.0})
 
     @simulation.on_step
     def push(simulation):
@@ -157,15 +211,36 @@ def test_what_a_script_adds_to_the_velocities_ends_its_run():
             velocity *= 1.1
 
     with pytest.raises(RunFailed, match="balance"):
-        simulation.run_until(1.0)
+        simulation.run()
     assert simulation.steps < 100
 
 
 def test_options_act_in_this_process(tmp_path):
-    stopped = parsolid.run(SCENE, output=tmp_path / "late", options=("-q", "--wall-time", "1e-3"))
+    stopped = parsolid.run(SCENE, output=tmp_path / "late", wall_time=1e-3)
     assert stopped.summary["status"] == "interrupted"
     with pytest.raises(SceneError, match="--set bodies.7.particles: expected an index"):
-        parsolid.run(SCENE, output=tmp_path / "none", options=("--set", "bodies.7.particles=1"))
+        parsolid.run(SCENE, output=tmp_path / "none", overrides=["bodies.7.particles=1"])
+
+
+def test_the_report_of_a_check_has_what_a_run_takes(results):
+    report = parsolid.check(SCENE)
+    assert report.particles == results.summary["particles"] and report.pairs == results.summary["pairs"]
+    assert report.stable_step > 0.0 and report.steps >= 3 and f"{report.pairs:,}" in str(report)
+    thin = SCENE["bodies"][0] | {"particles": [9, 2]}
+    assert [one.code for one in parsolid.check(SCENE | {"bodies": [thin]}).warnings] == []
+    with pytest.raises(SceneError):
+        parsolid.check(SCENE | {"end_time": -1.0})
+
+
+@pytest.mark.parametrize(
+    "stated, seconds, drawn", [(None, 0.1, False), (None, 1e3, True), (True, 0.1, True), (False, 1e3, False)]
+)
+def test_a_run_draws_when_the_scene_says_so_or_it_has_taken_long(comm, tmp_path, monkeypatch, stated, seconds, drawn):
+    pytest.importorskip("pyvista")
+    calls = []
+    monkeypatch.setattr(pictures, "draw", calls.append)
+    pictures.draw_at_end(comm, tmp_path, stated, seconds)
+    assert calls == [tmp_path] * (drawn and comm.rank == 0)
 
 
 def test_a_script_under_mpirun_is_a_run_on_all_its_ranks(comm, shared_path):

@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from parsolid.api.results import load
+from parsolid.api.running import RunOptions, run_scene
 from parsolid.campaign.error_bars import Campaign, ErrorTable
 from parsolid.campaign.estimate import Bar
 from parsolid.campaign.runner import InProcess, Interrupted, Record, VariantRun, read_files
 from parsolid.campaign.targets import NOT_REACHED, Target, no_bar, predicted_seconds, worst
 from parsolid.campaign.variants import SPACING, Variant, coarse_variants
 from parsolid.commands.cli import parse
-from parsolid.commands.run import run_scene
+from parsolid.commands.run import options_of
+from parsolid.output.results import load
 from parsolid.scene import SceneError, load_scene, parse_scene
 from parsolid.simulation.loop import Limits
 
@@ -28,8 +29,8 @@ COLUMNS = {"kinetic": "K", "stored": "W", "dissipation_internal": "Dint", "corne
 
 
 def run(comm, folder, *options, more=()):
-    words = parse(["run", str(SCENE), "-q", "-o", str(folder), *options])
-    return run_scene(comm, load_scene(SCENE, [*SMALL, *more]), words, 0.0)
+    words = options_of(parse(["run", str(SCENE), "-q", *options]))
+    return run_scene(comm, load_scene(SCENE, [*SMALL, *more]), folder, words, 0.0)
 
 
 def test_bars_hold_the_true_errors_and_are_the_same_on_any_ranks(comm, shared_path, capsys):
@@ -125,13 +126,11 @@ def test_a_run_that_was_killed_in_a_coarse_run_goes_on_in_it(tmp_path):
 
 def test_a_target_is_reached_or_the_limit_is_told(comm, shared_path, capsys):
     scene = load_scene(SCENE, SMALL)
-    words = parse(["run", str(SCENE), "-o", str(shared_path / "t"), "--target", "corner.displacement_y=15%"])
-    assert run_scene(comm, scene, words, 0.0) == 0
+    first = RunOptions(target=["corner.displacement_y=15%"])
+    assert run_scene(comm, scene, shared_path / "t", first, 0.0) == 0
     said = capsys.readouterr().out
-    words = parse(
-        ["run", str(SCENE), "-o", str(shared_path / "t"), "--target", "kinetic=1e-9%", "--core-seconds", "1e-6"]
-    )
-    assert run_scene(comm, scene, words, 0.0) == NOT_REACHED == 4
+    second = RunOptions(target=["kinetic=1e-9%"], core_seconds=1e-6)
+    assert run_scene(comm, scene, shared_path / "t", second, 0.0) == NOT_REACHED == 4
     limited = capsys.readouterr().out
     if comm.rank == 0:
         # what is there is not run again

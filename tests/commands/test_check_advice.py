@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from solids import RUBBER, simulation, supports, tables
 
-from parsolid.commands.check_advice import BENDING, advice, scene_advice, size_advice
+from parsolid.api.check_advice import BENDING, advice, scene_advice, size_advice
 from parsolid.commands.cli import main
 from parsolid.methods.peridynamics import coarse_space
 from parsolid.scene import parse_scene

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from parsolid.api import pictures
 from parsolid.commands.cli import main
-from parsolid.commands.plot import add_arguments, plot_run, run_plot
+from parsolid.commands.plot import add_arguments, run_plot
 from parsolid.commands.plot.scales import scale_of
 from parsolid.commands.plot.skins import Skin, lattice_faces
 from parsolid.commands.view import add_arguments as add_view_arguments
@@ -102,18 +103,15 @@ def test_standard_set(comm, folders, kind):
     folder = folders / kind
     if comm.rank == 0:
         if kind == "plate":
-            plot_run(folder)
+            pictures.draw(folder)
         else:
             command = [sys.executable, "-m", "parsolid.commands.plot", str(folder)]
             environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
             environment["MPI4PY_RC_INITIALIZE"] = "false"
             ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
             assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
-        assert sorted(path.name for path in (folder / "pictures").iterdir()) == [
-            "energies.png",
-            "pressure.png",
-            "probes.png",
-        ]
+        found = sorted(path.name for path in (folder / "pictures").iterdir())
+        assert found == ["energies.png", "pressure.png", "probes.png"]
         for name in ("energies.png", "probes.png"):
             assert np.mean(pixels(folder / "pictures" / name) < 128) > 0.005
         assert is_coloured(pixels(folder / "pictures" / "pressure.png"))
@@ -289,7 +287,7 @@ def test_a_folder_without_a_run(comm, shared_path):
 
 
 def test_failing_pictures_leave_a_finished_run_alone(tmp_path, capfd):
-    plot_run(tmp_path)
+    pictures.draw_at_end(MPI.COMM_SELF, tmp_path, True, 0.0)
     assert capfd.readouterr().err.startswith("no pictures: ")
 
 
@@ -354,9 +352,9 @@ def test_a_window_wants_a_display(comm, folders, monkeypatch):
 
 @pytest.mark.serial
 def test_a_window_sees_bodies_from_where_pictures_do(folders):
-    from parsolid.commands.plot.results import Results
     from parsolid.commands.plot.sheets import Look, Sheet
     from parsolid.commands.view.showing import window
+    from parsolid.output.results import Results
 
     results = Results(folders / "block")
     plotter = window(Sheet(results, "pressure", [0], Look(view="front")), off_screen=True)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from parsolid.commands.plot.curves import write_energies, write_probes
 from parsolid.commands.plot.forces import pairs, write_forces
-from parsolid.commands.plot.results import Results
+from parsolid.output.results import Results
 
 TOLD = {"kind": "velocity", "where": "top", "name": "pull", "reaction": True}
 MOVED = {"name": "grip", "where": "top", "fields": ["stress", "displacement"]}
@@ -31,7 +31,7 @@ def test_a_force_goes_with_the_displacement_of_its_region(boundary, probe, found
     wanted = {"pull": [(f"grip.displacement_{a}", f"pull.force_{a}") for a in found]} if found else {}
     assert pairs(tables, COLUMNS) == wanted
     history = {name: np.linspace(0.0, 1.0, 5) for name in COLUMNS}
-    results = SimpleNamespace(history=history, tables=tables, title="pulled", dimension=2, per=lambda name: "/m")
+    results = SimpleNamespace(columns=history, scene=tables, title="pulled", dimension=2, per=lambda name: "/m")
     assert write_forces(results, tmp_path / "forces.png") == bool(found) == (tmp_path / "forces.png").is_file()
 
 

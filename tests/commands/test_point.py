@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 from parsolid.commands.point import add_arguments, run_point
-from parsolid.commands.point.choice import point_law
-from parsolid.commands.point.driver import drive
-from parsolid.commands.point.report import tabulate
-from parsolid.commands.point.schema import load_point
 from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.registry import law_of
 from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.output.errors import OutputError
+from parsolid.point.choice import point_law
+from parsolid.point.driver import drive, tabulate
+from parsolid.point.schema import load_point
 from parsolid.scene.validation_errors import SceneError
 from parsolid.simulation.loop import RunFailed
 

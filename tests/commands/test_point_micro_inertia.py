@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from parsolid.commands.cli import main
-from parsolid.commands.point.choice import point_law
-from parsolid.commands.point.driver import drive
-from parsolid.commands.point.laws import PathLost
-from parsolid.commands.point.report import tabulate
-from parsolid.commands.point.schema import load_point
 from parsolid.materials.registry import law_of
+from parsolid.point.choice import point_law
+from parsolid.point.driver import drive, tabulate
+from parsolid.point.laws import PathLost
+from parsolid.point.schema import load_point
 from parsolid.scene.validation_errors import SceneError
 
 pytestmark = pytest.mark.serial

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from parsolid.commands.point import add_arguments, run_point
-from parsolid.commands.point.choice import point_law
-from parsolid.commands.point.driver import drive
-from parsolid.commands.point.report import tabulate
-from parsolid.commands.point.schema import MaterialPoint, load_point
 from parsolid.exact.prony import PronySeries
 from parsolid.materials.registry import law_of
+from parsolid.point.choice import point_law
+from parsolid.point.driver import drive, tabulate
+from parsolid.point.schema import MaterialPoint, load_point
 from parsolid.scene import SceneError
 
 pytestmark = pytest.mark.serial

@@ -58,7 +58,7 @@ def test_pressure_against_overlap(placement, wanted):
     sim = simulated(bars(n=10, wide=6, placement=placement))
     h, width = 0.1, 0.6
     contact = contact_of(sim)
-    assert contact.body_pairs.pairs[0].law.stiffness == pytest.approx(MODULUS / h, rel=1e-12)
+    assert contact.contact_bodies.laws[0][1].stiffness == pytest.approx(MODULUS / h, rel=1e-12)
     at = 0.0
     for overlap, share in zip((0.02, 0.1, 0.3), wanted):
         moved(sim, 0, np.array([(overlap - at) * h, 0.0]))
@@ -102,8 +102,7 @@ def test_a_shared_motion_rubs_nothing_and_a_slip_rubs_with_kept_momenta():
     assert contact.stuck > 1e-6 * contact.energy
     force = system.particles.owned_rows("external_force")
     force[:] = 0.0
-    for one in contact.hosts:
-        one.give(0.0)
+    contact.act(0.0)
     assert np.abs(force).max() > 0.0
     moment = position[:, 0] @ force[:, 1] - position[:, 1] @ force[:, 0]
     np.testing.assert_allclose([*force.sum(axis=0), moment], 0.0, atol=1e-12 * np.abs(force).max())

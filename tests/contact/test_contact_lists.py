@@ -1,9 +1,17 @@
 """Lists of contact leave nothing out that may press, and a look at them knows how long they hold."""
 
+import time
+import tracemalloc
+
 import numpy as np
 from meeting import SPEED, block, simulated, tables
+from mpi4py import MPI
 
+from decomposition.pair_search import close_boxes
 from parsolid.contact.friction import gap_correction
+from parsolid.contact.report import describe_contacts
+from parsolid.scene import parse_scene
+from parsolid.simulation.loop import Simulation
 
 
 def test_only_what_may_press_is_listed_and_nothing_else_presses():
@@ -34,7 +42,7 @@ def test_lists_hold_until_half_the_skin_is_used():
     sim = simulated(tables(*boxes))
     contact, velocity = sim.interactions[0], sim.systems[0].particles.owned_rows("velocity")
     # what two bodies of a kind have to know is found once
-    assert contact.body_pairs.pairs[0].law is contact.body_pairs.pairs[1].law
+    assert contact.contact_bodies.laws[0] is contact.contact_bodies.laws[-1]
     body = sim.systems[0].particles.owned_rows("body")
     velocity[body == 1, 1] = -0.2 * SPEED
     contact.rebuild(0.0)
@@ -42,7 +50,7 @@ def test_lists_hold_until_half_the_skin_is_used():
     assert contact.boxes.time_left(0.0, 2.0) > 0.9
     row = int(np.argmin(np.abs(sim.systems[0].particles.owned_rows("position")[:, 1] - 0.25) + 10.0 * (body != 1)))
     velocity[row, 0] = 0.5 * SPEED
-    skin = 0.5 * contact.body_pairs.skin[0]
+    skin = 0.5 * contact.boxes.skin[0]
     speed = float(np.hypot(0.5, 0.1)) * SPEED + 0.01 * SPEED
     assert abs(contact.boxes.time_left(0.0, 2.0) - skin / speed) < 1e-12
 
@@ -52,3 +60,44 @@ def test_impulses_of_a_gap_that_closes_or_opens_count_for_the_time_of_pressing()
     assert gap_correction(-1.0, 3.0) == 3.0 * (0.75 - 1.0)
     assert gap_correction(3.0, -1.0) == -3.0 * 0.25
     assert gap_correction(1.0, 2.0) == gap_correction(-1.0, -2.0) == 0.0
+
+
+def many(count: int) -> dict:
+    """Small blocks beside one another in a square, every pair of them in contact."""
+    side, blocks = int(np.ceil(count**0.5)), []
+    for k in range(count):
+        x, y = 0.8 * (k % side), 0.8 * (k // side)
+        velocity = [0.05 * SPEED * np.sin(k), 0.05 * SPEED * np.cos(3 * k)]
+        blocks.append(block(f"b{k}", (x, y), (x + 0.75, y + 0.75), (3, 3), "cells", velocity=velocity))
+    return tables(*blocks, contact=[{"bodies": [one["name"] for one in blocks], "friction": 0.3}])
+
+
+def test_time_and_memory_grow_with_the_number_of_bodies_and_not_with_its_square():
+    found = []
+    for count in (500, 2000):
+        scene = parse_scene(many(count))
+        tracemalloc.start()
+        began = time.process_time()
+        sim = Simulation(MPI.COMM_SELF, scene)
+        describe_contacts(MPI.COMM_SELF, scene, sim.systems)
+        contact = sim.interactions[0]
+        contact.rebuild(0.0)
+        contact.find_forces(None, held=True)
+        found.append((time.process_time() - began, tracemalloc.get_traced_memory()[1], len(contact.boxes.own)))
+        tracemalloc.stop()
+    (_, few_bytes, few_pairs), (seconds, many_bytes, many_pairs) = found
+    assert many_pairs < 4.5 * few_pairs < 200 * 500
+    # 4 MB of the table of bodies that are not bonded, a byte a pair, are the only square
+    assert many_bytes < 5.0 * few_bytes + 30e6 and seconds < 30.0
+
+
+def test_pairs_of_boxes_are_those_of_all():
+    rng = np.random.default_rng(3)
+    lower = rng.uniform(0.0, 10.0, (300, 3))
+    upper = lower + rng.uniform(0.0, 2.0, (300, 3))
+    for distance in (0.0, 0.3, np.inf):
+        first, second = close_boxes(lower, upper, distance)
+        gap = np.maximum(lower[:, None] - upper, lower - upper[:, None]).max(axis=2)
+        wanted = np.argwhere(np.triu(gap <= distance, 1))
+        order = np.lexsort((second, first))
+        np.testing.assert_array_equal(np.stack((first, second), axis=1)[order], wanted)

@@ -61,7 +61,7 @@ def test_updated_lagrangian_bars_rebound_and_migrate(comm):
     method = {"kind": "ulsph", "viscosity": False}
     data = of(bars(n=16, placement="cells", gap=0.002), method, STEEL)
     sim = simulated(data | {"end_time": 1e-6}, comm)
-    speed = sim.interactions[0].body_pairs.kinds[0].speed
+    speed = sim.interactions[0].contact_bodies.kinds[0].speed
     data = of(bars(n=16, placement="cells", gap=0.002), method, STEEL, speed / SPEED)
     columns, (left, right) = follow(data | {"end_time": 2.8 / speed}, comm)
     rebounds(columns, left, right, 0.01 * speed, 0.85)

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from solids import Record
 
 from parsolid.contact.kernel import lattice_colour
-from parsolid.contact.relations import relations
+from parsolid.contact.report import describe_contacts
 from parsolid.scene import SceneError, load_scene, parse_scene
 from parsolid.simulation.loop import Limits, Simulation
 
@@ -45,13 +45,20 @@ def test_nonsense_is_refused_by_its_key():
     assert BONDS["solution"]["kind"] == "explicit" and MODULUS > 1.0
 
 
+@pytest.mark.parametrize(("method", "friction", "told"), [(BONDS, 0.3, True), (BONDS, 0.0, False), (SPH, 0.3, False)])
+def test_friction_of_bodies_that_nothing_damps_is_warned_of(method, friction, told):
+    contact = [{"bodies": ["left", "right"], "friction": friction}]
+    sim = simulated(bars(placement="cells", method=method, contact=contact))
+    assert ("friction-of-rattling-bodies" in [one.code for one in sim.warnings]) is told
+
+
 def test_relations_are_told_and_a_collision_course_is_warned_of(comm):
     sim = simulated(bars(gap=0.3), comm)
-    assert relations(comm, sim.scene, sim.systems) == ["bodies in contact: left and right"]
+    assert describe_contacts(comm, sim.scene, sim.systems) == ["bodies in contact: left and right"]
     slow = [block("a", (0, 0), (1, 1), [5, 5], velocity=[1.0, 0.0]), block("b", (2, 0), (3, 1), [5, 5])]
     slow.append(block("c", (3, 0), (4, 1), [5, 5], "cells"))
     sim = simulated(tables(*slow, contact=[], method=SPH, end_time=2.0), comm)
-    told = relations(comm, sim.scene, sim.systems)
+    told = describe_contacts(comm, sim.scene, sim.systems)
     assert told[0] == "bodies bonded where they touch: b and c"
     assert told[1] == "bodies apart: a and b, a and c"
     assert "collision course" in told[2] and "a and b (at about t = 1 s)" in told[2] and "b and c" not in told[2]
@@ -63,7 +70,7 @@ def test_bodies_of_rebuilt_neighbours_press_on_one_another_unless_they_are_welde
     copper = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
     boxes = [block(name, (a, 0), (b, 1), [5, 5], "cells", material=copper) for name, (a, b) in zip("abc", ends)]
     sim = simulated(tables(*boxes, contact=[], method={"kind": "ulsph", "contact": contact}, end_time=2.0), comm)
-    told = relations(comm, sim.scene, sim.systems)
+    told = describe_contacts(comm, sim.scene, sim.systems)
     assert told == [f"bodies {words} where they touch: a and b", "bodies apart: a and c, b and c"]
 
 
@@ -80,7 +87,7 @@ def test_bodies_of_two_methods_that_nothing_joins_are_warned_of(comm):
     data = tables(*bodies, contact=[], end_time=2.0, methods=methods)
     del data["method"]
     sim = simulated(data, comm)
-    told = relations(comm, sim.scene, sim.systems)
+    told = describe_contacts(comm, sim.scene, sim.systems)
     assert told[0] == "bodies bonded where they touch: a and b"
     assert told[2].startswith("warning: close together without [[contact]] or [[tie]], so that nothing acts between")
     assert told[2].endswith("them: b and c")

@@ -6,7 +6,7 @@ from mpi4py import MPI
 from solids import Record, run_into
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation, StopRequest
+from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
 
 COPPER = {
@@ -63,7 +63,7 @@ def motion(sim) -> dict:
 
 def followed(data: dict, comm, more=motion) -> tuple[Simulation, dict]:
     sim, record = Simulation(comm, parse_scene(data)), Record(more)
-    sim.run(record, Limits(None), StopRequest())
+    sim.run(None, [record])
     return sim, record.columns()
 
 

@@ -62,4 +62,4 @@ def test_an_error_before_there_is_a_folder_leaves_its_traceback_here(tmp_path):
     assert "TypeError" in kept.read_text() and not (tmp_path / "run").exists()
 
 
-BROKEN = "from parsolid.commands import run; run.warm_up = None"
+BROKEN = "from parsolid.api import running; running.warm_up = None"

@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parsolid.commands.point.choice import point_law
-from parsolid.commands.point.driver import drive
-from parsolid.commands.point.report import tabulate
-from parsolid.commands.point.schema import load_point
 from parsolid.materials import registry
 from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.methods.small_scene import small_scene
+from parsolid.point.choice import point_law
+from parsolid.point.driver import drive, tabulate
+from parsolid.point.schema import load_point
 from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
 from parsolid.simulation.loop import Simulation
 

@@ -134,7 +134,7 @@ def test_what_damps_nothing_takes_a_third_of_a_contacts_step():
     longest = {}
     for name, method, law in (("damped", LEAPFROG, RUBBER), ("undamped", {"kind": "peridynamics"}, RUBBER)):
         sim = Simulation(MPI.COMM_SELF, parse_scene(blocks(method, 4.0, 1e-4, law)))
-        longest[name] = sim.interactions[0].body_pairs.pairs[0].law.longest
+        longest[name] = sim.interactions[0].contact_bodies.laws[0][1].longest
     assert longest["undamped"] == pytest.approx(0.36 * longest["damped"])
 
 

@@ -7,8 +7,8 @@ from bodies_apart import METHODS, alone, mixed
 from mpi4py import MPI
 from solids import Record, follow, run_into
 
-from parsolid.commands.plot.results import Results
 from parsolid.output.history import read_history
+from parsolid.output.results import Results
 from parsolid.output.vtkhdf import collected, published
 from parsolid.scene import dump_scene
 from parsolid.simulation.loop import Simulation
@@ -91,8 +91,8 @@ def test_pictures_show_all_blocks(tmp_path):
     (frame,) = results.frames([2], "temperature")
     assert frame.position.shape == (128, 3)
     assert np.isnan(frame.values[:64]).all() and (frame.values[64:] > 290.0).all()
-    assert results.constant("body").tolist() == [0] * 64 + [1] * 64
-    assert "plastic_strain" in results.method.pictured_fields and len(results.parts.bodies) == 2
+    assert results.rows("body").tolist() == [0] * 64 + [1] * 64
+    assert "plastic_strain" in results.method.pictured_fields and len(results.bodies) == 2
 
 
 def test_a_restart_on_other_ranks_deals_each_system_out_anew(comm, shared_path):

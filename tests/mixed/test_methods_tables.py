@@ -8,8 +8,8 @@ import pytest
 from bodies_apart import COPPER, METHODS, RUBBER, mixed, tables
 from mpi4py import MPI
 
+from parsolid.api.check_advice import scene_advice
 from parsolid.collective import SolverError
-from parsolid.commands.check_advice import scene_advice
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
 from parsolid.simulation.energy_balance import EnergyLimits
 from parsolid.simulation.ledger import names_of_terms, terms_of

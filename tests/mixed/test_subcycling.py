@@ -6,7 +6,7 @@ from mpi4py import MPI
 from solids import Record, follow, run_into
 from tied_blocks import blocks, motion
 
-from parsolid.api import set_up
+from parsolid.api.simulation import Simulation as stepped
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
@@ -94,11 +94,11 @@ def test_what_impulses_of_contact_and_tools_give_to_several_steps_is_told(method
 
 def test_a_script_may_go_on_after_any_step(comm):
     """The second call begins with the common step alone, which said nothing of the systems': an error of packing."""
-    stopping, whole = (set_up(tables("auto"), comm) for _ in range(2))
+    stopping, whole = (stepped(tables("auto"), comm=comm) for _ in range(2))
     for count in (1, 2, 3):
         stopping.step(count)
     whole.step(6)
-    assert stopping.time == whole.time and stopping.simulation.energy_row() == whole.simulation.energy_row()
+    assert stopping.time == whole.time and stopping.energies() == whole.energies()
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import pytest
 from points import COPPER, scene, taylor_bar
 from solids import Record, StepsToEnd, follow, simulation
 
-from parsolid.commands.point.plastic import PlasticPoint
 from parsolid.materials.plastic.elastic_plastic import of_material
 from parsolid.methods.mpm import heat as grid_heat
+from parsolid.point.plastic import PlasticPoint
 from parsolid.scene import SceneError, parse_scene
 
 SLOPE = 383.0 * 2.5e-4

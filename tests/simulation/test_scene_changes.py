@@ -50,15 +50,6 @@ def test_a_key_more_or_less_is_a_change():
     assert "found nothing" in removed[0] and len(added) == len(removed) == 1
 
 
-@pytest.mark.parametrize("part, faults", [(0.0, 0), (0.3, 1)])
-def test_a_key_that_earlier_versions_did_not_have_is_no_change_where_it_changes_nothing(part, faults):
-    """All checkpoints of total-Lagrangian SPH were refused since `clamp_edges` was there."""
-    now = contents(parse_scene(punch()))
-    before, now["method"]["clamp_edges"] = now | {"method": dict(now["method"])}, part
-    del before["method"]["clamp_edges"]
-    assert len(judged(list(changes(before, now, TIME)), (), "checkpoint.h5", TIME)[0]) == faults
-
-
 PAIR = [
     {
         "name": name,

@@ -7,8 +7,8 @@ import pytest
 from mpi4py import MPI
 from solids import COPPER, ONE_BRANCH, SOFT, THREE_BRANCHES, evolved, gathered, run_into, simulation, tables
 
+from parsolid.api.check_advice import scene_advice
 from parsolid.collective import SolverError
-from parsolid.commands.check_advice import scene_advice
 from parsolid.observables.declared import field_of
 from parsolid.scene import SceneError, dump_scene, parse_scene
 

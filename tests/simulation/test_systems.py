@@ -10,8 +10,8 @@ import pytest
 from solids import Record, StableSteps, follow, run_into
 from systems import BONDS, SPH, STIFF, plate, raw, two_systems
 
+from parsolid.api.report import report_of
 from parsolid.collective import SolverError, minimum
-from parsolid.commands.report import print_report
 from parsolid.methods.interaction import Interaction
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.output.history import read_history
@@ -221,12 +221,11 @@ def test_a_field_that_one_method_lacks_is_not_a_number_there(comm):
         observables.field("temperature")
 
 
-def test_check_tells_of_all_systems(comm, capsys):
+def test_check_tells_of_all_systems(comm):
     data = raw(LEFT, RIGHT, method=METHODS["tlsph"])
     sim = Simulation(comm, two_systems(data, METHODS["peridynamics"]))
     sim.time_steps = StableSteps.of(sim.scene, sim.systems)
-    print_report(comm, sim)
-    told = capsys.readouterr().out
+    told = str(report_of(comm, sim))
     if comm.rank == 0:
         assert "scene: tlsph, 2-D" in told and "scene: peridynamics, 2-D" in told
         assert f"{'particles':<28} {128:>14,}" in told

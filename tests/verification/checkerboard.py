@@ -45,7 +45,7 @@ def checkerboard_of_run(directory: Path | str, field: str = "pressure") -> list[
 
     Raises SceneError when the folder holds no run, no such field, or the body's particles lie on no lattice.
     """
-    from parsolid.commands.plot.results import Results
+    from parsolid.output.results import Results
     from parsolid.particles.fillings import filling_of
     from parsolid.scene import SceneError
     from parsolid.scene.lattice import Lattice

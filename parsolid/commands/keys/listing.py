@@ -6,7 +6,7 @@ from typing import Any
 
 from parsolid.collective import SolverError
 from parsolid.commands.keys.description import Key, keys_of, meaning_of
-from parsolid.commands.point.schema import MaterialPoint
+from parsolid.point.schema import MaterialPoint
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import suggestion

@@ -4,50 +4,13 @@ Light to import: what draws is loaded when it is needed.
 """
 
 import argparse
-import importlib.util
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 FOLDER = "pictures"
-_NEEDED = ("matplotlib", "pyvista")
-# pictures at a run's end: no more times than these, no bodies of more particles, no longer than this [s]
-STANDARD_TIMES, STANDARD_PARTICLES, STANDARD_SECONDS = 8, 1_000_000, 120.0
-
-
-def plot_run(directory: Path | str) -> None:
-    """Draw the standard set of pictures of a finished run into its folder; for one rank alone.
-
-    Nothing is drawn where matplotlib or pyvista is not installed. It never raises: drawing happens in a process of its
-    own, which a fault of a graphics driver may end, and what went wrong is told in one line on the error stream.
-    """
-    if missing():
-        return
-    # the child is no rank: it must not ask the launcher to be one
-    environment = os.environ | {"MPI4PY_RC_INITIALIZE": "false"}
-    command = [sys.executable, "-m", "parsolid.commands.plot", str(Path(directory).resolve())]
-    try:
-        ended = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=STANDARD_SECONDS, check=False
-        )
-        fault = (
-            ended.stderr.strip().splitlines()[-1:] or [f"exit status {ended.returncode}"] if ended.returncode else []
-        )
-    except subprocess.TimeoutExpired:
-        fault = [f"not done after {STANDARD_SECONDS:g} s"]
-    except OSError as error:
-        fault = [str(error)]
-    for text in fault:
-        print(f"no pictures: {text}", file=sys.stderr, flush=True)
-
-
-def missing() -> list[str]:
-    """Packages that pictures need and that are not installed."""
-    return [name for name in _NEEDED if importlib.util.find_spec(name) is None]
+# pictures at a run's end: no more times than these, no bodies of more particles
+STANDARD_TIMES, STANDARD_PARTICLES = 8, 1_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     view = "iso, front, side, top, below or the direction towards the viewer, such as --view=1,-2,0.5"
     parser.add_argument("--view", type=direction, default="iso", help=view)
+    parser.add_argument("--up", type=axes, default=(2,), metavar="AXIS", help="upright in space: X, Y or Z (default)")
     parser.add_argument(
         "--range", type=limits, metavar="LO,HI", help="of the colours, in SI units, such as --range=-2e6,2e6"
     )

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments, missing
-from parsolid.commands.plot.results import Results
+from parsolid.api.pictures import missing
+from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments
+from parsolid.output.results import Results
 from parsolid.scene import SceneError
 from parsolid.scene.validation_errors import suggestion, told
 
+_VON_MISES = "von_mises_stress"
 _STILL, _MOVING = (".png", ".pdf", ".svg"), (".gif", ".mp4")
 
 
@@ -30,16 +32,20 @@ def draw(options: argparse.Namespace) -> list[Path]:
     faults = _faults(results, options, output, one_file)
     if faults:
         raise SceneError(faults)
-    field = options.field or first_field(results)
-    results.check_field(field)
+    fields = [options.field] if options.field else pictured_fields(results)
+    for field in fields:
+        results.check_field(field)
     moving = options.animation or output.suffix.lower() in _MOVING
     steps = _steps(results, options, moving)
     if not one_file:
         results.check_history()
     (output.parent if one_file else output).mkdir(parents=True, exist_ok=True)
     if one_file:
-        return _draw_bodies(results, field, steps, options, output, moving)
-    return _curves(results, output) + _draw_bodies(results, field, steps, options, output, moving)
+        return _draw_bodies(results, fields[0], steps, options, output, moving)
+    drawn = _curves(results, output)
+    for field in fields:
+        drawn += _draw_bodies(results, field, steps, options, output, moving)
+    return drawn
 
 
 def standard(directory: Path | str) -> list[Path]:
@@ -57,6 +63,8 @@ def standard(directory: Path | str) -> list[Path]:
 
 def _faults(results: Results, options: argparse.Namespace, output: Path, one_file: bool) -> list[str]:
     faults = []
+    if len(options.up) != 1:
+        faults.append(f"--up: expected one axis, X, Y or Z, found {told(options.up)}")
     if options.times and options.every:
         faults.append("--times, --every: expected one of them, found both")
     if options.single and (one_file or options.animation):
@@ -89,12 +97,13 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
     return faults
 
 
-def first_field(results: Results) -> str:
-    """What colours the bodies unless something is chosen."""
+def pictured_fields(results: Results) -> list[str]:
+    """What colours the bodies unless something is chosen: the first field of the method, and von Mises stress."""
     names = results.field_names
     method: Any = results.method
-    preferred = method.pictured_fields if method else ()
-    return next((name for name in preferred if name in names), names[0])
+    preferred = [name for name in (method.pictured_fields if method else ()) if name in names]
+    solid = [_VON_MISES] if _VON_MISES in names else []
+    return list(dict.fromkeys([*preferred[:1], *solid])) or names[:1]
 
 
 def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[int]:
@@ -150,6 +159,7 @@ def _draw_bodies(
         title=options.title,
         cut=cut_of(options),
         bodies=bodies_named(results, options.only),
+        up=options.up[0],
     )
     sheet = Sheet(results, field, steps, look)
     try:
@@ -179,7 +189,7 @@ def bodies_named(results: Results, words: str | None) -> tuple[int, ...] | None:
     """Numbers of the bodies of `--only`, None for all. Raises SceneError for one that the scene has not."""
     if words is None:
         return None
-    names = [str(body.get("name", number)) for number, body in enumerate(results.tables["bodies"])]
+    names = [str(body.get("name", number)) for number, body in enumerate(results.scene["bodies"])]
     found = []
     for word in words.split(","):
         if word not in names and not (word.isdigit() and int(word) < len(names)):

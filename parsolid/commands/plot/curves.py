@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from parsolid.commands.plot.results import Results
 from parsolid.commands.plot.scales import prefixed
 from parsolid.observables.words import labelled, unit_of, words_of
+from parsolid.output.results import Results
 from parsolid.scene.observation import HISTORY_COLUMNS
 
 DOTS_PER_INCH = 100
@@ -49,7 +49,7 @@ _PANEL = (460, 330)
 
 def write_energies(results: Results, path: Path, size: tuple[int, int] | None = None) -> None:
     """Energies, dissipations and the balance over time, side by side."""
-    history = results.history
+    history = results.columns
     time, factor = _time_axis(history["time"])
     terms = {name: history[name] for name in HISTORY_COLUMNS[:-1]} | _method_terms(history)
     largest = max((np.nanmax(np.abs(values)) for values in terms.values() if len(values)), default=0.0)
@@ -95,7 +95,7 @@ def _method_terms(history: dict[str, Any]) -> dict[str, Any]:
 
 def write_probes(results: Results, path: Path, size: tuple[int, int] | None = None) -> bool:
     """One panel for each field of each probe; False, and no file, when the scene has none."""
-    history = results.history
+    history = results.columns
     idle = {name for name in history if name.endswith(".work") and _largest(history[name]) == 0.0}
     panels = _probe_panels([name for name in history if name not in idle])
     if not panels:
@@ -183,7 +183,7 @@ def _add_references(axes: Any, results: Results, names: Iterable[str], factor: f
     if results.reference is None:
         return
     times, series = results.reference
-    shown = times <= _last(results.history["time"]) * (1.0 + 1e-9)
+    shown = times <= _last(results.columns["time"]) * (1.0 + 1e-9)
     label: str | None = results.reference_name
     for name in names:
         if name in series:
@@ -197,8 +197,8 @@ def _add_bands(
     """Error bars of these columns as bands, where the run has them; the panel stays that of the curves."""
     shown = axes.get_ylim()
     for name, colour in zip(names, _PALETTE):
-        if name in results.bars:
-            value, bar = results.history[name] / unit, results.bars[name] / unit
+        if name in results.errors:
+            value, bar = results.columns[name] / unit, results.errors[name] / unit
             colour = colours[name] if colours else colour
             axes.fill_between(time, value - bar, value + bar, color=colour, alpha=0.2, linewidth=0)
     axes.set_ylim(shown)
@@ -228,4 +228,4 @@ def _finish(figure: Figure, panels: Any, unit: str) -> None:
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(labelsize=9)
         if axes.get_legend_handles_labels()[0]:
-            axes.legend(fontsize=9, frameon=False)
+            axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")

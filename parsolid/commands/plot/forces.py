@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from parsolid.commands.plot.results import Results
 from parsolid.commands.plot.scales import prefixed
+from parsolid.output.results import Results
 
 _COLOURS = dict(zip("xyz", ("#1f77b4", "#d95f02", "#1b9e77")))
 
@@ -29,8 +29,8 @@ def pairs(tables: dict[str, Any], columns: list[str]) -> dict[str, list[tuple[st
 
 def write_forces(results: Results, path: Path) -> bool:
     """One panel a boundary; False, and no file, where there is nothing to draw."""
-    history = results.history
-    panels = pairs(results.tables, list(history))
+    history = results.columns
+    panels = pairs(results.scene, list(history))
     if not panels:
         return False
     figure = Figure(figsize=(4.6 * len(panels), 3.6), dpi=100, layout="constrained")
@@ -49,6 +49,6 @@ def write_forces(results: Results, path: Path) -> bool:
         axes.set_ylabel(f"force on the body [{newtons}{results.per(name)}]")
         axes.grid(alpha=0.25, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(fontsize=9, frameon=False)
+        axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")
     figure.savefig(path, dpi=figure.dpi)
     return True

@@ -18,9 +18,9 @@ from PIL import Image
 from parsolid.commands.plot.marks import HEIGHT as MARKS
 from parsolid.commands.plot.marks import add_marks
 from parsolid.commands.plot.plane import PlaneView, draw_plane
-from parsolid.commands.plot.results import Frame, Results
 from parsolid.commands.plot.scales import scale_of, time_labels
 from parsolid.commands.plot.skins import skins_of
+from parsolid.output.results import Frame, Results
 from parsolid.scene import SceneError
 
 DOTS_PER_INCH = 100
@@ -41,7 +41,7 @@ class Look:
     view: "iso", "front", "side", "top", "below" or the direction towards the viewer; limits: of the colours, in SI
     units; size: of the whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the
     images in the planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements; cut:
-    the entries of a `cuts.Cut`; bodies: numbers of those that are drawn.
+    the entries of a `cuts.Cut`; bodies: numbers of those that are drawn; up: the axis that is upright in space.
     """
 
     view: str | tuple[float, float, float] = "iso"
@@ -55,6 +55,7 @@ class Look:
     title: str | None = None
     cut: tuple[int, float, bool | None, bool] | None = None
     bodies: tuple[int, ...] | None = None
+    up: int = 2
 
 
 class Sheet:
@@ -64,12 +65,12 @@ class Sheet:
         """Raises SceneError when there is no such field, or when particles are nowhere."""
         results.check_field(field)
         self.results, self.field, self.steps, self.look = results, field, steps, look
-        body = results.constant("body")
+        body = results.rows("body")
         self._rows = np.isin(body, look.bodies) if look.bodies is not None else np.ones(len(body), bool)
         self.frames = [self._shown(frame) for frame in results.frames(steps, field, look.exaggeration)]
         if not all(np.isfinite(frame.position).all() for frame in self.frames):
             raise SceneError([f"{results.fields_path}: expected finite positions, found some that are not"])
-        self.volume = np.tile(results.constant("volume")[self._rows], 2 ** len(look.mirror))
+        self.volume = np.tile(results.rows("volume")[self._rows], 2 ** len(look.mirror))
         self.scale = scale_of(field, [frame.values for frame in self.frames], look.limits, look.colours)
         self.labels = time_labels([frame.time for frame in self.frames])
         if look.exaggeration != 1.0:
@@ -89,7 +90,7 @@ class Sheet:
     @cached_property
     def skins(self) -> Any:
         """The skins of the bodies and of their images."""
-        body = self.results.constant("body")[self._rows]
+        body = self.results.rows("body")[self._rows]
         skins = skins_of(self.results.bodies, int(self.results.dimension or 0), body)
         skins = [skin.torn() if self._failed[skin.first : skin.last].mean() > _TORN else skin for skin in skins]
         particles = len(body)
@@ -114,7 +115,7 @@ class Sheet:
             return PlaneView(self.frames, self.look.follow, margin)
         from parsolid.commands.plot.space import Camera
 
-        return Camera(self.frames, self.look.view, self.look.follow, margin)
+        return Camera(self.frames, self.look.view, self.look.follow, margin, self.look.up)
 
     @cached_property
     def cut(self) -> Any:

@@ -8,9 +8,9 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from parsolid.commands.plot.cuts import Cut, cut_body
-from parsolid.commands.plot.results import Frame
 from parsolid.commands.plot.scales import Scale
 from parsolid.commands.plot.skins import Skin
+from parsolid.output.results import Frame
 
 # VTK tells of every way of drawing that it tries in vain
 vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
@@ -33,15 +33,11 @@ class Camera:
     """
 
     def __init__(
-        self, frames: list[Frame], view: str | tuple[float, float, float], follow: bool, margin: float
+        self, frames: list[Frame], view: str | tuple[float, float, float], follow: bool, margin: float, height: int = 2
     ) -> None:
         """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
-        particles.
+        particles; height: the axis that is upright.
         """
-        corners = [(frame.position.min(axis=0), frame.position.max(axis=0)) for frame in frames]
-        lower, upper = (np.array([corner[i] for corner in corners]) for i in (0, 1))
-        lower, upper = lower.min(axis=0), upper.max(axis=0)
-        height = 1 if (upper - lower)[1] > 1.5 * max((upper - lower)[0], (upper - lower)[2]) else 2
         self.towards = _direction(view, height)
         up = np.eye(3)[height]
         if abs(self.towards @ up) > 0.99:
@@ -84,8 +80,10 @@ def _bounds(points: Any) -> tuple[np.ndarray, np.ndarray]:
 def _direction(view: Any, height: int) -> np.ndarray:
     direction = np.array(_DIRECTIONS[view] if isinstance(view, str) else view, float)
     if isinstance(view, str) and height == 1:
-        # the named views turn with the body's upright axis, from Z to Y
+        # the named views turn with the upright axis, from Z to Y
         direction = np.array([direction[0], direction[2], -direction[1]])
+    elif isinstance(view, str) and height == 0:
+        direction = np.array([direction[2], direction[0], direction[1]])
     return direction / np.linalg.norm(direction)
 
 

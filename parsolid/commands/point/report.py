@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.commands.point.choice import point_law
-from parsolid.commands.point.driver import Record, drive
-from parsolid.commands.point.laws import PathLost, PointLaw
-from parsolid.commands.point.schema import MaterialPoint, load_point
 from parsolid.materials.registry import law_of
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
-from parsolid.scene.probes import component_names
+from parsolid.point.choice import point_law
+from parsolid.point.driver import drive, tabulate
+from parsolid.point.laws import PathLost
+from parsolid.point.schema import MaterialPoint, load_point
 
 _SHOWN = (
     *("deviator_norm", "plastic_strain_rate", "micro_stress"),
@@ -46,29 +45,6 @@ def drive_and_report(options: Any) -> dict[str, Any]:
     if not options.quiet:
         print(told(summary, directory), flush=True)
     return summary
-
-
-def tabulate(law: PointLaw, record: Record, directions: np.ndarray) -> dict[str, np.ndarray]:
-    """The columns of point.csv, (n,) each, in SI units; directions (k, 3) are those of the wave speeds."""
-    F = law.deformations(record.states)
-    P = np.array([law.stress(state) for state in record.states])
-    J = np.linalg.det(F)
-    stress = P @ np.swapaxes(F, 1, 2) / J[:, None, None]
-    pressure = -np.trace(stress, axis1=1, axis2=2) / 3.0
-    deviator = stress + pressure[:, None, None] * np.eye(3)
-    columns = {"time": np.array(record.times)}
-    for name, tensors in (("deformation_gradient", F), ("first_piola_kirchhoff_stress", P), ("stress", stress)):
-        columns |= dict(zip(component_names(name, 3), tensors.reshape(-1, 9).T))
-    columns |= {
-        "jacobian": J,
-        "pressure": pressure,
-        "von_mises_stress": np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)),
-        "stored": law.energies(record.states),
-        "work": np.array(record.work),
-        "dissipation": np.array(record.dissipation),
-    }
-    columns["balance"] = columns["work"] - columns["dissipation"] - (columns["stored"] - columns["stored"][0])
-    return columns | law.columns(record.states, directions)
 
 
 def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: float) -> dict[str, Any]:

@@ -16,6 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--html", metavar="FILE", help=page)
     parser.add_argument("--field", metavar="NAME", help="what colours the bodies (default: as plot does)")
     parser.add_argument("--view", type=direction, default="iso", help="where it is seen from at first, as for plot")
+    parser.add_argument("--up", type=axes, default=(2,), metavar="AXIS", help="upright in space: X, Y or Z (default)")
     parser.add_argument("--range", type=limits, metavar="LO,HI", help="of the colours, in SI units")
     parser.add_argument("--colours", metavar="MAP", help="colour map of matplotlib (default: by the field)")
     mirror = "also show the images in the planes X = 0, Y = 0, Z = 0 of these axes, such as XZ"

@@ -14,10 +14,10 @@ import matplotlib
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from parsolid.commands.plot import missing
-from parsolid.commands.plot.command import bodies_named, cut_of, first_field
-from parsolid.commands.plot.results import Frame, Results
+from parsolid.api.pictures import missing
+from parsolid.commands.plot.command import bodies_named, cut_of, pictured_fields
 from parsolid.commands.plot.sheets import Look, Sheet
+from parsolid.output.results import Frame, Results
 from parsolid.scene import SceneError
 
 # a page of more would be slow to load [bytes]
@@ -41,8 +41,9 @@ def show(options: Any) -> None:
         colours=options.colours,
         cut=cut_of(options),
         bodies=bodies_named(results, options.only),
+        up=options.up[0],
     )
-    sheet = Sheet(results, options.field or first_field(results), list(range(len(results.times))), look)
+    sheet = Sheet(results, options.field or pictured_fields(results)[0], list(range(len(results.times))), look)
     if options.html:
         write_page(sheet, Path(options.html))
         print(options.html, flush=True)

@@ -43,7 +43,7 @@ def level_of(tool: str) -> str:
     return f"level_{tool}"
 
 
-def declare(scene: Scene, system: ParticleSystem) -> None:
+def declare_tool_fields(scene: Scene, system: ParticleSystem) -> None:
     """What a system's particles need to be touched by a scene's tools; nothing where there are none."""
     touching = [tool for tool in scene.tools if touchable_by(tool, scene, system).any()]
     if not touching:

@@ -89,7 +89,7 @@ class MaterialPoint(MethodSettings):
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
     declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
     extra_fields: ClassVar = {"density": "scalar", "velocity_gradient": "tensor", "grid_volume": "scalar"}
-    pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
+    pictured_fields: ClassVar = ("plastic_strain", "von_mises_stress", "pressure")
     ledger_terms: ClassVar = {"plastic_work": 0, "viscous_work": 0, "heat_supplied": -1}
     viscous_terms: ClassVar = ("viscous_work",)
     extra_quantities: ClassVar = {

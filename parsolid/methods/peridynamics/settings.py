@@ -223,7 +223,7 @@ class Peridynamics(MethodSettings):
         "micro_clamped": "it is for micro-inertia, in ulsph",
     }
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "displacement", "layer", "traction", "pressure")
-    pictured_fields: ClassVar = ("damage", "pressure")
+    pictured_fields: ClassVar = ("damage", "von_mises_stress", "pressure")
     ledger_terms: ClassVar = {"dissipation_fracture": 1, "kinetic_offset": -1, "residual_work": 0}
     extra_fields: ClassVar = {
         "damage": "scalar",

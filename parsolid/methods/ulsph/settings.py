@@ -72,7 +72,7 @@ class UpdatedLagrangianSPH(MethodSettings):
         **dict.fromkeys(("force", "viscous_force", "heat_flux", "area"), "vector"),
         **dict.fromkeys(("micro_gradient", "energetic_flux", "dissipative_flux"), "vector"),
     }
-    pictured_fields: ClassVar = ("plastic_strain", "temperature", "pressure")
+    pictured_fields: ClassVar = ("plastic_strain", "von_mises_stress", "pressure")
     ledger_terms: ClassVar = {
         "viscous_dissipation": 1,
         "kinetic_offset": -1,

@@ -9,27 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.contact.body_pairs import BodyPair, BodyPairs
+from parsolid.contact.bodies import ContactBodies, ContactLaw
+from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.kernel import norm, shapes
 from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 
 _APART = 2.0
 
 
-class WithinBodies:
+class SelfContact:
     """Broken pairs of the systems whose bodies touch themselves, as of the last `look`."""
 
-    def __init__(self, pairs: BodyPairs, systems: list[ParticleSystem]) -> None:
-        self.systems, self.own, self.reach = systems, pairs.own == pairs.other, _APART * pairs.reach
-        bodies = set(pairs.own[self.own].tolist())
-        self.touching = [bool(bodies & set(system.bodies)) for system in systems]
+    def __init__(self, contact: ContactBodies, systems: list[ParticleSystem]) -> None:
+        self.systems = systems
+        self.touching = [bool(contact.alone[list(system.bodies)].any()) for system in systems]
         self.broken: list[BrokenPairs | None] = [None] * len(systems)
         self._keys = np.zeros(0, np.int64)
-
-    @property
-    def any(self) -> bool:
-        """Whether any body touches itself."""
-        return bool(self.own.any())
 
     def look(self) -> None:
         """Ask the systems what has broken."""
@@ -42,24 +37,24 @@ class WithinBodies:
                     keys.append(_key(mine.astype(np.int64), found.identifier))
         self._keys = np.concatenate(keys)
 
-    def excluded(self, pair: Any, row: Any, neighbour: Any, reference: Any, particle: Any) -> np.ndarray:
+    def excluded(self, boxes: BroadPhase, pair: Any, row: Any, neighbour: Any, reference: Any, particle: Any) -> Any:
         """Which candidates (row, neighbour) of one body do not touch although they are near, by arrays with ghosts:
-        body pair, reference place [m] and identifier of each candidate."""
+        number of the body pair, reference place [m] and identifier of each candidate."""
         number = pair[row]
-        close = np.linalg.norm(reference[row] - reference[neighbour], axis=1) < self.reach[number]
-        result = self.own[number] & close
+        close = np.linalg.norm(reference[row] - reference[neighbour], axis=1) < _APART * boxes.reach[number]
+        result = (boxes.own == boxes.other)[number] & close
         if len(self._keys):
             here = np.flatnonzero(result)
             result[here] = ~np.isin(_key(particle[row[here]], particle[neighbour[here]]), self._keys)
-        return np.asarray(result)
+        return result
 
-    def least_thresholds(self, index: int, pair: BodyPair, rows: np.ndarray, dimension: int) -> np.ndarray | None:
+    def least_thresholds(self, number: int, law: ContactLaw, rows: np.ndarray, dimension: int) -> np.ndarray | None:
         """Colour (k,) in the reference of what rows of a system are no longer bonded to; None without any."""
-        found = self.broken[index]
-        if pair.own != pair.other or found is None or not len(found.row):
+        found = self.broken[number]
+        if found is None or not len(found.row):
             return None
-        count = self.systems[index].particles.owned
-        weight = norm(dimension, pair.law.reach) * found.volume * shapes(found.distance / pair.law.reach)
+        count = self.systems[number].particles.owned
+        weight = norm(dimension, law.reach) * found.volume * shapes(found.distance / law.reach)
         return np.asarray(np.bincount(found.row, weight, minlength=count)[rows])
 
 

@@ -1,4 +1,4 @@
-"""One tie on one rank: the particles near the face between two bodies, their ghosts, and the springs that join them.
+"""Ties of a scene: bodies of different methods that are bonded where they touch at the start.
 
 In the reference a point p stands on the face beside each particle of the outer layer of the finer body, where both
 bodies have the same colour. Each body's displacement there is that of its particles, by weights exact for linear
@@ -12,12 +12,22 @@ import numpy as np
 
 from decomposition.halo import Halo
 from decomposition.pair_search import ClosePairs
+from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.forces import tributary_mass
 from parsolid.collective import maximum, raise_together
+from parsolid.contact import tie_springs
 from parsolid.contact.search import sort_rows
-from parsolid.contact.tie import kernels
-from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.failure_fields import DELETED_STORED
+from parsolid.methods.interaction import Interaction
+from parsolid.methods.protocol import EnergyLedger, ParticleSystem
+from parsolid.particles.declaration import Field
+from parsolid.scene import Scene
+from parsolid.scene.tie import TIE_TERMS, tied_pairs
 
+# of the limit of the springs' frequency
+_SAFETY = 0.8
+# of M V of one particle, see `contact.tools.contact`: before so much has happened the balance is no measure of anything
+_BEGINNING = 2.5e4
 # radius of the kernels over the spacing, as in contact
 _RADIUS = 2.7
 # a particle is next to the face within so much of its spacing: cells of the first layer are at .5, of the second 1.5
@@ -28,6 +38,25 @@ _ROUND_OFF = 1e-6
 
 # field of the places [m] at the start of a step
 START = "tie_start"
+
+
+def declare_tie_fields(scene: Scene, system: ParticleSystem) -> None:
+    """What a system's particles need to be tied, before its state is set; nothing where there are no ties."""
+    here = [
+        (number, first, second)
+        for number, (first, second, _) in enumerate(tied_pairs(scene))
+        if {first, second} & set(system.bodies)
+    ]
+    if not here:
+        return
+    system.take_external_forces(keep_rows=True)
+    failures = [getattr(body.material, "failure", None) for body in scene.bodies]
+    deletes = [failure is not None and failure.after == "delete" for failure in failures]
+    ending = [number for number, first, second in here if deletes[first] or deletes[second]]
+    if ending:
+        system.particles.declare(Field(START, system.dimension, "m", mirror="vector"))
+        for number in ending:
+            system.particles.declare(Field(held_field(number), 1, "1", checkpointed=True), 1.0)
 
 
 def held_field(number: int) -> str:
@@ -122,7 +151,7 @@ class TiedFaces:
         at, half = np.ascontiguousarray(place[source]), 0.5 * (reach + length)
         start, rows = self._search.across(at, np.full(len(at), half), place, np.full(len(place), half))
         points = np.zeros_like(at)
-        found = kernels.faces(source, length, start, rows, place, volume, second, 1.0 / reach, points)
+        found = tie_springs.faces(source, length, start, rows, place, volume, second, 1.0 / reach, points)
         return source[found], points[found]
 
     def _in_order(self, source: Any, points: Any, names: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -144,7 +173,7 @@ class TiedFaces:
             rows = here[found].astype(np.int32)
             sort_rows(start, rows, np.zeros(len(rows), np.int8), names)
             weight = np.zeros(len(rows))
-            missed = kernels.weigh(points, start, rows, place, volume, 1.0 / reach, sign, weight)
+            missed = tie_springs.weigh(points, start, rows, place, volume, 1.0 / reach, sign, weight)
             if missed > _ROUND_OFF * side.spacing:
                 expected = f"tie.{self.number}: expected bodies of at least two layers of particles beside the face"
                 fault = f"{expected}, found fewer in {side.name!r}"
@@ -196,7 +225,7 @@ class TiedFaces:
                 self._end_springs()
             for side, rows, here in zip(self.sides, self.rows, (slice(self.first), slice(self.first, None))):
                 side.system.particles.owned_rows(START)[rows] = position[here]
-        self.energy = kernels.pull(*self.lists(), self.counted, self.moved, self.owned, self.force)
+        self.energy = tie_springs.pull(*self.lists(), self.counted, self.moved, self.owned, self.force)
 
     def _end_springs(self) -> None:
         """Let springs go of particles that were deleted in the last step.
@@ -228,7 +257,7 @@ class TiedFaces:
         mass = np.concatenate(
             [tributary_mass(side.system.particles, rows) for side, rows in zip(self.sides, self.rows)]
         )
-        return float(kernels.frequency(*self.lists(), mass, self.owned))
+        return float(tie_springs.frequency(*self.lists(), mass, self.owned))
 
 
 def _joined(one: tuple[Any, Any, Any], other: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
@@ -238,3 +267,95 @@ def _joined(one: tuple[Any, Any, Any], other: tuple[Any, Any, Any]) -> tuple[Any
     order = np.argsort(point, kind="stable")
     start = np.concatenate(([0], np.cumsum(count[0] + count[1]))).astype(np.int64)
     return start, np.concatenate((one[1], other[1]))[order], np.concatenate((one[2], other[2]))[order]
+
+
+class Ties(Interaction):
+    """All ties of a scene, on one rank."""
+
+    terms = TIE_TERMS
+
+    def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
+        """systems: of the scene, in their state. Collective."""
+        self.comm, self.systems = comm, systems
+        self.faces = []
+        for number, (first, second, tie) in enumerate(tied_pairs(scene)):
+            sides = sorted((self._body(scene, body) for body in (first, second)), key=lambda side: side.spacing)
+            self.faces.append(TiedFaces(comm, number, tie.stiffness, sides[0], sides[1]))
+        sides = [side for face in self.faces for side in face.sides]
+        self.energy_scale = _BEGINNING * max(side.modulus * side.spacing**scene.dimension for side in sides)
+        self._placed: tuple[int | None, ...] = ()
+        self._longest, self._resumed = np.inf, False
+
+    def _body(self, scene: Scene, body: int) -> TiedBody:
+        """Facts of a body; collective."""
+        system = next(system for system in self.systems if body in system.bodies)
+        local, read, d = system.bodies.index(body), system.particles.owned_rows, scene.dimension
+        rows = read("body") == local
+        place = read("reference_position")[rows][:, :d]
+        box = np.stack((-place.min(axis=0, initial=np.inf), place.max(axis=0, initial=-np.inf)))
+        box = maximum(self.comm, box)
+        box[0] *= -1.0
+        spacing = np.prod(read("spacing")[rows], axis=1) ** (1.0 / d)
+        coarsest = maximum(self.comm, float(spacing.max(initial=0.0)))
+        nodal, name = scene.bodies[body].placed_on == "nodes", scene.bodies[body].name or f"bodies.{body}"
+        return TiedBody(body, name, system, local, coarsest, system.wave_modulus(local)[0], nodal, box)
+
+    def begin(self, time: float) -> None:
+        """Springs and their forces; collective. Raises SolverError on all ranks for bodies that cannot be tied."""
+        self._build()
+        for face in self.faces:
+            face.evaluate(ends=not self._resumed)
+        self._find_step()
+        self._give()
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Of a checkpoint springs hold of what was deleted in its last step: that is for the next one."""
+        self._resumed = True
+
+    def _build(self) -> None:
+        self._placed = self.placements
+        for face in self.faces:
+            face.build()
+
+    def _find_step(self) -> None:
+        square = max(face.frequency() for face in self.faces)
+        self._longest = _SAFETY * 2.0 / np.sqrt(square) if square > 0.0 else np.inf
+
+    @property
+    def placements(self) -> tuple[int | None, ...]:
+        """Of the systems that are tied."""
+        return tuple(side.system.placements for face in self.faces for side in face.sides)
+
+    @property
+    def _energy(self) -> float:
+        return sum(face.energy for face in self.faces)
+
+    def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Forces in the new places, and what went into the ledger."""
+        energy, placed = self._energy, self.placements
+        changes = None in placed or placed != self._placed
+        if changes:
+            self._build()
+        for face in self.faces:
+            face.evaluate()
+        ledger.add_term("tie_energy", self._energy - energy)
+        lost = sum(face.lost for face in self.faces)
+        if lost:
+            ledger.add_term(DELETED_STORED, lost)
+        if changes or any(face.ended for face in self.faces):
+            self._find_step()
+        self._give()
+
+    def _give(self) -> None:
+        """Add the forces to those on the particles."""
+        for face in self.faces:
+            for side, rows, force in face.pulled():
+                side.system.particles.owned_rows(EXTERNAL_FORCE)[rows] += force
+
+    def stable_step(self) -> float:
+        """Of the springs on this rank, alone."""
+        return self._longest
+
+    def energies(self) -> tuple[float, float]:
+        """What the springs store."""
+        return 0.0, self._energy

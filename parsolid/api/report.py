@@ -1,18 +1,24 @@
 """What `check` says: the field table, and the cost of a scene in memory, messages and time."""
 
 import time as clock
+from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.api.busy_cores import busy_cores, cores_with_room
+from parsolid.api.check_advice import advice
+from parsolid.api.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
+from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
 from parsolid.collective import maximum, minimum
-from parsolid.commands.busy_cores import busy_cores, cores_with_room
-from parsolid.commands.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
-from parsolid.contact.relations import relations
+from parsolid.contact.report import describe_contacts
 from parsolid.machine import cores
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
+from parsolid.scene import Scene
+from parsolid.scene.warned import Warned
 from parsolid.simulation.loop import Simulation
+from parsolid.simulation.warmup import load_kernels, warm_up
 
 # steps that are measured, at least and at most, and for how long [s]
 _STEPS, _SECONDS = (3, 200), 2.0
@@ -20,55 +26,110 @@ _STEPS, _SECONDS = (3, 200), 2.0
 _STRETCHES = 10
 
 
-def print_report(
+@dataclass(frozen=True)
+class Report:
+    """What a scene costs on the present ranks, of all of them unless said otherwise; printed, it is what `check` says.
+
+    particles, pairs; stable_step: the first time step [s]; steps: to the scene's end with that one; seconds_a_step:
+    wall time [s], measured; memory_a_rank: the most of any rank [bytes]; bytes_on_disk: of fields and checkpoints;
+    warnings: with their codes; notes: what may be done better; text: on rank 0.
+    """
+
+    particles: int
+    pairs: int
+    stable_step: float
+    steps: int
+    seconds_a_step: float
+    memory_a_rank: int
+    bytes_on_disk: float
+    warnings: list[Warned]
+    notes: list[str]
+    text: str
+
+    def __str__(self) -> str:
+        told = [f"note: {note}" for note in self.notes]
+        return "\n".join([self.text, *map(str, self.warnings), *told])
+
+
+def check_scene(comm: MPI.Intracomm, scene: Scene, elsewhere: int | None = None) -> Report:
+    """Set a scene up, take a few steps, and tell what it costs; nothing is written. Collective.
+
+    elsewhere: a number of ranks on which the cost is told, too. Raises SceneError or SolverError on all ranks.
+    """
+    warm_up(comm, scene)
+    base, idle = 0, 0.0
+    if elsewhere:
+        # what the program takes once its kernels are there
+        idle = load_kernels(scene)
+        base = peak_memory_bytes(present=True)
+    return report_of(comm, Simulation(comm, scene), elsewhere, base, idle)
+
+
+def check(scene: AnyScene, ranks: int | None = None, trust_code: bool = False) -> Report:
+    """Set a scene up and tell what it costs, on all ranks of a script; nothing is written. Collective.
+
+    scene: as in `parsolid.run`; ranks: a number of them on which the cost is told, too. Raises SceneError, with every
+    fault, or SolverError.
+    """
+    comm = MPI.COMM_WORLD
+    return check_scene(comm, scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code)), ranks)
+
+
+def report_of(
     comm: MPI.Intracomm, simulation: Simulation, elsewhere: int | None = None, base: int = 0, idle: float = 0.0
-) -> None:
-    """Print the report on rank 0; collective. A few steps measure the wall time of one.
+) -> Report:
+    """The report on a simulation, of which a few steps are taken to measure the wall time of one; collective.
 
     elsewhere: a number of ranks to tell the cost on, too; base: memory [bytes] of the program without particles; idle:
     seconds [s] of a step without them.
     """
-    systems, scene = simulation.systems, simulation.scene
+    systems, scene, notes = simulation.systems, simulation.scene, advice(simulation)
     stable = minimum(comm, simulation.stable_step())
     numbers = _counts(comm, systems)
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
     measured = _Steps(comm, simulation, stable)
     seconds, work = measured.measure()
-    disk = bytes_on_disk(comm, scene, systems)
+    fields, once, checkpoint = bytes_on_disk(comm, scene, systems)
     ahead = _elsewhere(measured, elsewhere, base, work, idle) if elsewhere else []
-    memory, meetings = maximum(comm, peak_memory_bytes()), relations(comm, scene, systems)
-    table = _of_each(comm, simulation) if len(systems) > 1 else ""
-    if comm.rank > 0:
-        return
+    memory, meetings = maximum(comm, peak_memory_bytes()), describe_contacts(comm, scene, systems)
+    table = _of_each(comm, simulation) if len(systems) > 1 else []
+    steps, times = int(np.ceil(scene.end_time / stable)), max(1, len(scene.fields_times))
     ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
+    lines = []
     for system in systems:
         called = f" {system.name}," if system.name else ""
-        print(f"{scene.title or 'scene'}:{called} {system.settings.kind}, {scene.dimension}-D, {ranks}\n")
-        _print_fields(system)
-        print()
-    print(table, end="")
+        lines += [f"{scene.title or 'scene'}:{called} {system.settings.kind}, {scene.dimension}-D, {ranks}", ""]
+        lines += [*_fields(system), ""]
+    lines += table
     for name, values in numbers.items():
-        print(f"{name:<28} {sum(values):>14,}   a rank: {', '.join(f'{value:,}' for value in values)}")
-    for note in meetings:
-        print(note)
-    steps = int(np.ceil(scene.end_time / stable))
+        lines.append(f"{name:<28} {sum(values):>14,}   a rank: {', '.join(f'{value:,}' for value in values)}")
+    lines += meetings
     if pairs:
-        print(f"{'pairs':<28} {pairs:>14,}")
-    print(f"{'bytes a particle':<28} {bytes_a_particle(systems):>14,.0f}   with all lists and work arrays")
-    print(f"{'bytes sent a step':<28} {sent:>14,}   on all ranks")
-    print(f"{'peak memory a rank':<28} {memory / 2**20:>14,.0f} MiB")
-    print(f"{'time step':<28} {stable:>14.4g} s   now; it changes with the state")
-    print(f"{'steps':<28} {steps:>14,}   to {scene.end_time:g} s")
-    print(
+        lines.append(f"{'pairs':<28} {pairs:>14,}")
+    lines += [
+        f"{'bytes a particle':<28} {bytes_a_particle(systems):>14,.0f}   with all lists and work arrays",
+        f"{'bytes sent a step':<28} {sent:>14,}   on all ranks",
+        f"{'peak memory a rank':<28} {memory / 2**20:>14,.0f} MiB",
+        f"{'time step':<28} {stable:>14.4g} s   now; it changes with the state",
+        f"{'steps':<28} {steps:>14,}   to {scene.end_time:g} s",
         f"{'estimated wall time':<28} {steps * seconds:>14,.1f} s   {seconds * 1e3:.3g} ms a step, without output",
-        flush=True,
+        f"{'fields':<28} {_mib(times * fields + once)}   {times} times of {fields / 2**20:.3g} MiB",
+        f"{'checkpoints':<28} {_mib(2 * checkpoint)}   two of {checkpoint / 2**20:.3g} MiB",
+        *ahead,
+    ]
+    return Report(
+        particles=simulation.particles,
+        pairs=pairs,
+        stable_step=stable,
+        steps=steps,
+        seconds_a_step=seconds,
+        memory_a_rank=memory,
+        bytes_on_disk=times * fields + once + 2 * checkpoint,
+        warnings=list(simulation.warnings),
+        notes=notes,
+        text="\n".join(lines),
     )
-    times = max(1, len(scene.fields_times))
-    print(f"{'fields':<28} {_mib(times * disk[0] + disk[1])}   {times} times of {disk[0] / 2**20:.3g} MiB")
-    print(f"{'checkpoints':<28} {_mib(2 * disk[2])}   two of {disk[2] / 2**20:.3g} MiB", flush=True)
-    for line in ahead:
-        print(line, flush=True)
 
 
 def _mib(size: float) -> str:
@@ -101,7 +162,7 @@ def _elsewhere(measured: "_Steps", ranks: int, base: int, work: float, idle: flo
     ]
 
 
-def _of_each(comm: MPI.Intracomm, simulation: Simulation) -> str:
+def _of_each(comm: MPI.Intracomm, simulation: Simulation) -> list[str]:
     """A line for each of several systems: particles, pairs, memory, its own stable step; collective."""
     title = f"{'system':<20} {'particles':>12} {'pairs':>12} {'bytes a particle':>17} {'time step':>12} {'steps':>10}"
     lines = [title, "-" * len(title)]
@@ -112,7 +173,7 @@ def _of_each(comm: MPI.Intracomm, simulation: Simulation) -> str:
         steps = int(np.ceil(simulation.scene.end_time / step))
         count = f"{particles:>12,} {pairs:>12,} {memory:>17,.0f} {step:>10.4g} s {steps:>10,}"
         lines.append(f"{system.name or system.settings.kind:<20} {count}")
-    return "\n".join(lines) + "\n\n"
+    return [*lines, ""]
 
 
 def _counts(comm: MPI.Intracomm, systems: list[ParticleSystem]) -> dict[str, list[int]]:
@@ -124,14 +185,16 @@ def _counts(comm: MPI.Intracomm, systems: list[ParticleSystem]) -> dict[str, lis
     return {name: comm.gather(count) or [] for name, count in total.items()}
 
 
-def _print_fields(system: ParticleSystem) -> None:
+def _fields(system: ParticleSystem) -> list[str]:
+    """A line for each declared field and exchanged record."""
     names = f"{'field':<28} {'components':>10} {'unit':>8} {'bytes':>6}   roles"
-    print(names + "\n" + "-" * len(names))
+    lines = [names, "-" * len(names)]
     for name, declared in system.particles.fields.items():
         size = system.particles.owned_rows(name).dtype.itemsize * declared.components
-        print(f"{name:<28} {declared.components:>10} {declared.unit:>8} {size:>6}   {declared.roles}")
+        lines.append(f"{name:<28} {declared.components:>10} {declared.unit:>8} {size:>6}   {declared.roles}")
     for name, width in system.exchanged_records().items():
-        print(f"{f'({name})':<28} {width:>10} {'':>8} {8 * width:>6}   exchanged")
+        lines.append(f"{f'({name})':<28} {width:>10} {'':>8} {8 * width:>6}   exchanged")
+    return lines
 
 
 def bytes_a_particle(systems: list[ParticleSystem]) -> float:

@@ -4,12 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.commands.point.laws import PathLost, PointLaw
 from parsolid.materials.failure.failure import count_of
 from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic import tile_update as update
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.point.laws import PathLost, PointLaw
 from parsolid.tiles import TILE
 
 

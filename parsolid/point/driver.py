@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.commands.point.laws import PathLost, PointLaw
-from parsolid.commands.point.paths import Path
+from parsolid.point.laws import PathLost, PointLaw
+from parsolid.point.paths import Path
+from parsolid.scene.probes import component_names
 
 # Gauss-Lobatto points of a step, from its start to its end
 NODES = 0.5 + 0.5 * np.array([-1.0, -np.sqrt(3.0 / 7.0), 0.0, np.sqrt(3.0 / 7.0), 1.0])
@@ -54,6 +55,29 @@ def drive(law: PointLaw, path: Path, end_time: float, longest_step: float) -> Re
         if end in kinks:
             _jump(record, law, path, end)
     return record
+
+
+def tabulate(law: PointLaw, record: Record, directions: np.ndarray) -> dict[str, np.ndarray]:
+    """The columns of point.csv, (n,) each, in SI units; directions (k, 3) are those of the wave speeds."""
+    F = law.deformations(record.states)
+    P = np.array([law.stress(state) for state in record.states])
+    J = np.linalg.det(F)
+    stress = P @ np.swapaxes(F, 1, 2) / J[:, None, None]
+    pressure = -np.trace(stress, axis1=1, axis2=2) / 3.0
+    deviator = stress + pressure[:, None, None] * np.eye(3)
+    columns = {"time": np.array(record.times)}
+    for name, tensors in (("deformation_gradient", F), ("first_piola_kirchhoff_stress", P), ("stress", stress)):
+        columns |= dict(zip(component_names(name, 3), tensors.reshape(-1, 9).T))
+    columns |= {
+        "jacobian": J,
+        "pressure": pressure,
+        "von_mises_stress": np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)),
+        "stored": law.energies(record.states),
+        "work": np.array(record.work),
+        "dissipation": np.array(record.dissipation),
+    }
+    columns["balance"] = columns["work"] - columns["dissipation"] - (columns["stored"] - columns["stored"][0])
+    return columns | law.columns(record.states, directions)
 
 
 def _step(record: Record, law: PointLaw, path: Path, start: float, end: float) -> None:

@@ -1,7 +1,8 @@
 """What is constant of a contact: the spacing and stiffness of its bodies, the kernel, the threshold and its slope."""
 
+from collections import Counter
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from parsolid.contact.kernel import lattice_colour, norm
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.container import Particles
 from parsolid.scene import Scene
-from parsolid.scene.contact import contact_pairs, of_model
+from parsolid.scene.contact import Contact, of_model
 
 # skin of the lists, in spacings
 SKIN = 0.5
@@ -24,14 +25,16 @@ _TABLE = 65
 
 
 class BodyKind(NamedTuple):
-    """Spacing [m], modulus lambda + 2 mu [Pa] and wave speed [m/s] of a body; nodal: particles on its faces; undamped:
-    its method, see `ParticleSystem`."""
+    """What bodies that contact takes for alike have in common: spacing [m], modulus lambda + 2 mu [Pa] and wave speed
+    [m/s]; nodal: particles on its faces; undamped: its method, see `ParticleSystem`; planes: axis and coordinate of its
+    symmetry planes."""
 
     spacing: float
     modulus: float
     speed: float
     nodal: bool
     undamped: bool
+    planes: tuple[tuple[int, float], ...]
 
 
 class ContactLaw(NamedTuple):
@@ -51,6 +54,7 @@ class ContactLaw(NamedTuple):
     colour: np.ndarray
     slope: np.ndarray
     longest: float
+    planes: tuple[tuple[int, float], ...]
 
     def threshold(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """c0 and slope s [1/m] (n,) of particles by how far from h/2 within their face (0) to on it (1) they are."""
@@ -58,62 +62,62 @@ class ContactLaw(NamedTuple):
         return colour, np.interp(colour, self.colour, self.slope)
 
 
-class BodyPair(NamedTuple):
-    """A body `own` that may touch a body `other` or itself, numbers of the scene; reverse: number of the pair the
-    other way round; slot: number among the pairs of its own body; planes: axis and coordinate of symmetry planes of
-    both."""
+class ContactBodies:
+    """The bodies of a scene that contact names, their kinds, and the laws between kinds.
 
-    own: int
-    other: int
-    reverse: int
-    slot: int
-    law: ContactLaw
-    planes: tuple[tuple[int, float], ...]
+    contacts, members: as the scene states them, and numbers of the bodies of each, rising; kinds: of each body; laws:
+    all that may act, with their own kinds; columns: of a kind, number of the column of "contact_depth" for a reach and
+    planes; alone (bodies,): whether a body may touch itself.
+    """
+
+    def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
+        """Collective."""
+        self.contacts, self.members = members_of(scene)
+        self.kinds = _kinds(comm, scene, systems, set(np.concatenate(self.members).tolist()))
+        number = {kind: k for k, kind in enumerate(dict.fromkeys(self.kinds.values()))}
+        self._kind, self._count = np.zeros(len(scene.bodies), np.int64), len(number)
+        self._kind[list(self.kinds)] = [number[kind] for kind in self.kinds.values()]
+        self.alone = np.zeros(len(scene.bodies), bool)
+        self.alone[[members[0] for members in self.members if len(members) == 1]] = True
+        found: dict[int, tuple[BodyKind, ContactLaw]] = {}
+        for k, (contact, members) in enumerate(zip(self.contacts, self.members)):
+            count: Any = Counter(self.kinds[body] for body in members.tolist())
+            for own, other in product(count, count):
+                if own != other or count[own] > 1 or len(members) == 1:
+                    stated: Any = (contact.radius, contact.stiffness, contact.friction, scene.dimension)
+                    found[self._code(k, number[own], number[other])] = own, contact_law(own, other, *stated)
+        self._codes, self.laws = np.array(sorted(found)), [found[code] for code in sorted(found)]
+        self.columns: dict[BodyKind, dict[Any, int]] = {}
+        for own, law in self.laws:
+            of_kind = self.columns.setdefault(own, {})
+            of_kind.setdefault((law.reach, law.planes), len(of_kind))
+
+    def _code(self, contact: Any, own: Any, other: Any) -> Any:
+        """A number for a contact and the kinds of two bodies."""
+        return (contact * self._count + own) * self._count + other
+
+    def laws_between(self, contact: np.ndarray, own: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Numbers among `laws` of pairs of bodies (n,) with the numbers (n,) of their contacts."""
+        return np.searchsorted(self._codes, self._code(contact, self._kind[own], self._kind[other]))
+
+    @property
+    def reach(self) -> float:
+        """The widest of any pair [m]."""
+        return max(law.reach for _, law in self.laws)
 
 
-class BodyPairs:
-    """All pairs of bodies that may touch, each both ways round, and the kinds of these bodies; slots: the most pairs of
-    one body, for each particle. Arrays over pairs: own, other, reverse; reach, skin [m]."""
-
-    def __init__(self, pairs: list[BodyPair], kinds: dict[int, BodyKind]) -> None:
-        self.pairs, self.kinds = pairs, kinds
-        self.slots = max((pair.slot + 1 for pair in pairs), default=0)
-        self.own, self.other, self.reverse = (np.array([pair[k] for pair in pairs], np.int64) for k in range(3))
-        self.reach, self.skin = np.array([pair.law[:2] for pair in pairs]).reshape(-1, 2).T.copy()
-        self._of_body: dict[int, list[BodyPair]] = {}
-        for pair in pairs:
-            self._of_body.setdefault(pair.own, []).append(pair)
-
-    def of_body(self, body: int) -> list[BodyPair]:
-        """Pairs of a body of the scene."""
-        return self._of_body.get(body, [])
+def members_of(scene: Scene) -> tuple[list[Contact], list[np.ndarray]]:
+    """Contacts of a scene by forces between particles, and the numbers of the bodies of each, rising."""
+    contacts, number = of_model(scene.contact, "kernel"), {body.name: i for i, body in enumerate(scene.bodies)}
+    return contacts, [np.array(sorted(number[name] for name in one.bodies)) for one in contacts]
 
 
-def slots_of(scene: Scene) -> int:
-    """The most pairs that one body has."""
+def most_partners(scene: Scene) -> int:
+    """The most bodies that one may touch, itself included."""
     count = np.zeros(len(scene.bodies), int)
-    for pair in contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies]):
-        count[list({pair.first, pair.second})] += 1
+    for members in members_of(scene)[1]:
+        count[members] += max(len(members) - 1, 1)
     return int(count.max(initial=0))
-
-
-def body_pairs(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> BodyPairs:
-    """Every pair of bodies in contact, both ways round, once for a body with itself; collective."""
-    stated = contact_pairs(of_model(scene.contact, "kernel"), [body.name for body in scene.bodies])
-    used = sorted({body for pair in stated for body in pair[:2]})
-    kinds, planes = _kinds(comm, scene, systems, used), _planes(systems)
-    pairs: list[BodyPair] = []
-    slots = dict.fromkeys(used, 0)
-    for first, second, contact in stated:
-        both = [(first, second)] if first == second else [(first, second), (second, first)]
-        last = 2 * len(pairs) + len(both) - 1
-        shared = tuple(plane for plane in planes.get(first, ()) if plane in planes.get(second, ()))
-        numbers = contact.radius, contact.stiffness, contact.friction
-        for own, other in both:
-            law = contact_law(kinds[own], kinds[other], *numbers, scene.dimension)
-            pairs.append(BodyPair(own, other, last - len(pairs), slots[own], law, shared))
-            slots[own] += 1
-    return BodyPairs(pairs, kinds)
 
 
 # bodies of one kind have the same, whatever their number
@@ -141,6 +145,7 @@ def contact_law(
         np.array([one[0] for one in table]),
         np.array([one[1] for one in table]),
         float(safety * 2.0 / frequency),
+        tuple(plane for plane in own.planes if plane in other.planes),
     )
 
 
@@ -156,32 +161,25 @@ def areas_of(system: ParticleSystem, rows: np.ndarray, volume: np.ndarray, share
     return np.asarray(result)
 
 
-def _kinds(comm: Any, scene: Scene, systems: list[ParticleSystem], used: list[int]) -> dict[int, BodyKind]:
-    """Of the bodies in contact; collective."""
+def _kinds(comm: Any, scene: Scene, systems: list[ParticleSystem], used: set[int]) -> dict[int, BodyKind]:
+    """Of the bodies in contact; collective. Spacings that differ by round-off count as one."""
     result, d = {}, scene.dimension
     for system in systems:
+        widest = np.zeros(len(system.bodies))
+        body_of = system.particles.owned_rows("body")
+        np.maximum.at(widest, body_of, np.prod(system.particles.owned_rows("spacing"), axis=1) ** (1.0 / d))
+        widest = maximum(comm, widest)
         for local, body in enumerate(system.bodies):
             if body not in used:
                 continue
-            rows = system.particles.owned_rows("body") == local
-            spacing = np.prod(system.particles.owned_rows("spacing")[rows], axis=1) ** (1.0 / d)
-            coarsest = maximum(comm, float(spacing.max(initial=0.0)))
             modulus, density = system.wave_modulus(local)
             stated = scene.bodies[body]
             # one row of nodes lies in the middle of its layer
             nodal = stated.placed_on == "nodes" and 1 not in (stated.particles or ())
-            speed = float(np.sqrt(modulus / density))
-            result[body] = BodyKind(coarsest, modulus, speed, nodal, system.undamped)
-    return result
-
-
-def _planes(systems: list[ParticleSystem]) -> dict[int, tuple[tuple[int, float], ...]]:
-    """Axis and coordinate of the symmetry planes of each body of the scene."""
-    result: dict[int, tuple[tuple[int, float], ...]] = {}
-    for system in systems:
-        for local, body in enumerate(system.bodies):
+            spacing, speed = float(f"{widest[local]:.13g}"), float(np.sqrt(modulus / density))
             here = [plane for plane in system.symmetry_planes if plane.body in (None, local)]
-            result[body] = tuple((plane.axis, plane.coordinate) for plane in here)
+            planes = tuple((plane.axis, plane.coordinate) for plane in here)
+            result[body] = BodyKind(spacing, modulus, speed, nodal, system.undamped, planes)
     return result
 
 
@@ -190,7 +188,7 @@ def share_of(particles: Particles, rows: np.ndarray) -> np.ndarray:
     return particles.owned_rows("share")[rows] if "share" in particles else np.ones(len(rows))
 
 
-def shares_of(system: ParticleSystem, rows: np.ndarray, pair: BodyPair) -> np.ndarray:
+def shares_of(system: ParticleSystem, rows: np.ndarray, law: ContactLaw) -> np.ndarray:
     """The parts (k,) of a system's particles on this side of symmetry planes that both bodies have.
 
     Behind a plane that the other body does not have there is nothing for it to feel: no image, and no second half of
@@ -200,8 +198,8 @@ def shares_of(system: ParticleSystem, rows: np.ndarray, pair: BodyPair) -> np.nd
     if not (share < 1.0).any():
         return share
     place, result = system.particles.owned_rows("reference_position")[rows], np.ones(len(rows))
-    for axis, coordinate in pair.planes:
-        result[np.abs(place[:, axis] - coordinate) < 1e-6 * pair.law.reach] *= 0.5
+    for axis, coordinate in law.planes:
+        result[np.abs(place[:, axis] - coordinate) < 1e-6 * law.reach] *= 0.5
     return np.maximum(share, result)
 
 

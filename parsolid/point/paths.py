@@ -309,4 +309,4 @@ def _numbers(rows: list[Any], column: int, name: str) -> np.ndarray:
     return np.array([float(row[column]) for row in rows])
 
 
-AnyPath = by_kind(Uniaxial, SimpleShear, CyclicShear, Isochoric, Volumetric, Formulas, Table)
+AnyPath: Any = by_kind(Uniaxial, SimpleShear, CyclicShear, Isochoric, Volumetric, Formulas, Table)

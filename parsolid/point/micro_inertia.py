@@ -4,11 +4,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.commands.point.laws import PathLost, PointLaw
 from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.plastic import micro_inertia as laws
 from parsolid.materials.plastic import micro_inertia_solve as solve
 from parsolid.materials.plastic.jaumann_rate import deviatoric_strain, returned_deviator
+from parsolid.point.laws import PathLost, PointLaw
 from parsolid.tensors import combine_symmetric, congruence, contract_symmetric, spin_rotation
 from parsolid.tiles import TILE
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from parsolid.commands.point.paths import AnyPath
 from parsolid.materials.declaration import Phrase
+from parsolid.point.paths import AnyPath
 from parsolid.scene.base_model import Positive, SceneModel, reject
 from parsolid.scene.materials import Material
 from parsolid.scene.model_faults import told_faults

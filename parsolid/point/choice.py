@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from parsolid.commands.point.laws import MaxwellPoint, PointLaw
-from parsolid.commands.point.micro_inertia import MicroInertiaPoint
-from parsolid.commands.point.plastic import PlasticPoint
-from parsolid.commands.point.viscoelastic import PronyPoint
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.micro_inertia import MicroInertia
 from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.point.laws import MaxwellPoint, PointLaw
+from parsolid.point.micro_inertia import MicroInertiaPoint
+from parsolid.point.plastic import PlasticPoint
+from parsolid.point.viscoelastic import PronyPoint
 
 POINT_LAWS = {
     ElasticPlastic: PlasticPoint,

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.commands.point.laws import PointLaw, wave_columns
 from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.viscoelastic import prony
 from parsolid.materials.viscoelastic.prony import Prony, branch_weights, dissipation_weights
+from parsolid.point.laws import PointLaw, wave_columns
 
 # directions in which extreme wave speeds are looked for, on a spiral over the sphere
 _DIRECTIONS = 2000

@@ -1,0 +1,128 @@
+"""How the bodies of a scene meet, in words: bonded, in contact, apart, and what flies or lies in another unnoticed."""
+
+from collections.abc import Iterable
+from itertools import combinations, islice
+from typing import Any
+
+import numpy as np
+
+from decomposition.pair_search import close_boxes
+from parsolid.contact.broad_phase import body_motions, meetings
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene import Scene
+from parsolid.scene.tie import tied_pairs
+from parsolid.scene.warned import Warned
+
+# bodies closer than so many of the larger spacing touch
+_TOUCHING = 1.5
+# so many pairs are named at most
+_MOST = 12
+
+
+def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[str]:
+    """Notes on the pairs of bodies of a scene in its present state; collective, the same on all ranks."""
+    count = len(scene.bodies)
+    if count == 1 and not scene.contact:
+        return []
+    names = [body.name or f"bodies.{number}" for number, body in enumerate(scene.bodies)]
+    lower, upper, velocity, spacing = body_motions(comm, count, systems)
+    home = {body: system for system in systems for body in system.bodies}
+    words = dict.fromkeys(system.settings.touching() for system in systems)
+    told = {how: _Pairs(names) for how in ("in contact", "tied", *words, "apart")}
+    blind, idle, stated = _Pairs(names), _Pairs(names), _Stated(scene)
+    for contact, members in stated.contacts:
+        note = f" (friction {contact.friction:g})" if contact.friction else ""
+        if len(members) == 1:
+            told["in contact"].add_words(f"{names[members[0]]} with itself{note}")
+        told["in contact"].add_all(combinations(members, 2), len(members) * (len(members) - 1) // 2, note)
+    for pair in stated.tied:
+        told["tied"].add(*pair)
+    near = set()
+    for i, j in zip(*(each.tolist() for each in close_boxes(lower, upper, 2.0 * _TOUCHING * spacing))):
+        gap = float(np.linalg.norm(np.maximum(np.maximum(lower[i] - upper[j], lower[j] - upper[i]), 0.0)))
+        if gap <= _TOUCHING * max(spacing[i], spacing[j]) and not stated.has(i, j):
+            near.add((i, j))
+            (told[home[i].settings.touching()] if home[i] is home[j] else idle).add(i, j)
+    apart = ((i, j) for i, j in combinations(range(count), 2) if (i, j) not in near and not stated.has(i, j))
+    told["apart"].add_all(apart, count * (count - 1) // 2 - len(near) - stated.count)
+    # where boxes come by the end of the run
+    way = np.where(velocity == 0.0, 0.0, velocity * scene.end_time)
+    boxes = lower + np.minimum(way, 0.0), upper + np.maximum(way, 0.0)
+    first, second = close_boxes(*boxes, 0.0)
+    moving = [(lower[of], upper[of], velocity[of]) for of in (first, second)]
+    for i, j, when in zip(first.tolist(), second.tolist(), meetings(moving[0], moving[1], np.zeros(len(first)))):
+        meets = home[i] is not home[j] or not home[i].settings.bodies_meet
+        if meets and when < scene.end_time and (i, j) not in near and not stated.has(i, j):
+            blind.add(i, j, f" (at about t = {when:.3g} s)")
+    notes = [f"bodies {how}: {which}" for how, which in told.items() if which.count]
+    if idle.count:
+        notes.append(
+            f"warning: close together without [[contact]] or [[tie]], so that nothing acts between them: {idle}"
+        )
+    if blind.count:
+        notes.append(f"warning: on a collision course without [[contact]], and would pass through each other: {blind}")
+    return notes
+
+
+def contact_warnings(scene: Scene, systems: list[ParticleSystem]) -> list[Warned]:
+    """What contact does not describe, of the bodies of a scene."""
+    undamped = {body for system in systems if system.undamped for body in system.bodies}
+    found = []
+    for contact, members in _Stated(scene).contacts:
+        rattles = undamped & set(members)
+        if contact.friction and contact.model == "kernel" and (len(rattles) > 1 or rattles == set(members)):
+            names = _Pairs([body.name or f"bodies.{number}" for number, body in enumerate(scene.bodies)])
+            names.add_all(combinations(sorted(rattles), 2), len(rattles) * (len(rattles) - 1) // 2)
+            told = (
+                f"nothing damps {str(names) or repr(contact.bodies[0])}, so that faces rattle on one another, and "
+                "friction, which springs of particles build up anew each time that they have parted, is less than "
+                "Coulomb's in the mean, by some 2 % on an incline"
+            )
+            found.append(Warned("friction-of-rattling-bodies", told))
+    return found
+
+
+class _Stated:
+    """Pairs that a scene states: contacts with the numbers of their bodies, within one first, ties; count: of pairs."""
+
+    def __init__(self, scene: Scene) -> None:
+        number = {body.name: i for i, body in enumerate(scene.bodies)}
+        self.contacts = [(one, sorted(number[name] for name in one.bodies)) for one in scene.contact]
+        self.contacts.sort(key=lambda one: len(one[1]) > 1)
+        self.tied = {one[:2] for one in tied_pairs(scene)}
+        self._of_body: dict[int, set[int]] = {}
+        for k, (_, members) in enumerate(self.contacts):
+            for body in members:
+                self._of_body.setdefault(body, set()).add(k)
+        self.count = len(self.tied) + sum(len(each) * (len(each) - 1) // 2 for _, each in self.contacts)
+
+    def has(self, i: int, j: int) -> bool:
+        """Whether two bodies are in contact or tied."""
+        return (i, j) in self.tied or bool(self._of_body.get(i, set()) & self._of_body.get(j, set()))
+
+
+class _Pairs:
+    """Pairs of bodies, of which the first are told by name."""
+
+    def __init__(self, names: list[str]) -> None:
+        self.names, self.told, self.count = names, list[str](), 0
+
+    def add_words(self, words: str) -> None:
+        """One more, in words."""
+        self.told += [words] if self.count < _MOST else []
+        self.count += 1
+
+    def add(self, i: int, j: int, note: str = "") -> None:
+        """One more."""
+        self.add_words(f"{self.names[i]} and {self.names[j]}{note}")
+
+    def add_all(self, pairs: Iterable[tuple[int, int]], count: int, note: str = "") -> None:
+        """So many pairs, of which only the first are asked for."""
+        for i, j in islice(pairs, max(min(_MOST - self.count, count), 0)):
+            self.add(i, j, note)
+            count -= 1
+        self.count += count
+
+    def __str__(self) -> str:
+        more = self.count - len(self.told)
+        return ", ".join(self.told) + (f", and {more} more pairs" if more else "")

@@ -1,0 +1,1 @@
+"""A material point driven along a path of its deformation gradient, without particles."""
