@@ -14,7 +14,7 @@ from parsolid.methods.peridynamics.fracture import Fracture
 from parsolid.methods.peridynamics.solids import is_small_strain
 from parsolid.methods.peridynamics.tangent import instantaneous_wave_modulus
 from parsolid.methods.protocol import BrokenPairs, ParticleSystem
-from parsolid.scene.warned import Warned
+from parsolid.scene.warned import Note, Warned
 
 # small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
 _TURN, _TURNED = 0.14, 0.05
@@ -131,7 +131,7 @@ class Reports(ParticleSystem):
             hints.append("a hyperelastic law (St. Venant and Kirchhoff's gives way when compressed to 0.58)")
         return ", or ".join([*hints, f"a smaller method.solution.{self.solver.setting}", "a milder load"])
 
-    def cost_notes(self) -> list[str]:
+    def cost_notes(self) -> list[Note]:
         """Iterations of quasi-static solutions where they are many."""
         return self.solver.cost_notes()
 
