@@ -76,7 +76,8 @@ def contact_warnings(scene: Scene, systems: list[ParticleSystem]) -> list[Warned
             told = (
                 f"nothing damps {str(names) or repr(contact.bodies[0])}, so that faces rattle on one another, and "
                 "friction, which springs of particles build up anew each time that they have parted, is less than "
-                "Coulomb's in the mean, by some 2 % on an incline"
+                "Coulomb's in the mean: by 2 % on an incline on which a block is put at once, by 0.1 % where its "
+                "weight grows slowly"
             )
             found.append(Warned("friction-of-rattling-bodies", told))
     return found
