@@ -10,6 +10,7 @@ from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.previous_results import methods_of
 from parsolid.scene.systems import notes_of
+from parsolid.scene.warned import Note
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.representation import layers, thinnest
 
@@ -31,13 +32,13 @@ _LARGE = 5.0
 _COARSE = 0.5
 
 
-def scene_advice(scene: Scene) -> list[str]:
+def scene_advice(scene: Scene) -> list[Note]:
     """What follows from the scene alone."""
     result = notes_of(scene) + list(_of_other_methods(scene))
     for system in scene.systems:
         place = ".".join(map(str, system.place))
         # settings do not know where they stand; bodies have the scene's numbers already
-        result += [_METHOD.sub(place, note) for note in system.settings.notes(scene, system.bodies)]
+        result += [Note(code, _METHOD.sub(place, text)) for code, text in system.settings.notes(scene, system.bodies)]
     uneven = [
         (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "nodes")
         for system in scene.systems
@@ -46,13 +47,12 @@ def scene_advice(scene: Scene) -> list[str]:
     ]
     for weights, of_meshes in (("mesh", True), ("closure", False)):
         if names := ", ".join(f"bodies.{i}" for i, of_mesh in uneven if of_mesh == of_meshes):
-            result.append(
-                f'{names}: uneven particles; method.weights = "{weights}" makes them many times more accurate'
-            )
+            text = f'{names}: uneven particles; method.weights = "{weights}" makes them many times more accurate'
+            result.append(Note("uneven-particles", text))
     return result
 
 
-def _of_other_methods(scene: Scene) -> Iterator[str]:
+def _of_other_methods(scene: Scene) -> Iterator[Note]:
     """Results of which only fields that have the same name are taken."""
     own = {system.settings.kind for system in scene.systems}
     for i, state in enumerate(scene.initial):
@@ -61,14 +61,14 @@ def _of_other_methods(scene: Scene) -> Iterator[str]:
             names = ", ".join(field.name for field in state.of_results)
             takers = " and ".join(sorted(own))
             found = f"initial.{i}: results of {' and '.join(known)}, of which {takers} takes {names} alone"
-            yield f"{found}; what else that run had is not there"
+            yield Note("other-method", f"{found}; what else that run had is not there")
 
 
 def _uneven(body: Body) -> bool:
     return bool(body.jitter > 0.0 or body.shape.kind == "mesh")
 
 
-def advice(simulation: Simulation) -> list[str]:
+def advice(simulation: Simulation) -> list[Note]:
     """The same, and bodies that are slender and have too few particles across; collective, the same on all ranks."""
     scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
     result += cost_advice(simulation)
@@ -77,9 +77,9 @@ def advice(simulation: Simulation) -> list[str]:
     return result + thin_advice(simulation)
 
 
-def thin_advice(simulation: Simulation) -> list[str]:
+def thin_advice(simulation: Simulation) -> list[Note]:
     """Slender bodies that have too few particles across; collective, the same on all ranks."""
-    scene, result = simulation.scene, list[str]()
+    scene, result = simulation.scene, list[Note]()
     for stated, system in zip(scene.systems, simulation.systems):
         # the figures are of the kernel's weights
         kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
@@ -90,16 +90,16 @@ def thin_advice(simulation: Simulation) -> list[str]:
     return result
 
 
-def cost_advice(simulation: Simulation) -> list[str]:
+def cost_advice(simulation: Simulation) -> list[Note]:
     """What makes a run cost more than its particles say; collective, the same on all ranks."""
     return [note for system in simulation.systems for note in system.cost_notes()]
 
 
-def size_advice(simulation: Simulation) -> list[str]:
+def size_advice(simulation: Simulation) -> list[Note]:
     """Meshes so large for their waves and the run's time that they may be in millimetres; collective, the same on all
     ranks.
     """
-    scene, result = simulation.scene, []
+    scene, result = simulation.scene, list[Note]()
     for stated, system in zip(scene.systems, simulation.systems):
         for number, i in enumerate(stated.bodies):
             if scene.bodies[i].shape.kind != "mesh" or scene.bodies[i].shape.model.scale != 1.0:
@@ -114,14 +114,15 @@ def size_advice(simulation: Simulation) -> list[str]:
                 sides = " x ".join(f"{one:.4g}" for one in upper - lower)
                 wave = f", which a wave crosses in {crossing:.3g} s (end_time is {scene.end_time:g} s)"
                 hint = f"if it is in millimetres, bodies.{i}.shape.mesh.scale = 1e-3 is wanted"
-                result.append(f"bodies.{i}: its mesh has sides of {sides} m{'' if quasi_static else wave}; {hint}")
+                text = f"bodies.{i}: its mesh has sides of {sides} m{'' if quasi_static else wave}; {hint}"
+                result.append(Note("mesh-scale", text))
     return result
 
 
-def _told(body: str, across: int, axis: str, kind: str, placement: str) -> Iterator[str]:
+def _told(body: str, across: int, axis: str, kind: str, placement: str) -> Iterator[Note]:
     figure = BENDING.get((kind, placement), {}).get(across)
     here = f"{body}: {across} {'particle' if across == 1 else 'particles'} across {axis}, where it is thin"
     if figure is not None:
-        yield f"{here}; a cantilever with so many bends as if it were {figure:g} times as stiff"
+        yield Note("few-layers", f"{here}; a cantilever with so many bends as if it were {figure:g} times as stiff")
     elif across <= _FEW and (kind, placement) not in BENDING:
-        yield f"{here}; too few for bending"
+        yield Note("few-layers", f"{here}; too few for bending")

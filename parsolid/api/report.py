@@ -1,6 +1,7 @@
 """What `check` says: the field table, and the cost of a scene in memory, messages and time."""
 
 import time as clock
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from parsolid.machine import cores
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.scene import Scene
-from parsolid.scene.warned import Warned
+from parsolid.scene.warned import Note, Warned
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.warmup import load_kernels, warm_up
 
@@ -32,7 +33,7 @@ class Report:
 
     particles, pairs; stable_step: the first time step [s]; steps: to the scene's end with that one; seconds_a_step:
     wall time [s], measured; memory_a_rank: the most of any rank [bytes]; bytes_on_disk: of fields and checkpoints;
-    warnings: with their codes; notes: what may be done better; text: on rank 0.
+    warnings, notes: with their codes; text: on rank 0.
     """
 
     particles: int
@@ -43,12 +44,16 @@ class Report:
     memory_a_rank: int
     bytes_on_disk: float
     warnings: list[Warned]
-    notes: list[str]
+    notes: list[Note]
     text: str
 
     def __str__(self) -> str:
-        told = [f"note: {note}" for note in self.notes]
-        return "\n".join([self.text, *map(str, self.warnings), *told])
+        return self.lines()
+
+    def lines(self, silence: Sequence[str] = ()) -> str:
+        """The text with warnings and notes, without those of some codes."""
+        remarks: list[Warned | Note] = [*self.warnings, *self.notes]
+        return "\n".join([self.text, *(str(one) for one in remarks if one.code not in silence)])
 
 
 def check_scene(comm: MPI.Intracomm, scene: Scene, elsewhere: int | None = None) -> Report:
@@ -104,7 +109,7 @@ def report_of(
     lines += table
     for name, values in numbers.items():
         lines.append(f"{name:<28} {sum(values):>14,}   a rank: {', '.join(f'{value:,}' for value in values)}")
-    lines += meetings
+    lines += map(str, meetings)
     if pairs:
         lines.append(f"{'pairs':<28} {pairs:>14,}")
     lines += [

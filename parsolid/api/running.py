@@ -29,6 +29,7 @@ from parsolid.output.run_folder import RunFolder
 from parsolid.scene import Scene, dump_scene
 from parsolid.scene.declared import law_files
 from parsolid.scene.shapes import MeshFile
+from parsolid.scene.warned import Note
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
 from parsolid.simulation.restart import Restart
@@ -47,7 +48,8 @@ class RunOptions:
     from those of the checkpoint; max_steps: steps to stop after; wall_time: seconds after which the run writes a
     checkpoint and stops; error_bars: also estimate the errors of all columns; target: how small error bars shall be;
     core_seconds: what that may take; trust_code: laws in files are run; level: of what is printed, see
-    `output.progress`; profile: write which functions take the time; inputs: files that must not be written over.
+    `output.progress`; profile: write which functions take the time; inputs: files that must not be written
+    over; silence: codes of warnings and notes that are not printed.
     """
 
     restart: str | None = None
@@ -61,6 +63,7 @@ class RunOptions:
     level: int = NORMAL
     profile: bool = False
     inputs: Sequence[str] = ()
+    silence: Sequence[str] = ()
 
     def words(self) -> list[str]:
         """The same as options of `parsolid run`."""
@@ -68,6 +71,7 @@ class RunOptions:
         words = [word for name, value in values.items() if value is not None for word in (name, str(value))]
         words += [word for key in self.allow_change for word in ("--allow-change", key)]
         words += [word for target in self.target for word in ("--target", target)]
+        words += [word for code in self.silence for word in ("--silence", code)]
         switches = {"--error-bars": self.error_bars, "--trust-code": self.trust_code, "--quiet": self.level == QUIET}
         words += [name for name, on in (switches | {"--profile": self.profile}).items() if on]
         return [*words, *([] if self.restart is None else ["--restart", *filter(None, [self.restart])])]
@@ -243,9 +247,9 @@ def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None
     advised += describe_contacts(simulation.comm, simulation.scene, simulation.systems)
     if simulation.comm.rank > 0:
         return
-    moved = [f"the results of an earlier run are in {aside} now" for aside in folder.moved]
+    moved = [Note("results-moved", f"the results of an earlier run are in {aside} now") for aside in folder.moved]
     notes = [*moved, *scene_advice(simulation.scene), *(restart.notes if restart else ()), *advised]
-    for line in (*map(str, simulation.warnings), *(f"note: {note}" for note in notes)):
+    for line in (str(one) for one in (*simulation.warnings, *notes) if one.code not in options.silence):
         LOG.say(line)
         if options.level != QUIET:
             aloud(line)

@@ -3,6 +3,9 @@
 import argparse
 from typing import Any
 
+from parsolid.scene.validation_errors import suggestion
+from parsolid.scene.warned import CODES
+
 TRUST_CODE = "run the Python files of laws that the scene names"
 OVERRIDE = "override a key of the scene; KEY.PATH= takes it out; may be repeated"
 
@@ -29,6 +32,13 @@ def seconds(text: str) -> float:
     return value
 
 
+def code(text: str) -> str:
+    """The code of a warning or note; raises argparse.ArgumentTypeError."""
+    if text not in CODES:
+        raise argparse.ArgumentTypeError(f"expected one of {', '.join(CODES)}{suggestion(text, CODES)}, found {text!r}")
+    return text
+
+
 def scene_arguments(parser: Any) -> None:
     """What `run` and `check` take alike."""
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the example, a twisting column)")
@@ -37,6 +47,8 @@ def scene_arguments(parser: Any) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY.PATH=VALUE", help=OVERRIDE)
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     parser.add_argument("--end-time", type=seconds, metavar="T", help="simulated time to stop at [s]")
+    silence = "leave out the warning or note of this code; may be repeated"
+    parser.add_argument("--silence", action="append", default=[], type=code, metavar="CODE", help=silence)
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more")
 

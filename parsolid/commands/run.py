@@ -65,6 +65,7 @@ def options_of(options: Namespace) -> RunOptions:
         level=QUIET if options.quiet else VERBOSE if options.verbose else NORMAL,
         profile=options.profile,
         inputs=(str(options.scene),) if options.scene else (),
+        silence=tuple(options.silence),
     )
 
 
@@ -87,5 +88,5 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
 
     report = check_scene(comm, load(comm, options), getattr(options, "ranks", None))
     if comm.rank == 0:
-        print(report, flush=True)
+        print(report.lines(options.silence), flush=True)
     return 0

@@ -11,7 +11,7 @@ from parsolid.contact.broad_phase import body_motions, meetings
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.tie import tied_pairs
-from parsolid.scene.warned import Warned
+from parsolid.scene.warned import Note, Warned
 
 # bodies closer than so many of the larger spacing touch
 _TOUCHING = 1.5
@@ -19,7 +19,7 @@ _TOUCHING = 1.5
 _MOST = 12
 
 
-def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[str]:
+def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Note]:
     """Notes on the pairs of bodies of a scene in its present state; collective, the same on all ranks."""
     count = len(scene.bodies)
     if count == 1 and not scene.contact:
@@ -54,13 +54,13 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
         meets = home[i] is not home[j] or not home[i].settings.bodies_meet
         if meets and when < scene.end_time and (i, j) not in near and not stated.has(i, j):
             blind.add(i, j, f" (at about t = {when:.3g} s)")
-    notes = [f"bodies {how}: {which}" for how, which in told.items() if which.count]
+    notes = [Note("bodies", f"bodies {how}: {which}") for how, which in told.items() if which.count]
     if idle.count:
-        notes.append(
-            f"warning: close together without [[contact]] or [[tie]], so that nothing acts between them: {idle}"
-        )
+        text = f"close together without [[contact]] or [[tie]], so that nothing acts between them: {idle}"
+        notes.append(Note("no-interaction", text))
     if blind.count:
-        notes.append(f"warning: on a collision course without [[contact]], and would pass through each other: {blind}")
+        text = f"on a collision course without [[contact]], and would pass through each other: {blind}"
+        notes.append(Note("unnoticed-meeting", text))
     return notes
 
 
@@ -76,7 +76,8 @@ def contact_warnings(scene: Scene, systems: list[ParticleSystem]) -> list[Warned
             told = (
                 f"nothing damps {str(names) or repr(contact.bodies[0])}, so that faces rattle on one another, and "
                 "friction, which springs of particles build up anew each time that they have parted, is less than "
-                "Coulomb's in the mean, by some 2 % on an incline"
+                "Coulomb's in the mean: by 2 % on an incline on which a block is put at once, by 0.1 % where its "
+                "weight grows slowly"
             )
             found.append(Warned("friction-of-rattling-bodies", told))
     return found

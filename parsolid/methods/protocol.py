@@ -14,7 +14,7 @@ from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
-from parsolid.scene.warned import Warned
+from parsolid.scene.warned import Note, Warned
 
 # what a file of fields has in any case
 ALWAYS_WRITTEN = ("identifier", "body", "volume")
@@ -253,7 +253,7 @@ class ParticleSystem:
         """What most likely helps when a run goes wrong."""
         return "more particles, or a milder load"
 
-    def cost_notes(self) -> list[str]:
+    def cost_notes(self) -> list[Note]:
         """What makes a run cost more than its particles say; collective, the same on all ranks."""
         return []
 

@@ -40,8 +40,9 @@ def mismatch(expected: str, found: object, code: str = "refused") -> PydanticCus
     return PydanticCustomError("mismatch", "{text}", {"text": text, "expected": expected, "found": words, "code": code})
 
 
-# place of a fault in the tables of a scene, what was expected, what was found
+# place of a fault in the tables of a scene, what was expected, what was found; and a code where that is not "refused"
 Detail = tuple[tuple[str | int, ...], str, object]
+Finding = Detail | tuple[tuple[str | int, ...], str, object, str]
 
 
 def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused") -> None:
@@ -203,7 +204,7 @@ class ByKind:
             whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
             why = getattr(method_of(info, value), "refused", {}).get(value["kind"])
             reason = f" ({value['kind']}: {why})" if why and self.known == "boundaries" else ""
-            reject((("kind",), f"one of {kinds}, which the method {whose} knows{reason}", value["kind"]))
+            reject((("kind",), f"one of {kinds}, which the method {whose} knows{reason}", value["kind"]), code="method")
         assert model is not None
         return model
 
@@ -239,7 +240,7 @@ def by_kind(*models: type[SceneModel], known: str = "") -> Any:
 def _components(value: list[Any], info: ValidationInfo) -> list[Any]:
     dimension = dimension_of(info)
     if dimension is not None and len(value) != dimension:
-        raise mismatch(f"{dimension} components (one per dimension)", value)
+        raise mismatch(f"{dimension} components (one per dimension)", value, "length")
     return value
 
 

@@ -57,7 +57,7 @@ class FilledShape(SceneModel):
     def _one_each(cls, value: list[int] | None, info: ValidationInfo) -> list[int] | None:
         dimension = dimension_of(info)
         if value is not None and dimension is not None and len(value) != dimension:
-            raise mismatch(f"{dimension} numbers (one per direction)", value)
+            raise mismatch(f"{dimension} numbers (one per direction)", value, "length")
         return value
 
     @field_validator("spacing")
@@ -65,7 +65,7 @@ class FilledShape(SceneModel):
     def _one_or_all(cls, value: list[float] | None, info: ValidationInfo) -> list[float] | None:
         dimension = dimension_of(info)
         if value is not None and dimension is not None and len(value) not in (1, dimension):
-            raise mismatch(f"one number or {dimension} (one per direction)", value)
+            raise mismatch(f"one number or {dimension} (one per direction)", value, "length")
         return value
 
     @model_validator(mode="after")

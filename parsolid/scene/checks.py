@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Detail, Plane
+from parsolid.scene.base_model import Finding, Plane
 from parsolid.scene.boundaries.condition import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
     CONTACT_TERMS,
@@ -41,11 +41,12 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
     lacking = LeftOut.nothing(scene.resolved()) if left_out is None else left_out
     fillings, details = _fillings(scene, lacking)
     details += _repeated_names("bodies", scene.bodies, lacking) + _repeated_names("probes", scene.probes, lacking)
-    details += _empty_bodies(fillings) + _boundary_details(scene, fillings, lacking) + clashes(scene.boundaries)
+    details += _empty_bodies(fillings) + _boundary_details(scene, fillings, lacking)
+    details += clashes(scene.boundaries)
     if len(fillings) == len(scene.bodies):
         details += _distant_probes(scene, fillings)
     details += contact_faults(scene.contact, lacking.names) + tool_faults(scene, lacking.names)
-    details += region_details(scene, lacking.regions) + _loads_details(scene, lacking.incomplete)
+    details += region_details(scene, lacking.regions, lacking.shapeless) + _loads_details(scene, lacking.incomplete)
     if lacking.timed:
         details += _output_details(scene)
     if lacking.settled:
@@ -57,15 +58,15 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
             details += tie_faults(scene)
         details += grid_faults(scene) + ([] if lacking.names is None else initial_details(scene))
         names = [probe.name for probe in scene.probes]
-        details += reaction_details(scene.boundaries, names, carriers_of(scene)) + _solution_details(scene)
-        details += _reference_details(scene, lacking.incomplete)
+        details += reaction_details(scene.boundaries, names, carriers_of(scene))
+        details += _solution_details(scene) + _reference_details(scene, lacking.incomplete)
     return list(dict.fromkeys(lacking.faults(details)))
 
 
-def _fillings(scene: Scene, lacking: LeftOut) -> tuple[dict[int, Filling], list[Detail]]:
+def _fillings(scene: Scene, lacking: LeftOut) -> tuple[dict[int, Filling], list[Finding]]:
     """The particles of bodies that are where the file would have them, but for meshes, which are not read here."""
     fillings: dict[int, Filling] = {}
-    details: list[Detail] = []
+    details: list[Finding] = []
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh" and i not in lacking.vague:
             try:
@@ -81,18 +82,18 @@ def _parts(text: str) -> tuple[str, str]:
     return expected, Phrase(found)
 
 
-def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[Detail]:
-    details: list[Detail] = []
+def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[Finding]:
+    details: list[Finding] = []
     seen: dict[str, int] = {}
     for i, entry in enumerate(entries):
         if entry.name is not None and entry.name in seen:
             before = f"{key}.{lacking.number(key, seen[entry.name])}"
-            details.append(((key, i, "name"), f"a name other than that of {before}", entry.name))
+            details.append(((key, i, "name"), f"a name other than that of {before}", entry.name, "repeated"))
         seen.setdefault(entry.name, i)
     return details
 
 
-def _empty_bodies(fillings: dict[int, Filling]) -> list[Detail]:
+def _empty_bodies(fillings: dict[int, Filling]) -> list[Finding]:
     expected = "a body of at least two particles"
     return [(("bodies", i), expected, filling.count) for i, filling in fillings.items() if filling.count < 2]
 
@@ -106,18 +107,18 @@ def plane_side(plane: Plane, filling: Filling) -> int:
     return 1 if abs(plane.offset - upper) <= tolerance else 0
 
 
-def _boundary_details(scene: Scene, fillings: dict[int, Filling], lacking: LeftOut) -> list[Detail]:
-    details: list[Detail] = []
+def _boundary_details(scene: Scene, fillings: dict[int, Filling], lacking: LeftOut) -> list[Finding]:
+    details: list[Finding] = []
     for i, boundary in enumerate(scene.boundaries):
         if boundary.body is not None and lacking.names is not None and boundary.body not in lacking.names:
             expected = f"the name of a body{suggestion(boundary.body, lacking.names)}"
-            details.append((("boundaries", i, "body"), expected, boundary.body))
+            details.append((("boundaries", i, "body"), expected, boundary.body, "unknown-name"))
         else:
             details += unbounded_plane(i, boundary, scene.bodies, fillings)
     return details
 
 
-def unbounded_plane(place: int, boundary: Any, bodies: list[Any], fillings: dict[int, Filling]) -> list[Detail]:
+def unbounded_plane(place: int, boundary: Any, bodies: list[Any], fillings: dict[int, Filling]) -> list[Finding]:
     """The fault of a support or traction whose plane bounds none of the bodies it is meant for; none where one of them
     is not known."""
     meant = [i for i, body in enumerate(bodies) if boundary.body in (None, body.name)]
@@ -128,7 +129,7 @@ def unbounded_plane(place: int, boundary: Any, bodies: list[Any], fillings: dict
     axis = boundary.plane.axis
     bounds = sorted({float(bound[axis]) for i in meant for bound in (fillings[i].lower, fillings[i].upper)})
     expected = f"a plane that bounds a body ({'XYZ'[axis]} = {' or '.join(f'{bound:g}' for bound in bounds)})"
-    return [(("boundaries", place, "plane"), expected, str(boundary.plane))]
+    return [(("boundaries", place, "plane"), expected, str(boundary.plane), "elsewhere")]
 
 
 def _away(filling: Filling, at: list[float]) -> float:
@@ -136,21 +137,21 @@ def _away(filling: Filling, at: list[float]) -> float:
     return float(np.linalg.norm(np.maximum(0.0, np.maximum(filling.lower - at, at - filling.upper))))
 
 
-def _distant_probes(scene: Scene, fillings: dict[int, Filling]) -> list[Detail]:
-    details: list[Detail] = []
+def _distant_probes(scene: Scene, fillings: dict[int, Filling]) -> list[Finding]:
+    details: list[Finding] = []
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
         beyond = [_away(filling, probe.at) - filling.coarsest for filling in fillings.values()]
         if min(beyond) > 0.0:
-            details.append((("probes", i, "at"), "a point within one spacing of a body", probe.at))
+            details.append((("probes", i, "at"), "a point within one spacing of a body", probe.at, "elsewhere"))
     return details
 
 
-def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[Detail]:
+def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[Finding]:
     """Fields of probes at bodies whose methods have no such field, where other methods of the scene have it."""
     kinds = {body: one.settings.field_kinds(scene.dimension) for one in scene.systems for body in one.bodies}
-    details: list[Detail] = []
+    details: list[Finding] = []
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
@@ -163,7 +164,7 @@ def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[Detail
     return details
 
 
-def _loads_details(scene: Scene, incomplete: bool) -> list[Detail]:
+def _loads_details(scene: Scene, incomplete: bool) -> list[Finding]:
     exact = None if scene.reference is None else scene.reference.exact
     if not scene.loads.manufactured or exact in MANUFACTURED or (scene.reference is None and incomplete):
         return []
@@ -171,14 +172,14 @@ def _loads_details(scene: Scene, incomplete: bool) -> list[Detail]:
     return [(("loads", "manufactured"), expected, NOTHING if exact is None else exact)]
 
 
-def _solution_details(scene: Scene) -> list[Detail]:
+def _solution_details(scene: Scene) -> list[Finding]:
     exact = None if scene.reference is None else scene.reference.exact
     if exact is not None and len(scene.methods or ()) > 1:
         return [(("reference", "exact"), "no such key with several methods", exact)]
-    return [] if exact is None else solution_faults(exact, scene.bodies[0].material)
+    return [] if exact is None else [*solution_faults(exact, scene.bodies[0].material)]
 
 
-def _output_details(scene: Scene) -> list[Detail]:
+def _output_details(scene: Scene) -> list[Finding]:
     stated = [(key, getattr(scene.output, key), most) for key, most in MOST_OUTPUTS.items()]
     return [
         (("output", key), f"at least end_time/{most:g} = {scene.end_time / most:g} s", interval)
@@ -187,7 +188,7 @@ def _output_details(scene: Scene) -> list[Detail]:
     ]
 
 
-def _reference_details(scene: Scene, incomplete: bool) -> list[Detail]:
+def _reference_details(scene: Scene, incomplete: bool) -> list[Finding]:
     """Columns of a reference that the history does not have; incomplete: some may be of entries that are left out."""
     if scene.reference is None:
         return []
@@ -202,7 +203,7 @@ def _reference_details(scene: Scene, incomplete: bool) -> list[Detail]:
         known += watched.columns(scene.dimension)
     elsewhere = CONTACT_TERMS | TOOL_TERMS | GRID_TERMS | FRICTION_HEAT | TIE_TERMS if incomplete else {}
     return [
-        (("reference", key, column), f"a column of the history{suggestion(column, known)}", column)
+        (("reference", key, column), f"a column of the history{suggestion(column, known)}", column, "unknown-name")
         for column in getattr(scene.reference, key) or ()
         if column not in known and column not in elsewhere and not (incomplete and "." in column)
     ]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Detail, NotNegative, SceneModel
+from parsolid.scene.base_model import Finding, NotNegative, SceneModel
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.validation_errors import suggestion
 
@@ -156,15 +156,15 @@ def unbonded(contacts: list[Contact], names: list[str | None]) -> np.ndarray | N
     return result
 
 
-def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Detail]:
+def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Finding]:
     """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
-    faults, sizes, named = list[Detail](), dict[int, int](), defaultdict[str, list[int]](list)
+    faults, sizes, named = list[Finding](), dict[int, int](), defaultdict[str, list[int]](list)
     known = None if names is None else set(names)
     for i, one in enumerate(contacts):
         for name in dict.fromkeys(one.bodies):
             if names is not None and known is not None and name not in known:
                 expected = f"the name of a body{suggestion(name, names)}"
-                faults.append((("contact", i, "bodies"), expected, name))
+                faults.append((("contact", i, "bodies"), expected, name, "unknown-name"))
         if len(set(one.bodies)) < len(one.bodies):
             expected = "each body once (one name alone: contact within it)"
             faults.append((("contact", i, "bodies"), expected, one.bodies))
@@ -177,7 +177,8 @@ def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Det
         if twice:
             first = min(twice)
             found = " and ".join(map(repr, [name for name in sorted(one.bodies) if first in named[name]][:2]))
-            faults.append((("contact", i, "bodies"), f"pairs that contact.{first} does not name", found))
+            expected = f"pairs that contact.{first} does not name"
+            faults.append((("contact", i, "bodies"), expected, found, "repeated"))
         sizes[i] = len(one.bodies)
         for name in one.bodies:
             named[name].append(i)

@@ -366,11 +366,11 @@ def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
     names = AXES[: dimension_of(info) or 3] + (("t",) if time else ())
     expected = f"a formula in {', '.join(names)}"
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise mismatch(expected, value)
+        raise mismatch(expected, value, "formula")
     try:
         return Formula(value, names, (info.context or {}).get("folder", ""))
     except ValueError as error:
-        raise mismatch(expected, Phrase(f"{error} in {value!r}")) from None
+        raise mismatch(expected, Phrase(f"{error} in {value!r}"), "formula") from None
 
 
 def _of_place(value: Any, info: ValidationInfo) -> Formula:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Detail, NotNegative, SceneModel, dimension_of, reject
+from parsolid.scene.base_model import Detail, Finding, NotNegative, SceneModel, dimension_of, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.named_regions import RegionName
@@ -116,15 +116,17 @@ class InitialState(SceneModel):
         return self._of_results.get(name, getattr(self, name, None))
 
 
-def initial_details(scene: Any) -> list[Detail]:
+def initial_details(scene: Any) -> list[Finding]:
     """Faults of initial states: bodies that are not there, what no method can take."""
-    details: list[Detail] = _stress_details(scene)
+    details: list[Finding] = [*_stress_details(scene)]
     names = [body.name for body in scene.bodies if body.name is not None]
     methods = [plan.settings for plan in scene.systems]
     known = {name for one in methods for name in one.field_kinds(scene.dimension)}
     for i, one in enumerate(scene.initial):
         if one.body is not None and one.body not in names:
-            details.append((("initial", i, "body"), f"the name of a body ({', '.join(names) or 'none'})", one.body))
+            details.append(
+                (("initial", i, "body"), f"the name of a body ({', '.join(names) or 'none'})", one.body, "unknown-name")
+            )
         if (first := one.behind(scene.initial[:i])) is not None:
             key = next((name for name in one.stated if name != "stress"), "fields" if one.fields else "results")
             expected = f"to stand before initial.{first}, whose state of results holds in its place"

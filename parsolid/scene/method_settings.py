@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Detail, OnRestart, Positive, SceneModel, reject
+from parsolid.scene.warned import Note
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"
@@ -107,8 +108,8 @@ class MethodSettings(SceneModel):
         result.__pydantic_fields_set__.intersection_update(self.model_fields_set)
         return result
 
-    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """What a scene asks for of the method's bodies that costs accuracy where it need not, in words."""
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
+        """What a scene asks for of the method's bodies that costs accuracy where it need not."""
         return []
 
     def without_state(self, name: str) -> str:
@@ -119,8 +120,8 @@ class MethodSettings(SceneModel):
         """Keys of the method that say nothing to these bodies."""
         return frozenset()
 
-    def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
-        """What the method chose for bodies where the scene states nothing, in words for `check`."""
+    def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
+        """What the method chose for bodies where the scene states nothing, for `check`."""
         return []
 
     def touching(self) -> str:

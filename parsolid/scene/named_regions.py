@@ -152,24 +152,24 @@ def uses_of_regions(scene: Any) -> list[tuple[tuple[str | int, ...], str]]:
     return [(place, name) for place, name in uses if name is not None]
 
 
-def region_details(scene: Any, named: set[str]) -> list[Any]:
+def region_details(scene: Any, named: set[str], shapeless: bool) -> list[Any]:
     """Faults of a scene's regions and of what names them: (place, expected, found); named: regions that what is left
-    out names."""
+    out names; shapeless: there may be meshes that are not known."""
     stated, uses = scene.regions, uses_of_regions(scene)
-    meshes = any(body.shape.kind == "mesh" for body in scene.bodies)
+    meshes = shapeless or any(body.shape.kind == "mesh" for body in scene.bodies)
     details: list[Any] = []
     own = [region.name for region in stated]
     names = ", ".join(own) or "there is none"
     for place, name in uses:
         if not meshes and name not in own:
-            details.append((place, f"the name of a region ({names}){suggestion(name, own)}", name))
+            details.append((place, f"the name of a region ({names}){suggestion(name, own)}", name, "unknown-name"))
     seen: dict[str, Region] = {}
     later, used = set(own), {*named, *(name for _, name in uses), *(name for region in stated for name in region.parts)}
     for i, region in enumerate(stated):
         key: tuple[Any, ...] = ("regions", i)
         later.discard(region.name)
         if region.name in seen:
-            details.append(((*key, "name"), "a name that no region before has", region.name))
+            details.append(((*key, "name"), "a name that no region before has", region.name, "repeated"))
         if region.name not in used:
             expected = "a region that a boundary, a probe, an initial state or the output names with where"
             details.append(((*key, "name"), expected, region.name))

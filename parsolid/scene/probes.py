@@ -17,7 +17,7 @@ from parsolid.scene.validation_errors import NOTHING, suggestion
 def _known(value: str, common: dict[str, str], own: dict[str, str]) -> str:
     known = common | own
     if value not in known:
-        raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value)
+        raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value, "unknown-name")
     return value
 
 

@@ -15,7 +15,7 @@ def _existing_file(path: str, info: ValidationInfo) -> str:
     """The absolute path of a file named relative to the scene's folder."""
     full = os.path.abspath(os.path.join((info.context or {}).get("folder", ""), path))
     if not os.path.isfile(full):
-        raise mismatch("an existing file", full)
+        raise mismatch("an existing file", full, "file")
     return full
 
 
@@ -24,7 +24,7 @@ def _existing_folder(path: str, info: ValidationInfo) -> str:
     near = os.path.join((info.context or {}).get("folder", ""), path)
     found = [os.path.abspath(one) for one in (near, path) if os.path.isdir(one)]
     if not found:
-        raise mismatch("an existing folder", os.path.abspath(near))
+        raise mismatch("an existing folder", os.path.abspath(near), "file")
     return found[0]
 
 

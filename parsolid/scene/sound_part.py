@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from parsolid.scene.base_model import UNKNOWN, Detail
+from parsolid.scene.base_model import UNKNOWN, Finding
 from parsolid.scene.methods import NamedMethod, settings_class
 from parsolid.scene.model_faults import told_fault
 from parsolid.scene.raw_tables import immoderate_numbers
@@ -34,9 +34,10 @@ class LeftOut:
 
     numbers: of the entries of each list, those in the file; names: those of all bodies stated, None where one of them
     is at fault; regions: those that entries name which are left out; incomplete: entries are missing; vague: bodies
-    that are not where the file would have them; settled: methods and materials are known; sure: and so are all keys of
-    methods; timed: the end is known; doubtful: places of stand-ins, whose faults may be those of the stand-ins; mended:
-    tables of which the same is true while they are read.
+    that are not where the file would have them; shapeless: the shape of one is not known; settled: methods and
+    materials are known; sure: and so are all keys of methods, and where bodies are; timed: the end is known; doubtful:
+    places of stand-ins, whose faults may be those of the stand-ins; mended: tables of which the same is true while they
+    are read.
     """
 
     numbers: dict[str, list[int]] = field(default_factory=dict)
@@ -44,6 +45,7 @@ class LeftOut:
     regions: set[str] = field(default_factory=set)
     incomplete: bool = False
     vague: set[int] = field(default_factory=set)
+    shapeless: bool = False
     settled: bool = True
     sure: bool = True
     timed: bool = True
@@ -68,10 +70,14 @@ class LeftOut:
             return place[0], self.number(str(place[0]), place[1]), *place[2:]
         return place
 
-    def faults(self, details: list[Detail]) -> list[Fault]:
+    def faults(self, details: list[Finding]) -> list[Fault]:
         """Details of checks between tables as faults of the file."""
-        stated = [(self.stated(place), expected, found) for place, expected, found in details]
-        return [fault(*detail) for detail in stated if not is_within(detail[0], self.doubtful)]
+        found = []
+        for place, expected, value, *code in details:
+            stated = self.stated(place)
+            if not is_within(stated, self.doubtful):
+                found.append(fault(stated, expected, value, *code))
+        return found
 
 
 def is_within(place: Place, tables: set[Place]) -> bool:
@@ -231,11 +237,13 @@ def _mend_body(bodies: list[Any], item: ErrorDetails, left_out: LeftOut, context
         # somewhere else, if it has been tried where the file has it
         if key == "shape" or number in left_out.vague or not isinstance(body.get("shape"), dict):
             body["shape"] = {"box": {"lower": [0.0] * dimension, "upper": [1.0] * dimension}}
+            left_out.shapeless = True
         body.pop("spacing", None)
         body["particles"] = [3] * dimension
         if "mesh" in body["shape"]:
             body.pop("particles")
         left_out.vague.add(number)
+        left_out.sure = False
         left_out.doubtful.update(("bodies", number, word) for word in (*_PLACES, "placement", "grading"))
     else:
         left_out.doubtful.add(place[:3])

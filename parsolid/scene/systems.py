@@ -7,6 +7,7 @@ from parsolid.scene.base_model import Detail
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
+from parsolid.scene.warned import Note
 
 if TYPE_CHECKING:
     from parsolid.scene.schema import Scene
@@ -229,13 +230,14 @@ def _faults_of_methods(scene: "Scene") -> list[Detail]:
     return details
 
 
-def notes_of(scene: "Scene") -> list[str]:
+def notes_of(scene: "Scene") -> list[Note]:
     """What bodies of several systems do not take part in, in words."""
-    systems, notes = scene.systems, []
+    systems, notes = scene.systems, list[Note]()
     for i, boundary in enumerate(scene.boundaries if len(systems) > 1 else ()):
         without = [one for one in systems if boundary.kind not in one.settings.boundaries]
         # what has no temperature needs to know none
         if boundary.kind == "wall" and without:
             names = ", ".join(f"bodies.{body}" for one in without for body in one.bodies)
-            notes.append(f"boundaries.{i}: {names} know nothing of this {boundary.kind}, as their methods have none")
+            text = f"boundaries.{i}: {names} know nothing of this {boundary.kind}, as their methods have none"
+            notes.append(Note("boundary-without-effect", text))
     return notes

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from parsolid.scene.base_model import Detail, SceneModel
+from parsolid.scene.base_model import Finding, SceneModel
 from parsolid.scene.contact import contact_pairs
 from parsolid.scene.validation_errors import suggestion
 
@@ -34,15 +34,15 @@ def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:
     return result
 
 
-def tie_faults(scene: Any) -> list[Detail]:
+def tie_faults(scene: Any) -> list[Finding]:
     """Ties of bodies that are not there, that are bonded already, that are in contact, or whose method has no motion
     that impulses could change."""
-    names, faults = [body.name for body in scene.bodies], list[Detail]()
+    names, faults = [body.name for body in scene.bodies], list[Finding]()
     for i, one in enumerate(scene.tie):
         unknown = [name for name in one.bodies if name not in names]
         for name in unknown:
             hint = suggestion(name, [each for each in names if each])
-            faults.append((("tie", i, "bodies"), f"the name of a body{hint}", name))
+            faults.append((("tie", i, "bodies"), f"the name of a body{hint}", name, "unknown-name"))
         if not unknown and len(set(one.bodies)) < 2:
             faults.append((("tie", i, "bodies"), "two bodies", one.bodies))
     if faults or not scene.tie:

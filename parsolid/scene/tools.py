@@ -9,6 +9,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import (
     AXES,
     Detail,
+    Finding,
     NotNegative,
     Point,
     Positive,
@@ -188,16 +189,20 @@ class Tool(SceneModel):
         return [f"{self.name}.{what}{suffix}" for what in _WATCHED for suffix in suffixes[what]]
 
 
-def tool_faults(scene: Any, names: list[str] | None) -> list[Detail]:
+def tool_faults(scene: Any, names: list[str] | None) -> list[Finding]:
     """Faults between the tools of a scene and its other tables; names: of all bodies."""
-    faults: list[Detail] = []
+    faults: list[Finding] = []
     taken = {probe.name for probe in scene.probes}
     for i, tool in enumerate(scene.tools):
         for k, name in enumerate(tool.bodies or ()):
             if names is not None and name not in names:
-                faults.append((("tools", i, "bodies", k), f"the name of a body{suggestion(name, names)}", name))
+                faults.append(
+                    (("tools", i, "bodies", k), f"the name of a body{suggestion(name, names)}", name, "unknown-name")
+                )
         if tool.name in taken:
-            faults.append((("tools", i, "name"), "a name other than that of a probe or tool before it", tool.name))
+            faults.append(
+                (("tools", i, "name"), "a name other than that of a probe or tool before it", tool.name, "repeated")
+            )
         taken.add(tool.name)
     return faults
 

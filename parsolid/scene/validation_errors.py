@@ -11,7 +11,9 @@ from parsolid.materials.declaration import Phrase
 class Fault(str):
     """One line, "key: expected ..., found ...", with its parts; `code` says what kind of fault it is and never changes.
 
-    Codes: unknown-key, missing, type, bound, length, choice, refused (by a check of its own, or between tables).
+    Codes: unknown-key, missing, type, bound, length, choice (a word that is none of those known), exclusive (keys that
+    exclude one another), formula, file, method (what the method does not know), unknown-name (of a body, a region, a
+    field, a column), repeated, elsewhere (a plane or a point at no body), refused (for another reason, in words).
     """
 
     code: str

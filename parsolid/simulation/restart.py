@@ -14,6 +14,7 @@ from parsolid.output.errors import OutputError, together
 from parsolid.particles.distribution import distribute
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, SceneError
+from parsolid.scene.warned import Note
 from parsolid.simulation.scene_changes import changes, completed, contents, judged
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Restart:
         Raises OutputError on all ranks when the file cannot be read, or is not as it was written.
         """
         self.comm, self.path, self.allowed = comm, path, allowed
-        self.notes: list[str] = []
+        self.notes: list[Note] = []
         try:
             header, self.values, rows = read_checkpoint(comm, path)
             self.header = put_back(header, rows)
@@ -158,7 +159,8 @@ class Restart:
         assert simulation.ledger.initial is not None
         simulation.ledger.initial += jump
         if jump:
-            self.notes.append(f"the energy of the state changes by {jump:.4g} J with what was allowed to change")
+            text = f"the energy of the state changes by {jump:.4g} J with what was allowed to change"
+            self.notes.append(Note("restart-energy", text))
 
 
 def _offer(comm: Any, path: Path) -> str:

@@ -20,6 +20,7 @@ from parsolid.scene.base_model import OnRestart
 from parsolid.scene.load_histories import FactorHistory
 from parsolid.scene.model_faults import on_restart
 from parsolid.scene.validation_errors import NOTHING, key_path, told
+from parsolid.scene.warned import Note
 
 # keys within tables of a name that scenes may leave out, and what that means by the tables' kind: who states it changes
 # nothing
@@ -147,15 +148,15 @@ def _until(time: float, jumps: Any) -> list[float]:
     return [jump for jump in jumps if jump <= time] if isinstance(jumps, list) else []
 
 
-def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: float) -> tuple[list[str], list[str]]:
+def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: float) -> tuple[list[str], list[Note]]:
     """Faults, and notes on what was accepted; allowed: keys that the user allows to change, and all within them."""
-    faults, notes = [], []
+    faults, notes = list[str](), list[Note]()
     for change in found:
         fixed = change.rule is OnRestart.FIXED
         if change.later or (not fixed and (change.rule is not None or change.of(allowed))):
             if change.rule is not OnRestart.SILENT:
                 then = f"{told(change.before)} until the checkpoint at t = {time:.6g} s"
-                notes.append(f"{change.key}: {then}, from there on {told(change.now)}")
+                notes.append(Note("restart-change", f"{change.key}: {then}, from there on {told(change.now)}"))
             continue
         hint = "" if fixed else f" (where that is meant: --allow-change {change.key})"
         expected = f"{told(change.before)} as in the checkpoint {source}"

@@ -1,5 +1,8 @@
 """What `check` says of scenes that would run and be wrong."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from solids import RUBBER, simulation, supports, tables
@@ -8,6 +11,7 @@ from parsolid.api.check_advice import BENDING, advice, scene_advice, size_advice
 from parsolid.commands.cli import main
 from parsolid.methods.peridynamics import coarse_space
 from parsolid.scene import parse_scene
+from parsolid.scene.warned import CODES
 
 METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio": 3}}
 
@@ -29,8 +33,8 @@ def test_few_particles_across_a_beam(comm, kind, placement):
     figures = BENDING[kind, placement]
     two, many = (advice(simulation(beam(kind, across, placement), comm)) for across in (2, max(figures) + 1))
     assert len(two) == 1 and many == []
-    assert two[0].startswith("bodies.0: 2 particles across Y, where it is thin; ")
-    assert f"{figures[2]:g} times as stiff" in two[0]
+    assert two[0].code == "few-layers" and two[0].text.startswith("bodies.0: 2 particles across Y")
+    assert f" {figures[2]:g} times" in two[0].text
 
 
 @pytest.mark.parametrize(
@@ -53,17 +57,15 @@ def test_a_face_that_is_loaded_through_weights_that_do_not_close():
     kernel, best = (
         advice(simulation(tables((5, 5), method=one, boundaries=pulled))) for one in ({}, {"weights": "best"})
     )
-    assert len(kernel) == 1 and kernel[0].endswith('method.weights = "best" has neither') and best == []
+    assert [one.code for one in kernel] == ["loaded-faces"] and best == []
 
 
 def test_a_thin_shell():
     shell = {"cylindrical_shell": {"base": [0.0] * 3, "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0}}
     data = tables([40, 6, 2], body={"shape": shell})
-    found = advice(simulation(data))
-    across = (
-        "bodies.0: 2 particles across the thickness, where it is thin; a cantilever with so many bends as if it were"
-    )
-    assert found == [f"{across} 2.3 times as stiff"]
+    (found,) = advice(simulation(data))
+    assert found.code == "few-layers" and "bodies.0: 2 particles across the thickness" in found.text
+    assert " 2.3 times" in found.text
 
 
 def test_check_prints_what_it_knows(tmp_path, capsys):
@@ -75,9 +77,20 @@ def test_check_prints_what_it_knows(tmp_path, capsys):
     )
     assert main(["check", str(scene)]) == 0
     printed = capsys.readouterr().out
-    assert "note: bodies.0: uneven particles; method.weights" in printed
-    assert "note: bodies.0: 3 particles across Y" in printed
-    assert np.all([line.startswith("note") for line in printed.splitlines()[-2:]])
+    codes = ["uneven-particles", "few-layers"]
+    assert [line.rpartition(" ")[2] for line in printed.splitlines()[-2:]] == [f"[{code}]" for code in codes]
+    assert main(["check", str(scene), "--silence", "few-layers"]) == 0
+    printed = capsys.readouterr().out
+    assert "[uneven-particles]" in printed and "[few-layers]" not in printed
+    assert main(["check", str(scene), "--silence", "few-layer"]) == 2
+
+
+def test_every_code_that_is_told_is_known():
+    """They are what --silence takes."""
+    told = re.compile(r'(?:Note|Warned)\(\s*"([^"]+)"')
+    sources = list((Path(__file__).parents[2] / "parsolid").rglob("*.py"))
+    stated = {code for path in sources for code in told.findall(path.read_text())}
+    assert stated <= set(CODES) and len(stated) > 15
 
 
 def test_a_part_between_two_held_regions_is_told_what_its_control_does():
@@ -86,7 +99,7 @@ def test_a_part_between_two_held_regions_is_told_what_its_control_does():
     for control, count in (({}, 1), ({"stabilisation": {"coefficient": 1.0}}, 0)):
         data = tables((6, 6), method={"kind": "peridynamics"} | control, boundaries=held, regions=regions)
         notes = scene_advice(parse_scene(data))
-        assert len(notes) == count and all("'left' and 'right' are held or driven" in one for one in notes)
+        assert len(notes) == count and all(one.code == "sheared-part" for one in notes)
 
 
 @pytest.mark.parametrize(
@@ -110,11 +123,11 @@ def test_bodies_in_contact_are_told_what_their_methods_do_for_it(method, stated,
     bodies = [box | {"name": name, "shape": shape} for name, shape in zip("ab", shapes)]
     data = {"dimension": 2, "end_time": 1.0, "bodies": bodies, "contact": [{"bodies": ["a", "b"]}]}
     (note,) = scene_advice(parse_scene(data | {"method": method}))
-    assert note.startswith("a, b in contact") and told in note
+    assert note.text.startswith("a, b in contact") and told in note.text
     assert scene_advice(parse_scene(data | {"method": method | stated})) == []
     assert scene_advice(parse_scene(data | {"method": method, "contact": []})) == []
     (same,) = scene_advice(parse_scene(data | {"methods": [method | {"name": "only"}]}))
-    assert same == note.replace("method.", "methods.0.")
+    assert same == (note.code, note.text.replace("method.", "methods.0."))
 
 
 def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_are(tmp_path, comm):
@@ -141,7 +154,7 @@ def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_ar
         notes = size_advice(simulation(scene, comm))
         assert len(notes) == count
         told = ", which a wave crosses in 0.0299 s (end_time is 0.001 s)" if method == waves else "; if it is in mill"
-        assert not notes or f"sides of 180 x 180 m{told}" in notes[0]
+        assert not notes or f"sides of 180 x 180 m{told}" in notes[0].text
 
 
 @pytest.mark.parametrize("ratio, most, told", [(0.4999, 100, True), (0.4999, 10_000, False), (0.49, 100, False)])
@@ -152,9 +165,9 @@ def test_stiff_volumes_of_a_large_body_are_told_what_they_cost(comm, monkeypatch
     material = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": ratio}
     method = {"kind": "peridynamics", "solution": solution}
     data = tables((18, 14), material=material, method=method, boundaries=supports(X=(0.0, "fixed")))
-    notes = [note for note in advice(simulation(data, comm)) if "force evaluations" in note]
+    notes = [note for note in advice(simulation(data, comm)) if note.code == "stiff-volumes"]
     assert len(notes) == told
-    assert not told or ("252 particles" in notes[0] and "780 or so force" in notes[0])
+    assert not told or ("252 particles" in notes[0].text and "780 or so force" in notes[0].text)
 
 
 @pytest.mark.parametrize(
@@ -167,4 +180,4 @@ def test_uneven_particles_under_a_traction_are_told_what_that_costs(jitter, how,
     body = {"jitter": jitter, "placement": "cells"}
     data = tables((8, 8), material=material, method=method, boundaries=load, body=body)
     notes = scene_advice(parse_scene(data))
-    assert len(notes) == told and all("bodies.0: uneven particles under a traction" in note for note in notes)
+    assert len(notes) == told and all(note.code == "uneven-traction" for note in notes)

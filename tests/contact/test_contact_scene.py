@@ -54,14 +54,15 @@ def test_friction_of_bodies_that_nothing_damps_is_warned_of(method, friction, to
 
 def test_relations_are_told_and_a_collision_course_is_warned_of(comm):
     sim = simulated(bars(gap=0.3), comm)
-    assert describe_contacts(comm, sim.scene, sim.systems) == ["bodies in contact: left and right"]
+    assert describe_contacts(comm, sim.scene, sim.systems) == [("bodies", "bodies in contact: left and right")]
     slow = [block("a", (0, 0), (1, 1), [5, 5], velocity=[1.0, 0.0]), block("b", (2, 0), (3, 1), [5, 5])]
     slow.append(block("c", (3, 0), (4, 1), [5, 5], "cells"))
     sim = simulated(tables(*slow, contact=[], method=SPH, end_time=2.0), comm)
     told = describe_contacts(comm, sim.scene, sim.systems)
-    assert told[0] == "bodies bonded where they touch: b and c"
-    assert told[1] == "bodies apart: a and b, a and c"
-    assert "collision course" in told[2] and "a and b (at about t = 1 s)" in told[2] and "b and c" not in told[2]
+    assert told[0] == ("bodies", "bodies bonded where they touch: b and c")
+    assert told[1] == ("bodies", "bodies apart: a and b, a and c")
+    code, text = told[2]
+    assert code == "unnoticed-meeting" and "a and b (at about t = 1 s)" in text and "b and c" not in text
 
 
 @pytest.mark.parametrize("contact, words", [("compression", "pressing on one another"), ("welded", "bonded")])
@@ -71,7 +72,10 @@ def test_bodies_of_rebuilt_neighbours_press_on_one_another_unless_they_are_welde
     boxes = [block(name, (a, 0), (b, 1), [5, 5], "cells", material=copper) for name, (a, b) in zip("abc", ends)]
     sim = simulated(tables(*boxes, contact=[], method={"kind": "ulsph", "contact": contact}, end_time=2.0), comm)
     told = describe_contacts(comm, sim.scene, sim.systems)
-    assert told == [f"bodies {words} where they touch: a and b", "bodies apart: a and c, b and c"]
+    assert [one.text for one in told] == [
+        f"bodies {words} where they touch: a and b",
+        "bodies apart: a and c, b and c",
+    ]
 
 
 def test_bodies_of_two_methods_that_nothing_joins_are_warned_of(comm):
@@ -88,10 +92,9 @@ def test_bodies_of_two_methods_that_nothing_joins_are_warned_of(comm):
     del data["method"]
     sim = simulated(data, comm)
     told = describe_contacts(comm, sim.scene, sim.systems)
-    assert told[0] == "bodies bonded where they touch: a and b"
-    assert told[2].startswith("warning: close together without [[contact]] or [[tie]], so that nothing acts between")
-    assert told[2].endswith("them: b and c")
-    assert "collision course" in told[3] and "b and d (at about t = 1.6 s)" in told[3] and "c and d" in told[3]
+    assert [one.code for one in told] == ["bodies", "bodies", "no-interaction", "unnoticed-meeting"]
+    assert told[0].text == "bodies bonded where they touch: a and b" and told[2].text.endswith(": b and c")
+    assert "b and d (at about t = 1.6 s)" in told[3].text and "c and d" in told[3].text
 
 
 def test_colours_of_lattices():

@@ -26,7 +26,7 @@ def in_spack(text):
 @pytest.mark.serial
 def test_conda_and_spack_have_the_dependencies_with_their_least_versions():
     needed = wanted([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
-    assert len(needed) == 11
+    assert len(needed) == 10
     conda = CONDA.read_text()
     assert wanted(re.findall(r"- (.*)", conda.split("  run:")[1].split("tests:")[0])) == needed
     assert f'version: "{PROJECT["version"]}"' in conda and PROJECT["scripts"]["parsolid"] in conda

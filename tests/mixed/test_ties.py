@@ -101,7 +101,7 @@ def test_on_any_ranks_and_after_a_restart_tied_blocks_move_alike(comm, shared_pa
 def test_check_names_tied_bodies_and_refuses_what_cannot_be_tied():
     scene = parse_scene(blocks("sph", "bonds"))
     sim = Simulation(MPI.COMM_SELF, scene)
-    assert "bodies tied: a and b" in describe_contacts(MPI.COMM_SELF, scene, sim.systems)
+    assert ("bodies", "bodies tied: a and b") in describe_contacts(MPI.COMM_SELF, scene, sim.systems)
     far = blocks("sph", "bonds")
     far["bodies"][1]["shape"]["box"] = {"lower": [1.5, 0.0], "upper": [2.75, 1.25]}
     with pytest.raises(SolverError, match=r"tie\.0: expected bodies that touch, found 'a' and 'b' apart"):

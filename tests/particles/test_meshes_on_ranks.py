@@ -14,7 +14,7 @@ from parsolid.commands.cli import main
 from parsolid.particles.generation import generate
 from parsolid.particles.meshes.around import elements_around
 from parsolid.particles.meshes.elements import ELEMENTS
-from parsolid.particles.meshes.imported import import_mesh
+from parsolid.particles.meshes.imported import import_mesh, read_mesh
 from parsolid.scene import SceneError, parse_scene
 
 ALL = [(d, kind) for d in KINDS for kind in KINDS[d]]
@@ -118,6 +118,16 @@ def imported(shared_path, comm):
         import_mesh(str(shared_path / "part.inp"), str(shared_path / "part.h5"))
     comm.Barrier()
     return shared_path / "part.h5"
+
+
+def test_one_rank_reads_the_whole_of_it(imported):
+    plain, other = (read_mesh(str(path), 3) for path in (imported.with_suffix(".inp"), imported))
+    assert plain.of_second_order == other.of_second_order and plain.groups.names == other.groups.names
+    np.testing.assert_array_equal(plain.points, other.points)
+    for (kind, cells), (same, theirs) in zip(plain.blocks, other.blocks, strict=True):
+        assert kind == same and np.array_equal(cells, theirs)
+    for name, members in plain.groups.elements.items():
+        np.testing.assert_array_equal(members, other.groups.elements[name])
 
 
 def refused(comm, path, dimension=3):

@@ -65,48 +65,51 @@ FAULTS = [
     [
         ({"bodies.0.material.density": -1.0}, "bodies.0.material.density", "bound"),
         ({"bodies.0.material.denstiy": 1.0}, "bodies.0.material.denstiy", "unknown-key"),
-        ({"bodies.0.velocity": ["Q", "0", "0"]}, "bodies.0.velocity.0", "refused"),
+        ({"bodies.0.velocity": ["Q", "0", "0"]}, "bodies.0.velocity.0", "formula"),
         ({"bodies.0.jitter": 0.5}, "bodies.0.jitter", "bound"),
     ],
     [
-        ({"bodies.1.velocity": ["0", "0"]}, "bodies.1.velocity", "refused"),
+        ({"bodies.1.velocity": ["0", "0"]}, "bodies.1.velocity", "length"),
         ({"bodies.1.spacing": 0.1}, "bodies.1", "exclusive"),
         ({"bodies.1.placement": "corners"}, "bodies.1.placement", "choice"),
     ],
     [({"regions.0.shape": DELETED}, "regions.0", "exclusive"), ({"regions.0.side": "on"}, "regions.0.side", "refused")],
     [
         ({"boundaries.0.kind": "fixd"}, "boundaries.0.kind", "choice"),
-        ({"boundaries.0.body": "lower"}, "boundaries.0.body", "refused"),
-        ({"boundaries.0.plane": "Z = 0.4"}, "boundaries.0.plane", "refused"),
+        ({"boundaries.0.body": "lower"}, "boundaries.0.body", "unknown-name"),
+        ({"boundaries.0.plane": "Z = 0.4"}, "boundaries.0.plane", "elsewhere"),
         ({"boundaries.0.mirrored": True}, "boundaries.0.mirrored", "unknown-key"),
     ],
     [
         ({"boundaries.1.plane": "Q = 0"}, "boundaries.1.plane", "refused"),
         ({"boundaries.1.plane": DELETED}, "boundaries.1", "exclusive"),
-        ({"boundaries.1.where": "nowhere", "boundaries.1.plane": DELETED}, "boundaries.1.where", "refused"),
+        ({"boundaries.1.where": "nowhere", "boundaries.1.plane": DELETED}, "boundaries.1.where", "unknown-name"),
         ({"boundaries.1.reaction": True}, "boundaries.1.reaction", "refused"),
     ],
     [({"boundaries.2.traction": DELETED}, "boundaries.2.traction", "missing")],
-    [({"initial.0.body": "top"}, "initial.0.body", "refused"), ({"initial.0.velocity": 1}, "initial.0.velocity", None)],
     [
-        ({"contact.0.bodies": ["low", "hgih"]}, "contact.0.bodies", "refused"),
+        ({"initial.0.body": "top"}, "initial.0.body", "unknown-name"),
+        ({"initial.0.velocity": 1}, "initial.0.velocity", None),
+    ],
+    [
+        ({"contact.0.bodies": ["low", "hgih"]}, "contact.0.bodies", "unknown-name"),
         ({"contact.0.friction": -0.1}, "contact.0.friction", "bound"),
     ],
     [
-        ({"tools.0.bodies": ["lo"]}, "tools.0.bodies.0", "refused"),
+        ({"tools.0.bodies": ["lo"]}, "tools.0.bodies.0", "unknown-name"),
         ({"tools.0.stiffness": 1e9}, "tools.0.stiffness", "bound"),
     ],
     [
-        ({"probes.0.fields": ["velocty"]}, "probes.0.fields.0", "refused"),
+        ({"probes.0.fields": ["velocty"]}, "probes.0.fields.0", "unknown-name"),
         ({"probes.0.name": "a.b"}, "probes.0.name", None),
-        ({"probes.0.at": [1.0, 1.0]}, "probes.0.at", "refused"),
+        ({"probes.0.at": [1.0, 1.0]}, "probes.0.at", "length"),
     ],
-    [({"probes.2.name": "core"}, "probes.2.name", "refused"), ({"probes.2.fields": ["pressure"]}, "probes.2", None)],
+    [({"probes.2.name": "core"}, "probes.2.name", "repeated"), ({"probes.2.fields": ["pressure"]}, "probes.2", None)],
     [
         ({"loads": {"manufactured": True}}, "loads.manufactured", "refused"),
         ({"loads.gravity": 1}, "loads.gravity", None),
     ],
-    [({"reference.final": {"kinetik": 1.0}}, "reference.final.kinetik", "refused")],
+    [({"reference.final": {"kinetik": 1.0}}, "reference.final.kinetik", "unknown-name")],
 ]
 
 
@@ -126,6 +129,14 @@ def test_every_fault_is_told_at_once(seed):
     told = {one.key: one.code for one in caught.value.faults}
     assert told.keys() == {key for _, key, _ in drawn}
     assert all(code in (None, told[key]) for _, key, code in drawn)
+
+
+def test_a_mesh_that_is_not_there_makes_no_other_fault():
+    mesh = {"bodies.0.shape": {"mesh": {"file": "none.msh"}}, "bodies.0.particles": DELETED, "title": 3}
+    scene = changed(SCENE, mesh | {"method.weights": "mesh", "boundaries.1": {"kind": "fixed", "where": "a group"}})
+    with pytest.raises(SceneError) as caught:
+        parse_scene(scene)
+    assert {one.key for one in caught.value.faults} == {"title", "bodies.0.shape.mesh.file"}
 
 
 def test_what_is_at_fault_hides_what_depends_on_it():

@@ -151,7 +151,7 @@ BEFORE = history((0.0, 0.0), (0.2, 1.0), (0.4, 1.0), (0.9, 0.0))
 def test_a_load_may_change_after_the_checkpoint(after, accepted):
     faults, notes = compared(punch(loads=BEFORE), punch(loads=after))
     assert (not faults) == accepted == bool(notes)
-    assert (faults or notes)[0].startswith("loads.history.rows: ")
+    assert (faults or [one.text for one in notes])[0].startswith("loads.history.rows: ")
 
 
 def test_jumps_may_change_after_the_checkpoint():

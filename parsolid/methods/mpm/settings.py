@@ -15,6 +15,7 @@ from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import MethodSettings, named_observables
+from parsolid.scene.warned import Note
 
 Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
 
@@ -175,17 +176,19 @@ class MaterialPoint(MethodSettings):
         alone = any(len(one.bodies) == 1 and one.bodies[0] in {b.name for b in scene.bodies} for one in scene.contact)
         return "within one body of this method" if alone else None
 
-    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Bodies in contact whose transfer nobody has asked for: it is not that of others."""
         slopes = self.transfer == "aflip" and self.basis == "linear"
         if slopes:
-            return [f"method.transfer = {self.transfer!r} on linear weights is unstable: 'flip', or basis = a spline"]
+            text = f"method.transfer = {self.transfer!r} on linear weights is unstable: 'flip', or basis = a spline"
+            return [Note("unstable-transfer", text)]
         # with a grid for each body one tells for all
         alike = [i for one in scene.systems if one.settings is self for i in one.bodies]
         usual = self._usual_transfer(scene, alike) if alike[0] in bodies else {}
         names = ", ".join(in_contact(scene, alike) if usual else ())
         told = ", ".join(f"method.{key} = {value!r}" for key, value in usual.items())
-        return [f"{names} in contact: {told}, unless stated; without contact {self.kind} has 'apic'"] if names else []
+        text = f"{names} in contact: {told}, unless stated; without contact {self.kind} has 'apic'"
+        return [Note("transfer-in-contact", text)] if names else []
 
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no

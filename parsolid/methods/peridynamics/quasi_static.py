@@ -12,6 +12,7 @@ from parsolid.methods.peridynamics.coarse_space import coarse_space
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
 from parsolid.methods.peridynamics.tangent import Settled, Work
 from parsolid.particles.declaration import Columns, Field
+from parsolid.scene.warned import Note
 
 
 class QuasiStatic:
@@ -162,11 +163,11 @@ class QuasiStatic:
 
     # --- what is asked of it -----------------------------------------------------------------------------------
 
-    def cost_notes(self) -> list[str]:
+    def cost_notes(self) -> list[Note]:
         """Volumes so stiff in bodies so large that a solution takes many iterations; collective."""
         coarse = self.equilibrium.coarse
         told = None if coarse is None else coarse.stiff_volumes_note((0.0, self.settings.step))
-        return [told] if told else []
+        return [Note("stiff-volumes", told)] if told else []
 
     def unsound(self) -> tuple[int, str] | None:
         """This rank's particle farthest from balance, where the last step found none; and why."""

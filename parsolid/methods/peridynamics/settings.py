@@ -20,6 +20,7 @@ from parsolid.scene.contact import in_contact
 from parsolid.scene.materials import HyperelasticSolid
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.shapes import Box
+from parsolid.scene.warned import Note
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -286,13 +287,13 @@ class Peridynamics(MethodSettings):
             if isinstance(material, HyperelasticSolid)
         ]
 
-    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """What costs accuracy: tractions on uneven particles, a part that is sheared between held regions, and a
         control that makes faces in contact stiff.
         """
         return [*self._loaded_unevenly(scene, bodies), *self._sheared(scene), *self._pressed_on(scene, bodies)]
 
-    def _loaded_unevenly(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+    def _loaded_unevenly(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Forces that balance a uniform stress know the areas of a lattice."""
         uneven = [f"bodies.{i}" for i in bodies if scene.bodies[i].jitter > 0.0 or scene.bodies[i].shape.kind == "mesh"]
         loaded = any(one.kind == "traction" for one in scene.boundaries)
@@ -300,9 +301,10 @@ class Peridynamics(MethodSettings):
             return []
         figure = "displacements are off by up to 6 %, 2 % in the mean, with jitter 0.2"
         remedy = 'for a box at rest method.traction = "consistent-everywhere" has them right, and resultants 4 % off'
-        return [f"{', '.join(uneven)}: uneven particles under a traction; {figure}; {remedy}"]
+        text = f"{', '.join(uneven)}: uneven particles under a traction; {figure}; {remedy}"
+        return [Note("uneven-traction", text)]
 
-    def _sheared(self, scene: Any) -> list[str]:
+    def _sheared(self, scene: Any) -> list[Note]:
         """A part between regions that are held or driven, whose families are cut off there."""
         held = ("fixed", "rotation", "velocity", "displacement")
         regions = {getattr(one, "where", None) for one in scene.boundaries if one.kind in held} - {None}
@@ -311,19 +313,21 @@ class Peridynamics(MethodSettings):
         names = " and ".join(sorted(map(repr, regions)))
         ring = "a ring sheared between two such faces is 7 % too soft with 6 layers of particles, 4 % with 12"
         remedy = "1.4 % with method.stabilisation.coefficient = 1 (0.35 unless given, which is for beams)"
-        return [f"{names} are held or driven: {ring}, {remedy}"]
+        return [Note("sheared-part", f"{names} are held or driven: {ring}, {remedy}")]
 
-    def _pressed_on(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+    def _pressed_on(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Bodies in contact: what control they have, which is for faces, or for bonds that break."""
         names, key = ", ".join(in_contact(scene, bodies)), "method.stabilisation.coefficient"
         if self.usual(scene, bodies):
             told = f"{key} = {_PRESSED:g} for all bodies of the method, unless stated, with which faces are as stiff"
             bends = "as they should be and beams of ten particles bend 12 % too far"
-            return [f"{names} in contact: {told} {bends}; without contact {self.kind} has 0.35"]
+            text = f"{names} in contact: {told} {bends}; without contact {self.kind} has 0.35"
+            return [Note("stabilisation-in-contact", text)]
         if not names or self.damage is None or not self.stabilisation.is_open:
             return []
         face = "pressed faces are a quarter too stiff against what varies within a horizon or two"
-        return [f"{names} in contact with bonds that break: {key} = 0.35, unless stated; {face}"]
+        text = f"{names} in contact with bonds that break: {key} = 0.35, unless stated; {face}"
+        return [Note("stabilisation-in-contact", text)]
 
     def contact_refused(self, scene: Any) -> str | None:
         """Equilibrium has no motion that impulses could change."""

@@ -30,7 +30,7 @@ from parsolid.particles.declaration import Columns, Field
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.scene.boundaries.surface import Pressure
 from parsolid.scene.boundaries.traction import Traction
-from parsolid.scene.warned import Warned
+from parsolid.scene.warned import Note, Warned
 
 # small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
 _TURN, _TURNED = 0.14, 0.05
@@ -287,7 +287,7 @@ class Peridynamics(ParticleSystem):
             hints.append("a hyperelastic law (St. Venant and Kirchhoff's gives way when compressed to 0.58)")
         return ", or ".join([*hints, f"a smaller method.solution.{self.solver.setting}", "a milder load"])
 
-    def cost_notes(self) -> list[str]:
+    def cost_notes(self) -> list[Note]:
         """Iterations of quasi-static solutions where they are many."""
         return self.solver.cost_notes()
 

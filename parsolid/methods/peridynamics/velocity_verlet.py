@@ -11,6 +11,7 @@ import numpy as np
 
 from parsolid.methods.leapfrog import Leapfrog, drift
 from parsolid.scene.method_settings import KINETIC_OFFSET
+from parsolid.scene.warned import Note
 from parsolid.solvers import largest_eigenvalue, start_vector
 
 # leapfrog likes steps of one length: the bound of stiffness is followed in stairs
@@ -99,7 +100,7 @@ class VelocityVerlet:
 
     # --- what is asked of it ----------------------------------------------------------------------------------
 
-    def cost_notes(self) -> list[str]:
+    def cost_notes(self) -> list[Note]:
         """Nothing."""
         return []
 

@@ -18,6 +18,7 @@ from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
 from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
+from parsolid.scene.warned import Note
 
 # keys of which a scene that states one has chosen its weights
 _OF_WEIGHTS = {"kernel", "smoothing", "weights", "pair_correction"}
@@ -168,10 +169,10 @@ class TotalLagrangianSPH(MethodSettings):
             return {"weights": "mesh", **gentle} if no_mesh_weights(scene) is None else {}
         return {"weights": "best"} if all_resolved_boxes(scene, bodies) else {}
 
-    def notes(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+    def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Faces that are loaded through weights which do not close, where others would; mass that is not told."""
         told = f"mass, and the weight that clamps bear, are told without {self.clamp_edges:g} of that of these edges"
-        less = [f"method.clamp_edges: {told}"] if self.clamp_edges else []
+        less = [Note("clamp-edges", f"method.clamp_edges: {told}")] if self.clamp_edges else []
         return self._notes_of_weights(scene, bodies) + less
 
     def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
@@ -180,16 +181,16 @@ class TotalLagrangianSPH(MethodSettings):
         of_kernels = () if any(kind in ("kernel", "closure") for kind in kinds) else ("kernel", "smoothing")
         return frozenset({*of_kernels, *(() if "mesh" in kinds else ("stabilisation",))})
 
-    def choices(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+    def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Weights, where the scene leaves them to its bodies."""
         usual = self.usual(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
         why = f"all bodies are boxes of {RESOLVED} nodes or more along each axis"
         if "dissipation" in usual or usual.get("weights") == "mesh":
             why = "the weights are those of a mesh"
-        return [f"{told} unless stated, as {why}"] if usual else []
+        return [Note("chosen-weights", f"{told} unless stated, as {why}")] if usual else []
 
-    def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[str]:
+    def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         loaded = any(one.kind in ("traction", "pressure") for one in scene.boundaries)
         if not loaded or self.pair_weights != "kernel" or self.reference == "updated" or scene.methods is not None:
             return []
@@ -198,7 +199,8 @@ class TotalLagrangianSPH(MethodSettings):
         of_kernel = (
             "below a loaded face the last two layers bear 0.77 and 1.49 of a traction, displacements err by 1 to 7 %"
         )
-        return [f'{names}: {of_kernel}; method.weights = "best" has neither'] if names else []
+        text = f'{names}: {of_kernel}; method.weights = "best" has neither'
+        return [Note("loaded-faces", text)] if names else []
 
     def bonded_spacings(self, scene: Any) -> float:
         """Kernels reach the second layer of the other body only so far; a long reach bears more (docs/limits.md)."""

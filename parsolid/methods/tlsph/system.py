@@ -37,6 +37,7 @@ from parsolid.particles.declaration import Field
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
+from parsolid.scene.warned import Note
 
 
 class TotalLagrangianSPH(ParticleSystem):
@@ -361,11 +362,12 @@ class TotalLagrangianSPH(ParticleSystem):
         chosen = self.settings.weights in ("best", "mesh")
         return {**moved, "pair_weights": list(self.body_weights)} if chosen else moved
 
-    def cost_notes(self) -> list[str]:
+    def cost_notes(self) -> list[Note]:
         """Elements of second order, of which the corners are taken."""
         found = {} if self.meshes is None else self.meshes.of_second_order
+        code, words = "second-order-elements", "are taken by their corners"
         return [
-            f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) are taken by their corners"
+            Note(code, f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) {words}")
             for i, kinds in found.items()
         ]
 
