@@ -13,9 +13,9 @@ from contact_extremes import copper
 from contact_tables import Tables, run, scene
 
 from parsolid.methods.mpm.external_forces import power, power_at_end
-from parsolid.methods.mpm.stress import StressUpdate
+from parsolid.methods.mpm.system import MaterialPoint
 
-_ADVANCE = StressUpdate.advance
+_ADVANCE = MaterialPoint.advance_stress
 
 
 class Works:
@@ -24,7 +24,7 @@ class Works:
     def __init__(self) -> None:
         self.done = self.behind = 0.0
 
-    def advance(self, update: StressUpdate, step: float) -> Any:
+    def advance(self, update: MaterialPoint, step: float) -> Any:
         """In place of that of the update, around it."""
         storage, owned = update.points.storage, update.points.owned
         arrays = storage("stress_and_volume"), storage("velocity_gradient")
@@ -37,20 +37,26 @@ class Works:
         return result
 
 
+def _centred(advance: Any) -> Any:
+    """That of a solid, with heat of the viscosity as in scenes with contact."""
+    return lambda block, step, _: advance(block, step, True)
+
+
 def bonded(cfl: float, centred: bool) -> tuple[Any, Tables]:
     """The run, with its works; centred: heat of the viscosity as in scenes with contact."""
     works = Works()
 
-    def advance(update: StressUpdate, step: float) -> Any:
+    def advance(update: MaterialPoint, step: float) -> Any:
         if centred and works.done == 0.0:
-            update.centre()
+            for solid in update.solids.values():
+                solid.advance = _centred(solid.advance)
         return works.advance(update, step)
 
-    StressUpdate.advance = advance  # type: ignore[method-assign]
+    MaterialPoint.advance_stress = advance  # type: ignore[method-assign]
     method = {"kind": "mpm", "cell": 2e-3, "order": "musl", "cfl": cfl}
     tables = scene(copper(3000.0), 4e-6, method=method) | {"contact": []}
     result = run(tables, lambda _: {"done": works.done, "behind": works.behind})
-    StressUpdate.advance = _ADVANCE  # type: ignore[method-assign]
+    MaterialPoint.advance_stress = _ADVANCE  # type: ignore[method-assign]
     return result
 
 

@@ -5,6 +5,10 @@ import copy
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
+from parsolid.materials.plastic.tile_update import new_tile
+from parsolid.methods.mpm.elastic_plastic import BulkViscosity, State, advance_state
+from parsolid.methods.mpm.points import SYMMETRIC_ROWS, TENSOR_ROWS
 from parsolid.output.run_folder import RunFolder
 from parsolid.scene import parse_scene
 from parsolid.simulation.job import Job
@@ -282,3 +286,35 @@ def evaluate(sim) -> dict[str, np.ndarray | float]:
         "numerical": numerical,
         "power": power,
     }
+
+
+def late_impulse(system) -> np.ndarray:
+    """Impulses (owned, d) [N s] of external forces that velocities do not have yet: those of material points are of the
+    middle of the last step."""
+    external = getattr(system, "external", None)
+    if external is None:
+        return np.zeros((system.owned, system.dimension))
+    rows = system.particles.owned_rows
+    return rows(EXTERNAL_IMPULSE) + 0.5 * external.step * rows(EXTERNAL_FORCE)
+
+
+class PlasticPoints:
+    """Elastic-plastic material points at the temperature 0 that never fail, reference volume 1."""
+
+    def __init__(self, law, dimension: int, capacity: int) -> None:
+        self.law, self.dimension = law, dimension
+        deformation = np.zeros((len(TENSOR_ROWS[dimension]), capacity))
+        deformation[np.isin(TENSOR_ROWS[dimension], (0, 4, 8))] = 1.0
+        deviator = np.zeros((SYMMETRIC_ROWS[dimension], capacity))
+        self.state = State(deformation, deviator, *(np.zeros((1, capacity)) for _ in range(3)))
+        self.motion, self.rate, self.record = (np.zeros((capacity, columns)) for columns in (8, 12, 8))
+        self.motion[:, 7] = 1.0
+
+    def advance(self, first: int, last: int, step: float, viscosity: BulkViscosity | None = None) -> tuple:
+        """Points first..last-1 by a step [s], see `mpm.elastic_plastic.advance_state`."""
+        plane, places = True if self.dimension == 2 else None, TENSOR_ROWS[self.dimension]
+        viscosity = BulkViscosity(0.0, 0.0, 0.0, False) if viscosity is None else viscosity
+        return advance_state(
+            first, last, self.law, None, plane, places, step, viscosity, self.state, None, None, None, None,
+            self.motion, self.rate, self.record, new_tile(),
+        )  # fmt: skip

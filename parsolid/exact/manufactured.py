@@ -1,8 +1,8 @@
 """Manufactured solutions for the material point method: motions given in closed form, and the body forces that they
 need.
 
-Both are plane strain in a neo-Hookean solid, P = mu (F - F^-T) + U'(J) J F^-T, with U'(J) J = lambda ln J (Wallstedt &
-Guilkey, J. Comput. Phys. 227 (2008) 9628) or lambda (J - 1) J (the project's own law).
+Both are plane strain in a neo-Hookean solid, P = mu (F - F^-T) + U'(J) J F^-T with U'(J) J = lambda (J - 1) J, where
+Wallstedt & Guilkey, J. Comput. Phys. 227 (2008) 9628, have lambda ln J.
 """
 
 from typing import Any
@@ -15,8 +15,8 @@ from parsolid.exact.solution import Solution
 class Solid:
     """Density [kg/m^3], Lame constants [Pa] and the volumetric part of a compressible neo-Hookean solid."""
 
-    def __init__(self, density: float, shear_modulus: float, first_lame: float, logarithmic: bool = False) -> None:
-        self.density, self.mu, self.first_lame, self.logarithmic = density, shear_modulus, first_lame, logarithmic
+    def __init__(self, density: float, shear_modulus: float, first_lame: float) -> None:
+        self.density, self.mu, self.first_lame = density, shear_modulus, first_lame
 
     @classmethod
     def of_scene(cls, scene: Any) -> "Solid":
@@ -26,8 +26,6 @@ class Solid:
 
     def volumetric(self, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """U'(J) J and its derivative by J [Pa]."""
-        if self.logarithmic:
-            return self.first_lame * np.log(J), self.first_lame / J
         return self.first_lame * (J - 1.0) * J, self.first_lame * (2.0 * J - 1.0)
 
 

@@ -15,6 +15,13 @@ dissipation.
 An impulse P at the end of a step, where contact has begun or ended within it, works on v', too, or on the mean velocity
 of the common step where a system takes several of its own; what it changes of the kinetic energy besides, of second
 order in dt, is energy that the scheme gives: negative numerical dissipation.
+
+Rule of integrators. State are positions, velocities, the laws' variables, and the forces of the last evaluation; a
+restart puts them back and evaluates nothing, so that it has the same bits. `advance_positions` opens the step: kick by
+the forces at hand, drift, prescribed motion; afterwards positions are those of the step's end. `complete_step` sends
+positions to ghosts, takes laws through the step, evaluates forces once, tells the stable step as soon as it is known,
+kicks, and books all energies. Every kick reads `external_force`; the closing one reads `external_impulse`, too, and
+sets it to 0. An integrator that evaluates forces more often than once (SSP-RK3) is refused where bodies meet.
 """
 
 from typing import Any, NamedTuple

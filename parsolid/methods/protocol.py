@@ -195,10 +195,6 @@ class ParticleSystem:
     def follow_work(self, work: list[float], number: int) -> None:
         """Where the loop counts this rank's seconds in the steps of each system, of which this is a number."""
 
-    def late_impulse(self) -> np.ndarray:
-        """Impulses (owned, d) [N s] of external forces up to the present that velocities do not have yet."""
-        return np.zeros((self.owned, self.dimension))
-
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
         """Heat (n,) [J] into owned rows (n,), of whole particles; what of it the stored energy holds [J].
 
@@ -281,6 +277,3 @@ class ParticleSystem:
     def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
         """Adapt the tables of a small scene whose kernels are compiled before the run."""
         return tables
-
-    def warm(self) -> None:
-        """Compile what only runs on several ranks, or only when results are looked at."""

@@ -7,7 +7,9 @@ two dimensions two nodes) in every plane, beyond each side where other ranks go 
 Inner loops run over many nodes of a plane, which LLVM vectorises, and weights stay in the first-level cache with what
 they weigh: of all nodes of a plane, or of equal rows in it, the weights of the neighbours in other planes or rows are
 the same seven numbers; those along rows are a table of a few rows. Loops index arrays by unsigned numbers: numba asks
-of every signed index whether it counts from the end. Slices of arrays would have their references counted.
+of every signed index whether it counts from the end. numba counts references of arrays where there are slices, and
+around whatever may raise, which would take longer than a loop: loops over nodes are in inlined functions, and no range
+has a step that is no constant.
 
 Arrays have one row a component: component d c + J of a tensor A in d dimensions is A_cJ. Velocity v [m/s] and position
 x [m] have all planes. Velocity gradient G [1/s], first Piola-Kirchhoff stress P [Pa] and half impedances Z [Pa s/m]
@@ -158,8 +160,8 @@ def weigh(n, f, c, places, weights, k, i, out, component, place, add):
 
 @inlined
 def weigh_rows(runs, rows, row, plane, f, c, weights, k, first_table, out, component, place, add):
-    """As `weigh`, of nodes of a plane from place `plane` on with neighbours in other of its rows, for runs of equal
-    rows; weights: of row 0 at first_table; place: in out of node 0."""
+    """As `weigh`, of the own nodes of a plane, whose first node is at place `plane` in f, with neighbours in other rows
+    of it. runs, rows, row: as in `Box`; first_table: of row 0 in weights; place: in out of the plane's first node."""
     for r in range(runs.shape[0]):
         first, last = runs[r, 0], runs[r, 1]
         a = around(first, rows - (last - first))
@@ -168,19 +170,8 @@ def weigh_rows(runs, rows, row, plane, f, c, weights, k, first_table, out, compo
             np.uintp(plane + a[3] * row), np.uintp(plane + a[4] * row), np.uintp(plane + a[5] * row),
             np.uintp(plane + a[6] * row),
         )  # fmt: skip
-        weigh(
-            (last - first) * row,
-            f,
-            c,
-            places,
-            weights,
-            k,
-            first_table + first,
-            out,
-            component,
-            place + first * row,
-            add,
-        )
+        n, table, to = (last - first) * row, first_table + first, place + first * row
+        weigh(n, f, c, places, weights, k, table, out, component, to, add)
 
 
 @inlined

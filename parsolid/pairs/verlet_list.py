@@ -5,7 +5,6 @@ particles are distributed anew.
 """
 
 import time as clock
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,17 +117,6 @@ class VerletList:
         use = skin_use(self.particles.owned, *arrays, self.motions, allowance)
         self.late += use == LATE
         return bool(use)
-
-    def sweep(self, apply: Callable[[Pairs, bool], None], message: str, received: Callable[[], None]) -> None:
-        """apply(pairs, both): to the inner pairs, of which both particles receive, while a message of the particles
-        travels; then received(), and to the other pairs, of which the owned particle alone receives."""
-        self.particles.send(message)
-        apply(self.inner, True)
-        self.particles.receive(message)
-        received()
-        for pairs in (self.outer, self.mirror):
-            if pairs is not None:
-                apply(pairs, False)
 
     # --- making the list --------------------------------------------------------------------------------------
 

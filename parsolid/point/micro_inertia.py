@@ -7,7 +7,8 @@ import numpy as np
 from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.plastic import micro_inertia as laws
 from parsolid.materials.plastic import micro_inertia_solve as solve
-from parsolid.materials.plastic.jaumann_rate import deviatoric_strain, returned_deviator
+from parsolid.materials.plastic.micro_inertia import returned_deviator
+from parsolid.materials.plastic.tile_update import deviatoric_strain
 from parsolid.point.laws import PathLost, PointLaw
 from parsolid.tensors import combine_symmetric, congruence, contract_symmetric, spin_rotation
 from parsolid.tiles import TILE

@@ -9,6 +9,7 @@ from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic import tile_update as update
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.methods.mpm.elastic_plastic import advance_deformation
 from parsolid.point.laws import PathLost, PointLaw
 from parsolid.tiles import TILE
 
@@ -74,7 +75,7 @@ class PlasticPoint(PointLaw):
         rows[update.TEMPERATURE, 0] = state.temperature
         if len(state.damage):
             rows[update.DAMAGE, 0], rows[update.CRITERIA :, 0] = state.damage[0], state.damage[1:]
-        update.advance_deformation(step, None, self.tile)
+        advance_deformation(step, None, self.tile)
         update.start_step(law, law.failure, self.tile)
         update.flow(law, law.failure, step, self.tile)
         update.finish_step(law, law.failure, step, self.tile)

@@ -12,7 +12,7 @@ from parsolid.scene.declared import BASES
 from parsolid.scene.library import LibraryTable, stated_sets
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "micro_inertia.toml"
-_STATED = "parsolid.materials.plastic.micro_inertia_stated"
+_STATED = "parsolid.materials.plastic.micro_inertia"
 _ELASTIC = ("youngs_modulus", "poissons_ratio", "shear_modulus", "bulk_modulus")
 
 

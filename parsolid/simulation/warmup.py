@@ -69,13 +69,12 @@ def wait_quietly(comm: Any) -> None:
 
 
 def compile_kernels(tables: Tables) -> Simulation:
-    """Run one step of a small scene on this rank alone, and call what only several ranks need; the simulation."""
+    """Run one step of a small scene on this rank alone; the simulation."""
     simulation = Simulation(MPI.COMM_SELF, parse_scene(tables, again=True))
     for system in simulation.systems:
         simulation.take_step(1e-9 * system.stable_step())
         system.energies()
         field_of(system, "pressure")
-        system.warm()
     return simulation
 
 

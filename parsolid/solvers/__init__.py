@@ -5,23 +5,22 @@ out and may exchange ghosts; `free` (n, d) is true where a component is not pres
 collective.
 """
 
-from parsolid.solvers.conjugate_gradients import conjugate_gradients
+from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
+from parsolid.solvers.nearly_incompressible import NearlyIncompressible
 from parsolid.solvers.node_grid import Grid
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
-from parsolid.solvers.solution import Solution
-from parsolid.solvers.stiff_volumes import StiffVolumes
-from parsolid.solvers.two_level import TwoLevel, motions_without
+from parsolid.solvers.two_level import TwoLevel, unrestrained_modes
 
 __all__ = [
     "Grid",
+    "NearlyIncompressible",
     "Solution",
-    "StiffVolumes",
     "TwoLevel",
     "conjugate_gradients",
     "dynamic_relaxation",
     "largest_eigenvalue",
-    "motions_without",
     "relaxation_mass",
     "start_vector",
+    "unrestrained_modes",
 ]

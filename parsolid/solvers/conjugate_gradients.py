@@ -1,51 +1,33 @@
 """Conjugate gradients: the default of quasi-static steps, because the correspondence operator is symmetric."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
 from decomposition.reduction import sums
-from parsolid.kernels import kernel
-from parsolid.solvers.solution import Solution
 
 # iterations after which it is asked whether there is a solution at all
 _PATIENCE = 200
 
 
-@kernel
-def _advance(
-    factor: float, direction: np.ndarray, product: np.ndarray, solution: np.ndarray, residual: np.ndarray
-) -> float:
-    """u += a p, r -= a K p; gives r . r of this rank."""
-    square = 0.0
-    for i in range(residual.size):
-        solution[i] += factor * direction[i]
-        residual[i] -= factor * product[i]
-        square += residual[i] * residual[i]
-    return square
+class Solution(NamedTuple):
+    """What an iterative solver gives back.
+
+    value (n, d): the solution on this rank; residual: the 2-norm of what is left over all ranks; reason: why it stopped
+    early.
+    """
+
+    value: np.ndarray
+    iterations: int
+    residual: float
+    converged: bool
+    reason: str = ""
 
 
-@kernel
-def _turn(factor: float, residual: np.ndarray, direction: np.ndarray) -> None:
-    """p = r + b p."""
-    for i in range(residual.size):
-        direction[i] = residual[i] + factor * direction[i]
-
-
-@kernel
-def _masked_product(product: np.ndarray, direction: np.ndarray, free: np.ndarray) -> float:
-    """Zero K p where a component is prescribed; gives p . K p of this rank."""
-    total = 0.0
-    for i in range(product.size):
-        if free is not None and not free[i]:
-            product[i] = 0.0
-        total += product[i] * direction[i]
-    return total
-
-
-def _no_way_on(stiffness: float) -> str:
-    """Why a direction of such a stiffness [J] leads nowhere."""
+def _breakdown(stiffness: float) -> str:
+    """Why conjugate gradients end at a direction of such a stiffness [J]."""
     return "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
 
 
@@ -57,45 +39,49 @@ def conjugate_gradients(
     free: np.ndarray | None = None,
     limit: int | None = None,
     precondition: Callable[[np.ndarray], np.ndarray] | None = None,
-    hopeless: Callable[[], str] | None = None,
+    why_singular: Callable[[], str] | None = None,
 ) -> Solution:
     """Solve K u = load on free components for a symmetric positive definite K; collective.
 
     load (n, d) [N], only its free components are looked at; ends when |load - K u|_2 over all ranks is at most target
     [N], after `limit` products (default: ten times the number of components), or when a direction has no positive
     stiffness (`converged` is then false). Two global sums an iteration. precondition(r) gives M^-1 r (n, d), M
-    symmetric positive definite, of a residual that is 0 where not free; hopeless() says, after many iterations or of
-    such a direction, why there is no solution, or nothing. Source: M. R. Hestenes, E. Stiefel, J. Res.
-    Nat. Bur. Standards 49 (1952) 409.
+    symmetric positive definite, of a residual that is 0 where not free; why_singular() says, after many iterations or
+    of such a direction, why there is no solution, or nothing. Source: M. R. Hestenes, E. Stiefel, J. Res. Nat. Bur.
+    Standards 49 (1952) 409.
     """
-    residual = (load.copy() if free is None else load * free).ravel()
-    mask = None if free is None else np.ascontiguousarray(free, bool).ravel()
+    residual = load.copy() if free is None else load * free
 
-    def better() -> np.ndarray:
-        return residual if precondition is None else precondition(residual.reshape(load.shape)).ravel()
+    def preconditioned() -> np.ndarray:
+        return residual if precondition is None else precondition(residual)
 
-    turned = better()
-    solution, direction, product = np.zeros_like(residual), turned.copy(), np.zeros(load.shape)
-    flat, shaped = product.ravel(), direction.reshape(load.shape)
-    square, power, count = sums(comm, [np.vdot(residual, residual), np.vdot(residual, turned), float(residual.size)])
+    z = preconditioned()
+    solution, direction, product = np.zeros_like(residual), z.copy(), np.zeros_like(residual)
+    square, power, count = sums(comm, [np.vdot(residual, residual), np.vdot(residual, z), float(residual.size)])
     limit = 10 * int(count) if limit is None else limit
     iterations, reason = 0, ""
     while square > target * target and not reason:
-        reason = hopeless() if iterations == _PATIENCE and hopeless is not None else ""
+        reason = why_singular() if iterations == _PATIENCE and why_singular is not None else ""
         if reason := f"no solution after {limit} iterations" if iterations == limit else reason:
             break
-        apply(shaped, product)
-        stiffness = float(sums(comm, [_masked_product(flat, direction, mask)])[0])
+        apply(direction, product)
+        if free is not None:
+            product *= free
+        stiffness = float(sums(comm, [np.vdot(product, direction)])[0])
         iterations += 1
         if not stiffness > 0.0:
             # what nothing holds may show itself by rounding before many iterations are over
-            told = hopeless() if hopeless is not None and np.isfinite(stiffness) else ""
-            reason = told or _no_way_on(stiffness)
+            told = why_singular() if why_singular is not None and np.isfinite(stiffness) else ""
+            reason = told or _breakdown(stiffness)
             break
-        before, square = power, _advance(power / stiffness, direction, flat, solution, residual)
-        turned = better()
-        square, power = map(float, sums(comm, [square, np.vdot(residual, turned)]))
-        _turn(power / before, turned, direction)
+        before, step = power, power / stiffness
+        solution += step * direction
+        product *= step
+        residual -= product
+        z = preconditioned()
+        square, power = map(float, sums(comm, [np.vdot(residual, residual), np.vdot(residual, z)]))
+        direction *= power / before
+        direction += z
     if not reason and not np.isfinite(square):
         reason = "a residual that is not finite"
-    return Solution(solution.reshape(load.shape), iterations, float(np.sqrt(square)), not reason, reason)
+    return Solution(solution, iterations, float(np.sqrt(square)), not reason, reason)

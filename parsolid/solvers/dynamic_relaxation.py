@@ -10,8 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.reduction import sums
-from parsolid.kernels import kernel
-from parsolid.solvers.solution import Solution
+from parsolid.solvers.conjugate_gradients import Solution
 
 # more damping than critical for the highest mode would make the fictitious motion creep
 _LARGEST_DAMPING = 1.9
@@ -29,42 +28,13 @@ def relaxation_mass(largest_eigenvalue: float, mass: np.ndarray) -> np.ndarray:
     return 0.25 * _MARGIN * largest_eigenvalue * mass
 
 
-@kernel
 def _measure(
     force: np.ndarray, before: np.ndarray, velocity: np.ndarray, displacement: np.ndarray, mass: np.ndarray
 ) -> tuple[float, float, float]:
     """This rank's (F . F, sum k u^2, sum u^2) with k = -(F/L - F_before/L)/v, nothing where v = 0."""
-    square, stiffness, weight = 0.0, 0.0, 0.0
-    for a in range(force.shape[0]):
-        for i in range(force.shape[1]):
-            square += force[a, i] * force[a, i]
-            u2 = displacement[a, i] * displacement[a, i]
-            weight += u2
-            if velocity[a, i] != 0.0:
-                stiffness -= (force[a, i] - before[a, i]) / (mass[a] * velocity[a, i]) * u2
-    return square, stiffness, weight
-
-
-@kernel
-def _move(
-    first: int,
-    damping: float,
-    force: np.ndarray,
-    before: np.ndarray,
-    velocity: np.ndarray,
-    displacement: np.ndarray,
-    mass: np.ndarray,
-) -> None:
-    """Advance v and u by one fictitious step and remember F."""
-    for a in range(force.shape[0]):
-        for i in range(force.shape[1]):
-            push = force[a, i] / mass[a]
-            if first:
-                velocity[a, i] = 0.5 * push
-            else:
-                velocity[a, i] = ((2.0 - damping) * velocity[a, i] + 2.0 * push) / (2.0 + damping)
-            displacement[a, i] += velocity[a, i]
-            before[a, i] = force[a, i]
+    squares, stiffness = displacement**2, np.zeros(force.shape)
+    np.divide(before - force, mass[:, None] * velocity, out=stiffness, where=velocity != 0.0)
+    return float(np.vdot(force, force)), float(np.vdot(stiffness, squares)), float(squares.sum())
 
 
 def dynamic_relaxation(
@@ -105,5 +75,11 @@ def dynamic_relaxation(
         damping = 0.0
         if evaluations > 1 and stiffness > 0.0 and weight > 0.0:
             damping = min(2.0 * np.sqrt(stiffness / weight), _LARGEST_DAMPING)
-        _move(evaluations == 1, damping, total, before, velocity, displacement, mass)
+        pushed = total / mass[:, None]
+        if evaluations == 1:
+            velocity[:] = 0.5 * pushed
+        else:
+            velocity[:] = ((2.0 - damping) * velocity + 2.0 * pushed) / (2.0 + damping)
+        displacement += velocity
+        before[:] = total
     return Solution(displacement, evaluations, float(np.sqrt(square)), not reason, reason)

@@ -73,19 +73,24 @@ def shape_values(within: np.ndarray) -> np.ndarray:
 
 
 class Functions(NamedTuple):
-    """The functions at particles: lower (n,), within (n, d) of `Grid.within`; corners (2^d,); strides: d integers, so
-    that kernels know how many.
-    """
+    """The functions at particles: lower (n,), within (n, d) of `Grid.within`; corners (2^d,)."""
 
     lower: np.ndarray
     within: np.ndarray
     corners: np.ndarray
-    strides: tuple[int, ...]
 
     @classmethod
     def of(cls, grid: Grid, places: np.ndarray) -> "Functions":
         """At places (n, d) [m]."""
-        return cls(*grid.within(places), grid.corners, tuple(map(int, grid.strides)))
+        return cls(*grid.within(places), grid.corners)
+
+    def matrix(self, nodes: int) -> Any:
+        """Their values (n, nodes), sparse: what functions with values at nodes are at particles."""
+        from scipy import sparse
+
+        rows = np.repeat(np.arange(len(self.lower)), len(self.corners))
+        places = rows, (self.lower[:, None] + self.corners).ravel()
+        return sparse.csr_array((shape_values(self.within).ravel(), places), (len(self.lower), nodes))
 
 
 @kernel

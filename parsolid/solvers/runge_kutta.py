@@ -3,19 +3,6 @@
 from typing import NamedTuple
 
 
-class Update(NamedTuple):
-    """What a stage does to a quantity: new = keep * start + take * (current + step * rate).
-
-    first: the current one is that at the start of the step; last: the new one is that at its end.
-    """
-
-    first: bool
-    last: bool
-    keep: float
-    take: float
-    step: float
-
-
 class Stage(NamedTuple):
     """One stage of a step; times as fractions of the step.
 
@@ -30,10 +17,6 @@ class Stage(NamedTuple):
     quadrature: float
     first: bool = False
     last: bool = False
-
-    def update(self, step: float) -> Update:
-        """How quantities advance in a step [s]."""
-        return Update(self.first, self.last, self.keep, self.take, step)
 
 
 # (77); its stage values are at 0, 1 and 1/2 of the step with Simpson's weights

@@ -13,74 +13,12 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.collective import anywhere
-from parsolid.kernels import kernel
-from parsolid.solvers.node_grid import Functions, Grid, add_moments, shape_values, stiffness_of_moments
+from parsolid.solvers.node_grid import Functions, Grid, add_moments, stiffness_of_moments
 
 # of the greatest stiffness, what keeps motions that nothing holds from being without any
 _FLOOR = 1e-9
 # of all its squares, what a motion that nothing holds may be where something holds: rounding
 _LOOSE = 1e-13
-
-
-@kernel
-def _fill_shape(at: Functions, p: int, values: np.ndarray) -> None:
-    """Fill the functions (2^d,) of a cell's nodes at a particle."""
-    values[0], count = 1.0, 1
-    for axis in range(len(at.strides) - 1, -1, -1):
-        for k in range(count):
-            upper = at.within[p, axis] * values[k]
-            values[count + k] = upper
-            values[k] -= upper
-        count *= 2
-
-
-@kernel
-def _give(at: Functions, lower: int, mine: np.ndarray, result: np.ndarray) -> None:
-    """Add what was summed in a cell (2^d d,) to its nodes, and forget it."""
-    d = len(at.strides)
-    for k in range(1 << d):
-        for i in range(d):
-            result[lower + at.corners[k], i] += mine[k * d + i]
-            mine[k * d + i] = 0.0
-
-
-@kernel
-def to_nodes(at: Functions, values: np.ndarray, result: np.ndarray) -> None:
-    """Add values (n, d) of particles times the functions there to result (nodes, d)."""
-    d = len(at.strides)
-    # neighbours in memory are so in space
-    shape, mine, last = np.empty(1 << d), np.zeros(d << d), -1
-    for p in range(len(at.lower)):
-        if at.lower[p] != last:
-            if last >= 0:
-                _give(at, last, mine, result)
-            last = at.lower[p]
-        _fill_shape(at, p, shape)
-        for k in range(1 << d):
-            for i in range(d):
-                mine[k * d + i] += shape[k] * values[p, i]
-    if last >= 0:
-        _give(at, last, mine, result)
-
-
-@kernel
-def from_nodes(at: Functions, nodes: np.ndarray, free: np.ndarray, result: np.ndarray) -> None:
-    """Add what functions with values (nodes, d) at nodes are at particles to result (n, d), where free (n, d)."""
-    d = len(at.strides)
-    shape, mine, last = np.empty(1 << d), np.empty(d << d), -1
-    for p in range(len(at.lower)):
-        if at.lower[p] != last:
-            last = at.lower[p]
-            for k in range(1 << d):
-                for i in range(d):
-                    mine[k * d + i] = nodes[last + at.corners[k], i]
-        _fill_shape(at, p, shape)
-        for i in range(d):
-            total = 0.0
-            for k in range(1 << d):
-                total += shape[k] * mine[k * d + i]
-            if free[p, i]:
-                result[p, i] += total
 
 
 class TwoLevel:
@@ -92,14 +30,15 @@ class TwoLevel:
         """
         self.comm, self.grid, self.free = comm, grid, free
         self.functions = Functions.of(grid, places)
-        touched = np.zeros(held.shape)
-        to_nodes(self.functions, np.ones(places.shape), touched)
-        self.moving = ~held & (sums(comm, touched) > 0.0)
+        # P (n, nodes) and its transpose, sparse
+        self.prolongation = self.functions.matrix(grid.nodes)
+        self.restriction = self.prolongation.T.tocsr()
+        self.moving = ~held & (sums(comm, self.restriction @ np.ones(places.shape)) > 0.0)
         # whether a component of a particle is prescribed on any rank
         self.prescribes = anywhere(comm, not free.all())
         self.factors: np.ndarray | None = None
         self.diagonal: np.ndarray | None = None
-        self.loose = np.zeros((0, *free.shape))
+        self.rigid_modes = np.zeros((0, *free.shape))
 
     def of_moduli(self, lame: np.ndarray, shear: np.ndarray, volume: np.ndarray, diagonal: np.ndarray) -> None:
         """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]."""
@@ -144,53 +83,41 @@ class TwoLevel:
         whole = below + below.T + sparse.diags_array(bands[0])
         return whole[moving][:, moving].tocsc()
 
-    @property
-    def prolongation(self) -> Any:
-        """P (n, nodes), sparse."""
-        from scipy import sparse
-
-        lower, corners = self.functions.lower, self.functions.corners
-        rows = np.repeat(np.arange(len(lower)), len(corners))
-        entries = shape_values(self.functions.within).ravel(), (rows, (lower[:, None] + corners).ravel())
-        return sparse.csr_array(entries, (len(lower), self.grid.nodes))
-
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (n, d) of a residual (n, d) that is 0 where a component is prescribed."""
-        return self.less_loose(self.without_loose(residual))
+        return self.projected(self.unprojected(residual))
 
-    def without_loose(self, residual: np.ndarray) -> np.ndarray:
-        """The same, whatever is left out."""
+    def unprojected(self, residual: np.ndarray) -> np.ndarray:
+        """The same, before `project_out`."""
         from scipy.linalg.lapack import dpbtrs
 
         assert self.diagonal is not None
         result = residual / self.diagonal
         if self.factors is not None:
-            coarse = np.zeros(self.moving.shape)
-            to_nodes(self.functions, residual, coarse)
-            coarse = sums(self.comm, coarse * self.moving)
+            coarse = sums(self.comm, (self.restriction @ residual) * self.moving)
             solved, _ = dpbtrs(self.factors, coarse.ravel(), lower=1)
-            from_nodes(self.functions, solved.reshape(coarse.shape), self.free, result)
+            result += (self.prolongation @ solved.reshape(coarse.shape)) * self.free
         return result
 
-    def less_loose(self, result: np.ndarray) -> np.ndarray:
-        """M^-1 r (n, d) less its part of motions that are left out; in place."""
-        if len(self.loose):
-            parts = sums(self.comm, np.tensordot(self.loose, result, 2))
-            result -= np.tensordot(parts, self.loose, 1)
+    def projected(self, result: np.ndarray) -> np.ndarray:
+        """M^-1 r (n, d) less its part of the rigid-body modes that nothing holds; in place."""
+        if len(self.rigid_modes):
+            parts = sums(self.comm, np.tensordot(self.rigid_modes, result, 2))
+            result -= np.tensordot(parts, self.rigid_modes, 1)
         return result
 
-    def leave_out(self, motions: np.ndarray, restraint: np.ndarray) -> None:
+    def project_out(self, motions: np.ndarray, restraint: np.ndarray) -> None:
         """Give no part of those of some motions (k, n, d) that nothing holds: they have no stiffness, and nothing says
         what they should be. Without a preconditioner conjugate gradients have none of them by themselves.
 
         restraint (k, k): sums of products of what the motions are wherever something holds, on all ranks together.
         """
-        self.loose = motions_without(self.comm, motions, restraint) * self.free
+        self.rigid_modes = unrestrained_modes(self.comm, motions, restraint) * self.free
 
 
-def motions_without(comm: Any, motions: np.ndarray, restraint: np.ndarray) -> np.ndarray:
+def unrestrained_modes(comm: Any, motions: np.ndarray, restraint: np.ndarray) -> np.ndarray:
     """Those (l, n, d), orthonormal over all ranks, of the span of some motions (k, n, d) that have no restraint (k, k),
-    see `TwoLevel.leave_out`. Collective.
+    see `TwoLevel.project_out`. Collective.
     """
     gram = sums(comm, np.tensordot(motions, motions, ((1, 2), (1, 2))))
     sizes, axes = np.linalg.eigh(gram)

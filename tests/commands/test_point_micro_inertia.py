@@ -154,7 +154,7 @@ def test_shear_and_bulk_modulus_take_the_place_of_the_librarys(point_of):
 
 OWN = """from parsolid.materials.declaration import law
 from parsolid.materials.plastic.micro_inertia import MicroInertia, flow_strength
-from parsolid.materials.plastic.micro_inertia_stated import StatedMicroInertia
+from parsolid.materials.plastic.micro_inertia import StatedMicroInertia
 
 
 class Constant(MicroInertia):

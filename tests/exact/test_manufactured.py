@@ -13,9 +13,17 @@ from parsolid.exact.manufactured import AxisAligned, GeneralisedVortex, Solid
 DATA = json.loads((Path(__file__).parent / "manufactured_values.json").read_text())
 
 
+class LogarithmicSolid(Solid):
+    """With U'(J) J = lambda ln J."""
+
+    def volumetric(self, J):
+        return self.first_lame * np.log(J), self.first_lame / J
+
+
 def solid_of(parameters: dict, logarithmic: bool = True) -> Solid:
     E, nu = parameters["E"], parameters["nu"]
-    return Solid(parameters["rho"], E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), logarithmic)
+    kind = LogarithmicSolid if logarithmic else Solid
+    return kind(parameters["rho"], E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))
 
 
 def rows_of(name: str):

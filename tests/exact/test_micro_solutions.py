@@ -8,7 +8,7 @@ import pytest
 from parsolid.exact.delayed_heat import DelayedHeat
 from parsolid.exact.elastic_impact import ElasticImpact
 from parsolid.exact.micro_layer import MicroLayer, MicroWave
-from parsolid.materials.plastic.micro_inertia_stated import StatedMicroInertia
+from parsolid.materials.plastic.micro_inertia import StatedMicroInertia
 from parsolid.scene.micro_inertia import library
 
 STEEL = library()["4340 steel, Rahaman"]

@@ -21,6 +21,7 @@ from parsolid.materials.plastic.equation_of_state import MieGrueneisen
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.melting import ConstantMelting
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
+from parsolid.methods.mpm.elastic_plastic import advance_deformation
 from parsolid.scene.failure import library
 
 COPPER = ElasticPlastic(
@@ -72,7 +73,7 @@ class Point:
     def advance(self, step, gradient, steps=1):
         for _ in range(steps):
             self.rows[update.VELOCITY_GRADIENT : update.VELOCITY_GRADIENT + 9, 0] = np.ravel(gradient)
-            update.advance_deformation(step, None, self.tile)
+            advance_deformation(step, None, self.tile)
             update.start_step(self.law, self.law.failure, self.tile)
             update.flow(self.law, self.law.failure, step, self.tile)
             update.finish_step(self.law, self.law.failure, step, self.tile)

@@ -10,9 +10,9 @@ import pytest
 from micro_inertia_laws import STEEL, advance, classical, stated
 
 from parsolid.materials.plastic import micro_inertia as laws
-from parsolid.materials.plastic.jaumann_rate import deviatoric_strain, returned_deviator
-from parsolid.materials.plastic.micro_inertia import in_numbers
+from parsolid.materials.plastic.micro_inertia import in_numbers, returned_deviator
 from parsolid.materials.plastic.micro_inertia_solve import increments_of
+from parsolid.materials.plastic.tile_update import deviatoric_strain
 from parsolid.scene.micro_inertia import library
 from parsolid.tensors import combine_symmetric, congruence, contract_symmetric, spin_rotation, times_symmetric
 

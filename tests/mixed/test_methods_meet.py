@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bodies_apart import RUBBER
 from mpi4py import MPI
-from solids import Record, follow, run_into
+from solids import Record, follow, late_impulse, run_into
 
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
@@ -48,7 +48,7 @@ def momenta(sim) -> dict[str, np.ndarray]:
     for system in sim.systems:
         rows, owned = system.particles.owned_rows, system.owned
         along = system.mass[:owned] * system.share[:owned] * rows("velocity")[:, 0]
-        along = along + system.late_impulse()[:, 0]
+        along = along + late_impulse(system)[:, 0]
         np.add.at(found, np.asarray(system.bodies)[rows("body")], along)
     return {"momenta": sim.comm.allreduce(found)}
 

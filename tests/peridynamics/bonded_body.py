@@ -5,8 +5,8 @@ import numpy as np
 from decomposition.halo import Halo
 from decomposition.pair_search import half_pairs
 from parsolid.boundary.mirror_planes import MirrorCodes, MirrorPlane
+from parsolid.methods.peridynamics.bond_damage import BondDamage
 from parsolid.methods.peridynamics.bonds import rows_in
-from parsolid.methods.peridynamics.damage import BondDamage
 from parsolid.methods.peridynamics.sweeps import BondList, Images
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field

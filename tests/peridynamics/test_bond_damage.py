@@ -5,7 +5,12 @@ import pytest
 from bonded_body import BondedBody, lattice
 
 from parsolid.methods.peridynamics.cracks import distance, patch_of
-from parsolid.methods.peridynamics.damage import EnergyCriterion, StoredEnergyCriterion
+from parsolid.methods.peridynamics.fracture import (
+    EnergyCriterion,
+    StoredEnergyCriterion,
+    break_across,
+    failing_bonds,
+)
 from parsolid.methods.peridynamics.settings import PreCrack
 from parsolid.scene.base_model import Plane
 
@@ -36,7 +41,7 @@ def crumpled(body, critical):
     """Break what a criterion breaks in the crumpled body; the failed bonds."""
     body.displace(crumple)
     body.damage.limit[:] = critical
-    failed = body.damage.failing(None)
+    failed = failing_bonds(body.damage, None)
     if failed is not None:
         body.damage.cut(failed)
     return failed
@@ -84,7 +89,7 @@ def test_damage_is_the_lost_share_of_the_family(comm, dimension, mirror):
 def test_a_plane_crack_breaks_the_bonds_that_cross_it_in_its_box(comm, dimension, mirror):
     body, bounds = BondedBody(comm, dimension, mirror), np.array([np.zeros(dimension), np.full(dimension, 9.0)])
     box = {"lower": [2.0, 0.0, 0.5][:dimension], "upper": [4.0, 9.0, 3.0][:dimension]}
-    body.damage.introduce([patch_of(PreCrack.model_validate({"plane": Plane(1, 2.5), "box": box}), *bounds)])
+    break_across(body.damage, [patch_of(PreCrack.model_validate({"plane": Plane(1, 2.5), "box": box}), *bounds)])
     X, number = places(dimension), 0
     for key, weight in body.directed().items():
         crossing = False
@@ -101,7 +106,7 @@ def test_a_plane_crack_breaks_the_bonds_that_cross_it_in_its_box(comm, dimension
 def test_an_oblique_segment_breaks_the_bonds_that_cross_it(comm):
     body = BondedBody(comm, 2)
     P, Q = np.array([1.3, 0.7]), np.array([6.1, 5.2])
-    body.damage.introduce([patch_of(PreCrack(segment=[P.tolist(), Q.tolist()]), np.zeros(2), np.ones(2))])
+    break_across(body.damage, [patch_of(PreCrack(segment=[P.tolist(), Q.tolist()]), np.zeros(2), np.ones(2))])
     X, number = places(2), 0
 
     def side(a, b, c):
@@ -124,7 +129,7 @@ def test_a_rectangle_in_space_is_the_plane_crack_of_its_box(comm):
     found = []
     for crack in stated:
         body = BondedBody(comm, 3)
-        body.damage.introduce([patch_of(crack, *bounds)])
+        break_across(body.damage, [patch_of(crack, *bounds)])
         found.append({key for key, weight in body.directed().items() if weight == 0.0})
     assert found[0] == found[1] and len(found[0]) > 10
 
@@ -141,7 +146,7 @@ def test_a_crack_cuts_the_bonds_that_pass_through_its_end_from_both_ends(comm, t
     body = BondedBody(comm, 2, jitter=0.0)
     ends = np.full((2, 2), 4.0)
     ends[:, along] = -1.0, tip
-    body.damage.introduce([patch_of(PreCrack(segment=ends.tolist()), np.zeros(2), np.ones(2))])
+    break_across(body.damage, [patch_of(PreCrack(segment=ends.tolist()), np.zeros(2), np.ones(2))])
     positions, identifiers = lattice(2, 0.0)
     # in tenths of a spacing, which are exact
     X = {int(i): np.rint(10.0 * x).astype(int) for i, x in zip(identifiers, positions)}
@@ -199,7 +204,7 @@ def test_the_dead_lose_all_bonds_at_the_next_inspection(comm):
     assert any(dead.values()) and all(dead[a] for a in damage if damage[a] > 0.7)
     body.halo.forward(limit).now()
     body.displace(np.zeros_like)
-    failed = body.damage.failing(None)
+    failed = failing_bonds(body.damage, None)
     if failed is not None:
         body.damage.cut(failed)
     for (a, b, _), weight in body.directed().items():
@@ -225,7 +230,7 @@ def test_stretched_bonds_beyond_the_critical_energy_break(comm, dimension, mirro
     driving[:, body.field : body.field + dimension] = np.cos(body.positions)
     body.damage.limit[:] = 0.5
     M, C = rows[0], rows[1] * (control is not None)
-    failed = body.damage.failing(EnergyCriterion(driving, M, C, body.volume))
+    failed = failing_bonds(body.damage, EnergyCriterion(driving, M, C, body.volume))
     whole = body.directed()
     if failed is not None:
         body.damage.cut(failed)
@@ -255,7 +260,7 @@ def test_bonds_that_store_more_than_the_critical_energy_break(comm, dimension, m
     body.displace(crumple)
     modulus = 2.0 + np.cos(body.identifier)
     body.damage.limit[:] = 0.05
-    failed = body.damage.failing(StoredEnergyCriterion(modulus, body.volume))
+    failed = failing_bonds(body.damage, StoredEnergyCriterion(modulus, body.volume))
     whole = body.directed()
     if failed is not None:
         body.damage.cut(failed)

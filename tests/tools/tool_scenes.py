@@ -2,6 +2,7 @@
 
 import numpy as np
 from mpi4py import MPI
+from solids import late_impulse
 
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation
@@ -59,7 +60,7 @@ class Watch(Output):
         for system in sim.systems:
             m = (system.mass[: system.owned] * system.share[: system.owned])[:, None]
             v, x = system.particles.owned_rows("velocity"), system.particles.owned_rows("position")
-            v = v + system.late_impulse() / m
+            v = v + late_impulse(system) / m
             momentum, mass, first = momentum + (m * v).sum(axis=0), mass + m.sum(), first + (m * x).sum(axis=0)
             if x.shape[1] > 1:
                 flat = np.zeros((len(m), 3 - x.shape[1]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from ulsph.plates import EVERYTHING, block, evaluate, randomized, scene
 
-from parsolid.materials.plastic.jaumann_rate import deviatoric_strain
+from parsolid.materials.plastic.tile_update import deviatoric_strain
 from parsolid.tensors import congruence, spin_rotation
 
 SPACE = {"energetic_length": 1e-2, "dissipative_length": 1e-2, "hardening_length": 1e-3}

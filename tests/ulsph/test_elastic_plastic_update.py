@@ -4,6 +4,7 @@ the material point method."""
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from solids import PlasticPoints
 
 from parsolid.materials.plastic import plastic_evaluation as evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
@@ -12,7 +13,6 @@ from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.materials.plastic.tile_update import new_tile
 from parsolid.materials.registry import law_of
-from parsolid.methods.mpm.plastic_stress import advance_stress, new_state
 from parsolid.methods.ulsph.elastic_plastic import State, advance_state
 from parsolid.scene.plasticity import library
 
@@ -130,18 +130,18 @@ def test_a_rotated_state_is_the_same_state(dimension):
 
 def material_point(law, gradient, duration, steps, temperature):
     """S (3, 3), P and J, E, T, plastic strain by the update of the material point method."""
-    state, motion, rate, record = new_state(3, 8), np.zeros((8, 8)), np.zeros((8, 12)), np.zeros((8, 8))
-    state.temperature[:], state.energy[:] = temperature, law.internal_energy(temperature)
-    motion[:, 7] = 1.0
+    points = PlasticPoints(law, 3, 8)
+    state, record = points.state, points.record
+    state.temperature[:], state.internal_energy[:] = temperature, law.internal_energy(temperature)
     # F+ = (1 + dt l) F, the same deformation as of a steady velocity gradient
-    rate.reshape(-1, 3, 4)[0, :, :3] = (expm(duration / steps * gradient) - np.eye(3)) / (duration / steps)
+    points.rate.reshape(-1, 3, 4)[0, :, :3] = (expm(duration / steps * gradient) - np.eye(3)) / (duration / steps)
     for _ in range(steps):
-        assert advance_stress(3, 0, 1, law, duration / steps, None, state, motion, rate, record)[0]
-    J = np.linalg.det(state.deformation[:, 0].reshape(3, 3))
+        assert points.advance(0, 1, duration / steps)[0]
+    J = np.linalg.det(state.deformation_gradient[:, 0].reshape(3, 3))
     xx, yy, zz, _, yz, xz, xy, _ = record[0] / J
     stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     pressure = -np.trace(stress) / 3.0
-    scalars = np.array([J, state.energy[0, 0], state.temperature[0, 0], state.plastic_strain[0, 0]])
+    scalars = np.array([J, state.internal_energy[0, 0], state.temperature[0, 0], state.plastic_strain[0, 0]])
     return stress + pressure * np.eye(3), pressure, scalars
 
 

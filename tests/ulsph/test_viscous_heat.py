@@ -26,13 +26,13 @@ def test_heat_is_the_work_of_both_kicks_however_long_their_steps(dimension):
     """After a step that follows, of length 0, nothing is to come, and all that was taken is heat; to round-off."""
     sim = collision(dimension)
     system, taken = sim.systems[0], []
-    book = system.book
+    kicks, book = system.kicks, system.kicks.book
 
-    def watched(step, ledger, plastic, lost, opening, closing):
-        taken.append(opening.viscous + closing.viscous)
-        book(step, ledger, plastic, lost, opening, closing)
+    def watched(step, ledger, plastic, lost):
+        taken.append(kicks.opening.viscous + kicks.closing.viscous)
+        book(step, ledger, plastic, lost)
 
-    system.book = watched
+    kicks.book = watched
     whole = sim.take_step(0.0)
     for share in (0.1, 1.0, 0.05, 0.7, 0.0):
         sim.take_step(share * whole)

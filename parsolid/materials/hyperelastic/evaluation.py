@@ -41,20 +41,12 @@ def energies(law, F) -> np.ndarray:
 
 def stresses(law, F, branch_sum=None) -> np.ndarray:
     """First Piola-Kirchhoff stress [Pa] (..., 3, 3)."""
-    return _states(law, F, branch_sum)[0]
+    return states(law, F, branch_sum)[0]
 
 
-def pressure_wave_tensors(law, F, branch_sum=None) -> np.ndarray:
-    """Q [Pa] (..., 3, 3) of `functions.pressure_waves` with the branches: rho0 c^2 <= N . Q N."""
-    return _states(law, F, branch_sum)[1]
-
-
-def shear_wave_tensors(law, F, branch_sum=None) -> np.ndarray:
-    """Q [Pa] (..., 3, 3) with N . Q N the mean rho0 c^2 of both shear waves along N."""
-    return _states(law, F, branch_sum)[2]
-
-
-def _states(law, F, branch_sum) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def states(law, F, branch_sum=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First Piola-Kirchhoff stress, `functions.pressure_waves` and `functions.shear_waves` [Pa] (..., 3, 3), with the
+    branches."""
     rows, shape = general_rows(F), np.shape(F)
     P, pressure, shear = np.empty_like(rows), np.empty((len(rows), 6)), np.empty((len(rows), 6))
     viscous = None if branch_sum is None else symmetric_rows(np.broadcast_to(branch_sum, shape))

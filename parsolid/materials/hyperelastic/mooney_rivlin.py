@@ -4,7 +4,7 @@ W = xi (F:F - 3) + zeta (H:H - 3) - 2 (xi + 2 zeta) ln J + lambda_hat/2 (J - 1)^
     + sum_alpha mu_alpha/2 [F^T F : A_alpha - 3 - ln(J^2 det A_alpha)],   A_alpha = C_v,alpha^{-1}
 """
 
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from parsolid.elementary import log
 from parsolid.materials.declaration import Density, Parameter, Phrase, law
@@ -110,6 +110,13 @@ class StatedMooneyRivlin:
             bound = "lambda_hat = lambda - 4 zeta >= 0 (polyconvexity)"
             details.append((("poissons_ratio",), f"a value with {bound}", self.poissons_ratio))
         return details
+
+
+@law("hyperelastic", "neo-hookean")
+class StatedNeoHookean(StatedMooneyRivlin):
+    """Mooney-Rivlin with zeta = 0, of which nothing is computed."""
+
+    zeta: Annotated[Literal[0, 0.0], Parameter(description="nothing but 0", default=0.0)]  # type: ignore[valid-type]
 
 
 @energy.of(NeoHookean)

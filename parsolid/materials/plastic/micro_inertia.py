@@ -10,11 +10,13 @@ The norm is the paper's, |S| = sqrt(S:S) without 3/2. Functions take the law of 
 or a conductivity that is left out is 0. Densities of energy are per present volume unless said otherwise.
 """
 
-from typing import NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from parsolid.elementary import exp, log, power
 from parsolid.kernels import inlined
+from parsolid.materials.declaration import Density, Parameter, Phrase, law
 from parsolid.materials.law_functions import law_function
+from parsolid.tensors import combine_symmetric, contract_symmetric, times_symmetric
 
 
 class MicroInertia(NamedTuple):
@@ -49,6 +51,86 @@ class MicroInertia(NamedTuple):
     flux_relaxation_time: float | None
     heat_relaxation_time: float | None
     conductivity: float | None
+
+
+_OPTIONAL = (
+    *("energetic_length", "hardening_length", "dissipative_length", "inertia_length"),
+    *("stress_relaxation_time", "flux_relaxation_time", "heat_relaxation_time", "conductivity"),
+)
+# what has no effect, or cannot be solved particle by particle, without another
+_NEEDS = {
+    "flux_relaxation_time": "dissipative_length",
+    "heat_relaxation_time": "conductivity",
+    "initial_micro_stress": "stress_relaxation_time",
+    "energetic_length": "inertia_length",
+    "dissipative_length": "inertia_length",
+}
+
+
+def _left_out(unit: str, description: str) -> Parameter:
+    return Parameter(unit, f"{description}, 0: left out", at_least=0.0, default=0.0)
+
+
+@law("micro-inertia", "micro-inertia")
+class StatedMicroInertia:
+    """Strain-gradient thermo-visco-plasticity with micro-inertia (Rahaman et al.), in the norm |S| = sqrt(S:S).
+
+    Every length, every time and the conductivity is left out unless given, or where it is 0; without all of them it is
+    classical thermo-visco-plasticity.
+    """
+
+    exactly_one: ClassVar = (("youngs_modulus", "shear_modulus"), ("poissons_ratio", "bulk_modulus"))
+    density: Density
+    youngs_modulus: Annotated[float | None, Parameter("Pa", "E", above=0.0, default=None)]
+    poissons_ratio: Annotated[float | None, Parameter("1", "Poisson's ratio", above=-1.0, below=0.5, default=None)]
+    shear_modulus: Annotated[float | None, Parameter("Pa", "mu", above=0.0, default=None)]
+    bulk_modulus: Annotated[float | None, Parameter("Pa", "K", above=0.0, default=None)]
+    specific_heat: Annotated[float, Parameter("J/(kg K)", "C_v", above=0.0)]
+    reference_temperature: Annotated[float, Parameter("K", "T_r, of T* = 0", above=0.0)]
+    melting_temperature: Annotated[float, Parameter("K", "T_m, of T* = 1", above=0.0)]
+    yield_stress: Annotated[float, Parameter("Pa", "S_0, of |S|", above=0.0)]
+    hardening: Annotated[float, Parameter("Pa", "H_0", at_least=0.0)]
+    exponent: Annotated[float, Parameter("1", "n", above=0.0)]
+    rate_exponent: Annotated[float, Parameter("1", "m_1, at most 1", at_least=0.0)]
+    thermal_exponent: Annotated[float, Parameter("1", "m_2", above=0.0)]
+    reference_rate: Annotated[float, Parameter("1/s", "d_0", above=0.0)]
+    regularisation: Annotated[float, Parameter("1/s", "d_reg, of d^p at rest", at_least=1e-100, default=1e-2)]
+    initial_micro_stress: Annotated[float, Parameter("Pa", "pi(0)", at_least=0.0, default=0.0)]
+    energetic_length: Annotated[float, _left_out("m", "l_1")]
+    hardening_length: Annotated[float, _left_out("m", "l_2")]
+    dissipative_length: Annotated[float, _left_out("m", "l_3")]
+    inertia_length: Annotated[float, _left_out("m", "l_m, the root of the paper's l_m^2")]
+    stress_relaxation_time: Annotated[float, _left_out("s", "t_pi")]
+    flux_relaxation_time: Annotated[float, _left_out("s", "t_xi")]
+    heat_relaxation_time: Annotated[float, _left_out("s", "t_q")]
+    conductivity: Annotated[float, _left_out("W/(m K)", "kappa")]
+
+    def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
+        """What is no such solid, or has no effect."""
+        if (self.youngs_modulus is None) != (self.poissons_ratio is None):
+            return [
+                ((), "youngs_modulus with poissons_ratio, or shear_modulus with bulk_modulus", Phrase("one of each"))
+            ]
+        details: list[tuple[tuple[Any, ...], str, object]] = []
+        if self.melting_temperature <= self.reference_temperature:
+            expected = f"more than reference_temperature = {self.reference_temperature:g}"
+            details.append((("melting_temperature",), expected, self.melting_temperature))
+        if self.rate_exponent > 1.0:
+            details.append((("rate_exponent",), "at most 1", self.rate_exponent))
+        for key, needed in _NEEDS.items():
+            if getattr(self, key) and not getattr(self, needed):
+                details.append(((key,), f"no such key (or 0) without {needed}", getattr(self, key)))
+        return details
+
+    def micro_inertia_law(self) -> MicroInertia:
+        """The law in SI units, with None for what is left out."""
+        values: dict[str, Any] = {name: getattr(self, name) for name in MicroInertia._fields}
+        if self.youngs_modulus is not None:
+            E, nu = float(self.youngs_modulus), float(self.poissons_ratio)  # type: ignore[arg-type]
+            values |= {"shear_modulus": E / (2.0 * (1.0 + nu)), "bulk_modulus": E / (3.0 * (1.0 - 2.0 * nu))}
+        values |= {name: values[name] or None for name in _OPTIONAL}
+        numbers: dict[str, Any] = {key: value if value is None else float(value) for key, value in values.items()}
+        return MicroInertia(**numbers)
 
 
 class MicroIncrements(NamedTuple):
@@ -107,6 +189,23 @@ def curl_rate(gradient, direction):
     y = N[3] * g[0] + N[1] * g[1] + N[5] * g[2]
     z = N[4] * g[0] + N[5] * g[1] + N[2] * g[2]
     return max(g[0] * g[0] + g[1] * g[1] + g[2] * g[2] - (x * x + y * y + z * z), 0.0) ** 0.5
+
+
+@inlined
+def returned_deviator(turned, trial, tau, tau1, elastic_flow):
+    """S [Pa] in Jaumann's rate, S' = 2 mu (dev D - v^p N) + W S - S W with N = S/|S|, at the end of a step whose |S|
+    went from tau to tau1.
+
+    turned: S of its start, turned; trial: with 2 mu times the strain; elastic_flow: mu v^p dt [Pa]. With the flow along
+    the mean of both ends S is along trial - a turned, a = mu v^p dt/|S|; along trial alone, as a radial return, the
+    direction is of first order.
+    """
+    mean = 0.5 * (tau + tau1)
+    # with more flow than stress all is along the last strain
+    ratio = elastic_flow / (max(elastic_flow, mean) + 1e-300)
+    along = combine_symmetric(1.0, trial, -ratio, turned)
+    norm = contract_symmetric(along, along) ** 0.5
+    return times_symmetric(tau1 / (norm + 1e-300) if norm > 0.0 else 0.0 * norm, along)
 
 
 @inlined

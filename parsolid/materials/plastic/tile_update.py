@@ -30,8 +30,7 @@ Failed matter (DAMAGE 1) has no deviator, and a pressure only where it is compre
 pressure, and its volume has to close before pressure comes back. The internal energy is continuous at failure: what
 was stored elastically is heat from then on.
 
-`advance_deformation` makes STRAIN and Jacobians from deformation gradients (rows DEFORMATION*, VELOCITY_GRADIENT, and
-ROTATION at the end), for methods that carry an unrotated deviator (rate of Green and Naghdi).
+A method that carries deformation gradients has rows DEFORMATION*, VELOCITY_GRADIENT, ROTATION and VOLUME_RATE for them.
 """
 
 import numpy as np
@@ -55,24 +54,14 @@ from parsolid.materials.plastic.functions import (
 )
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.tensors import (
-    ROTATION_SETTLED,
     add_spherical,
-    combine,
     congruence,
-    contract,
     contract_symmetric,
-    determinant,
-    inverse,
-    matmul,
-    plane_rotation,
-    plus,
-    rotation_near,
-    rotation_step,
+    plus_symmetric,
     symmetric_part,
     times_symmetric,
-    transpose,
 )
-from parsolid.tiles import TILE, load, load_rows, load_symmetric, store, store_rows, store_symmetric
+from parsolid.tiles import TILE, load_rows, load_symmetric, store_rows, store_symmetric
 
 DEVIATOR, STRAIN = 0, 6
 PLASTIC_STRAIN, ENERGY, TEMPERATURE = 12, 13, 14
@@ -82,7 +71,7 @@ PRESSURE, MELTING, SHEAR_MODULUS, CAPACITY, SPEED = 21, 22, 23, 24, 25
 INCREMENT, PLASTIC_WORK, RELEASED, ROOM = 26, 27, 28, 29
 DEFORMATION, VELOCITY_GRADIENT, ROTATION, VOLUME_RATE = 30, 39, 48, 57
 # scratch of the return: trial von Mises stress, bracket, last point, slope, whether it still moves; work of the stress
-_TRIAL, _LOW, _HIGH, _OLD, _OLD_RESIDUAL, _SLOPE, _MOVES, _WORK, _WORST = 58, 59, 60, 61, 62, 63, 64, 65, 66
+_TRIAL, _LOW, _HIGH, _OLD, _OLD_RESIDUAL, _SLOPE, MOVES, _WORK, _WORST = 58, 59, 60, 61, 62, 63, 64, 65, 66
 CRITERIA = 67
 # of the return: the residual over the trial stress
 _TOLERANCE, _MOST_STEPS = 1e-10, 80
@@ -141,63 +130,13 @@ def fill_idle(law, tile, count):
             tile[(DEFORMATION + c) * TILE + p] = 1.0
 
 
-@kernel
-def advance_deformation(step, plane, tile):
-    """F, its Jacobians and rotation after a step [s] with the VELOCITY_GRADIENT l, and the strain increment in it.
-
-    F+ = (1 + dt l) F = R U. The stretching D is that of half the step in unrotated axes: from l (1 + dt l/2)^-1, which
-    has no symmetric part for a rotation, however large the step. VOLUME_RATE: tr D [1/s]. plane: not None in plane
-    strain and axial symmetry.
-    """
-    for p in range(TILE):
-        F, rate = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
-        new = combine(1.0, F, step, matmul(rate, F))
-        J, new_J = determinant(F), determinant(new)
-        tile[JACOBIAN * TILE + p], tile[NEW_JACOBIAN * TILE + p] = J, new_J
-        tile[MIDDLE_JACOBIAN * TILE + p] = 0.5 * (J + new_J)
-        # the rotation of the middle of the step needs F + F+; both are made from F+ and l again
-        store(tile, ROTATION * TILE + p, new)
-    if plane is not None:
-        for p in range(TILE):
-            store(tile, ROTATION * TILE + p, plane_rotation(load(tile, ROTATION * TILE + p)))
-    else:
-        _rotate(tile)
-    for p in range(TILE):
-        F, rate = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
-        R = load(tile, ROTATION * TILE + p)
-        new = combine(1.0, F, step, matmul(rate, F))
-        half = (1.0 + 0.5 * step * rate[0], 0.5 * step * rate[1], 0.5 * step * rate[2],
-                0.5 * step * rate[3], 1.0 + 0.5 * step * rate[4], 0.5 * step * rate[5],
-                0.5 * step * rate[6], 0.5 * step * rate[7], 1.0 + 0.5 * step * rate[8])  # fmt: skip
-        D = symmetric_part(matmul(rate, inverse(half)))
-        half_R = plane_rotation(plus(F, new)) if plane is not None else rotation_near(R, plus(F, new))
-        D = congruence(transpose(half_R), D)
-        volume_rate = D[0] + D[1] + D[2]
-        tile[VOLUME_RATE * TILE + p] = volume_rate
-        store_symmetric(tile, STRAIN * TILE + p, times_symmetric(step, add_spherical(D, -volume_rate / 3.0)))
-        store(tile, DEFORMATION * TILE + p, new)
-
-
-@kernel
-def _rotate(tile):
-    """R of the tensors in the rows ROTATION, in their place, by Newton's method until none moves."""
-    for p in range(TILE):
-        tile[_MOVES * TILE + p] = 1.0
-    for _ in range(30):
-        moving = 0
-        for p in range(TILE):
-            X = load(tile, ROTATION * TILE + p)
-            new = rotation_step(X)
-            change = combine(1.0, new, -1.0, X)
-            # a particle that has settled is not changed again, whatever its neighbours do
-            moves = tile[_MOVES * TILE + p]
-            store(tile, ROTATION * TILE + p, combine(moves, change, 1.0, X))
-            settled = contract(change, change) <= ROTATION_SETTLED
-            moves = 0.0 if settled else moves
-            tile[_MOVES * TILE + p] = moves
-            moving += 1 if moves > 0.0 else 0
-        if moving == 0:
-            break
+@inlined
+def deviatoric_strain(turn, velocity_gradient, step):
+    """STRAIN of a deviator in Jaumann's rate: dev D dt of a step [s], the first half of it turned by the rotation of
+    the step (`tensors.spin_rotation`), of second order."""
+    D = symmetric_part(velocity_gradient)
+    half = times_symmetric(0.5 * step, add_spherical(D, -(D[0] + D[1] + D[2]) / 3.0))
+    return plus_symmetric(congruence(turn, half), half)
 
 
 @kernel
@@ -285,7 +224,7 @@ def _guarded_increments(flow, taylor_quinney, step, tile):
         # in steady flow the whole strain of the step is plastic
         expected, high = (2.0 / 3.0 * contract_symmetric(strain, strain)) ** 0.5, trial / (3.0 * mu)
         tile[INCREMENT * TILE + p] = min(expected, 0.999 * high) if flows else 0.0
-        tile[_MOVES * TILE + p] = 1.0 if flows else 0.0
+        tile[MOVES * TILE + p] = 1.0 if flows else 0.0
         tile[_LOW * TILE + p], tile[_HIGH * TILE + p], tile[_SLOPE * TILE + p] = 0.0, high, -3.0 * mu
         tile[_OLD * TILE + p], tile[_OLD_RESIDUAL * TILE + p] = 0.0, 0.0
         flowing += 1 if flows else 0
@@ -300,7 +239,7 @@ def _guarded_increments(flow, taylor_quinney, step, tile):
             residual = returned - flow_stress(
                 flow, tile[PLASTIC_STRAIN * TILE + p] + x, max(x / step, SLOWEST_RATE),
                 tile[TEMPERATURE * TILE + p] + heating * returned * x, mu, tile[MELTING * TILE + p])  # fmt: skip
-            moves = tile[_MOVES * TILE + p] > 0.0 and abs(residual) > _TOLERANCE * trial
+            moves = tile[MOVES * TILE + p] > 0.0 and abs(residual) > _TOLERANCE * trial
             low = x if residual > 0.0 else tile[_LOW * TILE + p]
             high = tile[_HIGH * TILE + p] if residual > 0.0 else x
             # not through x = 0, where a flow stress in ln(rate) is steep; rounding can spoil it between close points
@@ -312,7 +251,7 @@ def _guarded_increments(flow, taylor_quinney, step, tile):
             tile[_LOW * TILE + p], tile[_HIGH * TILE + p], tile[_SLOPE * TILE + p] = low, high, slope
             tile[_OLD * TILE + p], tile[_OLD_RESIDUAL * TILE + p] = x, residual
             tile[INCREMENT * TILE + p] = new if moves else x
-            tile[_MOVES * TILE + p] = 1.0 if moves else 0.0
+            tile[MOVES * TILE + p] = 1.0 if moves else 0.0
             flowing += 1 if moves else 0
         iteration += 1
 

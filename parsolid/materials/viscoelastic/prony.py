@@ -57,11 +57,6 @@ class Prony(NamedTuple):
         """Number of terms of the series."""
         return len(self.ratios or ())
 
-    @property
-    def lateral_history(self) -> bool:
-        """Whether the strain along free directions is a history variable (elastic bulk, plane stress or bar)."""
-        return self.bulk_modulus is not None and self.free_directions is not None
-
 
 def of_material(material, state: str) -> Prony:
     """The law of a scene's Prony solid; `state` is "space", "plane-strain", "plane-stress" or "bar"."""

@@ -125,11 +125,6 @@ class ExternalForces:
         self.follow(step)
         self.goes_on = True
 
-    def late_impulse(self) -> np.ndarray:
-        """Impulses (owned, d) [N s] of external forces that velocities do not have yet."""
-        rows = self.points.owned_rows
-        return np.asarray(rows(EXTERNAL_IMPULSE) + 0.5 * self.step * rows(EXTERNAL_FORCE))
-
     def energy(self) -> float:
         """What particles will have gained by the time of their places [J]: velocities are half a step behind."""
         rows = self.points.owned_rows

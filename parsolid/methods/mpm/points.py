@@ -5,22 +5,50 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.boundary.loads import Loads
+from parsolid.kernels import inlined
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
-from parsolid.methods.failed_matter import failed_to_delete, note_deleted
-from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED
+from parsolid.methods.failed_matter import declare_failure, failed_to_delete, note_deleted
+from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED, kept_column
+from parsolid.methods.mpm.settings import PLASTIC_STATE
 from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.extents import domain_bounds
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement, initial_velocity
+from parsolid.scene import (
+    Scene,
+    initial_deformation_gradient,
+    initial_displacement,
+    initial_plastic_strain,
+    initial_temperature,
+    initial_velocity,
+    initial_zero_energy_temperature,
+)
+from parsolid.scene.boundaries.thermal import PrescribedTemperature
 
 # F of the undeformed body: 11, 12, 21, 22, 33 in two dimensions, its rows in three
 _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)}
+# components of nine that F has in two and three dimensions
+TENSOR_ROWS = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
+# components of six that the deviator has in two and three dimensions
+SYMMETRIC_ROWS = {2: 4, 3: 6}
 # of the cell, for the gradients of formulas
 _DIFFERENCE = 1e-4
+
+
+@inlined
+def load_gradient(deformation, p):
+    """F of particle p, nine numbers, from 5 rows (11, 12, 21, 22, 33) in two dimensions or 9 in three."""
+    if len(deformation) == 9:
+        F = (deformation[0, p], deformation[1, p], deformation[2, p], deformation[3, p], deformation[4, p],
+             deformation[5, p], deformation[6, p], deformation[7, p], deformation[8, p])  # fmt: skip
+    else:
+        F = (deformation[0, p], deformation[1, p], 0.0, deformation[2, p], deformation[3, p], 0.0,
+             0.0, 0.0, deformation[4, p])  # fmt: skip
+    return F
 
 
 class MaterialPoints(Particles):
@@ -97,6 +125,29 @@ class MaterialPoints(Particles):
             rows("velocity_slope").reshape(-1, 3, 4)[:, :d, :d] = slope
         if self.axisymmetric:
             rows("deformation_gradient")[:, 4] = rows("position")[:, 0] / particle_set.position[:, 0]
+
+    def declare_plastic_state(self, scene: Scene, loads: Loads) -> None:
+        """What particles carry where any law is elastic-plastic."""
+        self.declare(kept_column("unrotated_deviator", SYMMETRIC_ROWS[self.dimension], "Pa"))
+        for field in PLASTIC_STATE:
+            self.declare(field)
+        # planes at a temperature take up the plastic heat of the particles beside them, see `heat.Conduction`
+        if scene.method.conduction and loads.of(PrescribedTemperature):
+            self.declare(kept_column("plastic_rise", 1, "K"))
+        declare_failure(self, self.laws)
+
+    def begin_plastic_state(self, scene: Scene, particle_set: ParticleSet) -> None:
+        """Temperatures of the bodies' formulas and the internal energy that belongs to them."""
+        rows, place = self.owned_rows, (scene, particle_set.body, particle_set.position)
+        laws = [self.laws[number] for number in self.law_of_body]
+        usual = np.array([getattr(law, "reference_temperature", 0.0) for law in laws])
+        rows("temperature")[:] = initial_temperature(*place, usual, particle_set.regions)
+        rows("plastic_strain")[:] = initial_plastic_strain(*place, particle_set.regions)
+        for block in self.warm_blocks:
+            here = slice(block.first, block.last)
+            warm, reference = rows("temperature")[here], block.law.reference_temperature
+            cold = initial_zero_energy_temperature(scene, rows("body")[here], warm, reference)
+            rows("internal_energy")[here] = block.law.internal_energy(warm, cold)
 
     # --- as kernels take them -------------------------------------------------------------------------------------
 

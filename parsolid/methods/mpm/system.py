@@ -12,25 +12,22 @@ from mpi4py import MPI
 
 from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
-from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum, minimum
-from parsolid.materials.hyperelastic.functions import elastic_moduli
-from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
-from parsolid.methods import failed_matter
-from parsolid.methods.mpm import output
 from parsolid.methods.mpm.cells import CellMigration
 from parsolid.methods.mpm.conditions import GridConditions
-from parsolid.methods.mpm.energies import StepEnergies, kinetic_energy
+from parsolid.methods.mpm.elastic_plastic import ElasticPlasticSolid
+from parsolid.methods.mpm.energies import StepEnergies
 from parsolid.methods.mpm.external_forces import ExternalForces
 from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.heat import Conduction, common_conductivity, conducts
+from parsolid.methods.mpm.hyperelastic import HyperelasticSolid
+from parsolid.methods.mpm.output import Reports
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.mpm.shape_functions import nodes_across
-from parsolid.methods.mpm.stress import StressUpdate
 from parsolid.methods.mpm.transfer import grid_to_particles, particles_to_grid
 from parsolid.methods.previous_state import take_forces, take_state
-from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
+from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
@@ -39,9 +36,12 @@ from parsolid.scene import Scene
 _ANY_STEP = 1e300
 
 
-class MaterialPoint(ParticleSystem):
-    """The method on one rank: its particles `points`, its cells and shared nodes `grid`, the arrays of nodes
-    `nodes`."""
+class MaterialPoint(Reports):
+    """The method on one rank: its particles `points`, its cells and shared nodes `grid`, the arrays of nodes `nodes`.
+
+    solids: of each law, what its particles do between the transfers; fastest [m/s]: largest c + |v| of this rank's
+    particles; plastic_work [J]: of all steps.
+    """
 
     def __init__(self, comm: MPI.Intracomm, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Raises SolverError on all ranks when planes do not suit
@@ -52,7 +52,10 @@ class MaterialPoint(ParticleSystem):
         self.loads = self.conditions.loads
         self.landings = self.loads.times
         self.reactions = self.loads.reactions
-        self.stress = StressUpdate(scene, points, self.loads)
+        kinds = [ElasticPlasticSolid if isinstance(law, ElasticPlastic) else HyperelasticSolid for law in points.laws]
+        self.solids: dict[Any, Any] = {law: kind(law, points, self.settings) for law, kind in zip(points.laws, kinds)}
+        if ElasticPlasticSolid in kinds:
+            points.declare_plastic_state(scene, self.loads)
         conducting = conducts(scene, points.laws)
         thermal = self.conditions.thermal_planes(common_conductivity(points.laws)) if conducting else []
         mirrors = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
@@ -65,7 +68,7 @@ class MaterialPoint(ParticleSystem):
         self.external: ExternalForces | None = None
         # of a step whose nodes have been accelerated already
         self._energies: StepEnergies | None = None
-        self._sound = True
+        self._sound, self.fastest, self.plastic_work = True, 0.0, 0.0
         self._partition: CutTree | None = None
 
     # --- a step -------------------------------------------------------------------------------------------------------
@@ -100,7 +103,7 @@ class MaterialPoint(ParticleSystem):
             self.accelerate_nodes(time, step)
         assert self._energies is not None
         boundaries = self._move_particles(time + step, step)
-        self._sound, materials = self.stress.advance(step)
+        self._sound, materials = self.advance_stress(step)
         self._energies.book(ledger, step, boundaries, materials, self.loads)
         self._energies = None
         self._sound = self.migration.migrate() and self._sound
@@ -145,6 +148,18 @@ class MaterialPoint(ParticleSystem):
         nodes.find_remapped_velocities()
         return self.conditions.impose(nodes, nodes.remapped, time)[1]
 
+    def advance_stress(self, step: float) -> tuple[bool, dict[str, float]]:
+        """State and stress of all particles after a step [s] with the velocity gradients that they have: whether all
+        are sound, and what this rank's laws tell the ledger [J]."""
+        sound, self.fastest, terms = True, 0.0, {"plastic_work": 0.0, "viscous_work": 0.0}
+        for block in self.points.blocks:
+            good, speed, more = self.solids[block.law].advance(block, step, self.external is not None)
+            sound, self.fastest = sound and good, max(self.fastest, speed)
+            for name, found in more.items():
+                terms[name] = terms.get(name, 0.0) + found
+        self.plastic_work += terms["plastic_work"]
+        return sound, terms
+
     def _load_forces(self, time: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of the loads on particles at a time [s], None without any."""
         loads = self.loads.loads(time)
@@ -157,7 +172,7 @@ class MaterialPoint(ParticleSystem):
 
     def stable_step(self) -> float:
         """cfl h / (c + |v|) [s] of this rank's fastest particle, and what conduction and springs allow."""
-        settings, fastest = self.settings, self.stress.fastest
+        settings, fastest = self.settings, self.fastest
         thermal = self.conduction.stable_step() if self.conduction is not None else np.inf
         if not settings.motion:
             return float(thermal)
@@ -173,12 +188,13 @@ class MaterialPoint(ParticleSystem):
         """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress;
         collective."""
         self.points.begin(scene, particle_set)
-        self.stress.begin(scene, particle_set)
+        if self.takes_heat:
+            self.points.begin_plastic_state(scene, particle_set)
         if taken := take_state(self.comm, scene, self, particle_set):
             self.points.without_deleted()
         self.migration.redistribute()
         self.nodes.follow_cells()
-        self.stress.advance(0.0)
+        self.advance_stress(0.0)
         take_forces(self.comm, scene, self)
         if taken and self.external is not None:
             self.external.go_on(min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf))
@@ -203,20 +219,20 @@ class MaterialPoint(ParticleSystem):
             "external": None if self.external is None else self.external.state(),
             "partition": self.grid.partition.state(),
             "steps": self.migration.steps,
-            "fastest": maximum(self.comm, self.stress.fastest),
-            "plastic_work": OfRanks(self.stress.plastic_work),
+            "fastest": maximum(self.comm, self.fastest),
+            "plastic_work": OfRanks(self.plastic_work),
             "driven_planes": [[one.moved, one.at] for one in self.conditions.driven],
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave; owners of cells only for as many ranks."""
-        self.migration.steps, self.stress.fastest = state["steps"], state["fastest"]
+        self.migration.steps, self.fastest = state["steps"], state["fastest"]
         partition = CutTree.from_state(state["partition"], self.dimension)
         for one, kept in zip(self.conditions.driven, state.get("driven_planes", ())):
             one.moved, one.at = kept
         if self.external is not None:
             self.external.set_state(self.comm, state.get("external"))
-        self.stress.plastic_work = float(own_share(self.comm, state["plastic_work"])[0])
+        self.plastic_work = float(own_share(self.comm, state["plastic_work"])[0])
         if partition.ranks == self.comm.size:
             self._partition = partition
 
@@ -229,11 +245,6 @@ class MaterialPoint(ParticleSystem):
             self.migration.keep_rows()
         if self.external is None:
             self.external = ExternalForces(self.points)
-            self.stress.centre_viscosity()
-
-    def late_impulse(self) -> np.ndarray:
-        """Velocities are of the middle of the last step."""
-        return super().late_impulse() if self.external is None else self.external.late_impulse()
 
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]
@@ -256,22 +267,6 @@ class MaterialPoint(ParticleSystem):
         """See `CellMigration.follow_work`."""
         self.migration.follow_work(work, number)
 
-    # --- what the loop and the reports ask ----------------------------------------------------------------------------
-
-    @property
-    def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
-        return symmetry_planes([one.plane for one in self.conditions.planes])
-
-    def wave_modulus(self, body: int) -> tuple[float, float]:
-        """By the speed of pressure waves in the undeformed solid."""
-        law = self.points.laws[self.points.law_of_body[body]]
-        if isinstance(law, ElasticPlastic):
-            mu = plastic_evaluation.shear_modulus(law, 1.0, 0.0, law.reference_temperature)
-            return float(plastic_evaluation.isentropic_bulk_modulus(law, 1.0, 0.0) + 4.0 / 3.0 * mu), law.density
-        shear, lame = elastic_moduli(law)
-        return float(lame + 2.0 * shear), law.density
-
     @property
     def owned(self) -> int:  # type: ignore[override]
         """Number of this rank's particles, which changes as they move."""
@@ -281,74 +276,3 @@ class MaterialPoint(ParticleSystem):
     def mass(self) -> np.ndarray:
         """Mass [kg] (capacity,)."""
         return self.points["mass"]
-
-    @property
-    def share(self) -> np.ndarray:
-        """No particle lies on a mirror plane."""
-        return np.ones(len(self.points.motion))
-
-    def energies(self) -> tuple[float, float]:
-        """Kinetic energy and internal energy [J] of this rank's particles, heat and plastic work included."""
-        kinetic = float(kinetic_energy(self.owned, self.points.motion))
-        if self.external is not None:
-            kinetic += self.external.energy()
-        return kinetic, self.stress.stored_energy()
-
-    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """Fields that are not declared."""
-        return output.shown(self.points, name, first, last)
-
-    def measure(self, name: str) -> tuple[str, np.ndarray]:
-        """This rank's part of a quantity of the whole body."""
-        return output.measure(self.points, name, self.stress.plastic_work)
-
-    def unsound(self) -> tuple[int, str] | None:
-        """The rank's first particle that is inside out, compressed beyond its equation of state, lost, or not a
-        number."""
-        cells = self.grid.cells
-        return output.first_unsound(self.points, cells.order[: cells.start[-1]])
-
-    def advice(self) -> str:
-        """What most likely helps."""
-        settings, hints = self.settings, [f"a smaller method.cfl (it is {self.settings.cfl:g})"]
-        others = [f"{key} = '{word}'" for key, word in (("order", "musl"), ("transfer", "apic"))]
-        stated = (settings.order == "musl", settings.transfer == "apic")
-        hints += [" or ".join(word for word, has in zip(others, stated) if not has)] if not all(stated) else []
-        return ", ".join([*hints, "more particles a cell", "or a milder load"])
-
-    def numbers(self) -> dict[str, int]:
-        """Cells, nodes and shared nodes of this rank."""
-        cells = self.grid.cells
-        return {
-            "grid cells": int(cells.occupied.sum()),
-            "grid nodes": len(cells.nodes),
-            "shared nodes": len(self.grid.shared_slots()),
-        }
-
-    def arrays(self) -> list[np.ndarray]:
-        """Arrays besides those of the particles."""
-        return [self.nodes.motion, self.nodes.remapped, self.nodes.heat, *self.grid.cells.arrays()]
-
-    def bytes_a_step(self) -> int:
-        """Bytes of the sums over nodes; particles that are handed over come on top."""
-        self.nodes.follow_cells()
-        return self.nodes.bytes_sent
-
-    def summary(self) -> dict[str, Any]:
-        """Particles that changed their rank, how often cells were dealt out anew, and what has failed or melted."""
-        result: dict[str, Any] = {
-            "migrated_particles": self.comm.allreduce(self.grid.migrated),
-            "rebalanced": self.migration.rebalanced,
-        }
-        load = self.migration.load
-        result |= load.summary() if load is not None else {}
-        result |= failed_matter.summary(self.comm, self.points, self.mass[: self.owned])
-        return result | output.melting_summary(self.comm, self.points)
-
-    @staticmethod
-    def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
-        """A few cells, with the particles in their middles and nothing that a plane could cut."""
-        method = {key: value for key, value in tables["method"].items() if value is not None}
-        tables["method"] = method | {"cell": 1.0, "origin": [0.0] * tables["dimension"]}
-        tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
-        return tables

@@ -35,6 +35,7 @@ import numpy as np
 
 from parsolid.kernels import inlined, kernel
 from parsolid.methods.mpm.shape_functions import nodes_across, put_moments, shape_functions
+from parsolid.pairs.rows_of_four import add, add_scaled, load_row, scale, store_row
 
 
 class Cells(NamedTuple):
@@ -54,30 +55,6 @@ class Cells(NamedTuple):
     start: np.ndarray
     order: np.ndarray
     stencil: np.ndarray
-
-
-@inlined
-def load4(a, i, first):
-    """Four numbers of row i."""
-    return a[i, first], a[i, first + 1], a[i, first + 2], a[i, first + 3]
-
-
-@inlined
-def store4(a, i, first, v):
-    """Four numbers into row i."""
-    a[i, first], a[i, first + 1], a[i, first + 2], a[i, first + 3] = v[0], v[1], v[2], v[3]
-
-
-@inlined
-def scale4(s, a):
-    """s a."""
-    return s * a[0], s * a[1], s * a[2], s * a[3]
-
-
-@inlined
-def add4(s, a, b):
-    """s a + b."""
-    return s * a[0] + b[0], s * a[1] + b[1], s * a[2] + b[2], s * a[3] + b[3]
 
 
 @inlined
@@ -110,13 +87,13 @@ def particles_to_grid(basis, cells, motion, slope, stress, external, nodes):
     planes = across if first == 0 else 1
     table, near = np.zeros((3, across, 4)), np.empty((across**3, 8))
     table[0, 0, 0] = 1.0
-    scale, zero, pull = -1.0 / cells.spacing, (0.0, 0.0, 0.0, 0.0), np.zeros((1, 4))
+    inward, zero, pull = -1.0 / cells.spacing, (0.0, 0.0, 0.0, 0.0), np.zeros((1, 4))
     for c in range(len(cells.base)):
         if cells.start[c] == cells.start[c + 1]:
             continue
         for k in range(cells.stencil.shape[1]):
-            store4(near, k, 0, zero)
-            store4(near, k, 4, zero)
+            store_row(near, k, 0, zero)
+            store_row(near, k, 4, zero)
         for n in range(cells.start[c], cells.start[c + 1]):
             p = np.uintp(cells.order[n])
             put_weights(basis, cells, c, p, motion, table)
@@ -124,48 +101,45 @@ def particles_to_grid(basis, cells, motion, slope, stress, external, nodes):
             momentum = (m * motion[p, 4], m * motion[p, 5], m * motion[p, 6], m)
             if slope is not None:
                 size, o = m * cells.spacing, slope[p, 3]
-                cx = scale4(size, (slope[p, 0], slope[p, 4], slope[p, 8], o))
-                cy = scale4(size, (slope[p, 1], slope[p, 5], slope[p, 9], o))
-                cz = scale4(size, (slope[p, 2], slope[p, 6], slope[p, 10], o))
+                cx = scale(size, (slope[p, 0], slope[p, 4], slope[p, 8], o))
+                cy = scale(size, (slope[p, 1], slope[p, 5], slope[p, 9], o))
+                cz = scale(size, (slope[p, 2], slope[p, 6], slope[p, 10], o))
                 if first:
                     cx, cy, cz = cz, cx, cy
             if stress is not None:
-                xx, yy, zz, o = load4(stress, p, 0)
-                yz, xz, xy, _ = load4(stress, p, 4)
-                sx, sy, sz = (
-                    scale4(scale, (xx, xy, xz, o)),
-                    scale4(scale, (xy, yy, yz, o)),
-                    scale4(scale, (xz, yz, zz, o)),
-                )
+                xx, yy, zz, o = load_row(stress, p, 0)
+                yz, xz, xy, _ = load_row(stress, p, 4)
+                sx, sy = scale(inward, (xx, xy, xz, o)), scale(inward, (xy, yy, yz, o))
+                sz = scale(inward, (xz, yz, zz, o))
                 if first:
                     sx, sy, sz = sz, sx, sy
                 if external is not None:
-                    store4(pull, 0, 0, load4(external, p, 0))
+                    store_row(pull, 0, 0, load_row(external, p, 0))
                 if cells.axisymmetric:
                     pull[0, 0] = (0.0 if external is None else external[p, 0]) - stress[p, 2] / motion[p, 0]
-                force = load4(pull, 0, 0)
+                force = load_row(pull, 0, 0)
             for i in range(planes):
                 for j in range(across):
                     wx, wy, row = table[0, i, 0], table[1, j, 0], (i * across + j) * across
                     w, there = wx * wy, momentum
                     if slope is not None:
-                        there = add4(table[0, i, 2], cx, add4(table[1, j, 2], cy, momentum))
+                        there = add_scaled(add_scaled(momentum, table[1, j, 2], cy), table[0, i, 2], cx)
                     if stress is not None:
-                        side = add4(table[0, i, 1] * wy, sx, add4(wx * table[1, j, 1], sy, scale4(w, force)))
-                        along = scale4(w, sz)
+                        side = add_scaled(add_scaled(scale(w, force), wx * table[1, j, 1], sy), table[0, i, 1] * wy, sx)
+                        along = scale(w, sz)
                     for k in range(across):
                         carried = there
                         if slope is not None:
-                            carried = add4(table[2, k, 2], cz, there)
-                        store4(near, row + k, 0, add4(w * table[2, k, 0], carried, load4(near, row + k, 0)))
+                            carried = add_scaled(there, table[2, k, 2], cz)
+                        store_row(near, row + k, 0, add_scaled(load_row(near, row + k, 0), w * table[2, k, 0], carried))
                         if stress is not None:
-                            pulled = add4(table[2, k, 0], side, load4(near, row + k, 4))
-                            store4(near, row + k, 4, add4(table[2, k, 1], along, pulled))
+                            pulled = add_scaled(load_row(near, row + k, 4), table[2, k, 0], side)
+                            store_row(near, row + k, 4, add_scaled(pulled, table[2, k, 1], along))
         for k in range(cells.stencil.shape[1]):
             node = np.uintp(cells.stencil[c, k])
-            store4(nodes, node, 0, add4(1.0, load4(near, k, 0), load4(nodes, node, 0)))
+            store_row(nodes, node, 0, add(load_row(nodes, node, 0), load_row(near, k, 0)))
             if stress is not None:
-                store4(nodes, node, 4, add4(1.0, load4(near, k, 4), load4(nodes, node, 4)))
+                store_row(nodes, node, 4, add(load_row(nodes, node, 4), load_row(near, k, 4)))
 
 
 @kernel
@@ -187,11 +161,11 @@ def grid_to_particles(basis, cells, nodes, remapped, step, motion, fraction, slo
             continue
         for k in range(cells.stencil.shape[1]):
             node = np.uintp(cells.stencil[c, k])
-            store4(near, k, 0, load4(nodes, node, 0))
+            store_row(near, k, 0, load_row(nodes, node, 0))
             if remapped is None:
-                store4(near, k, 4, load4(nodes, node, 4))
+                store_row(near, k, 4, load_row(nodes, node, 4))
             else:
-                store4(near, k, 4, load4(remapped, node, 0))
+                store_row(near, k, 4, load_row(remapped, node, 0))
         for n in range(cells.start[c], cells.start[c + 1]):
             p = np.uintp(cells.order[n])
             put_weights(basis, cells, c, p, motion, table)
@@ -204,32 +178,32 @@ def grid_to_particles(basis, cells, nodes, remapped, step, motion, fraction, slo
                     w = wx * wy
                     velocity, other, along, slanted = zero, zero, zero, zero
                     for k in range(across):
-                        velocity = add4(table[2, k, 0], load4(near, row + k, 0), velocity)
+                        velocity = add_scaled(velocity, table[2, k, 0], load_row(near, row + k, 0))
                         if fraction is not None or remapped is not None:
-                            other = add4(table[2, k, 0], load4(near, row + k, 4), other)
+                            other = add_scaled(other, table[2, k, 0], load_row(near, row + k, 4))
                         if rate is not None:
                             if remapped is None:
-                                along = add4(table[2, k, 1], load4(near, row + k, 0), along)
+                                along = add_scaled(along, table[2, k, 1], load_row(near, row + k, 0))
                             else:
-                                along = add4(table[2, k, 1], load4(near, row + k, 4), along)
+                                along = add_scaled(along, table[2, k, 1], load_row(near, row + k, 4))
                         if slope is not None:
-                            slanted = add4(table[2, k, 3], load4(near, row + k, 0), slanted)
-                    v = add4(w, velocity, v)
+                            slanted = add_scaled(slanted, table[2, k, 3], load_row(near, row + k, 0))
+                    v = add_scaled(v, w, velocity)
                     if fraction is not None or remapped is not None:
-                        second = add4(w, other, second)
+                        second = add_scaled(second, w, other)
                     if rate is not None:
                         straining = velocity if remapped is None else other
-                        gx = add4(table[0, i, 1] * wy, straining, gx)
-                        gy = add4(wx * table[1, j, 1], straining, gy)
-                        gz = add4(w, along, gz)
+                        gx = add_scaled(gx, table[0, i, 1] * wy, straining)
+                        gy = add_scaled(gy, wx * table[1, j, 1], straining)
+                        gz = add_scaled(gz, w, along)
                     if slope is not None:
-                        cx = add4(table[0, i, 3] * wy, velocity, cx)
-                        cy = add4(wx * table[1, j, 3], velocity, cy)
-                        cz = add4(w, slanted, cz)
+                        cx = add_scaled(cx, table[0, i, 3] * wy, velocity)
+                        cy = add_scaled(cy, wx * table[1, j, 3], velocity)
+                        cz = add_scaled(cz, w, slanted)
             # LLVM takes tuples of four for vectors where it sees all four of them stored
-            store4(sums, 0, 0, v)
+            store_row(sums, 0, 0, v)
             if fraction is not None:
-                store4(sums, 1, 0, second)
+                store_row(sums, 1, 0, second)
                 for a in cells.axes:
                     motion[p, 4 + a] = sums[0, a] + fraction * (motion[p, 4 + a] + sums[1, a] - sums[0, a])
             if slope is not None:
@@ -241,15 +215,15 @@ def grid_to_particles(basis, cells, nodes, remapped, step, motion, fraction, slo
                 for a in cells.axes:
                     motion[p, a] += step * sums[0, a]
                 if paths is not None:
-                    store4(paths, p, 0, v)
+                    store_row(paths, p, 0, v)
 
 
 @inlined
-def put_rows(array, p, first, scale, x, y, z, sums):
+def put_rows(array, p, first, factor, x, y, z, sums):
     """Columns of a tensor, scaled, as rows; in two dimensions its columns are y and z."""
-    store4(sums, 2, 0, scale4(scale, x))
-    store4(sums, 3, 0, scale4(scale, y))
-    store4(sums, 4, 0, scale4(scale, z))
+    store_row(sums, 2, 0, scale(factor, x))
+    store_row(sums, 3, 0, scale(factor, y))
+    store_row(sums, 4, 0, scale(factor, z))
     for a in range(3 - first):
         for b in range(3 - first):
             array[p, 4 * a + b] = sums[2 + b + first, a]

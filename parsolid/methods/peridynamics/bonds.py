@@ -1,4 +1,4 @@
-"""Bonds of a rank's particles: lists, weights, shape tensors, and the two sweeps with the messages they need.
+"""Bonds of a rank's particles: lists, weights and shape tensors; `sweeps` goes over them.
 
 A bond joins particles closer than the horizon delta, that of the mean of 1/delta^2 of both. With the influence w(q),
 q = |xi|/delta, its weight is w V_a V_b, and the shape tensor K_a = sum_b w V_b xi (x) xi. All arrays have ghosts behind
@@ -13,10 +13,9 @@ import numpy as np
 from decomposition.halo import Halo
 from parsolid.collective import maximum, raise_together
 from parsolid.kernels import kernel
-from parsolid.methods.peridynamics import sweeps
-from parsolid.methods.peridynamics.sweeps import BondList, Images, fill_columns
+from parsolid.methods.peridynamics.sweeps import MATRIX_ROW, BondList, BondSweeps, Images
 from parsolid.pairs.candidates import bonded_only, coincident, mirror_candidates, plain_candidates, reach_of
-from parsolid.pairs.lattice_convolution import LatticeConvolution, aligned_zeros, lattice_convolution
+from parsolid.pairs.lattice_convolution import lattice_convolution
 from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.tensors import determinant_symmetric, inverse_symmetric
 
@@ -28,16 +27,12 @@ INFLUENCES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 # the determinant of a shape tensor over that of a multiple of 1 below which its bonds do not span space
 _FLAT = 1e-9
-# numbers in the row of a matrix, see `sweeps`
-MATRIX_ROW = {2: 4, 3: 12}
 
 
-class Bonds:
+class Bonds(BondSweeps):
     """All bonds of a rank's particles; d = 2 or 3, 2 for bars, too.
 
-    inner: bonds of owned particles, each once; rim: those with ghosts; mirror: those with the images of particles and
-    ghosts; positions (n, d) [m], volume (n,) [m^3]; horizon (owned,) [m]; determinant (owned,) of K [m^10, in the plane
-    m^8]; lattice: a convolution that has the same sums without the lists, or None.
+    volume (n,) [m^3]; horizon (owned,) [m]; determinant (owned,) of K [m^10, in the plane m^8].
 
     It declares inverse_shape, K^-1 as 11, 22, 33, 12, 13, 23, zero where the bonds do not span space or bear no stress;
     and bond_stress, the rows of M, which ghosts have with the message "record".
@@ -52,7 +47,6 @@ class Bonds:
         self.bar, self.owned = particle_set.position.shape[1] == 1, len(particle_set)
         self.d = d = max(2, particle_set.position.shape[1])
         self.influence = settings.influence
-        self.lattice: LatticeConvolution | None = None
         self.horizon = horizons(settings, particle_set)
         columns: dict[str, Any] = {"layout": Columns()}
         particles.declare(Field("inverse_shape", 6, "1/m^5", carried=False, **columns))
@@ -61,12 +55,7 @@ class Bonds:
         told: dict[str, Any] = {"ghosts": "forward", "message": "record"}
         particles.declare(Field("bond_stress", row, "", layout=Rows(row), carried=False, **told))
         particles.update("reference")
-        if d == 3:
-            self._add_gradients, self._add_forces = sweeps.add_gradients_in_space, sweeps.add_forces_in_space
-        else:
-            self._add_gradients, self._add_forces = sweeps.add_gradients_in_plane, sweeps.add_forces_in_plane
-        self.motion: dict[str, np.ndarray] = {}
-        self.sums = aligned_zeros(self.owned, row)
+        self.begin_sweeps()
         self.determinant = np.zeros(self.owned)
         self.refresh_shapes(np.ones(self.owned, bool))
         raise_together(comm, self._unsupported())
@@ -86,9 +75,6 @@ class Bonds:
         self.positions, self.volume = self.halo.with_ghosts(X), self.halo.with_ghosts(particle_set.volume / share)
         inverse_square = self.halo.with_ghosts(metric[:, 0].copy())
         owned, local = self.owned, len(self.positions)
-        self.rim: BondList | None = None
-        self.mirror: BondList | None = None
-        self.images: Images | None = None
         fault: list[str] = []
         body = self.halo.with_ghosts(particle_set.body.astype(np.int64))
 
@@ -121,12 +107,6 @@ class Bonds:
             self.mirror, code = bonded(candidates, 0, local, R, T)
             self.images = Images(code, Q, R, T)
         raise_together(self.comm, fault[0] if fault else None)
-
-    @property
-    def lists(self) -> list[tuple[BondList, Images | None, int]]:
-        """Every list, its images or None, and the row below which neighbours receive, too."""
-        every: list[Any] = [(self.inner, None, self.owned), (self.rim, None, 0), (self.mirror, self.images, 0)]
-        return [one for one in every if one[0] is not None]
 
     @property
     def directed_pairs(self) -> int:
@@ -167,56 +147,6 @@ class Bonds:
     def use_convolution(self) -> None:
         """No bond ever breaks, and forces have one control at most: on a lattice sums may do without the lists."""
         self.lattice = lattice_convolution(self)
-
-    # --- sweeps -----------------------------------------------------------------------------------------------
-
-    def motion_of(self, name: str) -> np.ndarray:
-        """Rows of X and of a vector field of the particles, see `sweeps`; filled by `fill`."""
-        if name not in self.motion:
-            rows = self.motion[name] = aligned_zeros(len(self.positions), 4 * (self.d - 1))
-            rows[:, : self.d] = self.positions
-        return self.motion[name]
-
-    def fill(self, name: str, first: int, last: int) -> None:
-        """Bring the field in the rows of some particles up to date."""
-        fill_columns(first, last, self.particles.storage(name), 2 * (self.d - 1), self.motion_of(name))
-
-    def gradients(self, name: str, message: str | None = None) -> np.ndarray:
-        """Sums (owned, 12 or 4) of the gradient of a field; message: with which ghosts get it first, or None."""
-        owned, local, motion = self.owned, len(self.positions), self.motion_of(name)
-        self.fill(name, 0, owned)
-        self.sums[:] = 0.0
-        if message is not None:
-            self.particles.send(message)
-        if self.lattice is None:
-            self._add_gradients(self.inner, None, owned, motion, self.sums)
-        if message is not None:
-            self.particles.receive(message)
-        self.fill(name, owned, local)
-        if self.lattice is not None:
-            self.lattice.gradients(motion, self.sums)
-            return self.sums
-        for bonds, images, receivers in self.lists[1:]:
-            self._add_gradients(bonds, images, receivers, motion, self.sums)
-        return self.sums
-
-    def divergence(self, name: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
-        """Fill force (owned, 4) [N] with that of the rows of `bond_stress`, which ghosts get first, and of a control on
-        a field, of which gradients were taken; control (n, 12 or 4): rows of C, ghosts behind, or None."""
-        motion, M = self.motion_of(name), self.particles.storage("bond_stress")
-        force[:] = 0.0
-        self.particles.send("record")
-        if self.lattice is None:
-            self._add_forces(self.inner, None, self.owned, motion, M, control, force)
-        self.particles.receive("record")
-        if self.lattice is not None:
-            self.lattice.forces(motion, M, control, force)
-            return force
-        for bonds, images, receivers in self.lists[1:]:
-            self._add_forces(bonds, images, receivers, motion, M, control, force)
-        if self.d == 2:
-            sweeps.fold_rows(force)
-        return force
 
 
 def horizons(settings: Any, particle_set: Any) -> np.ndarray:

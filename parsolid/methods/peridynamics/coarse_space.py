@@ -10,9 +10,9 @@ from decomposition.reduction import sums
 from parsolid.collective import maximum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.methods.peridynamics.bonds import Bonds
-from parsolid.methods.peridynamics.pieces import unbalanced_piece
+from parsolid.methods.peridynamics.fragments import unbalanced_fragment
 from parsolid.methods.peridynamics.tangent import Operator, algorithmic_law
-from parsolid.solvers import Grid, StiffVolumes, TwoLevel, start_vector
+from parsolid.solvers import Grid, NearlyIncompressible, TwoLevel, start_vector
 
 # width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
 _WIDTH = 4.0
@@ -61,7 +61,7 @@ class CoarseSpace:
             result[near] |= plane.held(numbers.shape[1])
         return result
 
-    def preconditioner(self, step: float) -> TwoLevel | StiffVolumes:
+    def preconditioner(self, step: float) -> TwoLevel | NearlyIncompressible:
         """The preconditioner of a step of a length [s]."""
         solver, forces = copy(self.bare), self.operator.forces
         lame, shear, laws = np.zeros(len(self.volume)), np.zeros(len(self.volume)), []
@@ -69,7 +69,7 @@ class CoarseSpace:
             elastic = algorithmic_law(law, step)
             lame[first:last], shear[first:last] = elastic.first_lame, elastic.shear_modulus
             laws.append((first, last, elastic._replace(first_lame=0.0)))
-        stiff = self._has_stiff_volumes(lame, shear)
+        stiff = self._is_nearly_incompressible(lame, shear)
         factor = forces.factor(step)
         lame, shear = lame * factor, shear * factor
         resisted = np.maximum(lame, _LEAST * shear) * self.volume
@@ -77,19 +77,19 @@ class CoarseSpace:
             lame = np.zeros_like(lame)
         solver.of_moduli(lame, shear, self.volume, self._diagonal(lame + 2.0 * shear, laws if stiff else None, step))
         motions = self._rigid_motions(self.operator.particles.owned_rows("reference_position"))
-        solver.leave_out(motions, self._restraint(motions))
+        solver.project_out(motions, self._restraint(motions))
         if not stiff:
             return solver
         if self.divergence is None:
             self.divergence = divergence_of_components(forces.bonds, self.operator.dimension)
-        return StiffVolumes(solver, self.divergence, 1.0 / np.concatenate(self.comm.allgather(resisted)))
+        return NearlyIncompressible(solver, self.divergence, 1.0 / np.concatenate(self.comm.allgather(resisted)))
 
-    def _has_stiff_volumes(self, lame: np.ndarray, shear: np.ndarray) -> bool:
+    def _is_nearly_incompressible(self, lame: np.ndarray, shear: np.ndarray) -> bool:
         """Whether volumes are so stiff that two levels alone take long, and particles few enough for more."""
         few = self.comm.allreduce(len(lame)) <= _MOST_FACTORISED.get(self.operator.dimension, 0)
         return few and maximum(self.comm, float(np.max(lame / shear, initial=0.0))) > _STIFF
 
-    def stiff_volumes_note(self, steps: tuple[float, ...]) -> str:
+    def near_incompressibility_note(self, steps: tuple[float, ...]) -> str:
         """What volumes cost that are stiff in a body too large to factorise their pressures, in words; nothing where
         they are not. steps [s]: lengths of steps. Collective.
         """
@@ -131,10 +131,10 @@ class CoarseSpace:
                 motions.append(spin)
         return np.array(motions)
 
-    def unbalanced_piece(self, residual: np.ndarray, target: float) -> str:
-        """See `pieces.unbalanced_piece`."""
+    def unbalanced_fragment(self, residual: np.ndarray, target: float) -> str:
+        """See `fragments.unbalanced_fragment`."""
         motions = self._rigid_motions(self.operator.particles.owned_rows("reference_position"))
-        return unbalanced_piece(self.operator, motions, self._restraint, residual, target)
+        return unbalanced_fragment(self.operator, motions, self._restraint, residual, target)
 
     def _restraint(self, motions: np.ndarray, piece: np.ndarray | None = None) -> np.ndarray:
         """Sums of products (k, k) of rigid motions (k, n, d) where they are prescribed and on mirror planes, of all

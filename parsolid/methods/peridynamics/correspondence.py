@@ -16,26 +16,27 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.kernels import exact, inlined, kernel
-from parsolid.materials.viscoelastic.prony import Prony, branch_weights, linear_stress
-from parsolid.methods.peridynamics.bonds import MATRIX_ROW, Bonds
+from parsolid.kernels import kernel
+from parsolid.materials.viscoelastic.prony import LinearSolid, branch_weights, linear_solid, linear_stress
+from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.relaxing_displacement import RelaxingDisplacement
-from parsolid.methods.peridynamics.solids import (
-    NO_STRESS,
-    end_of_step,
-    has_tensor_history,
-    initial_history,
-    is_small_strain,
-    kernel_law,
-    series_of,
-    step_weights,
-    stress_after,
-    undeformed_wave_modulus,
+from parsolid.methods.peridynamics.solids import has_tensor_history, is_small_strain, series_of
+from parsolid.methods.peridynamics.sweeps import (
+    MATRIX_ROW,
+    control_at,
+    copy_to_columns,
+    gradient_at,
+    inverse_at,
+    matmul_in,
+    store_rows,
 )
-from parsolid.methods.peridynamics.sweeps import copy_to_columns
+from parsolid.methods.peridynamics.tensor_histories import TensorHistories
 from parsolid.pairs.lattice_convolution import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows
-from parsolid.tensors import IDENTITY, combine, determinant, general, matmul, plus, symmetric_part
+from parsolid.tensors import combine, general, symmetric_part
+
+# sigma = 0: a law that leaves the control of zero-energy modes alone
+NO_STRESS = LinearSolid(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0)
 
 
 class BondForces:
@@ -206,7 +207,7 @@ class CorrespondenceForces(BondForces):
             M[: self.owned] = 0.0
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
         for first, last, law in laws:
-            law = NO_STRESS if law is None else kernel_law(law)
+            law = NO_STRESS if law is None else linear_solid(law)
             store_linear_stresses(self.plane, first, last, law, inverse, volume, control, sums, M)
         return self.divergence(field, control, force)
 
@@ -294,69 +295,9 @@ class CorrespondenceForces(BondForces):
             for memory in self.memories:
                 sums = self.bonds.gradients(memory.field)
                 for first, last, law in memory.laws:
-                    linear_stresses(self.plane, first, last, kernel_law(law), inverse, volume, sums, P)
+                    linear_stresses(self.plane, first, last, linear_solid(law), inverse, volume, sums, P)
         nominal = P.reshape(-1, 3, 3)
         return pushed_forward(nominal, F) if self.stiffens else nominal
-
-
-class TensorHistories:
-    """Histories of laws whose stress follows from the gradient of u, see `solids`. It declares
-
-    tensor_history    (6 + 6 terms, n), with rows for as many branches as any law has
-
-    stored [J]: energy of the settled states, without the control's; sound, growth: see `CorrespondenceForces`.
-    """
-
-    def __init__(self, bonds: Bonds, laws: list[Any], terms: int, share: np.ndarray) -> None:
-        """laws: (first, last, law) of the rank's particles; terms: most branches of any law of the scene."""
-        self.bonds, self.particles, self.plane = bonds, bonds.particles, True if bonds.d == 2 else None
-        self.laws = laws
-        self.tributary_volume = bonds.volume[: bonds.owned] * share
-        self.stored, self.sound, self.growth = 0.0, True, 1.0
-        columns = Field("tensor_history", 6 * (1 + terms), "1", checkpointed=True, mirror="tensor", layout=Columns())
-        self.particles.declare(columns)
-        for first, last, law in laws:
-            fresh = initial_history(law)
-            self.history[: len(fresh), first:last] = fresh[:, None]
-
-    @property
-    def history(self) -> np.ndarray:
-        """The histories (rows, n)."""
-        return self.particles.storage("tensor_history")
-
-    def store_stresses(self, step: float, sums: np.ndarray, M: np.ndarray) -> None:
-        """M = P K^-1 of all particles after a step [s], from the sums of the gradient of u."""
-        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
-        for first, last, law in self.laws:
-            given = first, last, kernel_law(law), step_weights(law, step)
-            store_stresses(self.plane, *given, inverse, volume, self.history, sums, M)
-
-    def settle(self, step: float, sums: np.ndarray) -> float:
-        """Take all histories through a step [s] to the displacement whose gradient has these sums; the energy
-        dissipated [J]."""
-        self.stored, lost, self.sound, self.growth = 0.0, 0.0, True, 1.0
-        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
-        for first, last, law in self.laws:
-            given = first, last, kernel_law(law), step_weights(law, step)
-            stored, loss, sound, waves = settle_histories(
-                self.plane, *given, inverse, volume, self.tributary_volume, self.history, sums
-            )
-            self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
-            self.growth = max(self.growth, waves / undeformed_wave_modulus(law))
-        return lost
-
-    def relax_fully(self) -> None:
-        """Let all branches relax, as after an infinite time at the settled deformation."""
-        for first, last, law in self.laws:
-            mine = self.history[:, first:last]
-            mine[6:] = 0.0 if isinstance(law, Prony) else np.tile(mine[:6], (len(mine) // 6 - 1, 1))
-
-    def nominal_stresses(self, sums: np.ndarray, result: np.ndarray) -> None:
-        """First Piola-Kirchhoff stress (owned, 9) [Pa] of the settled state from the sums of the gradient of u."""
-        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
-        for first, last, law in self.laws:
-            given = first, last, kernel_law(law), step_weights(law, 0.0)
-            nominal_stresses(self.plane, *given, inverse, volume, self.history, sums, result)
 
 
 def pushed_forward(P: np.ndarray, F: np.ndarray) -> np.ndarray:
@@ -369,56 +310,6 @@ def gradient_matrices(bonds: Bonds, sums: np.ndarray) -> np.ndarray:
     d = bonds.d
     columns = sums.reshape(bonds.owned, d, MATRIX_ROW[d] // d)[:, :, :d].swapaxes(1, 2)
     return columns @ bonds.inverse_shapes() / bonds.volume[: bonds.owned, None, None]
-
-
-# --- a particle's tensors, from rows of the sweeps and to them -----------------------------------------------------
-
-
-@inlined
-def gradient_at(plane, sums, inverse, volume, a):
-    """G = (sums K^-1) / V of a particle, nine numbers."""
-    r = 1.0 / volume[a]
-    K0, K1, K3 = r * inverse[0, a], r * inverse[1, a], r * inverse[3, a]
-    if plane is not None:
-        s0, s1, s2, s3 = sums[a, 0], sums[a, 1], sums[a, 2], sums[a, 3]
-        return (s0 * K0 + s2 * K3, s0 * K3 + s2 * K1, 0.0, s1 * K0 + s3 * K3, s1 * K3 + s3 * K1, 0.0, 0.0, 0.0, 0.0)
-    K = (K0, K1, r * inverse[2, a], K3, r * inverse[4, a], r * inverse[5, a])
-    s = (sums[a, 0], sums[a, 4], sums[a, 8], sums[a, 1], sums[a, 5], sums[a, 9], sums[a, 2], sums[a, 6], sums[a, 10])
-    return matmul(s, general(K))
-
-
-@inlined
-def matmul_in(plane, A, B):
-    """A B; in the plane, of tensors without components out of it."""
-    if plane is not None:
-        return (A[0] * B[0] + A[1] * B[3], A[0] * B[1] + A[1] * B[4], 0.0,
-                A[3] * B[0] + A[4] * B[3], A[3] * B[1] + A[4] * B[4], 0.0, 0.0, 0.0, 0.0)  # fmt: skip
-    return matmul(A, B)
-
-
-@inlined
-def inverse_at(inverse, a):
-    """K^-1 of a particle, nine numbers."""
-    return general((inverse[0, a], inverse[1, a], inverse[2, a], inverse[3, a], inverse[4, a], inverse[5, a]))
-
-
-@inlined
-def store_rows(plane, M, a, S):
-    """Store a tensor as a row of the sweeps, column by column."""
-    if plane is not None:
-        M[a, 0], M[a, 1], M[a, 2], M[a, 3] = S[0], S[3], S[1], S[4]
-    else:
-        M[a, 0], M[a, 1], M[a, 2], M[a, 3] = S[0], S[3], S[6], 0.0
-        M[a, 4], M[a, 5], M[a, 6], M[a, 7] = S[1], S[4], S[7], 0.0
-        M[a, 8], M[a, 9], M[a, 10], M[a, 11] = S[2], S[5], S[8], 0.0
-
-
-@inlined
-def control_at(plane, C, a):
-    """A symmetric C of a particle from its row, nine numbers."""
-    if plane is not None:
-        return (C[a, 0], C[a, 2], 0.0, C[a, 1], C[a, 3], 0.0, 0.0, 0.0, 0.0)
-    return (C[a, 0], C[a, 4], C[a, 8], C[a, 1], C[a, 5], C[a, 9], C[a, 2], C[a, 6], C[a, 10])
 
 
 @kernel
@@ -440,45 +331,5 @@ def linear_stresses(plane, first, last, law, inverse, volume, sums, result):
     for a in range(first, last):
         e = symmetric_part(gradient_at(plane, sums, inverse, volume, a))
         P = general(linear_stress(law, e, e))
-        for c in range(9):
-            result[a, c] = P[c]
-
-
-# without contraction, so that stresses before and after a restart have the same bits: one of these kernels stores the
-# histories, and others read them
-@exact
-def store_stresses(plane, first, last, law, weights, inverse, volume, history, sums, M):
-    """M = P K^-1 of particles first..last-1 after a step with the weights of `step_weights`."""
-    for a in range(first, last):
-        G = gradient_at(plane, sums, inverse, volume, a)
-        store_rows(plane, M, a, matmul_in(plane, stress_after(law, weights, history, a, G), inverse_at(inverse, a)))
-
-
-@exact
-def settle_histories(plane, first, last, law, weights, inverse, volume, tributary_volume, history, sums):
-    """Take histories of particles first..last-1 through a step.
-
-    tributary_volume (owned,) [m^3]: on this side of mirror planes. Returns (stored energy after it, dissipated over it
-    [J], are all Jacobians positive, the bound of rho c^2 [Pa] of waves to come: that after the step times (J_old/J)^4
-    where a particle has shrunk, for what shrinks goes on shrinking).
-    """
-    stored, lost, sound, largest = 0.0, 0.0, True, 0.0
-    for a in range(first, last):
-        G = gradient_at(plane, sums, inverse, volume, a)
-        energy, loss, waves, ratio = end_of_step(law, weights, history, a, G, plane)
-        stored += tributary_volume[a] * energy
-        lost += tributary_volume[a] * loss
-        # of each particle: greatest of both apart would depend on which rank has which
-        largest = max(largest, waves * max(ratio, 1.0) ** 2)
-        if not determinant(plus(IDENTITY, G)) > 0.0:
-            sound = False
-    return stored, lost, sound, largest
-
-
-@exact
-def nominal_stresses(plane, first, last, law, weights, inverse, volume, history, sums, result):
-    """First Piola-Kirchhoff stress (n, 9) [Pa] of particles first..last-1."""
-    for a in range(first, last):
-        P = stress_after(law, weights, history, a, gradient_at(plane, sums, inverse, volume, a))
         for c in range(9):
             result[a, c] = P[c]

@@ -52,7 +52,7 @@ def distance(patch: Patch, positions: np.ndarray) -> np.ndarray:
 
 @kernel
 def find_crossing(bonds, images, positions, patch, found):
-    """List the intact bonds that a crack crosses, see `damage.find_failed`; through a mirror plane its image counts
+    """List the intact bonds that a crack crosses, see `fracture.find_failed`; through a mirror plane its image counts
     too.
 
     positions (n, 3) [m].

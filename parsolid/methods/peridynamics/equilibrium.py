@@ -104,7 +104,7 @@ class Equilibrium:
             operator.free,
             self.settings.most_iterations,
             self._preconditioner(),
-            None if self.coarse is None else lambda: self._unbalanced_piece(balance.residual, target),
+            None if self.coarse is None else lambda: self._unbalanced_fragment(balance.residual, target),
         )
         self.iterations += solution.iterations
         if not solution.converged:
@@ -119,9 +119,9 @@ class Equilibrium:
         self.fault = "Newton's method: no shorter step reduces what is not balanced"
         return balance
 
-    def _unbalanced_piece(self, residual: np.ndarray, target: float) -> str:
+    def _unbalanced_fragment(self, residual: np.ndarray, target: float) -> str:
         """What nothing holds, in words."""
-        words = self.coarse.unbalanced_piece(residual, target)
+        words = self.coarse.unbalanced_fragment(residual, target)
         self.unheld = bool(words)
         return str(words)
 

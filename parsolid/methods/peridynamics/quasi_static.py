@@ -166,7 +166,7 @@ class QuasiStatic:
     def cost_notes(self) -> list[Note]:
         """Volumes so stiff in bodies so large that a solution takes many iterations; collective."""
         coarse = self.equilibrium.coarse
-        told = None if coarse is None else coarse.stiff_volumes_note((0.0, self.settings.step))
+        told = None if coarse is None else coarse.near_incompressibility_note((0.0, self.settings.step))
         return [Note("stiff-volumes", told)] if told else []
 
     def unsound(self) -> tuple[int, str] | None:

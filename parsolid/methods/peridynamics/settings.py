@@ -192,7 +192,7 @@ class Peridynamics(MethodSettings):
                    on the particles at the face; "horizon", spread evenly over the horizon beneath it
     damage         bonds that break; the particle field damage is the share of a family's volume that bonds were lost
                    to, the quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see
-                   `methods.peridynamics.damage`) follow cracks
+                   `methods.peridynamics.fracture`) follow cracks
     initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing
                    relaxed yet, or "relaxed", held for ever
     """

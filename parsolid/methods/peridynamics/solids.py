@@ -51,10 +51,6 @@ second_stress, solid_energy = exact(hyperelastic_series.second_stress), exact(hy
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-# sigma = 0: a law that leaves the control of zero-energy modes alone
-NO_STRESS = LinearSolid(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0)
-
-
 @exact
 def tensor_at(history, number, a):
     """Symmetric tensor `number` of a particle."""

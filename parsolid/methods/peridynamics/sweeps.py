@@ -18,12 +18,17 @@ LLVM makes one vector instruction of each:
 In the plane they are motion (n, 4) = X f, a matrix (n, 4) column by column, and force (owned, 4) in two halves.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parsolid.kernels import inlined, kernel
+from parsolid.pairs.lattice_convolution import LatticeConvolution, aligned_zeros
 from parsolid.pairs.rows_of_four import add, add_scaled, load_row, multiply, scale, store_row, subtract
+from parsolid.tensors import general, matmul
+
+# numbers in the row of a matrix
+MATRIX_ROW = {2: 4, 3: 12}
 
 
 class BondList(NamedTuple):
@@ -212,3 +217,134 @@ def copy_to_columns(rows, vectors):
     for i in range(vectors.shape[0]):
         for a in range(rows.shape[0]):
             vectors[i, a] = rows[a, i]
+
+
+class BondSweeps:
+    """The two sweeps over a rank's bonds with the messages that they need; `bonds.Bonds` makes the lists.
+
+    inner: bonds of owned particles, each once; rim: those with ghosts; mirror: those with the images of particles and
+    ghosts; positions (n, d) [m]; lattice: a convolution that has the same sums without the lists, or None; motion: rows
+    of X and of a field, by its name; sums (owned, 12 or 4): of the last gradient.
+    """
+
+    particles: Any
+    owned: int
+    d: int
+    positions: np.ndarray
+    inner: BondList
+    rim: BondList | None = None
+    mirror: BondList | None = None
+    images: Images | None = None
+    lattice: LatticeConvolution | None = None
+
+    def begin_sweeps(self) -> None:
+        """Choose the kernels, and make room for sums."""
+        space = self.d == 3
+        self._add_gradients = add_gradients_in_space if space else add_gradients_in_plane
+        self._add_forces = add_forces_in_space if space else add_forces_in_plane
+        self.motion: dict[str, np.ndarray] = {}
+        self.sums = aligned_zeros(self.owned, MATRIX_ROW[self.d])
+
+    @property
+    def lists(self) -> list[tuple[BondList, Images | None, int]]:
+        """Every list, its images or None, and the row below which neighbours receive, too."""
+        every: list[Any] = [(self.inner, None, self.owned), (self.rim, None, 0), (self.mirror, self.images, 0)]
+        return [one for one in every if one[0] is not None]
+
+    def motion_of(self, name: str) -> np.ndarray:
+        """Rows of X and of a vector field of the particles, see `sweeps`; filled by `fill`."""
+        if name not in self.motion:
+            rows = self.motion[name] = aligned_zeros(len(self.positions), 4 * (self.d - 1))
+            rows[:, : self.d] = self.positions
+        return self.motion[name]
+
+    def fill(self, name: str, first: int, last: int) -> None:
+        """Bring the field in the rows of some particles up to date."""
+        fill_columns(first, last, self.particles.storage(name), 2 * (self.d - 1), self.motion_of(name))
+
+    def gradients(self, name: str, message: str | None = None) -> np.ndarray:
+        """Sums (owned, 12 or 4) of the gradient of a field; message: with which ghosts get it first, or None."""
+        owned, local, motion = self.owned, len(self.positions), self.motion_of(name)
+        self.fill(name, 0, owned)
+        self.sums[:] = 0.0
+        if message is not None:
+            self.particles.send(message)
+        if self.lattice is None:
+            self._add_gradients(self.inner, None, owned, motion, self.sums)
+        if message is not None:
+            self.particles.receive(message)
+        self.fill(name, owned, local)
+        if self.lattice is not None:
+            self.lattice.gradients(motion, self.sums)
+            return self.sums
+        for bonds, images, receivers in self.lists[1:]:
+            self._add_gradients(bonds, images, receivers, motion, self.sums)
+        return self.sums
+
+    def divergence(self, name: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
+        """Fill force (owned, 4) [N] with that of the rows of `bond_stress`, which ghosts get first, and of a control on
+        a field, of which gradients were taken; control (n, 12 or 4): rows of C, ghosts behind, or None."""
+        motion, M = self.motion_of(name), self.particles.storage("bond_stress")
+        force[:] = 0.0
+        self.particles.send("record")
+        if self.lattice is None:
+            self._add_forces(self.inner, None, self.owned, motion, M, control, force)
+        self.particles.receive("record")
+        if self.lattice is not None:
+            self.lattice.forces(motion, M, control, force)
+            return force
+        for bonds, images, receivers in self.lists[1:]:
+            self._add_forces(bonds, images, receivers, motion, M, control, force)
+        if self.d == 2:
+            fold_rows(force)
+        return force
+
+
+# --- a particle's tensors, from rows of the sweeps and to them -----------------------------------------------------
+
+
+@inlined
+def gradient_at(plane, sums, inverse, volume, a):
+    """G = (sums K^-1) / V of a particle, nine numbers."""
+    r = 1.0 / volume[a]
+    K0, K1, K3 = r * inverse[0, a], r * inverse[1, a], r * inverse[3, a]
+    if plane is not None:
+        s0, s1, s2, s3 = sums[a, 0], sums[a, 1], sums[a, 2], sums[a, 3]
+        return (s0 * K0 + s2 * K3, s0 * K3 + s2 * K1, 0.0, s1 * K0 + s3 * K3, s1 * K3 + s3 * K1, 0.0, 0.0, 0.0, 0.0)
+    K = (K0, K1, r * inverse[2, a], K3, r * inverse[4, a], r * inverse[5, a])
+    s = (sums[a, 0], sums[a, 4], sums[a, 8], sums[a, 1], sums[a, 5], sums[a, 9], sums[a, 2], sums[a, 6], sums[a, 10])
+    return matmul(s, general(K))
+
+
+@inlined
+def matmul_in(plane, A, B):
+    """A B; in the plane, of tensors without components out of it."""
+    if plane is not None:
+        return (A[0] * B[0] + A[1] * B[3], A[0] * B[1] + A[1] * B[4], 0.0,
+                A[3] * B[0] + A[4] * B[3], A[3] * B[1] + A[4] * B[4], 0.0, 0.0, 0.0, 0.0)  # fmt: skip
+    return matmul(A, B)
+
+
+@inlined
+def inverse_at(inverse, a):
+    """K^-1 of a particle, nine numbers."""
+    return general((inverse[0, a], inverse[1, a], inverse[2, a], inverse[3, a], inverse[4, a], inverse[5, a]))
+
+
+@inlined
+def store_rows(plane, M, a, S):
+    """Store a tensor as a row of the sweeps, column by column."""
+    if plane is not None:
+        M[a, 0], M[a, 1], M[a, 2], M[a, 3] = S[0], S[3], S[1], S[4]
+    else:
+        M[a, 0], M[a, 1], M[a, 2], M[a, 3] = S[0], S[3], S[6], 0.0
+        M[a, 4], M[a, 5], M[a, 6], M[a, 7] = S[1], S[4], S[7], 0.0
+        M[a, 8], M[a, 9], M[a, 10], M[a, 11] = S[2], S[5], S[8], 0.0
+
+
+@inlined
+def control_at(plane, C, a):
+    """A symmetric C of a particle from its row, nine numbers."""
+    if plane is not None:
+        return (C[a, 0], C[a, 2], 0.0, C[a, 1], C[a, 3], 0.0, 0.0, 0.0, 0.0)
+    return (C[a, 0], C[a, 4], C[a, 8], C[a, 1], C[a, 5], C[a, 9], C[a, 2], C[a, 6], C[a, 10])

@@ -2,7 +2,7 @@
 rank.
 
 State: displacement, velocity, and of viscoelastic bodies one vector a Prony term (`relaxing_displacement`). A time
-solver, `velocity_verlet` or `quasi_static`, takes it from step to step with the `forces` of its laws; `damage` breaks
+solver, `velocity_verlet` or `quasi_static`, takes it from step to step with the `forces` of its laws; `fracture` breaks
 bonds.
 """
 
@@ -10,33 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.reduction import sums
 from parsolid.boundary.conditions import Conditions
-from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.collective import SolverError, maximum
+from parsolid.collective import SolverError
 from parsolid.materials.registry import laws_of
-from parsolid.materials.viscoelastic.prony import Prony
-from parsolid.methods.leapfrog import kinetic_energy
-from parsolid.methods.peridynamics.damage import fracture_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
+from parsolid.methods.peridynamics.fracture import fracture_of
+from parsolid.methods.peridynamics.output import Reports
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
-from parsolid.methods.peridynamics.solids import is_small_strain
-from parsolid.methods.peridynamics.tangent import Operator, instantaneous_wave_modulus
+from parsolid.methods.peridynamics.tangent import Operator
 from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.previous_state import take_state
-from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 from parsolid.particles.declaration import Columns, Field
 from parsolid.scene import initial_displacement, initial_velocity
 from parsolid.scene.boundaries.surface import Pressure
 from parsolid.scene.boundaries.traction import Traction
-from parsolid.scene.warned import Note, Warned
-
-# small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
-_TURN, _TURNED = 0.14, 0.05
 
 
-class Peridynamics(ParticleSystem):
+class Peridynamics(Reports):
     """The method on one rank. Bars lie in the plane."""
 
     even_steps = undamped = True
@@ -64,21 +55,6 @@ class Peridynamics(ParticleSystem):
         self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, shown=True, **columns))
         self.solver: Any = (VelocityVerlet if explicit else QuasiStatic)(self, self.settings.solution)
         self.jumps, self.landings = self.solver.jumps, self.solver.landings
-        self._shown: dict[str, np.ndarray] = {}
-        self._evaluation = -1
-
-    @property
-    def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions counted once a particle."""
-        return self.pairs.directed_pairs
-
-    def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions."""
-        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
-
-    def arrays(self) -> list[np.ndarray]:
-        """Bond lists."""
-        return self.pairs.arrays()
 
     # --- state -------------------------------------------------------------------------------------------------
 
@@ -185,24 +161,6 @@ class Peridynamics(ParticleSystem):
         """Bonds break."""
         return 0 if self.fracture is None else self.fracture.breaks
 
-    def broken_pairs(self) -> BrokenPairs | None:
-        """Bonds of pre-cracks and failed ones."""
-        return None if self.fracture is None else self.fracture.damage.broken_pairs()
-
-    @property
-    def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
-        return symmetry_planes(self.conditions.planes)
-
-    def wave_modulus(self, body: int) -> tuple[float, float]:
-        """Of the instantaneous solid."""
-        law = self.laws_of_bodies[body]
-        return instantaneous_wave_modulus(law), law.density
-
-    def held_components(self) -> np.ndarray | None:
-        """Those of supports and of prescribed motion."""
-        return self.conditions.constrained
-
     def take_external_forces(self, keep_rows: bool) -> None:
         """See `ParticleSystem`; raises SolverError where there is no motion that forces could change."""
         if self.settings.solution.kind == "quasi-static":
@@ -210,95 +168,3 @@ class Peridynamics(ParticleSystem):
                 'method.solution.kind: expected "explicit" with contact, ties and tools, found equilibrium'
             )
         super().take_external_forces(keep_rows)
-
-    def energies(self) -> tuple[float, float]:
-        """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""
-        storage = self.particles.storage
-        kinetic = kinetic_energy(self.owned, storage("velocity"), storage("mass"), storage("share"))
-        return kinetic, self.forces.stored_energy()
-
-    # --- what the output and the reports ask -------------------------------------------------------------------
-
-    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """Deformation gradient and Cauchy stress (n, 3, 3); damage (n,)."""
-        if name == "damage":
-            return np.zeros(last - first) if self.fracture is None else self.fracture.damage.damage[first:last]
-        if name not in ("deformation_gradient", "stress"):
-            return None
-        return self._tensors(name)[first:last]
-
-    def _tensors(self, name: str) -> np.ndarray:
-        """Deformation gradients or Cauchy stresses (owned, 3, 3), kept until the next evaluation of forces."""
-        if self._evaluation != self.forces.evaluations:
-            self._shown, self._evaluation = {}, self.forces.evaluations
-        if name not in self._shown and name == "stress":
-            self._shown[name] = self.forces.cauchy_stresses(self._tensors("deformation_gradient"))
-        elif name not in self._shown:
-            gradients = self.forces.displacement_gradients()
-            d = gradients.shape[1]
-            F = self._shown[name] = np.tile(np.eye(3), (self.owned, 1, 1))
-            F[:, :d, :d] += gradients
-        return self._shown[name]
-
-    def measure(self, name: str) -> tuple[str, np.ndarray]:
-        """Broken bonds, and the place of the crack's tip; collective."""
-        if name == "broken_bonds":
-            return "sum", np.array(0.0 if self.fracture is None else self.fracture.broken_bonds())
-        # the same on all ranks
-        return "maximum", np.full(self.dimension, np.nan) if self.fracture is None else self.fracture.tip()
-
-    def unsound(self) -> tuple[int, str] | None:
-        """The first particle that is inside out or whose velocity is not finite, or the one farthest from balance."""
-        if not self.forces.sound:
-            jacobian = np.linalg.det(self._tensors("deformation_gradient"))
-            index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
-            return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
-        return self.solver.unsound()
-
-    def warnings(self) -> list[Warned]:
-        """Pressures in regions that are too thin for them."""
-        return self._warnings
-
-    def doubt(self) -> str | None:
-        """Whether more than a little of what has small strain has turned so far that this is strain; collective."""
-        G = self._tensors("deformation_gradient")
-        angle = np.linalg.norm(G - G.swapaxes(1, 2), axis=(1, 2)) / np.sqrt(8.0)
-        small = np.zeros(self.owned, bool)
-        for first, last, law in self.laws:
-            small[first:last] = is_small_strain(law)
-        volume = self.particles.owned_rows("volume") * self.share
-        turned, whole = sums(self.comm, [volume[small & (angle > _TURN)].sum(), volume.sum()])
-        if not turned > _TURNED * whole:
-            return None
-        most = maximum(self.comm, float(angle[small].max(initial=0.0)))
-        return (
-            f"{turned / whole:.2g} of the volume has turned by more than {_TURN:g} rad, {most:.2g} rad at most: small "
-            'strain takes that for a strain of half its square (material.strain = "finite", or a hyperelastic law)'
-        )
-
-    def advice(self) -> str:
-        """What most likely helps."""
-        if self.solver.unheld:
-            return "a support of the piece, or loads on it that balance"
-        hints = []
-        if self.settings.stabilisation.kind == "none":
-            hints.append('method.stabilisation.kind = "shear-scaled"')
-        if any(isinstance(law, Prony) and law.finite_strain is not None for _, _, law in self.laws):
-            hints.append("a hyperelastic law (St. Venant and Kirchhoff's gives way when compressed to 0.58)")
-        return ", or ".join([*hints, f"a smaller method.solution.{self.solver.setting}", "a milder load"])
-
-    def cost_notes(self) -> list[Note]:
-        """Iterations of quasi-static solutions where they are many."""
-        return self.solver.cost_notes()
-
-    def summary(self) -> dict[str, Any]:
-        """Iterations of quasi-static solutions."""
-        return self.solver.summary()
-
-    def exchanged_records(self) -> dict[str, int]:
-        """The rows of the divergence sweep."""
-        return {"bond stress": self.particles.fields["bond_stress"].components}
-
-    def bytes_a_step(self) -> int:
-        """Fields and records."""
-        return self.forces.bytes_sent()

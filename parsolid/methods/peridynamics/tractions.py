@@ -12,6 +12,7 @@ A pressure p acts on a surface of any shape as p times the forces -f_int(-1) of 
 pressure all around has its exact strain, whatever stairs its particles make of its surface.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,9 +40,10 @@ _MISSED = 0.1
 
 @dataclass(frozen=True)
 class DerivedCourse:
-    """What follows from a course in time."""
+    """What follows from a course in time; derive(points, time, before) -> (n, components)."""
 
     course: Any
+    derive: Callable[[np.ndarray, float, bool], np.ndarray]
 
     @property
     def depends_on_time(self) -> bool:
@@ -53,43 +55,30 @@ class DerivedCourse:
         """Times [s] at which it jumps."""
         return tuple(getattr(self.course, "jump_times", ()))
 
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """(n, components) at points (n, d) [m] and a time [s]."""
+        return self.derive(points, time, before)
 
-@dataclass(frozen=True)
-class MeanOverFace(DerivedCourse):
+
+def mean_over_face(course: Any, places: np.ndarray, area: np.ndarray) -> DerivedCourse:
     """The mean of a course at places (k, d) [m] of a face, by their areas (k,) [m^2], the same at all points."""
 
-    places: np.ndarray
-    area: np.ndarray
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, components) at points (n, d) [m] and a time [s]."""
-        mean = self.area @ self.course.evaluate(self.places, time, before) / self.area.sum()
+    def derive(points: np.ndarray, time: float, before: bool) -> np.ndarray:
+        mean = area @ course.evaluate(places, time, before) / area.sum()
         return np.broadcast_to(mean, (len(points), len(mean)))
 
+    return DerivedCourse(course, derive)
 
-@dataclass(frozen=True)
-class BeyondMean(DerivedCourse):
+
+def beyond_mean(course: Any, mean: DerivedCourse) -> DerivedCourse:
     """What a course has beyond its mean over a face."""
-
-    mean: MeanOverFace
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, components) at points (n, d) [m] and a time [s]."""
-        return np.asarray(self.course.evaluate(points, time, before) - self.mean.evaluate(points, time, before))
+    return DerivedCourse(course, lambda *at: np.asarray(course.evaluate(*at) - mean.evaluate(*at)))
 
 
-@dataclass(frozen=True)
-class AlongAxis(DerivedCourse):
-    """The first component of a course along one axis of d."""
-
-    axis: int
-    dimension: int
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, d), all but one column 0."""
-        result = np.zeros((len(points), self.dimension))
-        result[:, self.axis] = self.course.evaluate(points, time, before)[:, 0]
-        return result
+def along_axis(course: Any, axis: int, dimension: int) -> DerivedCourse:
+    """The first component of a course along one axis of d; all but one column 0."""
+    direction = np.eye(dimension)[axis]
+    return DerivedCourse(course, lambda *at: course.evaluate(*at)[:, :1] * direction)
 
 
 class Tractions:
@@ -119,7 +108,7 @@ class Tractions:
             else:
                 mean = self._mean(one, one.plane)
                 self._add_consistent(one, one.plane, mean, 2.0 * self.horizon if kind == "consistent" else np.inf)
-                self._add_at_face(one, one.plane, BeyondMean(one.course, mean))
+                self._add_at_face(one, one.plane, beyond_mean(one.course, mean))
         for key, pressure in conditions.of(Pressure):
             self._add_pressure(key, pressure)
 
@@ -138,7 +127,7 @@ class Tractions:
         self._warn_of_thin_region(key, within)
         for axis in range(d):
             here = within & (np.abs(self.unit[:, axis]) > self.least.max())
-            self._add(one, here, self.unit[:, axis].copy(), AlongAxis(one.course, axis, d), None)
+            self._add(one, here, self.unit[:, axis].copy(), along_axis(one.course, axis, d), None)
 
     def _warn_of_thin_region(self, key: str, within: np.ndarray) -> None:
         """The forces that balance a pressure reach over two horizons; a region that cuts them off bears another force
@@ -184,7 +173,7 @@ class Tractions:
         depth = float(sums(self.comm, volume[beneath].sum())) / self._area(one, plane)
         self._add(one, beneath, volume / depth, one.course, plane)
 
-    def _add_consistent(self, one: Traction, plane: Plane, mean: MeanOverFace, depth: float) -> None:
+    def _add_consistent(self, one: Traction, plane: Plane, mean: DerivedCourse, depth: float) -> None:
         """Forces that balance the uniform stress t (x) n of the mean traction down to a depth [m]."""
         unit = self.unit[:, plane.axis]
         distance, outward = self._beneath(one, plane)
@@ -196,7 +185,7 @@ class Tractions:
             scale *= self._area(one, plane) / float(sums(self.comm, scale[within].sum()))
         self._add(one, within, scale, mean, None)
 
-    def _mean(self, one: Traction, plane: Plane) -> MeanOverFace:
+    def _mean(self, one: Traction, plane: Plane) -> DerivedCourse:
         """The mean of a traction over its face, or over some particles of a large one, the same on any number of
         ranks."""
         mine, particles = self._face(one), self.particle_set
@@ -207,7 +196,7 @@ class Tractions:
         rows = sorted(zip(lot, area, *places.T))[:_SAMPLE]
         found = sorted(row for piece in self.comm.allgather(rows) for row in piece)[:_SAMPLE]
         sample = np.array(found).reshape(-1, 2 + places.shape[1])
-        return MeanOverFace(one.course, np.ascontiguousarray(sample[:, 2:]), sample[:, 1])
+        return mean_over_face(one.course, np.ascontiguousarray(sample[:, 2:]), sample[:, 1])
 
     def _face(self, one: Traction) -> np.ndarray:
         """Which particles (owned,) bool are those of the face."""

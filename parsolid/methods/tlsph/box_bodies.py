@@ -135,15 +135,13 @@ class BoxBodies(StepBound):
         for box, _ in self.parts:
             planes, nodes = box.last_plane - box.first_plane, box.last_node - box.first_node
             in_row = min(box.row, nodes)
-            # own planes, rows and nodes of a row in the tables, and how often each is met
-            parts = [
-                (0, box.first_plane, planes, nodes),
-                (box.planes, box.first_node // box.row, nodes // box.row, planes * box.row),
-            ]
-            parts = parts[: self.dimension - 1]
-            parts.append((weights_along(box, self.dimension - 1), 0, in_row, planes * nodes // in_row))
-            for table, first, count, times in parts:
-                weights = box.gradient[0, :, table + first : table + first + count]
+            # first and number of own planes, rows and nodes of a row in the table, and how often each is met
+            parts = [(box.first_plane, planes, nodes)]
+            if self.dimension == 3:
+                parts.append((box.planes + box.first_node // box.row, nodes // box.row, planes * box.row))
+            parts.append((weights_along(box, self.dimension - 1), in_row, planes * nodes // in_row))
+            for first, count, times in parts:
+                weights = box.gradient[0, :, first : first + count]
                 total += times * int(np.count_nonzero(np.delete(weights, REACH, axis=0)))
         return total
 

@@ -32,6 +32,7 @@ from parsolid.materials.plastic.tile_update import (
     store_state,
 )
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
+from parsolid.methods.ulsph.heat import advance_heat_flux
 from parsolid.methods.ulsph.kinematics import (
     CARRIED,
     CORRECTION,
@@ -42,7 +43,6 @@ from parsolid.methods.ulsph.kinematics import (
     find_gradients,
     load_rates,
     store_pair_stress,
-    symmetric_times,
     turn_deviator,
 )
 from parsolid.particles.container import Particles
@@ -164,25 +164,6 @@ def advance_state(
     return sound, plastic, viscous, released
 
 
-@kernel
-def advance_heat_flux(first, last, conductivity, in_plane, stride, slopes, mass, density, correction, heat_flux, told):
-    """Heat fluxes q = -conductivity grad T (Fourier) from the sums of the second sweep; told: q B/rho^2."""
-    for a in range(first, last):
-        inverse = 1.0 / (mass[0, a] * density[0, a])
-        x, y, z = slopes[a, stride], slopes[a, stride + 1], 0.0
-        if in_plane is None:
-            z = slopes[a, stride + 2]
-        B = (correction[0, a], correction[1, a], correction[2, a], correction[3, a], correction[4, a], correction[5, a])
-        gradient = symmetric_times(B, (inverse * x, inverse * y, inverse * z))
-        q = (-conductivity * gradient[0], -conductivity * gradient[1], -conductivity * gradient[2])
-        Y = symmetric_times(B, q)
-        factor = 1.0 / (density[0, a] * density[0, a])
-        heat_flux[0, a], told[0, a] = q[0], factor * Y[0]
-        heat_flux[1, a], told[1, a] = q[1], factor * Y[1]
-        if in_plane is None:
-            heat_flux[2, a], told[2, a] = q[2], factor * Y[2]
-
-
 class ElasticPlasticSolid:
     """Particles of one elastic-plastic law on a rank.
 
@@ -221,7 +202,7 @@ class ElasticPlasticSolid:
             strength = of("strength_factor") if "strength_factor" in particles else None
             deleted = of("deleted_mass") if "deleted_mass" in particles else None
         flows = rates.flows if "heat" in self.flows else None
-        how = step, system.viscous_heat.mean_step(step), system.most_correction, system.centred, system.in_plane
+        how = step, system.kicks.viscous_heat.mean_step(step), system.most_correction, system.centred, system.in_plane
         sound, plastic, viscous, released = advance_state(
             here.start, here.stop, law, law.failure, *how, rates.rates, flows,
             state, viscosity, external, failing, strength, deleted, self._tile,

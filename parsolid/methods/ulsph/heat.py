@@ -1,48 +1,34 @@
-"""Heat from outside and from the artificial viscosity in updated-Lagrangian SPH: temperatures that a scene prescribes,
-friction of contact, and when the viscous heat of a step comes."""
+"""Heat in updated-Lagrangian SPH: temperatures that a scene prescribes, friction of contact, conduction by Fourier."""
 
 from typing import Any
 
 import numpy as np
 
-from parsolid.of_ranks import OfRanks, own_share
+from parsolid.kernels import kernel
+from parsolid.methods.ulsph.kinematics import symmetric_times
 from parsolid.particles.container import Particles
 from parsolid.scene import Scene
 from parsolid.scene.boundaries.thermal import PrescribedTemperature
 from parsolid.scene.regions import selected
 
 
-class ViscousHeat:
-    """When laws take up the heat of the artificial viscosity, whose forces act for half of the step before their time
-    and for half of that after it: in the latter.
-
-    step: the last one [s], 0 before the first; continues: whether the first step goes on from another run's forces,
-    whose last step is taken to be as long; to_come: what the viscosity took in the last closing kick from particles
-    whose stored energy has it after the next step [J], of this rank.
-    """
-
-    def __init__(self) -> None:
-        self.step = self.to_come = 0.0
-        self.continues = False
-
-    def mean_step(self, step: float) -> float:
-        """Of the step before and this one [s]."""
-        return step if self.continues else 0.5 * (self.step + step)
-
-    def finish(self, step: float, taken: float) -> float:
-        """A step [s] ends with energy [J] taken in its closing kick; by how much more is to come than before [J]."""
-        change = float(taken - self.to_come)
-        self.step, self.to_come = step, float(taken)
-        self.continues = self.continues and step == 0.0
-        return change
-
-    def state(self) -> dict[str, Any]:
-        """The step, and what is to come on each rank."""
-        return {"step": self.step, "to_come": OfRanks(self.to_come)}
-
-    def set_state(self, comm: Any, state: dict[str, Any]) -> None:
-        """Take back what `state` gave; on another number of ranks the first has all."""
-        self.step, self.to_come = state["step"], float(own_share(comm, state["to_come"])[0])
+@kernel
+def advance_heat_flux(first, last, conductivity, in_plane, stride, slopes, mass, density, correction, heat_flux, told):
+    """Heat fluxes q = -conductivity grad T (Fourier) from the sums of the second sweep; told: q B/rho^2."""
+    for a in range(first, last):
+        inverse = 1.0 / (mass[0, a] * density[0, a])
+        x, y, z = slopes[a, stride], slopes[a, stride + 1], 0.0
+        if in_plane is None:
+            z = slopes[a, stride + 2]
+        B = (correction[0, a], correction[1, a], correction[2, a], correction[3, a], correction[4, a], correction[5, a])
+        gradient = symmetric_times(B, (inverse * x, inverse * y, inverse * z))
+        q = (-conductivity * gradient[0], -conductivity * gradient[1], -conductivity * gradient[2])
+        Y = symmetric_times(B, q)
+        factor = 1.0 / (density[0, a] * density[0, a])
+        heat_flux[0, a], told[0, a] = q[0], factor * Y[0]
+        heat_flux[1, a], told[1, a] = q[1], factor * Y[1]
+        if in_plane is None:
+            heat_flux[2, a], told[2, a] = q[2], factor * Y[2]
 
 
 class Temperatures:

@@ -8,8 +8,7 @@ import numpy as np
 
 from parsolid.elementary import exp
 from parsolid.kernels import inlined
-from parsolid.materials.plastic.jaumann_rate import deviatoric_strain
-from parsolid.materials.plastic.tile_update import DEVIATOR, STRAIN
+from parsolid.materials.plastic.tile_update import DEVIATOR, STRAIN, deviatoric_strain
 from parsolid.tensors import (
     add_spherical,
     combine_symmetric,

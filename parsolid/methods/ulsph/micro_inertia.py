@@ -10,7 +10,6 @@ import numpy as np
 
 from parsolid.kernels import inlined, kernel, reduction
 from parsolid.materials.plastic import micro_inertia as law_of_solid
-from parsolid.materials.plastic.jaumann_rate import returned_deviator
 from parsolid.materials.plastic.micro_inertia import MicroInertia, in_numbers
 from parsolid.materials.plastic.micro_inertia_solve import (
     CURL,
@@ -161,7 +160,7 @@ def end_step(law, step, curl, rates, tile):
     for p in range(TILE):
         turned, trial = load_symmetric(tile, DEVIATOR * TILE + p), load_symmetric(tile, STRAIN * TILE + p)
         flowed = law.shear_modulus * step * tile[MEAN_RATE * TILE + p]
-        new = returned_deviator(turned, trial, tile[TAU * TILE + p], tile[NEW_TAU * TILE + p], flowed)
+        new = law_of_solid.returned_deviator(turned, trial, tile[TAU * TILE + p], tile[NEW_TAU * TILE + p], flowed)
         store_symmetric(tile, DEVIATOR * TILE + p, new)
     for p in range(TILE):
         if curl is not None:

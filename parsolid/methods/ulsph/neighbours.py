@@ -149,7 +149,7 @@ class Neighbours:
                 options = (self._pressing, None) if between else (None, flux)
                 self._add_rates(self.smoothing, part, both, *options, motion, record, self.rates, self.flows)
 
-        self.pairs.sweep(add, "motion", received)
+        self._sweep(add, "motion", received)
 
     def find_forces(self) -> None:
         """Forces, viscous heat, and sums of gradients of v^p and T; ghosts have drifted."""
@@ -170,10 +170,21 @@ class Neighbours:
                 options = (self._pressing, None) if between else (None, flux)
                 self._add_forces(self.smoothing, part, both, *options, self.viscosity, motion, record, *sums)
 
-        self.pairs.sweep(add, "record", received)
+        self._sweep(add, "record", received)
         of = self.particles.storage
         fields = of("force"), of("viscous_force"), of("viscous_heat")
         collect_forces(owned, self.stride, self._forces, self._heating, *fields)
+
+    def _sweep(self, add: Callable[[Pairs, bool], None], message: str, received: Callable[[], None]) -> None:
+        """add(pairs, both): to pairs of owned particles, which both receive, while a message travels; then received(),
+        and to pairs with ghosts and mirror images, of which the owned particle alone receives."""
+        self.particles.send(message)
+        add(self.pairs.inner, True)
+        self.particles.receive(message)
+        received()
+        for pairs in (self.pairs.outer, self.pairs.mirror):
+            if pairs is not None:
+                add(pairs, False)
 
     def _fill(self, first: int, last: int, places: tuple[list[str], np.ndarray], rows: Any) -> None:
         """Rows first..last-1 from the particles' fields."""

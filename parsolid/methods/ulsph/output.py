@@ -1,91 +1,152 @@
-"""What is shown and measured of updated-Lagrangian SPH besides its fields."""
+"""What output and reports ask of updated-Lagrangian SPH."""
 
 from typing import Any
 
 import numpy as np
 
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.methods import failed_matter
+from parsolid.methods.leapfrog import kinetic_energy
+from parsolid.methods.protocol import ParticleSystem
 
 
-def shown(system: Any, name: str, first: int, last: int) -> np.ndarray | None:
-    """Cauchy stress (n, 3, 3) [Pa], Jacobian rho_0/rho (n,), internal energy per reference volume (n,) [J/m^3] of
-    particles first..last-1; None for other names."""
-    rows = system.particles.owned_rows
-    if name == "jacobian":
-        density = np.array([law.density for law in system.laws])[system.particles.law_of_body]
-        return np.asarray(density[rows("body")[first:last]] / rows("density")[first:last])
-    if name == "internal_energy":
-        return np.asarray(rows("energy")[first:last])
-    if name != "stress":
+class Reports(ParticleSystem):
+    """Answers of `system.UpdatedLagrangianSPH`, which derives from it and has these parts."""
+
+    conditions: Any
+    laws: list[Any]
+    solids: list[Any]
+    pairs: Any
+    neighbours: Any
+    whole_mass: float
+    parts: Any
+
+    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
+        """Cauchy stress (n, 3, 3) [Pa], Jacobian rho_0/rho (n,), internal energy per reference volume (n,) [J/m^3] of
+        particles first..last-1; None for other names."""
+        rows = self.particles.owned_rows
+        if name == "jacobian":
+            density = np.array([law.density for law in self.laws])[self.particles.law_of_body]
+            return np.asarray(density[rows("body")[first:last]] / rows("density")[first:last])
+        if name == "internal_energy":
+            return np.asarray(rows("energy")[first:last])
+        if name != "stress":
+            return None
+        result = np.zeros((last - first, 3, 3))
+        components = rows("deviator")[first:last].T
+        places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        for (i, j), values in zip(places, components):
+            result[:, i, j] = result[:, j, i] = values
+        for solid, here in self.parts():
+            a, b = max(first, here.start), min(last, here.stop)
+            if a < b:
+                pressure = solid.pressures(self.particles, slice(a, b))
+                result[a - first : b - first, (0, 1, 2), (0, 1, 2)] -= pressure[:, None]
+        return result
+
+    def measure(self, name: str) -> tuple[str, np.ndarray]:
+        """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' quantities."""
+        rows, mass = self.particles.owned_rows, self.mass
+        failed = failed_matter.measure(self.particles, mass, name)
+        if failed is not None:
+            return failed
+        if name == "maximum_deviator_norm":
+            squares = rows("deviator") ** 2
+            shears = squares[:, 3:].sum(axis=1)
+            return "maximum", np.array([np.sqrt((squares.sum(axis=1) + shears).max(initial=0.0))])
+        if name.startswith("maximum_"):
+            return "maximum", np.array([rows(name.removeprefix("maximum_")).max(initial=0.0)])
+        if name == "mean_plastic_strain":
+            return "sum", np.array([float(mass @ rows("plastic_strain")) / self.whole_mass])
+        if name == "micro_kinetic":
+            return "sum", np.array([sum(solid.energies(self.particles, here)[0] for solid, here in self.parts())])
+        if name == "heat":
+            capacity = np.array([law.specific_heat for law in self.laws])[self.particles.law_of_body]
+            return "sum", np.array([float((capacity[rows("body")] * mass) @ rows("temperature"))])
+        half = 0.5 * rows("spacing")
+        if name == "lower_bounds":
+            return "minimum", (rows("position") - half).min(axis=0, initial=np.inf)
+        return "maximum", (rows("position") + half).max(axis=0, initial=-np.inf)
+
+    def unsound(self) -> tuple[int, str] | None:
+        """The rank's first particle that is not sound, and what is wrong with it."""
+        rows = self.particles.owned_rows
+        density, finite = rows("density"), np.isfinite(rows("velocity")).all(axis=1)
+        for name in ("deviator", "temperature", "plastic_strain"):
+            values = rows(name)
+            finite &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+        bad = ~finite | ~(density > 0.0)
+        if not bad.any():
+            return self._beyond_its_law()
+        index = int(np.argmax(bad))
+        if not finite[index]:
+            return index, "a number is no longer finite"
+        return index, f"the density is {density[index]:.4g} kg/m^3, not positive"
+
+    def _beyond_its_law(self) -> tuple[int, str] | None:
+        """The first particle beyond what its law describes, and what is wrong with it."""
+        for solid, here in self.parts():
+            room = solid.room(self.particles, here)
+            if room is not None and not (room > 0.0).all():
+                index = here.start + int(np.argmin(room))
+                ratio = solid.law.density / self.particles.owned_rows("density")[index]
+                return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
         return None
-    result = np.zeros((last - first, 3, 3))
-    components = rows("deviator")[first:last].T
-    places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    for (i, j), values in zip(places, components):
-        result[:, i, j] = result[:, j, i] = values
-    for solid, here in system.parts():
-        a, b = max(first, here.start), min(last, here.stop)
-        if a < b:
-            pressure = solid.pressures(system.particles, slice(a, b))
-            result[a - first : b - first, (0, 1, 2), (0, 1, 2)] -= pressure[:, None]
-    return result
 
+    def advice(self) -> str:
+        """What most likely helps when a run goes wrong."""
+        settings = self.settings
+        hints = [f"a smaller method.cfl (it is {settings.cfl:g}; 0.3 is stable)"] if settings.cfl > 0.3 else []
+        if not settings.viscosity:
+            hints.append("method.viscosity (there is none)")
+        return ", or ".join([*hints, "more particles", "a milder load"])
 
-def measure(system: Any, name: str) -> tuple[str, np.ndarray]:
-    """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' quantities."""
-    rows, mass = system.particles.owned_rows, system.mass
-    failed = failed_matter.measure(system.particles, mass, name)
-    if failed is not None:
-        return failed
-    if name == "maximum_deviator_norm":
-        squares = rows("deviator") ** 2
-        shears = squares[:, 3:].sum(axis=1)
-        return "maximum", np.array([np.sqrt((squares.sum(axis=1) + shears).max(initial=0.0))])
-    if name.startswith("maximum_"):
-        return "maximum", np.array([rows(name.removeprefix("maximum_")).max(initial=0.0)])
-    if name == "mean_plastic_strain":
-        return "sum", np.array([float(mass @ rows("plastic_strain")) / system.whole_mass])
-    if name == "micro_kinetic":
-        return "sum", np.array([sum(solid.energies(system.particles, here)[0] for solid, here in system.parts())])
-    if name == "heat":
-        capacity = np.array([law.specific_heat for law in system.laws])[system.particles.law_of_body]
-        return "sum", np.array([float((capacity[rows("body")] * mass) @ rows("temperature"))])
-    half = 0.5 * rows("spacing")
-    if name == "lower_bounds":
-        return "minimum", (rows("position") - half).min(axis=0, initial=np.inf)
-    return "maximum", (rows("position") + half).max(axis=0, initial=-np.inf)
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """By the speed of sound."""
+        solid = self.solids[self.particles.law_of_body[body]]
+        return solid.law.density * solid.sound_speed**2, solid.law.density
 
+    @property
+    def directed_pairs(self) -> int:  # type: ignore[override]
+        """Interactions counted once a particle."""
+        return self.pairs.directed_pairs
 
-def unsound(system: Any) -> tuple[int, str] | None:
-    """The rank's first particle that is not sound, and what is wrong with it."""
-    rows = system.particles.owned_rows
-    density, finite = rows("density"), np.isfinite(rows("velocity")).all(axis=1)
-    for name in ("deviator", "temperature", "plastic_strain"):
-        values = rows(name)
-        finite &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
-    bad = ~finite | ~(density > 0.0)
-    if not bad.any():
-        return _beyond_its_law(system)
-    index = int(np.argmax(bad))
-    if not finite[index]:
-        return index, "a number is no longer finite"
-    return index, f"the density is {density[index]:.4g} kg/m^3, not positive"
+    def energies(self) -> tuple[float, float]:
+        """Kinetic energy, that of the micro-velocity in it, and stored energy [J] of this rank's particles."""
+        kinetic = float(kinetic_energy(self.owned, self.particles.storage("velocity"), self.mass, None))
+        stored = 0.0
+        for solid, here in self.parts():
+            micro, elastic = solid.energies(self.particles, here)
+            kinetic, stored = kinetic + micro, stored + elastic
+        return kinetic, stored
 
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and interactions."""
+        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
-def _beyond_its_law(system: Any) -> tuple[int, str] | None:
-    """The first particle beyond what its law describes, and what is wrong with it."""
-    for solid, here in system.parts():
-        room = solid.room(system.particles, here)
-        if room is not None and not (room > 0.0).all():
-            index = here.start + int(np.argmin(room))
-            ratio = solid.law.density / system.particles.owned_rows("density")[index]
-            return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
-    return None
+    def arrays(self) -> list[np.ndarray]:
+        """Lists, and rows that sweeps read and write."""
+        return self.pairs.arrays() + self.neighbours.arrays()
 
+    def bytes_a_step(self) -> int:
+        """Two messages a step; particles that change their rank come on top."""
+        return self.particles.bytes_sent("motion") + self.particles.bytes_sent("record")
 
-def advice(settings: Any) -> str:
-    """What most likely helps when a run goes wrong."""
-    hints = [f"a smaller method.cfl (it is {settings.cfl:g}; 0.3 is stable)"] if settings.cfl > 0.3 else []
-    if not settings.viscosity:
-        hints.append("method.viscosity (there is none)")
-    return ", or ".join([*hints, "more particles", "a milder load"])
+    def summary(self) -> dict[str, Any]:
+        """How often lists were made anew, how often too late, and particles that changed their rank."""
+        return failed_matter.summary(self.comm, self.particles, self.mass) | self.pairs.summary()
+
+    @staticmethod
+    def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
+        """Particles in the middles of cells."""
+        tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
+        return tables
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes(self.conditions.planes)
+
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of prescribed velocities."""
+        return self.conditions.constrained

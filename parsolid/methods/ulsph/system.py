@@ -1,14 +1,12 @@
 """Updated-Lagrangian SPH: neighbours in present places, a leapfrog with two sweeps a step (docs/microinertia.md)."""
 
 from contextlib import nullcontext
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from decomposition.measured_load import MeasuredLoad
 from parsolid.boundary.conditions import Conditions
-from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.boundary.walls import Walls
 from parsolid.collective import anywhere, maximum
 from parsolid.kernels import kernel
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
@@ -16,14 +14,15 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.micro_inertia import MicroInertia
 from parsolid.materials.registry import laws_of
 from parsolid.methods import failed_matter, previous_state
-from parsolid.methods.leapfrog import Leapfrog, drift, kinetic_energy
-from parsolid.methods.protocol import Announce, EnergyLedger, ParticleSystem
-from parsolid.methods.ulsph import output
+from parsolid.methods.leapfrog import drift
+from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph.deletion import Deletion
 from parsolid.methods.ulsph.elastic_plastic import ElasticPlasticSolid
-from parsolid.methods.ulsph.heat import Temperatures, ViscousHeat
+from parsolid.methods.ulsph.heat import Temperatures
+from parsolid.methods.ulsph.kicks import Kicks
 from parsolid.methods.ulsph.micro_inertia import MicroInertiaSolid
 from parsolid.methods.ulsph.neighbours import Neighbours
+from parsolid.methods.ulsph.output import Reports
 from parsolid.methods.ulsph.state import declare_motion, declare_particles, declare_state
 from parsolid.methods.ulsph.sweeps import ArtificialViscosity
 from parsolid.pairs.smoothing import smoothing_kernel
@@ -48,18 +47,6 @@ _MOST_CORRECTION = 6.0
 _SOLIDS: dict[type, Any] = {MicroInertia: MicroInertiaSolid, ElasticPlastic: ElasticPlasticSolid}
 
 
-class HalfKick(NamedTuple):
-    """Energies of a half kick [J]: external work; loss to the artificial viscosity; kinetic offset of all other forces;
-    loss to walls, and to impulses of contact; the part of the viscous loss that stored energies take up in the next
-    step."""
-
-    external: float
-    viscous: float
-    offset: float
-    lost: float
-    to_come: float
-
-
 @kernel
 def least_transit(n, velocity, sound_speed, smoothing_length):
     """The least h / (c + |v|) [s] of n particles."""
@@ -75,7 +62,7 @@ def least_transit(n, velocity, sound_speed, smoothing_length):
     return least
 
 
-class UpdatedLagrangianSPH(ParticleSystem):
+class UpdatedLagrangianSPH(Reports):
     """The method on one rank.
 
     solids: of each law, what its particles do between the sweeps; most_correction: bound of the correction of
@@ -99,14 +86,11 @@ class UpdatedLagrangianSPH(ParticleSystem):
         length = settings.smoothing * np.prod(particle_set.spacing, axis=1) ** (1.0 / self.dimension)
         declare_particles(particles, density * particle_set.volume, length)
         self.conditions = Conditions(comm, scene, particle_set, particles)
-        self.walls = Walls(comm, self.conditions)
-        self.leapfrog = Leapfrog(particles, self.conditions, "force", "viscous_force")
+        self.kicks = Kicks(self)
         self.reactions, self.landings = self.conditions.reactions, self.conditions.times
         self._declare_state(comm, scene, particle_set, density)
         self.temperatures = Temperatures(comm, scene, particle_set, particles, self.solids)
-        self.viscous_heat, self.deletion = ViscousHeat(), None
-        if "deleted_mass" in particles:
-            self.deletion = Deletion(self)
+        self.deletion = Deletion(self) if "deleted_mass" in particles else None
         self.most_correction = _MOST_CORRECTION if settings.gradient_correction else None
         self.centred: bool | None = None
         self.in_plane = True if self.dimension == 2 else None
@@ -168,19 +152,19 @@ class UpdatedLagrangianSPH(ParticleSystem):
         self.advance_state(0.0, 0.0)
         self.neighbours.find_forces()
         self.advance_fluxes(0.0)
-        self.viscous_heat.continues = previous_state.take_forces(self.comm, scene, self)
+        self.kicks.viscous_heat.continues = previous_state.take_forces(self.comm, scene, self)
 
     # --- a step -------------------------------------------------------------------------------------------------
 
     def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Opening half kick, state from the rates in the middle of the step [s], and drift to its end."""
         self.rebuild_expired_list(time)
-        self.opening = self.half_kick(True, time, step)
+        self.kicks.open_step(time, step)
         self.drift(0, self.owned, 0.5 * step)
         self.find_rates(0.5 * step)
         self.material = self.advance_state(time + step, step)
         self.drift(0, self.owned + self.particles.ghosts, 0.5 * step)
-        self.leapfrog.place(time + step, step)
+        self.kicks.leapfrog.place(time + step, step)
 
     def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
         """Forces of the new state, closing half kick, fluxes, energies."""
@@ -188,9 +172,8 @@ class UpdatedLagrangianSPH(ParticleSystem):
         self.check_list(time + step, step)
         announce(sound, self.stable_step())
         self.neighbours.find_forces()
-        closing = self.half_kick(False, time + step, step)
-        plastic += self.advance_fluxes(step)
-        self.book(step, ledger, plastic, lost, self.opening, closing)
+        self.kicks.close_step(time + step, step)
+        self.kicks.book(step, ledger, plastic + self.advance_fluxes(step), lost)
         return sound
 
     def rebuild_expired_list(self, time: float) -> None:
@@ -229,72 +212,6 @@ class UpdatedLagrangianSPH(ParticleSystem):
         """Fluxes after a step [s] from gradients of its end; what of them is dissipated [J]."""
         return float(sum(solid.advance_fluxes(self, here, step) for solid, here in self.parts()))
 
-    def half_kick(self, opening: bool, time: float, step: float) -> "HalfKick":
-        """Opening or closing half kick of a step [s] with the forces of a time [s]; walls catch particles after it."""
-        of = self.particles.owned_rows
-        before = of("velocity").T.copy()
-        if opening:
-            self.leapfrog.open_step(time, step)
-            kick, gained = self.leapfrog.opening, 0.0
-        else:
-            self.leapfrog.close_step(time, step, self.substeps)
-            kick, gained = self.leapfrog.closing, self.leapfrog.given
-            self.follow_impulse(before)
-        # the loss to the viscosity is that on the mean of both velocities, which laws take up as heat
-        centred = kick.centred_dissipation
-        offset = kick.offset - centred if opening else kick.offset + centred
-        energies = np.array([kick.external, kick.dissipated + centred, offset, -gained])
-        if self.walls.all:
-            acting = of("force").T, of("viscous_force").T, self.conditions.loads(time)
-            energies += self.walls.catch(time, 0.5 * step, opening, before, acting)
-        to_come = energies[1]
-        if self.warms and not all(solid.stores_heat for solid in self.solids):
-            mean = 0.5 * (before + of("velocity").T)
-            storing = [here for solid, here in self.parts() if solid.stores_heat]
-            to_come = -0.5 * step * sum(np.sum(of("viscous_force").T[:, here] * mean[:, here]) for here in storing)
-        return HalfKick(*map(float, (*energies, to_come)))
-
-    def follow_impulse(self, before: np.ndarray) -> None:
-        """Impulses of contact follow the closing kick from velocities `before` (d, owned), which are moved by them: of
-        the two half kicks of the viscous forces of its time only the next one comes after them."""
-        impulse = self.leapfrog.impulse
-        if impulse is not None:
-            power, viscous = self.particles.owned_rows("impulse_power"), self.particles.owned_rows("viscous_force")
-            power[:] = 0.0
-            power[impulse.rows] = np.sum(viscous[impulse.rows] * impulse.change, axis=1)
-            before[:, impulse.rows] += impulse.change.T
-
-    def book(
-        self, step: float, ledger: EnergyLedger, plastic: float, lost: float, opening: "HalfKick", closing: "HalfKick"
-    ) -> None:
-        """Enter the energies of a step [s]; plastic, lost: plastic heat and numerical loss of the state [J]."""
-        guided = self.conditions.end_step(step, ledger)
-        taken = self.leapfrog.taken_by_step_change(step, opening.offset)
-        lost += opening.lost + closing.lost + taken
-        ledger.add(1.0, plastic, lost, opening.external + closing.external + guided)
-        ledger.add_term("viscous_dissipation", self.viscous_loss(step, opening.viscous + closing.viscous))
-        if self.warms:
-            ledger.add_term("viscous_heat_to_come", self.viscous_heat.finish(step, closing.to_come))
-        ledger.add_term("kinetic_offset", closing.offset - opening.offset + taken)
-        ledger.add_term("heat_supplied", self.temperatures.supplied)
-        ledger.add_term("heat_stored", self.temperatures.stored)
-        for part in (*self.solids, *([] if self.deletion is None else [self.deletion])):
-            for name, energy in part.take_energies().items():
-                ledger.add_term(name, energy)
-
-    def viscous_loss(self, step: float, taken: float) -> float:
-        """What the viscosity took in a step [s] from particles whose stored energy does not take it up [J]; taken: from
-        all particles."""
-        if not self.warms:
-            return taken
-        heat = self.particles.owned_rows("viscous_heat")
-        return step * float(sum(heat[here].sum() for solid, here in self.parts() if not solid.stores_heat))
-
-    @property
-    def warms(self) -> bool:
-        """Whether stored energies of any law, the same on all ranks, take up the heat of the viscosity."""
-        return self.viscosity is not None and any(solid.stores_heat for solid in self.solids)
-
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles: cfl h/(c + |v|), and what fluxes and springs allow."""
         of = self.particles.storage
@@ -315,15 +232,15 @@ class UpdatedLagrangianSPH(ParticleSystem):
     def state(self) -> dict[str, Any]:
         """The list, whether it is used up, and viscous heat to come; collective."""
         news = anywhere(self.comm, self.news)
-        heat = self.viscous_heat.state()
+        heat = self.kicks.viscous_heat.state()
         kept = {"pairs": self.pairs.state(), "time": self.time, "news": news, "viscous_heat": heat}
-        return kept | {"last_step": self.leapfrog.last_step}
+        return kept | {"last_step": self.kicks.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.checkpoint, self.time, self.news = state, state["time"], state["news"]
-        self.leapfrog.last_step = state["last_step"]
-        self.viscous_heat.set_state(self.comm, state["viscous_heat"])
+        self.kicks.leapfrog.last_step = state["last_step"]
+        self.kicks.viscous_heat.set_state(self.comm, state["viscous_heat"])
 
     # --- contact --------------------------------------------------------------------------------------------------
 
@@ -336,7 +253,7 @@ class UpdatedLagrangianSPH(ParticleSystem):
         """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
         return self.temperatures.take(heat, rows)
 
-    # --- what the output and the reports ask --------------------------------------------------------------------
+    # --- its particles and what holds them -----------------------------------------------------------------------
 
     @property
     def owned(self) -> int:  # type: ignore[override]
@@ -358,69 +275,3 @@ class UpdatedLagrangianSPH(ParticleSystem):
     def placements(self) -> int:  # type: ignore[override]
         """Particles change their rows when lists are made."""
         return self.pairs.builds
-
-    @property
-    def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions counted once a particle."""
-        return self.pairs.directed_pairs
-
-    @property
-    def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
-        return symmetry_planes(self.conditions.planes)
-
-    def wave_modulus(self, body: int) -> tuple[float, float]:
-        """By the speed of sound."""
-        solid = self.solids[self.particles.law_of_body[body]]
-        return solid.law.density * solid.sound_speed**2, solid.law.density
-
-    def held_components(self) -> np.ndarray | None:
-        """Those of supports and of prescribed velocities."""
-        return self.conditions.constrained
-
-    def energies(self) -> tuple[float, float]:
-        """Kinetic energy, that of the micro-velocity in it, and stored energy [J] of this rank's particles."""
-        kinetic = float(kinetic_energy(self.owned, self.particles.storage("velocity"), self.mass, None))
-        stored = 0.0
-        for solid, here in self.parts():
-            micro, elastic = solid.energies(self.particles, here)
-            kinetic, stored = kinetic + micro, stored + elastic
-        return kinetic, stored
-
-    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """Cauchy stress (n, 3, 3) [Pa], Jacobian (n,), internal energy (n,)."""
-        return output.shown(self, name, first, last)
-
-    def measure(self, name: str) -> tuple[str, np.ndarray]:
-        """This rank's part of one of the settings' quantities."""
-        return output.measure(self, name)
-
-    def unsound(self) -> tuple[int, str] | None:
-        """The rank's first particle that is not sound, and what is wrong with it."""
-        return output.unsound(self)
-
-    def advice(self) -> str:
-        """What most likely helps."""
-        return output.advice(self.settings)
-
-    def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions."""
-        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
-
-    def arrays(self) -> list[np.ndarray]:
-        """Lists, and rows that sweeps read and write."""
-        return self.pairs.arrays() + self.neighbours.arrays()
-
-    def bytes_a_step(self) -> int:
-        """Two messages a step; particles that change their rank come on top."""
-        return self.particles.bytes_sent("motion") + self.particles.bytes_sent("record")
-
-    def summary(self) -> dict[str, Any]:
-        """How often lists were made anew, how often too late, and particles that changed their rank."""
-        return failed_matter.summary(self.comm, self.particles, self.mass) | self.pairs.summary()
-
-    @staticmethod
-    def small_scene(tables: dict[str, Any]) -> dict[str, Any]:
-        """Particles in the middles of cells."""
-        tables["bodies"] = [body | {"placement": "cells"} for body in tables["bodies"]]
-        return tables

@@ -23,7 +23,7 @@ from decomposition.reduction import sums
 from parsolid.solvers.two_level import TwoLevel
 
 
-class StiffVolumes:
+class NearlyIncompressible:
     """The preconditioner on one rank; all methods are collective."""
 
     def __init__(self, shear: TwoLevel, divergence: Any, compliance: np.ndarray) -> None:
@@ -49,8 +49,8 @@ class StiffVolumes:
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (n, d) of a residual (n, d) that is 0 where a component is prescribed."""
-        result, D = self.shear.without_loose(residual), self.divergence
+        result, D = self.shear.unprojected(residual), self.divergence
         count = D.shape[0]
         self.pressures[:count] = sums(self.comm, D @ result.ravel())
         pressures = self.factors.solve(self.pressures)[:count]
-        return self.shear.less_loose(result - self.shear.without_loose((D.T @ pressures).reshape(residual.shape)))
+        return self.shear.projected(result - self.shear.unprojected((D.T @ pressures).reshape(residual.shape)))

@@ -1,4 +1,5 @@
-"""Pieces of bodies that no bond joins: where loads on one that nothing holds do not balance, there is no solution.
+"""Fragments, connected components of bonded particles: where loads on one do not balance, there is no solution unless
+something holds it.
 
 A direction u without stiffness keeps its part u . r of what is not balanced whatever a solver does.
 """
@@ -10,13 +11,13 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.collective import anywhere
-from parsolid.solvers import motions_without
+from parsolid.solvers import unrestrained_modes
 
-# pieces are looked at as many at most, the largest first
+# fragments are looked at as many at most, the largest first
 _MOST = 50
 
 
-def pieces_of(bonds: Any) -> np.ndarray:
+def fragments_of(bonds: Any) -> np.ndarray:
     """Of each owned particle (owned,) the least number of a particle, by rank and row, of its piece. Collective."""
     from scipy import sparse
 
@@ -40,14 +41,14 @@ def pieces_of(bonds: Any) -> np.ndarray:
             return np.asarray(labels[:owned])
 
 
-def unbalanced_piece(
+def unbalanced_fragment(
     operator: Any, motions: np.ndarray, restraint: Callable[..., np.ndarray], residual: np.ndarray, target: float
 ) -> str:
     """Which piece moves as a whole under more of a residual (n, d) [N] than the target [N], in words; or nothing.
 
     motions (k, n, d): rigid ones of all particles; restraint(motions, mask): see `coarse_space`. Collective.
     """
-    comm, labels = operator.comm, pieces_of(operator.forces.bonds)
+    comm, labels = operator.comm, fragments_of(operator.forces.bonds)
     known: dict[int, int] = {}
     for numbers, counts in comm.allgather(np.unique(labels, return_counts=True)):
         for number, count in zip(numbers.tolist(), counts.tolist()):
@@ -56,7 +57,7 @@ def unbalanced_piece(
     for number in sorted(known, key=lambda one: -known[one])[:_MOST]:
         mask = labels == number
         piece = motions * mask[:, None]
-        loose = motions_without(comm, piece, restraint(piece, mask)) * operator.free
+        loose = unrestrained_modes(comm, piece, restraint(piece, mask)) * operator.free
         parts = sums(comm, np.tensordot(loose, residual, 2))
         if np.linalg.norm(parts) > target:
             middle = sums(comm, places[mask].sum(axis=0)) / known[number]

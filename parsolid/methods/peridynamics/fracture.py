@@ -1,0 +1,262 @@
+"""When bonds of peridynamics break: pre-cracks, the criterion by which bonds fail, and the tip of a crack.
+
+Bonds are looked at in every settled state. Breaking some changes the forces everywhere near, and evaluating those anew
+takes all ranks; so what a rank has found waits until the ranks have agreed, with the next time step, that some rank
+found something. The bonds then break at the beginning of that step, at the displacement at which they were found. Both
+ends of a bond decide alike, so that nothing is sent but the limit of each particle, with its motion.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.collective import anywhere, maximum, minimum, raise_together
+from parsolid.kernels import exact, inlined
+from parsolid.materials.damage.fracture import breaking_limit
+from parsolid.materials.law_functions import law_function
+from parsolid.methods.peridynamics.bond_based import BondBasedForces
+from parsolid.methods.peridynamics.bond_damage import BondDamage, Failing
+from parsolid.methods.peridynamics.cracks import Patch, distance, find_crossing, patch_of
+from parsolid.methods.peridynamics.sweeps import bond_vectors, image_of
+
+# a particle with this share of its bonds broken is on a crack: the two sides of a plane cut are damaged by less than a
+# half
+_ON_CRACK = 0.35
+
+
+class EnergyCriterion(NamedTuple):
+    """A stretched bond fails when t . eta/2 exceeds the limit [J/m^6, in the plane J/m^4].
+
+    eta is the change of the bond's vector and t = w [(M_a + M_b) xi + (C_a + C_b)(f_b - f_a)] its force density in the
+    latest evaluation. driving: rows of the motion of f; M, C (n, 12 or 4), C zeros without control; volume (n,) [m^3].
+    Source: Foster, Silling and Chen, Int. J. Multiscale Comput. Eng. 9 (2011), eq (11).
+    """
+
+    driving: np.ndarray
+    M: np.ndarray
+    C: np.ndarray
+    volume: np.ndarray
+
+
+class StoredEnergyCriterion(NamedTuple):
+    """A stretched bond of the bond-based law fails when what it stores, w c s^2 |xi|/2, exceeds the limit as above.
+
+    micromodulus (n,), of which c is the mean of both ends'; volume (n,) [m^3].
+    """
+
+    micromodulus: np.ndarray
+    volume: np.ndarray
+
+
+class Fracture:
+    """Damage of a scene with pre-cracks or with a criterion by which bonds fail.
+
+    settings: those of the criterion, or None; found: whether this rank has found bonds that fail in the last state it
+    looked at; found_anywhere: whether any rank had, told before the next step; breaks: how often bonds have broken, the
+    same on all ranks.
+    """
+
+    def __init__(self, comm: Any, scene: Any, particle_set: Any, forces: Any) -> None:
+        """particle_set: this rank's sorted particles; forces: of `forces.build_forces`, all bonds whole. Collective."""
+        self.comm, self.forces, self.settings = comm, forces, scene.method.damage
+        self.positions, settings = particle_set.position, scene.method.damage
+        self.found_anywhere, self.breaks = False, 0
+        self.pending: Any = None
+        limits = (0.0, 1.0) if settings is None else (settings.least_shape_ratio, settings.largest_damage)
+        self.damage = BondDamage(forces.bonds, _limits_of(scene, particle_set), *limits)
+        lower = minimum(comm, self.positions.min(axis=0, initial=np.inf))
+        upper = maximum(comm, self.positions.max(axis=0, initial=-np.inf))
+        self.patches = [patch_of(crack, lower, upper) for crack in scene.method.pre_cracks]
+        break_across(self.damage, self.patches)
+        self._initial, self._cut_at_start = self.damage.damage.copy(), self.damage.broken_count()
+
+    # --- in a step --------------------------------------------------------------------------------------------
+
+    @property
+    def found(self) -> bool:
+        """Whether this rank has found bonds that fail."""
+        return self.pending is not None
+
+    def look(self) -> None:
+        """Look for bonds that fail in the state just evaluated."""
+        if self.settings is None:
+            return
+        criterion = self._energy_criterion() if self.settings.criterion == "energy" else None
+        self.pending = failing_bonds(self.damage, criterion)
+
+    def _energy_criterion(self) -> EnergyCriterion | StoredEnergyCriterion:
+        """Over the arrays of the latest evaluation; all bodies relax alike."""
+        forces, bonds, M = self.forces, self.forces.bonds, self.forces.particles.storage("bond_stress")
+        if isinstance(forces, BondBasedForces):
+            return StoredEnergyCriterion(forces.particles["micromodulus"], bonds.volume)
+        memory, control = forces.memories[0], forces.controls[0]
+        bonds.fill(memory.field, 0, len(bonds.positions))
+        control = np.zeros_like(M) if control is None else control
+        return EnergyCriterion(bonds.motion_of(memory.field), M, control, bonds.volume)
+
+    def ranks_find(self) -> bool:
+        """Look, and tell whether any rank has found some; collective."""
+        self.look()
+        return anywhere(self.comm, self.found)
+
+    def break_what_ranks_found(self, ledger: Any) -> None:
+        """Break what ranks have found, before the next step moves anything; collective where they have."""
+        if self.found_anywhere:
+            self.break_bonds(ledger)
+
+    def break_bonds(self, ledger: Any) -> None:
+        """Break what any rank has found, and evaluate the forces of the state anew; collective."""
+        self.breaks += 1
+        stored = self.forces.stored_energy()
+        if self.pending is not None:
+            self.damage.cut(self.pending)
+            self.pending = None
+        self.forces.evaluate_anew()
+        ledger.add_term("dissipation_fracture", stored - self.forces.stored_energy())
+
+    def take_over(self) -> None:
+        """Break the bonds of the state of another run; collective.
+
+        Raises SolverError, on all ranks, where its particles had other neighbours.
+        """
+        fault = "initial: expected the bonds of the results (their horizon and bodies), found particles with other ones"
+        raise_together(self.comm, None if self.damage.take_over() else fault)
+
+    # --- for the output ---------------------------------------------------------------------------------------
+
+    def broken_bonds(self) -> float:
+        """This rank's share of the bonds that have broken since the start, those of pre-cracks not among them."""
+        return self.damage.broken_count() - self._cut_at_start
+
+    def tip(self) -> np.ndarray:
+        """Reference position (d,) [m] of the crack's tip, of the particles on grown cracks the farthest from all
+        pre-cracks.
+
+        Of several equally far the last by its coordinates; NaN without any. Collective, the same on any number of
+        ranks.
+        """
+        damage = self.damage.damage
+        rows = np.flatnonzero((damage > _ON_CRACK) & (damage > self._initial))
+        mine = []
+        if len(rows) and self.patches:
+            far = np.min([distance(patch, self.positions[rows]) for patch in self.patches], axis=0)
+            mine = [(float(far[i]), *map(float, self.positions[rows[i]])) for i in np.flatnonzero(far == far.max())]
+        found = [one for piece in self.comm.allgather(mine) for one in piece]
+        return np.array(max(found)[1:]) if found else np.full(self.positions.shape[1], np.nan)
+
+
+def fracture_of(comm: Any, scene: Any, particle_set: Any, forces: Any) -> Fracture | None:
+    """The damage of a scene, None where all bonds are whole and stay so; as the constructor of `Fracture`."""
+    if scene.method.damage is None and not scene.method.pre_cracks:
+        return None
+    return Fracture(comm, scene, particle_set, forces)
+
+
+def _limits_of(scene: Any, particle_set: Any) -> np.ndarray:
+    """The limit of the criterion (n,) for each particle, infinite without one."""
+    settings, spacing = scene.method.damage, particle_set.spacing.max(axis=1)
+    result = np.full(len(particle_set), np.inf)
+    if settings is None:
+        return result
+    state = scene.method.state(scene.dimension)
+    for number, body in enumerate(scene.bodies):
+        for one in np.unique(spacing[particle_set.body == number]):
+            rows, horizon = (particle_set.body == number) & (spacing == one), scene.method.horizon(one)
+            result[rows] = breaking_limit(settings, body.material, state, scene.method.influence, horizon)
+    return result
+
+
+def break_across(damage: BondDamage, patches: list[Patch]) -> None:
+    """Break the bonds that cross some cracks."""
+    positions = np.pad(damage.bonds.positions, ((0, 0), (0, 3 - damage.bonds.d)))
+    for patch in patches:
+        crossing = damage.collect(find_crossing, positions, patch)
+        if crossing is not None:
+            damage.cut(crossing)
+
+
+def failing_bonds(damage: BondDamage, criterion: EnergyCriterion | StoredEnergyCriterion | None) -> Failing | None:
+    """The bonds that fail by an energy, or without one by their stretch; None when there are none on this rank."""
+    bonds = damage.bonds
+    bonds.fill("displacement", 0, len(bonds.positions))
+    return damage.collect(find_failed, criterion, bonds.motion_of("displacement"), damage.limit)
+
+
+# without contraction, so that a product rounds alike from both ends of a bond
+@exact
+def find_failed(bonds, images, criterion, motion, limit, found):
+    """List the intact bonds that are to break as rows (particle a, bond k) of found (capacity, 2) int64; returns how
+    many.
+
+    A bond fails by its criterion, with the lesser limit (n,) of its ends, see `exceeds`. When they are more than the
+    capacity, the first that fit are listed. A bond with a mirror image is looked at from both of its sides, (a, b') and
+    (b, a').
+    """
+    count = 0
+    for a in range(bonds.start.shape[0] - 1):
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            w, b = bonds.weight[k], bonds.neighbour[k]
+            if w == 0.0:
+                continue
+            Q, R, T = image_of(images, k)
+            sides = 1 if images is None else 2
+            least = min(limit[a], limit[b])
+            # of a failed particle
+            fails = least < 0.0
+            for side in range(sides):
+                one, other = (a, b) if side == 0 else (b, a)
+                fails = fails or exceeds(criterion, motion, w, Q, R, T, one, other, least)
+            if fails:
+                if count < found.shape[0]:
+                    found[count, 0], found[count, 1] = a, k
+                count += 1
+    return count
+
+
+@law_function
+def exceeds(criterion, motion, weight, Q, R, T, a, b, limit):
+    """Whether a bond, seen from a, is beyond the limit of a criterion; without one that of (|y| - |xi|)/|xi|.
+
+    Source: Silling and Askari, Comput. Struct. 83 (2005), eqs (23) to (27).
+    """
+
+
+@inlined
+def squares(motion, Q, R, T, a, b):
+    """|y|^2 and |xi|^2 of a bond [m^2]."""
+    x, u = bond_vectors(motion, Q, R, T, a, b)
+    y = (x[0] + u[0], x[1] + u[1], x[2] + u[2])
+    return y[0] * y[0] + y[1] * y[1] + y[2] * y[2], x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+
+
+@exceeds.of(None)
+def _stretched(criterion, motion, weight, Q, R, T, a, b, limit):
+    present, reference = squares(motion, Q, R, T, a, b)
+    return present > (1.0 + limit) * (1.0 + limit) * reference
+
+
+@exceeds.of(StoredEnergyCriterion)
+def _stored(criterion, motion, weight, Q, R, T, a, b, limit):
+    present, reference = squares(motion, Q, R, T, a, b)
+    change = present**0.5 - reference**0.5
+    # w c s^2 |xi|/2
+    energy = 0.25 * weight * (criterion.micromodulus[a] + criterion.micromodulus[b]) * change * change
+    # the product of the volumes first, so that it rounds alike from both ends
+    volumes = criterion.volume[a] * criterion.volume[b]
+    return change > 0.0 and energy > limit * volumes * reference**0.5
+
+
+@exceeds.of(EnergyCriterion)
+def _strained(criterion, motion, weight, Q, R, T, a, b, limit):
+    x, u = bond_vectors(motion, Q, R, T, a, b)
+    _, f = bond_vectors(criterion.driving, Q, R, T, a, b)
+    d = 2 if motion.shape[1] == 4 else 3
+    column, work = 2 if d == 2 else 4, 0.0
+    for j in range(d):
+        for i in range(d):
+            at = j * column + i
+            work += u[i] * (criterion.M[a, at] + Q[i] * R[j] * criterion.M[b, at]) * x[j]
+            work += u[i] * (criterion.C[a, at] + Q[i] * Q[j] * criterion.C[b, at]) * f[j]
+    present, reference = squares(motion, Q, R, T, a, b)
+    volumes = criterion.volume[a] * criterion.volume[b]
+    return present > reference and 0.5 * weight * work > limit * volumes

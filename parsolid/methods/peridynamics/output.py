@@ -1,0 +1,157 @@
+"""What output and reports ask of peridynamics."""
+
+from typing import Any
+
+import numpy as np
+
+from decomposition.reduction import sums
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
+from parsolid.collective import maximum
+from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.methods.leapfrog import kinetic_energy
+from parsolid.methods.peridynamics.bonds import Bonds
+from parsolid.methods.peridynamics.fracture import Fracture
+from parsolid.methods.peridynamics.solids import is_small_strain
+from parsolid.methods.peridynamics.tangent import instantaneous_wave_modulus
+from parsolid.methods.protocol import BrokenPairs, ParticleSystem
+from parsolid.scene.warned import Note, Warned
+
+# small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
+_TURN, _TURNED = 0.14, 0.05
+
+
+class Reports(ParticleSystem):
+    """Answers of `system.Peridynamics`, which derives from it and has these parts."""
+
+    conditions: Any
+    laws_of_bodies: list[Any]
+    laws: list[Any]
+    pairs: Bonds
+    forces: Any
+    fracture: Fracture | None
+    solver: Any
+    _warnings: list[Warned]
+    # tensors of the output, and the evaluation of the forces that they are of
+    _shown: tuple[int, dict[str, np.ndarray]] = (-1, {})
+
+    @property
+    def directed_pairs(self) -> int:  # type: ignore[override]
+        """Interactions counted once a particle."""
+        return self.pairs.directed_pairs
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and interactions."""
+        return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Bond lists."""
+        return self.pairs.arrays()
+
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """Of the instantaneous solid."""
+        law = self.laws_of_bodies[body]
+        return instantaneous_wave_modulus(law), law.density
+
+    def broken_pairs(self) -> BrokenPairs | None:
+        """Bonds of pre-cracks and failed ones."""
+        return None if self.fracture is None else self.fracture.damage.broken_pairs()
+
+    def energies(self) -> tuple[float, float]:
+        """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""
+        storage = self.particles.storage
+        kinetic = kinetic_energy(self.owned, storage("velocity"), storage("mass"), storage("share"))
+        return kinetic, self.forces.stored_energy()
+
+    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
+        """Deformation gradient and Cauchy stress (n, 3, 3); damage (n,)."""
+        if name == "damage":
+            return np.zeros(last - first) if self.fracture is None else self.fracture.damage.damage[first:last]
+        if name not in ("deformation_gradient", "stress"):
+            return None
+        return self._tensors(name)[first:last]
+
+    def _tensors(self, name: str) -> np.ndarray:
+        """Deformation gradients or Cauchy stresses (owned, 3, 3), kept until the next evaluation of forces."""
+        if self._shown[0] != self.forces.evaluations:
+            self._shown = self.forces.evaluations, {}
+        known = self._shown[1]
+        if name not in known and name == "stress":
+            known[name] = self.forces.cauchy_stresses(self._tensors("deformation_gradient"))
+        elif name not in known:
+            gradients = self.forces.displacement_gradients()
+            d = gradients.shape[1]
+            F = known[name] = np.tile(np.eye(3), (self.owned, 1, 1))
+            F[:, :d, :d] += gradients
+        return known[name]
+
+    def measure(self, name: str) -> tuple[str, np.ndarray]:
+        """Broken bonds, and the place of the crack's tip; collective."""
+        if name == "broken_bonds":
+            return "sum", np.array(0.0 if self.fracture is None else self.fracture.broken_bonds())
+        # the same on all ranks
+        return "maximum", np.full(self.dimension, np.nan) if self.fracture is None else self.fracture.tip()
+
+    def unsound(self) -> tuple[int, str] | None:
+        """The first particle that is inside out or whose velocity is not finite, or the one farthest from balance."""
+        if not self.forces.sound:
+            jacobian = np.linalg.det(self._tensors("deformation_gradient"))
+            index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
+            return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
+        return self.solver.unsound()
+
+    def warnings(self) -> list[Warned]:
+        """Pressures in regions that are too thin for them."""
+        return self._warnings
+
+    def doubt(self) -> str | None:
+        """Whether more than a little of what has small strain has turned so far that this is strain; collective."""
+        G = self._tensors("deformation_gradient")
+        angle = np.linalg.norm(G - G.swapaxes(1, 2), axis=(1, 2)) / np.sqrt(8.0)
+        small = np.zeros(self.owned, bool)
+        for first, last, law in self.laws:
+            small[first:last] = is_small_strain(law)
+        volume = self.particles.owned_rows("volume") * self.share
+        turned, whole = sums(self.comm, [volume[small & (angle > _TURN)].sum(), volume.sum()])
+        if not turned > _TURNED * whole:
+            return None
+        most = maximum(self.comm, float(angle[small].max(initial=0.0)))
+        return (
+            f"{turned / whole:.2g} of the volume has turned by more than {_TURN:g} rad, {most:.2g} rad at most: small "
+            'strain takes that for a strain of half its square (material.strain = "finite", or a hyperelastic law)'
+        )
+
+    def advice(self) -> str:
+        """What most likely helps."""
+        if self.solver.unheld:
+            return "a support of the piece, or loads on it that balance"
+        hints = []
+        if self.settings.stabilisation.kind == "none":
+            hints.append('method.stabilisation.kind = "shear-scaled"')
+        if any(isinstance(law, Prony) and law.finite_strain is not None for _, _, law in self.laws):
+            hints.append("a hyperelastic law (St. Venant and Kirchhoff's gives way when compressed to 0.58)")
+        return ", or ".join([*hints, f"a smaller method.solution.{self.solver.setting}", "a milder load"])
+
+    def cost_notes(self) -> list[Note]:
+        """Iterations of quasi-static solutions where they are many."""
+        return self.solver.cost_notes()
+
+    def summary(self) -> dict[str, Any]:
+        """Iterations of quasi-static solutions."""
+        return self.solver.summary()
+
+    def exchanged_records(self) -> dict[str, int]:
+        """The rows of the divergence sweep."""
+        return {"bond stress": self.particles.fields["bond_stress"].components}
+
+    def bytes_a_step(self) -> int:
+        """Fields and records."""
+        return self.forces.bytes_sent()
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes(self.conditions.planes)
+
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of prescribed motion."""
+        return self.conditions.constrained

@@ -1,0 +1,120 @@
+"""Histories of laws whose stress follows from the gradient of u, see `solids`: their arrays, and kernels over them."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.kernels import exact
+from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.methods.peridynamics.bonds import Bonds
+from parsolid.methods.peridynamics.solids import (
+    end_of_step,
+    initial_history,
+    kernel_law,
+    step_weights,
+    stress_after,
+    undeformed_wave_modulus,
+)
+from parsolid.methods.peridynamics.sweeps import gradient_at, inverse_at, matmul_in, store_rows
+from parsolid.particles.declaration import Columns, Field
+from parsolid.tensors import IDENTITY, determinant, plus
+
+
+class TensorHistories:
+    """Histories of laws whose stress follows from the gradient of u, see `solids`. It declares
+
+    tensor_history    (6 + 6 terms, n), with rows for as many branches as any law has
+
+    stored [J]: energy of the settled states, without the control's; sound, growth: see `CorrespondenceForces`.
+    """
+
+    def __init__(self, bonds: Bonds, laws: list[Any], terms: int, share: np.ndarray) -> None:
+        """laws: (first, last, law) of the rank's particles; terms: most branches of any law of the scene."""
+        self.bonds, self.particles, self.plane = bonds, bonds.particles, True if bonds.d == 2 else None
+        self.laws = laws
+        self.tributary_volume = bonds.volume[: bonds.owned] * share
+        self.stored, self.sound, self.growth = 0.0, True, 1.0
+        columns = Field("tensor_history", 6 * (1 + terms), "1", checkpointed=True, mirror="tensor", layout=Columns())
+        self.particles.declare(columns)
+        for first, last, law in laws:
+            fresh = initial_history(law)
+            self.history[: len(fresh), first:last] = fresh[:, None]
+
+    @property
+    def history(self) -> np.ndarray:
+        """The histories (rows, n)."""
+        return self.particles.storage("tensor_history")
+
+    def store_stresses(self, step: float, sums: np.ndarray, M: np.ndarray) -> None:
+        """M = P K^-1 of all particles after a step [s], from the sums of the gradient of u."""
+        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
+        for first, last, law in self.laws:
+            given = first, last, kernel_law(law), step_weights(law, step)
+            store_stresses(self.plane, *given, inverse, volume, self.history, sums, M)
+
+    def settle(self, step: float, sums: np.ndarray) -> float:
+        """Take all histories through a step [s] to the displacement whose gradient has these sums; the energy
+        dissipated [J]."""
+        self.stored, lost, self.sound, self.growth = 0.0, 0.0, True, 1.0
+        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
+        for first, last, law in self.laws:
+            given = first, last, kernel_law(law), step_weights(law, step)
+            stored, loss, sound, waves = settle_histories(
+                self.plane, *given, inverse, volume, self.tributary_volume, self.history, sums
+            )
+            self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
+            self.growth = max(self.growth, waves / undeformed_wave_modulus(law))
+        return lost
+
+    def relax_fully(self) -> None:
+        """Let all branches relax, as after an infinite time at the settled deformation."""
+        for first, last, law in self.laws:
+            mine = self.history[:, first:last]
+            mine[6:] = 0.0 if isinstance(law, Prony) else np.tile(mine[:6], (len(mine) // 6 - 1, 1))
+
+    def nominal_stresses(self, sums: np.ndarray, result: np.ndarray) -> None:
+        """First Piola-Kirchhoff stress (owned, 9) [Pa] of the settled state from the sums of the gradient of u."""
+        inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
+        for first, last, law in self.laws:
+            given = first, last, kernel_law(law), step_weights(law, 0.0)
+            nominal_stresses(self.plane, *given, inverse, volume, self.history, sums, result)
+
+
+# without contraction, so that stresses before and after a restart have the same bits: one of these kernels stores the
+# histories, and others read them
+@exact
+def store_stresses(plane, first, last, law, weights, inverse, volume, history, sums, M):
+    """M = P K^-1 of particles first..last-1 after a step with the weights of `step_weights`."""
+    for a in range(first, last):
+        G = gradient_at(plane, sums, inverse, volume, a)
+        store_rows(plane, M, a, matmul_in(plane, stress_after(law, weights, history, a, G), inverse_at(inverse, a)))
+
+
+@exact
+def settle_histories(plane, first, last, law, weights, inverse, volume, tributary_volume, history, sums):
+    """Take histories of particles first..last-1 through a step.
+
+    tributary_volume (owned,) [m^3]: on this side of mirror planes. Returns (stored energy after it, dissipated over it
+    [J], are all Jacobians positive, the bound of rho c^2 [Pa] of waves to come: that after the step times (J_old/J)^4
+    where a particle has shrunk, for what shrinks goes on shrinking).
+    """
+    stored, lost, sound, largest = 0.0, 0.0, True, 0.0
+    for a in range(first, last):
+        G = gradient_at(plane, sums, inverse, volume, a)
+        energy, loss, waves, ratio = end_of_step(law, weights, history, a, G, plane)
+        stored += tributary_volume[a] * energy
+        lost += tributary_volume[a] * loss
+        # of each particle: greatest of both apart would depend on which rank has which
+        largest = max(largest, waves * max(ratio, 1.0) ** 2)
+        if not determinant(plus(IDENTITY, G)) > 0.0:
+            sound = False
+    return stored, lost, sound, largest
+
+
+@exact
+def nominal_stresses(plane, first, last, law, weights, inverse, volume, history, sums, result):
+    """First Piola-Kirchhoff stress (n, 9) [Pa] of particles first..last-1."""
+    for a in range(first, last):
+        P = stress_after(law, weights, history, a, gradient_at(plane, sums, inverse, volume, a))
+        for c in range(9):
+            result[a, c] = P[c]
