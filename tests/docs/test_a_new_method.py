@@ -20,6 +20,7 @@ class Flight(MethodSettings):
 
     system: ClassVar = "parsolid.methods.flight.system:FreeFlight"
     materials: ClassVar = ("hyperelastic",)
+    extra_fields: ClassVar = {"flown": "scalar"}
     kind: Literal["flight"]
     step: float = 0.125
 '''
