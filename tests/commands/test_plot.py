@@ -111,10 +111,10 @@ def test_standard_set(comm, folders, kind):
             ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
             assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
         found = sorted(path.name for path in (folder / "pictures").iterdir())
-        assert found == ["energies.png", "pressure.png", "probes.png"]
+        assert found == ["energies.png", "probes.png", "von_mises_stress.png"]
         for name in ("energies.png", "probes.png"):
             assert np.mean(pixels(folder / "pictures" / name) < 128) > 0.005
-        assert is_coloured(pixels(folder / "pictures" / "pressure.png"))
+        assert is_coloured(pixels(folder / "pictures" / "von_mises_stress.png"))
 
 
 @pytest.mark.parametrize("kind, field", [("plate", "velocity"), ("block", "displacement_y"), ("ball", "volume")])
@@ -140,7 +140,7 @@ def test_same_picture_twice_and_another_from_elsewhere(comm, folders):
 @pytest.mark.slow
 def test_single_pictures_and_small_ones(comm, folders):
     out = folders / "singles"
-    draw(comm, folders / "plate", "--single", "--small", "-o", out)
+    draw(comm, folders / "plate", "--field", "pressure", "--single", "--small", "-o", out)
     if comm.rank == 0:
         names = sorted(path.name for path in out.glob("pressure-*"))
         assert names == ["pressure-0.0001s.png", "pressure-0.0002s.png", "pressure-0s.png"]

@@ -239,8 +239,8 @@ def test_outermost_pairs_of_graded_nodes_dissipate_where_jumps_are_plain(reconst
     data["method"]["reconstruction"] = reconstruction
     (box,) = simulation(data).systems[0].boxes.sweeps.here
     # weights of the flux between a node and the next one above along an axis
-    along_slow = np.count_nonzero(box.jump[0][0, 0]) * box.nodes
-    along_fast = np.count_nonzero(box.jump[1][0, 0]) * box.planes
+    slow, fast = np.split(box.jump[0, 0], [box.planes])
+    along_slow, along_fast = np.count_nonzero(slow) * box.nodes, np.count_nonzero(fast) * box.planes
     assert along_slow + along_fast == damped
 
 

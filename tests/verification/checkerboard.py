@@ -52,7 +52,7 @@ def checkerboard_of_run(directory: Path | str, field: str = "pressure") -> list[
 
     results = Results(directory)
     results.check_field(field)
-    filled = results.parts.bodies.get(0)
+    filled = results.bodies.get(0)
     dimension = results.dimension
     filling = filling_of(filled, dimension) if filled is not None and dimension is not None else None
     if not isinstance(filling, Lattice):
