@@ -5,12 +5,13 @@ stress, half impedances) have the ghosts, too.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from decomposition.boxes import BoxOfNodes, GhostExchange, Link, Transfer, links_of, with_ghosts
+from decomposition.boxes import GhostExchange, Link, Transfer, links_of, with_ghosts
 from parsolid.kernels import aligned_zeros, kernel
+from parsolid.pairs.box_on_rank import BoxOnRank, part_of_box
 from parsolid.pairs.box_planes import (
     PAIR_WINDOW,
     STRESS_WINDOW,
@@ -22,10 +23,6 @@ from parsolid.pairs.box_planes import (
     place_of,
     plane_scratch,
 )
-from parsolid.pairs.box_weights import AxisTables
-
-# nodes over which the weights along rows are repeated, about: short loops are slow, long tables leave the cache
-_PERIOD = 192
 
 
 @kernel
@@ -41,16 +38,6 @@ def copy_to_box(box, field, array):
 
 
 # --- the boxes of a rank ------------------------------------------------------------------------------------------
-
-
-class BoxOnRank(NamedTuple):
-    """What a rank knows of a box of the scene: the rank's parts (ranks, 2, d) by `decomposition.boxes.cut_boxes`, the
-    tables of the axes in space, and the row of its first node here in the fields of the particles."""
-
-    nodes: BoxOfNodes
-    parts: np.ndarray
-    tables: Sequence[AxisTables]
-    first: int
 
 
 class BoxSweeps:
@@ -83,7 +70,7 @@ class BoxSweeps:
         places = 0
         for one, part, bound in zip(boxes, own, bounds):
             empty = bool(np.any(part[0] >= part[1]))
-            box = None if empty else _box_of(one, part, bound)
+            box = None if empty else part_of_box(one, part, bound)
             if box is not None:
                 every = Window(places if self.has_ghosts else one.first, box.planes, box.nodes)
                 stresses, pairs = (every._replace(start=0, planes=n) for n in (STRESS_WINDOW, PAIR_WINDOW))
@@ -172,71 +159,3 @@ def _transfer(box: Any, link: Link, array: np.ndarray, rows: slice, depth: int) 
     planes = planes.reshape(len(planes), box.planes, box.nodes)
     inside, outside = ((slice(None), *there[depth]) for there in (link.inside, link.outside))
     return Transfer(link.rank, planes[inside], planes[outside])
-
-
-def _aligned(table: np.ndarray) -> np.ndarray:
-    result = aligned_zeros(table.shape)
-    result[...] = table
-    return result
-
-
-def _box_of(one: BoxOnRank, part: np.ndarray, bound: np.ndarray) -> Box:
-    """Its windows are still to be set. part, bound (2, d): first nodes and those after the last, without and with
-    ghosts."""
-    axes, (first, last), (low, high) = one.nodes.axes, part - bound[0], bound
-    count = high - low
-    # in two dimensions a plane is one row
-    row, rows = int(count[-1]), int(count[1]) if len(axes) > 2 else 1
-    spans = [slice(a, b) for a, b in zip(low, high)]
-    period = max(1, _PERIOD // row) * row if len(axes) > 2 else row
-
-    def by_memory_axis(name: str) -> list[np.ndarray]:
-        return [getattr(one.tables[axis], name)[..., span] for axis, span in zip(axes, spans)]
-
-    def weights(name: str) -> np.ndarray:
-        """By plane, by row, and by node of rows."""
-        *slow, in_row = by_memory_axis(name)
-        return _aligned(np.concatenate((*slow, np.tile(in_row, period // row)), axis=-1))
-
-    def by_node(name: str) -> list[np.ndarray]:
-        """Tables of axis 0 by plane, of the others by node of a plane."""
-        tables = by_memory_axis(name)
-        if len(axes) > 2:
-            tables[1] = np.repeat(tables[1], row, axis=-1)
-        tables[-1] = np.tile(tables[-1], rows)
-        return tables
-
-    by_row = [by_memory_axis(name)[1] for name in ("gradient", "divergence")]
-    own_rows = (int(first[1]), int(last[1])) if len(axes) > 2 else (0, 0)
-    length, *across = by_node("length")
-    nowhere = Window(0, int(count[0]), rows * row)
-    return Box(
-        first=one.first,
-        planes=int(count[0]),
-        nodes=rows * row,
-        row=row,
-        motion=nowhere,
-        stresses=nowhere,
-        pairs=nowhere,
-        first_plane=int(first[0]),
-        last_plane=int(last[0]),
-        first_node=int(first[1]) * (row if len(axes) > 2 else 1),
-        last_node=int(last[1]) * (row if len(axes) > 2 else 1),
-        axes=axes,
-        gradient=weights("gradient"),
-        divergence=weights("divergence"),
-        period=period,
-        runs=_runs(np.concatenate(by_row), *own_rows),
-        jump=_aligned(np.concatenate(by_node("jump"), axis=-1)),
-        half_step=_aligned(np.concatenate(by_node("half_step"))),
-        length=_aligned(length),
-        area=_aligned(np.prod(across, axis=0)),
-    )
-
-
-def _runs(weights: np.ndarray, first: int, last: int) -> np.ndarray:
-    """First and last row, that excluded, (k, 2) of runs of equal weights (.., rows) in rows first to last - 1."""
-    rows = np.arange(first, last)
-    differ = np.any(weights[..., rows[1:]] != weights[..., rows[:-1]], axis=(0, 1))
-    bounds = np.concatenate((rows[:1], rows[1:][differ], [last][: len(rows)]))
-    return np.stack((bounds[:-1], bounds[1:]), axis=1).astype(np.int64)

@@ -7,7 +7,8 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.boxes import BoxOfNodes, cut_boxes
-from parsolid.pairs.box_sweeps import BoxOnRank, BoxSweeps
+from parsolid.pairs.box_on_rank import BoxOnRank
+from parsolid.pairs.box_sweeps import BoxSweeps
 from parsolid.pairs.box_weights import Axis, AxisTables, axis_tables
 
 

@@ -2,7 +2,7 @@
 
 With the stress S0 where F = 1, constant in the reference, the energy has 1/2 S0 : (F^T F - 1) and the first
 Piola-Kirchhoff stress F S0, which a rotation R turns to R S0 R^T as Cauchy stress. Kernels add it on tiles
-(`list_update.add_initial_stress`).
+(`point_update.add_initial_stress`).
 """
 
 from typing import Any

@@ -7,7 +7,8 @@ import numpy as np
 from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
 from parsolid.methods.tlsph.leapfrog import StepBound
-from parsolid.methods.tlsph.list_update import add_forces, advance_stage, advance_step, find_forces
+from parsolid.methods.tlsph.list_stages import advance_stage
+from parsolid.methods.tlsph.list_update import add_forces, advance_step, find_forces
 from parsolid.pairs.list_sweeps import ROWS, gradient_in_plane, gradient_in_space
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours

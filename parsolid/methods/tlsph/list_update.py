@@ -6,15 +6,10 @@ import numpy as np
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.point_update import (
     TILE,
+    add_initial_stress,
     clear_sums,
     deform_tile,
-    largest_modulus,
-    load,
     relax_branch,
-    relax_over_step,
-    stage_tile,
-    store,
-    waves_tile,
 )
 from parsolid.methods.tlsph.tile_fields import (
     copy,
@@ -22,7 +17,6 @@ from parsolid.methods.tlsph.tile_fields import (
     copy_branches_out,
     copy_in,
     copy_out,
-    load_deformation,
 )
 from parsolid.pairs.list_sweeps import (
     divergence_in_plane,
@@ -33,7 +27,6 @@ from parsolid.pairs.list_sweeps import (
     stress_divergence_in_space,
 )
 from parsolid.pairs.rows_of_four import combine_rows, load_row, scale, store_row
-from parsolid.tensors import cofactor, matmul, plus
 
 _ZERO = (0.0, 0.0, 0.0, 0.0)
 
@@ -113,28 +106,6 @@ def store_stresses_in_plane(i, n, P, Z, operator, record):
         first, second = (P11 * L11 + P12 * L21, P21 * L11 + P22 * L21), (P11 * L12 + P12 * L22, P21 * L12 + P22 * L22)
         store_row(record, a, 4, (first[0], first[1], second[0], second[1]))
         record[a, 8], record[a, 9] = Z[p], Z[TILE + p]
-
-
-@kernel
-def store_waves(d, i, n, rows, Q, isotropic):
-    """Wave tensors of a tile into their rows, if there are any; isotropic: half rho c_s where it has no direction,
-    beside the pressure waves."""
-    if rows is None:
-        return
-    for p in range(n):
-        row = rows[i + p]
-        if d == 3:
-            row[0], row[1], row[2], row[3] = Q[p], Q[TILE + p], Q[2 * TILE + p], isotropic
-            row[4], row[5], row[6] = Q[3 * TILE + p], Q[4 * TILE + p], Q[5 * TILE + p]
-        else:
-            row[0], row[1], row[2], row[3] = Q[p], Q[TILE + p], Q[3 * TILE + p], isotropic
-
-
-@kernel
-def add_initial_stress(F, initial, P):
-    """P += F S0 on a tile."""
-    for p in range(TILE):
-        store(P, p, plus(load(P, p), matmul(load(F, p), load(initial, p))))
 
 
 @kernel
@@ -242,95 +213,3 @@ def find_forces(d, pairs, first, last, motion, record, fast, slow, force, T, D):
                 T[0, a], T[1, a], D[0, a], D[1, a] = force[a, 0], force[a, 1], force[a, 2], force[a, 3]
                 store_row(force, a, 0, _ZERO)
                 store_row(record, a, 0, _ZERO)
-
-
-@kernel
-def load_start(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
-    """F, H and J at the start of the step of n particles from row i on, as `load_deformation` takes them."""
-    copy_in(F, tensor, gradient, i, n)
-    copy(J[:n], jacobian[i : i + n])
-    if cofactors is not None:
-        copy_in(H, tensor, cofactors, i, n)
-    else:
-        for p in range(TILE):
-            store(H, p, cofactor(load(F, p)))
-            H[8 * TILE + p] = J[p]
-
-
-@kernel
-def store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
-    """F, H and J of n particles into rows from i on, as `load_deformation` takes them."""
-    copy_out(gradient, i, n, F, tensor)
-    if cofactors is not None:
-        copy_out(cofactors, i, n, H, tensor)
-    copy(jacobian[i : i + n], J[:n])
-
-
-@kernel
-def advance_stage(
-    law, keep, take, step, at_start, at_end, d, branches, half, isotropic, first, last, places,
-    gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
-    volume, push, inverse, initial,
-    pairs, motion, operator, record, fast, slow, tiles, A, branch_sum, push_tile,
-):  # fmt: skip
-    """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of particles first .. last - 1, with records of the
-    state before it; at_start, at_end: whether it is the first or the last of the step.
-
-    Arguments as in `point_update.stage_tile` and `advance_step`; fast, slow: rows of wave tensors, or None.
-
-    Returns (whether all Jacobians are positive, dissipation rate of branches [W], greatest rho c_p^2 [Pa] of the state
-    at the end of the step).
-    """
-    sound, rate, largest = True, 0.0, 0.0
-    # out of their tuples once: each time costs a count of references
-    tensor, symmetric, F, H, J, F0, H0, J0 = (
-        places.tensor, places.symmetric, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start
-    )  # fmt: skip
-    G, P, S, Z, lost = tiles.G, tiles.P, tiles.S, tiles.impedance, tiles.lost
-    Q_p, Q_s, bound, F_before = tiles.fast, tiles.slow, tiles.bound, tiles.initial
-    if d == 2:
-        G[:] = 0.0
-    for i in range(first, last, TILE):
-        n = min(TILE, last - i)
-        if d == 3:
-            gradient_in_space(pairs, i, i + n, motion, record)
-            finish_gradients_in_space(i, n, half, operator, inverse, record, G)
-        else:
-            gradient_in_plane(pairs, i, i + n, motion, record)
-            finish_gradients_in_plane(i, n, half, operator, inverse, record, G)
-        load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
-        if at_start:
-            store_deformation(F, H, J, tensor, gradient_start, cofactors_start, jacobian_start, i, n)
-        load_start(F0, H0, J0, tensor, gradient_start, cofactors_start, jacobian_start, i, n)
-        if A is not None:
-            copy_branches_in(A, symmetric, field_A, i, n)
-        if push is not None:
-            copy_in(push_tile, tensor, push, i, n)
-        if initial is not None:
-            for p in range(TILE):
-                store(F_before, p, load(F, p))
-        stage_tile(
-            law, keep, take, step, branches, F, H, J, F0, H0, J0, G, A, branch_sum, push_tile, P, Q_p, Q_s, lost
-        )  # fmt: skip
-        if initial is not None:
-            copy_in(S, tensor, initial, i, n)
-            add_initial_stress(F_before, S, P)
-        store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
-        for p in range(n):
-            sound = sound and J[p] > 0.0
-        if d == 3:
-            store_stresses_in_space(i, n, P, Z, operator, record)
-        else:
-            store_stresses_in_plane(i, n, P, Z, operator, record)
-        store_waves(d, i, n, fast, Q_p, isotropic)
-        store_waves(d, i, n, slow, Q_s, 0.0)
-        if A is not None:
-            for p in range(n):
-                rate += lost[p] * volume[i + p]
-            if at_end:
-                relax_over_step(branches, F, F0, A)
-                copy_branches_out(field_A, i, n, A, symmetric)
-        if at_end:
-            waves_tile(law, d == 2, branches, F, H, J, A, branch_sum, Q_p, Q_s, bound)
-            largest = largest_modulus(largest, Q_p, bound, n)
-    return sound, rate, largest

@@ -6,7 +6,7 @@ and LLVM sees that their components do not overlap, without which it does not ve
 the components out of the plane are those of F33 = 1; `plane` excludes that direction from wave speeds.
 
 Whatever sums over neighbours (pair lists, box sweeps) loads a tile, calls `update_tile` (leapfrog) or `stage_tile`
-(SSP-RK3), and stores what it needs. A tile that is only partly filled must hold sound values in the rest, as
+(`point_stages`), and stores what it needs. A tile that is only partly filled must hold sound values in the rest, as
 `make_tile` gives them.
 """
 
@@ -17,7 +17,6 @@ import numpy as np
 from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.materials.hyperelastic.functions import pressure_waves, shear_waves, stress
 from parsolid.materials.viscoelastic.maxwell import (
-    branch_dissipation,
     branch_stress,
     branch_waves,
     relaxation_loss,
@@ -28,12 +27,10 @@ from parsolid.tensors import (
     combine,
     combine_symmetric,
     congruence,
-    contract,
-    cross,
     gram,
     inverse_symmetric,
-    largest_eigenvalue,
     largest_eigenvalue_bound,
+    matmul,
     plus,
     plus_symmetric,
 )
@@ -196,125 +193,7 @@ def update_tile(
 
 
 @kernel
-def branches_at_stage(k, branches, F, F_start, A, branch_sum, rate):
-    """Add mu A of branch k at a stage, relaxed from the start of the step, to branch_sum, and its weighted dissipation
-    rate [W/m^3] to rate."""
-    modulus, time, factor, w = branches.moduli[k], branches.times[k], branches.losses[k, 0], branches.to_stage[k]
-    weights = (w[0], w[1], w[2])
+def add_initial_stress(F, initial, P):
+    """P += F S0 on a tile."""
     for p in range(TILE):
-        C = gram(load(F, p))
-        # of the F that is in the stored energy: A that relaxed to H^T H/J^2 would gain energy where these differ
-        C_inverse, C_start_inverse = inverse_symmetric(C), inverse_symmetric(gram(load(F_start, p)))
-        A_stage = relaxed(weights, load_symmetric(A, p), C_start_inverse, C_inverse)
-        store_symmetric(branch_sum, p, combine_symmetric(1.0, load_symmetric(branch_sum, p), modulus, A_stage))
-        rate[p] += factor * branch_dissipation(modulus, time, C, C_inverse, A_stage)
-
-
-@kernel
-def stage_tile(
-    law, keep, take, step, branches, F, H, J, F_start, H_start, J_start, G, A, branch_sum, push, P, fast, slow, rate
-):  # fmt: skip
-    """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of F, H and J of a tile, eqs (72b) to (72d).
-
-    Fills P [Pa] and, of the state before the stage, halves of rho^2 times the wave tensors of pressure (fast, 6 TILE)
-    and shear (slow); rate: dissipation [W/m^3] of the branches, times its factor in the integral over the step.
-    """
-    total = 0.0
-    if A is not None:
-        for p in range(6 * TILE):
-            branch_sum[p] = 0.0
-        for p in range(TILE):
-            rate[p] = 0.0
-        for k in range(branches.moduli.size):
-            branches_at_stage(k, branches, F, F_start, A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, rate)
-            total += branches.moduli[k]
-    for p in range(TILE):
-        F_old, H_old, J_old, grad_v = load(F, p), load(H, p), J[p], load(G, p)
-        P_old = stress(law, F_old, H_old, J_old)
-        Q_p, Q_s = pressure_waves(law, F_old, H_old, J_old), shear_waves(law, F_old)
-        if A is not None:
-            S = load_symmetric(branch_sum, p)
-            P_old = plus(P_old, branch_stress(total, S, F_old, H_old, J_old))
-            Q_p, Q_s = plus_symmetric(Q_p, branch_waves(total, S, H_old, J_old)), plus_symmetric(Q_s, S)
-        if push is not None:
-            Q_p, Q_s = congruence(load(push, p), Q_p), congruence(load(push, p), Q_s)
-        store(P, p, P_old)
-        half = 0.5 * law.density
-        store_symmetric(
-            fast, p, (half * Q_p[0], half * Q_p[1], half * Q_p[2], half * Q_p[3], half * Q_p[4], half * Q_p[5])
-        )
-        store_symmetric(
-            slow, p, (half * Q_s[0], half * Q_s[1], half * Q_s[2], half * Q_s[3], half * Q_s[4], half * Q_s[5])
-        )
-        dH, dJ = cross(F_old, grad_v), contract(H_old, grad_v)
-        store(H, p, combine(keep, load(H_start, p), take, combine(1.0, H_old, step, dH)))
-        store(F, p, combine(keep, load(F_start, p), take, combine(1.0, F_old, step, grad_v)))
-        J[p] = keep * J_start[p] + take * (J_old + step * dJ)
-
-
-@kernel
-def relax_over_step(branches, F, F_start, A):
-    """SSP-RK3: relax A of a tile over the whole step, in which F_start has become F."""
-    for k in range(branches.moduli.size):
-        w, a = branches.weights[k], A[6 * TILE * k : 6 * TILE * (k + 1)]
-        weights = (w[0], w[1], w[2])
-        for p in range(TILE):
-            start, end = inverse_symmetric(gram(load(F_start, p))), inverse_symmetric(gram(load(F, p)))
-            store_symmetric(a, p, relaxed(weights, load_symmetric(a, p), start, end))
-
-
-@kernel
-def sum_branches(branches, A, branch_sum):
-    """sum mu A of a tile; sum mu [Pa]."""
-    total = 0.0
-    for p in range(6 * TILE):
-        branch_sum[p] = 0.0
-    for k in range(branches.moduli.size):
-        total += branches.moduli[k]
-        for p in range(6 * TILE):
-            branch_sum[p] += branches.moduli[k] * A[6 * TILE * k + p]
-    return total
-
-
-@kernel
-def stress_tile(law, branches, F, H, J, A, branch_sum, P):
-    """P [Pa] of the state of a tile."""
-    total = 0.0
-    if A is not None:
-        total = sum_branches(branches, A, branch_sum)
-    for p in range(TILE):
-        P_now = stress(law, load(F, p), load(H, p), J[p])
-        if A is not None:
-            P_now = plus(P_now, branch_stress(total, load_symmetric(branch_sum, p), load(F, p), load(H, p), J[p]))
-        store(P, p, P_now)
-
-
-@kernel
-def waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound):
-    """Wave tensors [Pa] of pressure (fast) and shear (slow) of the state of a tile, and a bound (2 TILE) on the largest
-    eigenvalue of each over the directions of propagation."""
-    total = 0.0
-    if A is not None:
-        total = sum_branches(branches, A, branch_sum)
-    third = 0.0 if plane else 1.0
-    for p in range(TILE):
-        F_now, H_now, J_now = load(F, p), load(H, p), J[p]
-        Q_p, Q_s = pressure_waves(law, F_now, H_now, J_now), shear_waves(law, F_now)
-        if A is not None:
-            S = load_symmetric(branch_sum, p)
-            Q_p, Q_s = plus_symmetric(Q_p, branch_waves(total, S, H_now, J_now)), plus_symmetric(Q_s, S)
-        Q_p, Q_s = in_directions(third, Q_p), in_directions(third, Q_s)
-        store_symmetric(fast, p, Q_p)
-        store_symmetric(slow, p, Q_s)
-        bound[p], bound[TILE + p] = largest_eigenvalue_bound(Q_p), largest_eigenvalue_bound(Q_s)
-
-
-@kernel
-def largest_modulus(largest, fast, bound, count):
-    """Greatest rho c_p^2 [Pa] of the first particles of a tile and of what was found before: the eigenvalue is
-    computed only where its bound may exceed that."""
-    for p in range(count):
-        # also where the bound is not a number
-        if not bound[p] <= largest:
-            largest = max(largest, largest_eigenvalue(load_symmetric(fast, p)))
-    return largest
+        store(P, p, plus(load(P, p), matmul(load(F, p), load(initial, p))))

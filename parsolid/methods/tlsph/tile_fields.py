@@ -9,19 +9,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.kernels import aligned_zeros, kernel
-from parsolid.materials.hyperelastic.functions import energy
-from parsolid.materials.viscoelastic.maxwell import branch_energy
+from parsolid.materials.hyperelastic.functions import energy, pressure_waves, shear_waves, stress
+from parsolid.materials.viscoelastic.maxwell import branch_energy, branch_stress, branch_waves
 from parsolid.methods.tlsph.point_update import (
     TILE,
-    largest_modulus,
+    in_directions,
     load,
     load_symmetric,
     make_tile,
     store,
-    stress_tile,
-    waves_tile,
+    store_symmetric,
 )
-from parsolid.tensors import cofactor, gram
+from parsolid.tensors import cofactor, gram, largest_eigenvalue, largest_eigenvalue_bound, plus, plus_symmetric
 
 
 class Places(NamedTuple):
@@ -134,6 +133,16 @@ def copy_branches_out(field, i, n, A, symmetric):
 
 
 @kernel
+def store_waves(Z, place, n, fast, slow, count):
+    """Rows of tiles of pressure and shear waves, `count` of each, into Z from a place on."""
+    start = np.uintp(place)
+    for k in range(count):
+        row = np.uintp(k * TILE)
+        for p in range(np.uintp(n)):
+            Z[k, start + p], Z[count + k, start + p] = fast[row + p], slow[row + p]
+
+
+@kernel
 def load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
     """F, H and J of n particles from row i on into tiles.
 
@@ -177,6 +186,32 @@ def stored_energy(law, branches, first, last, places, gradient, cofactors, jacob
 
 
 @kernel
+def sum_branches(branches, A, branch_sum):
+    """sum mu A of a tile; sum mu [Pa]."""
+    total = 0.0
+    for p in range(6 * TILE):
+        branch_sum[p] = 0.0
+    for k in range(branches.moduli.size):
+        total += branches.moduli[k]
+        for p in range(6 * TILE):
+            branch_sum[p] += branches.moduli[k] * A[6 * TILE * k + p]
+    return total
+
+
+@kernel
+def stress_tile(law, branches, F, H, J, A, branch_sum, P):
+    """P [Pa] of the state of a tile."""
+    total = 0.0
+    if A is not None:
+        total = sum_branches(branches, A, branch_sum)
+    for p in range(TILE):
+        P_now = stress(law, load(F, p), load(H, p), J[p])
+        if A is not None:
+            P_now = plus(P_now, branch_stress(total, load_symmetric(branch_sum, p), load(F, p), load(H, p), J[p]))
+        store(P, p, P_now)
+
+
+@kernel
 def stresses(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum, out):
     """First Piola-Kirchhoff stresses [Pa] of particles first .. last - 1 into out (last - first, 3, 3)."""
     F, H, J, P, tensor, symmetric = tiles.F, tiles.H, tiles.J, tiles.P, places.tensor, places.symmetric
@@ -189,6 +224,37 @@ def stresses(law, branches, first, last, places, gradient, cofactors, jacobian, 
         for p in range(n):
             for c in range(9):
                 out[i - first + p, c // 3, c % 3] = P[c * TILE + p]
+
+
+@kernel
+def waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound):
+    """Wave tensors [Pa] of pressure (fast) and shear (slow) of the state of a tile, and a bound (2 TILE) on the largest
+    eigenvalue of each over the directions of propagation."""
+    total = 0.0
+    if A is not None:
+        total = sum_branches(branches, A, branch_sum)
+    third = 0.0 if plane else 1.0
+    for p in range(TILE):
+        F_now, H_now, J_now = load(F, p), load(H, p), J[p]
+        Q_p, Q_s = pressure_waves(law, F_now, H_now, J_now), shear_waves(law, F_now)
+        if A is not None:
+            S = load_symmetric(branch_sum, p)
+            Q_p, Q_s = plus_symmetric(Q_p, branch_waves(total, S, H_now, J_now)), plus_symmetric(Q_s, S)
+        Q_p, Q_s = in_directions(third, Q_p), in_directions(third, Q_s)
+        store_symmetric(fast, p, Q_p)
+        store_symmetric(slow, p, Q_s)
+        bound[p], bound[TILE + p] = largest_eigenvalue_bound(Q_p), largest_eigenvalue_bound(Q_s)
+
+
+@kernel
+def largest_modulus(largest, fast, bound, count):
+    """Greatest rho c_p^2 [Pa] of the first particles of a tile and of what was found before: the eigenvalue is
+    computed only where its bound may exceed that."""
+    for p in range(count):
+        # also where the bound is not a number
+        if not bound[p] <= largest:
+            largest = max(largest, largest_eigenvalue(load_symmetric(fast, p)))
+    return largest
 
 
 @kernel

@@ -1,0 +1,77 @@
+"""SSP-RK3: a stage of boxes, plane by plane, as `box_bodies` takes a step of leapfrog."""
+
+from parsolid.kernels import kernel
+from parsolid.methods.tlsph.point_stages import load_start, relax_over_step, stage_tile, store_deformation
+from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, load, store
+from parsolid.methods.tlsph.tile_fields import (
+    copy_branches_in,
+    copy_branches_out,
+    copy_in,
+    copy_out,
+    largest_modulus,
+    load_deformation,
+    store_waves,
+    waves_tile,
+)
+from parsolid.pairs.box_planes import gradient_in_plane, place_of
+
+
+@kernel
+def advance_box_stage(
+    box, scratch, law, keep, take, step, at_start, at_end, d, branches, places,
+    v, gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
+    volume, initial, G, P, Z, tiles, A, branch_sum,
+):  # fmt: skip
+    """SSP-RK3: one stage of the nodes of a box; box arrays and fields as in `box_bodies.advance_box`, else as in
+    `list_stages.advance_stage`. Z (2 d, places): halves of the density times the moduli of pressure and shear waves
+    along each axis."""
+    sound, rate, largest, row = True, 0.0, 0.0, box.first
+    values = scratch.values
+    tensor, symmetric, tile_F, tile_H, tile_J, F_start, H_start, J_start = (
+        places.tensor, places.symmetric, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start
+    )  # fmt: skip
+    tile_G, tile_P, fast, slow, bound = tiles.G, tiles.P, tiles.fast, tiles.slow, tiles.bound
+    lost, F_before, stress = tiles.lost, tiles.initial, tiles.S
+    if d == 2:
+        tile_G[:] = 0.0
+    for i in range(box.first_plane, box.last_plane):
+        of_pairs, of_stresses = place_of(box.pairs, i), place_of(box.stresses, i)
+        gradient_in_plane(box, i, v, values, G, of_pairs + box.first_node)
+        for a in range(box.first_node, box.last_node, TILE):
+            n, place = min(TILE, box.last_node - a), of_pairs + a
+            copy_in(tile_G, tensor, G, place, n)
+            load_deformation(tile_F, tile_H, tile_J, tensor, gradient, cofactors, jacobian, row, n)
+            if at_start:
+                store_deformation(
+                    tile_F, tile_H, tile_J, tensor, gradient_start, cofactors_start, jacobian_start, row, n
+                )
+            load_start(F_start, H_start, J_start, tensor, gradient_start, cofactors_start, jacobian_start, row, n)
+            if A is not None:
+                copy_branches_in(A, symmetric, field_A, row, n)
+            if initial is not None:
+                for p in range(TILE):
+                    store(F_before, p, load(tile_F, p))
+            stage_tile(
+                law, keep, take, step, branches, tile_F, tile_H, tile_J, F_start, H_start, J_start, tile_G,
+                A, branch_sum, None, tile_P, fast, slow, lost,
+            )  # fmt: skip
+            if initial is not None:
+                copy_in(stress, tensor, initial, row, n)
+                add_initial_stress(F_before, stress, tile_P)
+            store_deformation(tile_F, tile_H, tile_J, tensor, gradient, cofactors, jacobian, row, n)
+            copy_out(P, of_stresses + a, n, tile_P, tensor)
+            if Z is not None:
+                store_waves(Z, place, n, fast, slow, d)
+            for p in range(n):
+                sound = sound and tile_J[p] > 0.0
+            if A is not None:
+                for p in range(n):
+                    rate += lost[p] * volume[row + p]
+                if at_end:
+                    relax_over_step(branches, tile_F, F_start, A)
+                    copy_branches_out(field_A, row, n, A, symmetric)
+            if at_end:
+                waves_tile(law, d == 2, branches, tile_F, tile_H, tile_J, A, branch_sum, fast, slow, bound)
+                largest = largest_modulus(largest, fast, bound, n)
+            row += n
+    return sound, rate, largest

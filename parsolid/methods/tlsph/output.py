@@ -1,0 +1,123 @@
+"""What output, reports and contact ask of total-Lagrangian SPH."""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
+from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.materials.viscoelastic.maxwell import total_modulus
+from parsolid.methods.leapfrog import kinetic_energy
+from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
+from parsolid.scene.warned import Note
+
+
+class Reports(ParticleSystem):
+    """Answers of `system.TotalLagrangianSPH`, which derives from it and has these parts."""
+
+    conditions: Any
+    laws: list[Any]
+    blocks: list[LawBlock]
+    sweeps: list[Any]
+    meshes: Any
+    reference: Any
+    initial_stress: Any
+    lattice_bodies: list[Any]
+    body_weights: list[str]
+    evaluations: int
+
+    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
+        """Deformation gradient and first Piola-Kirchhoff stress (n, 3, 3)."""
+        if name == "deformation_gradient":
+            return deformation_gradients(self.particles, first, last)
+        if name != "first_piola_kirchhoff_stress":
+            return None
+        stress = np.zeros((last - first, 3, 3))
+        for block in self.blocks:
+            low, high = max(first, block.first), min(last, block.last)
+            if low < high:
+                stress[low - first : high - first] = block.stresses(low, high)
+        if self.initial_stress is not None:
+            stress += self.initial_stress.first_piola_kirchhoff_stress(first, last)
+        return stress
+
+    def unsound(self) -> tuple[int, str] | None:
+        """Also a reference that could not be moved."""
+        if self.reference is not None and self.reference.fault is not None and self.owned:
+            most = int(np.argmin(self.particles.owned_rows("jacobian")))
+            return most, f"the reference could not be moved: {self.reference.fault}"
+        return super().unsound()
+
+    def advice(self) -> str:
+        """What most likely helps when a run goes wrong, by the settings."""
+        settings, hints = self.settings, list[str]()
+        if settings.integrator == "leapfrog" and settings.safety > 1.0:
+            hints.append(f"a smaller method.safety (it is {settings.safety:g}; 0.9 is stable)")
+        if settings.integrator == "ssp-rk3" and settings.cfl > 0.9:
+            hints.append(f"a smaller method.cfl (it is {settings.cfl:g}; 0.7 is stable for smoothing of 0.85 and more)")
+        smaller = bool(hints)
+        if settings.dissipation == 0.0:
+            hints.append("method.dissipation = 1 (there is none)")
+        hints.append("more particles" if smaller else "more particles where the body is crushed")
+        return ", or ".join([*hints, "a milder load"])
+
+    def wave_modulus(self, body: int) -> tuple[float, float]:
+        """With all branches."""
+        law = self.laws[body]
+        shear, lame = elastic_moduli(law)
+        return lame + 2.0 * (shear + total_modulus(law.branch_moduli)), law.density
+
+    @property
+    def directed_pairs(self) -> int:  # type: ignore[override]
+        """Interactions counted once a particle."""
+        return sum(bodies.directed_pairs for bodies in self.sweeps)
+
+    def energies(self) -> tuple[float, float]:
+        """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
+        kinetic = kinetic_energy(self.owned, self.particles.storage("velocity"), self.mass, self.share)
+        stored = 0.0 if self.initial_stress is None else self.initial_stress.energy()
+        stored += 0.0 if self.meshes is None else self.meshes.stabiliser_energy()
+        return float(kinetic), stored + sum(block.energy() for block in self.blocks)
+
+    @property
+    def farthest(self) -> float:  # type: ignore[override]
+        """Distance of the farthest ghost of nodes of lattices [m]: boxes have two planes of them."""
+        reaches = [(2 if one.box else one.reach) * max(axis.step for axis in one.axes) for one in self.lattice_bodies]
+        return max(reaches, default=0.0)
+
+    def numbers(self) -> dict[str, int]:
+        """Ghosts and interactions."""
+        return {"ghosts": sum(bodies.ghosts for bodies in self.sweeps), "interactions": self.directed_pairs}
+
+    def arrays(self) -> list[np.ndarray]:
+        """Pair lists, and what sweeps read and write."""
+        return [array for bodies in self.sweeps for array in bodies.arrays()]
+
+    def bytes_a_step(self) -> int:
+        """Motion, stresses and impedances, in every evaluation."""
+        return self.evaluations * sum(bodies.bytes_a_step() for bodies in self.sweeps)
+
+    def summary(self) -> dict[str, Any]:
+        """How often the reference was moved, and which weights each body has where a scene leaves the choice."""
+        moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
+        chosen = self.settings.weights in ("best", "mesh")
+        return {**moved, "pair_weights": list(self.body_weights)} if chosen else moved
+
+    def cost_notes(self) -> list[Note]:
+        """Elements of second order, of which the corners are taken."""
+        found = {} if self.meshes is None else self.meshes.of_second_order
+        code, words = "second-order-elements", "are taken by their corners"
+        return [
+            Note(code, f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) {words}")
+            for i, kinds in found.items()
+        ]
+
+    @property
+    def symmetry_planes(self) -> list[MirrorPlane]:
+        """Rollers."""
+        return symmetry_planes(self.conditions.planes)
+
+    def held_components(self) -> np.ndarray | None:
+        """Those of supports and of prescribed velocities."""
+        return self.conditions.constrained
