@@ -1,5 +1,5 @@
-"""Boxes of a rank: velocity gradients along their axes and the new state, plane by plane while the plane is in the cache,
-with the messages between ranks."""
+"""Boxes of a rank: velocity gradients along their axes and the new state, plane by plane while the plane is in the
+cache, with the messages between ranks."""
 
 from typing import Any
 
