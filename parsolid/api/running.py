@@ -3,9 +3,10 @@
 import subprocess
 import tempfile
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
+from numbers import Integral, Real
 from pathlib import Path
 
 from mpi4py import MPI
@@ -83,7 +84,7 @@ def run(
     ranks: int | None = None,
     *,
     overrides: Sequence[str] = (),
-    restart: bool | str | Path = False,
+    restart: bool | str | Path | None = False,
     allow_change: Sequence[str] = (),
     max_steps: int | None = None,
     wall_time: float | None = None,
@@ -106,9 +107,13 @@ def run(
     comm, began = MPI.COMM_WORLD, clock.perf_counter()
     if ranks is not None and comm.size > 1:
         raise SolverError(f"ranks: expected none in a script on {comm.size} ranks, which all take part, found {ranks}")
+    _refuse_arguments({"ranks": ranks, "max_steps": max_steps}, {"wall_time": wall_time, "core_seconds": core_seconds})
+    for name, words in (("overrides", overrides), ("target", target), ("allow_change", allow_change)):
+        if isinstance(words, str):
+            raise SolverError(f"{name}: expected a list of texts, found the text {words!r}")
     newest = NEWEST if restart is True else None
     options = RunOptions(
-        restart=newest if isinstance(restart, bool) else str(restart),
+        restart=newest if isinstance(restart, bool) or restart is None else str(restart),
         allow_change=tuple(allow_change),
         max_steps=max_steps,
         wall_time=wall_time,
@@ -127,6 +132,16 @@ def run(
         _in_processes(stated, folder, ranks, options)
     comm.barrier()
     return load(folder)
+
+
+def _refuse_arguments(numbers: Mapping[str, float | None], seconds: Mapping[str, float | None]) -> None:
+    """Raise SolverError for numbers and seconds that the command line does not take, either."""
+    for name, value in numbers.items():
+        if value is not None and not (isinstance(value, Integral) and value >= 1):
+            raise SolverError(f"{name}: expected a whole number of at least 1, found {value!r}")
+    for name, value in seconds.items():
+        if value is not None and not (isinstance(value, Real) and 0.0 < value < float("inf")):
+            raise SolverError(f"{name}: expected a positive number of seconds, found {value!r}")
 
 
 def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -> None:

@@ -24,6 +24,15 @@ class Cadence:
     wall: float | None = None
     times: tuple[float, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Raises ValueError for what no output can be due after."""
+        if self.time is not None and not self.time > 0.0:
+            raise ValueError(f"time: expected a positive number of seconds, found {self.time}")
+        if self.wall is not None and not self.wall >= 0.0:
+            raise ValueError(f"wall: expected a number of seconds >= 0, found {self.wall}")
+        if self.steps is not None and not (self.steps >= 1 and self.steps == int(self.steps)):
+            raise ValueError(f"steps: expected a whole number of at least 1, found {self.steps}")
+
     def due(self, now: "Clock") -> bool:
         """Whether a state is due by its time and step, the same on all ranks."""
         if now.time in self.times:

@@ -96,6 +96,30 @@ def test_what_is_wrong_is_told_as_on_the_command_line(tmp_path):
         parsolid.laod
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"ranks": 0},
+        {"ranks": "2"},
+        {"max_steps": 0},
+        {"max_steps": 1.5},
+        {"wall_time": -1.0},
+        {"core_seconds": float("nan")},
+        {"overrides": "end_time=1e-4"},
+        {"target": "kinetic=1%"},
+        {"allow_change": "end_time"},
+    ],
+)
+def test_arguments_that_the_command_line_refuses_are_refused_and_nothing_is_written(words, tmp_path):
+    with pytest.raises(SolverError) as found:
+        parsolid.run(SCENE, output=tmp_path / "none", **words)
+    assert str(found.value).partition(":")[0] == next(iter(words)) and not (tmp_path / "none").exists()
+
+
+def test_a_run_without_restart_may_say_none(tmp_path):
+    assert parsolid.run(SCENE, output=tmp_path / "new", restart=None, max_steps=2).summary["steps"] == 2
+
+
 def test_a_run_gives_the_signals_back(results, tmp_path):
     import signal
 

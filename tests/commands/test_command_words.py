@@ -11,6 +11,7 @@ import pytest
 
 from parsolid.commands.cli import COMMANDS, main, parse
 from parsolid.launcher import environment
+from parsolid.simulation import signals
 
 PUNCH = Path(__file__).parents[2] / "runs" / "tlsph" / "punch.toml"
 
@@ -68,6 +69,19 @@ def test_ranks_are_started_and_their_status_is_that_of_the_command(tmp_path):
     assert json.loads((tmp_path / "two" / "summary.json").read_text())["ranks"] == 2
     refused = subprocess.run([*program, *words, "--set", "end_time=-1"], env=environment(), capture_output=True)
     assert refused.returncode == 2
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_signals_are_caught_early_for_commands_alone_that_stop_with_a_checkpoint(command, monkeypatch):
+    caught = []
+    monkeypatch.setattr(signals.REQUEST, "install", lambda: caught.append(command))
+    signals.catch_early([command])
+    assert bool(caught) == (command in ("run", "pareto"))
+
+
+def test_an_import_of_no_file_tells_of_the_mesh(tmp_path, capsys):
+    assert main(["import", str(tmp_path / "none.msh"), str(tmp_path / "new.h5")]) == 2
+    assert capsys.readouterr().err.removeprefix("parsolid: ").startswith("mesh:") and not [*tmp_path.iterdir()]
 
 
 @pytest.mark.serial

@@ -9,6 +9,12 @@ from parsolid.simulation.loop import FINISHED, STOPPED, Clock, Limits
 from parsolid.simulation.outputs import Cadence, Callback, Output
 
 
+@pytest.mark.parametrize("stated", [{"steps": 0}, {"steps": -1}, {"steps": 1.5}, {"time": 0.0}, {"wall": float("nan")}])
+def test_a_cadence_at_which_nothing_is_due_is_refused(stated):
+    with pytest.raises(ValueError, match=f"^{next(iter(stated))}:"):
+        Cadence(**stated)
+
+
 @pytest.mark.parametrize(
     "cadence, due",
     [

@@ -87,6 +87,8 @@ def import_mesh(source: str, target: str) -> tuple[Contents, dict[str, np.ndarra
         raise SceneError([f"target: expected a file that is not there yet, found {target}"])
     if is_imported(source):
         raise SceneError([f"mesh: expected a mesh file of another program, found {source}, which is imported"])
+    if not os.path.isfile(source):
+        raise SceneError([f"mesh: expected a file, found none of the name {source}"])
     try:
         mesh = read_with_meshio(source)
         dimension = dimension_of(mesh)
