@@ -8,6 +8,7 @@ checkout each run is also stopped in the middle and restarted, which must give t
     --ranks        numbers of ranks of the new checkout; the old one runs on one (--old-ranks)
     --steps        of each run
     --tolerance    of a column, over its scale
+    --apart        columns that are compared apart from the others, such as those that book what others did before
 
 The scale of a column is its largest value; components of a vector share the largest of theirs, and energies count at
 least a thousandth of the largest energy. Status 1 when a scene fails or differs.
@@ -23,6 +24,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -141,18 +143,26 @@ def scales(columns: dict[str, np.ndarray]) -> dict[str, float]:
     return {name: max(vectors[re.sub(r"_[xyz]{1,2}$", "", name)], floor.get(name, 0.0), 1e-300) for name in largest}
 
 
-def difference(one: Path, other: Path) -> tuple[float, str]:
-    """The largest difference of two histories over the scale of its column, and what to say about it."""
+def difference(one: Path, other: Path, without: Sequence[str] = (), only: Sequence[str] = ()) -> tuple[float, str]:
+    """The largest difference of two histories over the scale of its column, and what to say about it.
+
+    without: columns that do not count; only: where given, the columns that count.
+    """
     if not (one.exists() and other.exists()):
         return np.inf, "no history"
-    wanted, found = table(one), table(other)
+    wanted, found = (
+        {name: values for name, values in table(path).items() if name not in without and (not only or name in only)}
+        for path in (one, other)
+    )
+    scale_of = scales(table(one))
     if wanted.keys() != found.keys():
         return np.inf, "columns: " + ", ".join(sorted(wanted.keys() ^ found.keys()))
-    lengths = [len(columns["step"]) for columns in (wanted, found)]
+    lengths = [max(map(len, columns.values()), default=0) for columns in (wanted, found)]
     if lengths[0] != lengths[1]:
         return np.inf, f"{lengths[0]} and {lengths[1]} rows"
     worst, where = 0.0, ""
-    for name, scale in scales(wanted).items():
+    for name in wanted:
+        scale = scale_of[name]
         if (np.isnan(wanted[name]) != np.isnan(found[name])).any():
             return np.inf, f"{name}: nan"
         apart = np.abs(found[name] - wanted[name]) / scale
@@ -169,19 +179,22 @@ def compare(old: Path, new: Path, scenes: list[Path], words: argparse.Namespace,
     for ranks in words.ranks:
         run_scenes(new, ranks, words.steps, scenes, not words.no_restarts, place / str(ranks))
     faults = 0
-    heads = [head for ranks in words.ranks for head in (f"{ranks} ranks", "restart")]
+    heads = [head for ranks in words.ranks for head in (f"{ranks} ranks", *["apart"][: len(words.apart)], "restart")]
     print(f"{'scene':34s}{'rows':>6s}" + "".join(f"{head:>10s}" for head in heads) + "  worst column")
     for scene in scenes:
         name = scene.stem
         told, worst = [], (0.0, "")
         for ranks in words.ranks:
             folder = place / str(ranks) / name
-            against_old = difference(reference[name], folder / "whole" / "history.csv")
+            against_old = difference(reference[name], folder / "whole" / "history.csv", without=words.apart)
             restarted = (0.0, "not asked for")
             if not words.no_restarts:
                 restarted = difference(folder / "whole" / "history.csv", folder / "halves" / "history.csv")
                 restarted = (restarted[0], f"restart on {ranks} ranks: {restarted[1]}")
-            told += [against_old[0], restarted[0]]
+            told.append(against_old[0])
+            if words.apart:
+                told.append(difference(reference[name], folder / "whole" / "history.csv", only=words.apart)[0])
+            told.append(restarted[0])
             faults += against_old[0] > words.tolerance or restarted[0] > 0.0
             worst = max(worst, against_old, restarted)
         rows = len(table(reference[name])["step"]) if reference[name].exists() else 0
@@ -200,6 +213,7 @@ def main() -> int:
     parser.add_argument("--old-ranks", type=int, default=1)
     parser.add_argument("--steps", type=int, default=60)
     parser.add_argument("--tolerance", type=float, default=1e-9)
+    parser.add_argument("--apart", nargs="+", default=[], metavar="COLUMN")
     parser.add_argument("--no-restarts", action="store_true")
     parser.add_argument("--keep", type=Path, help="folder for all results, else they are deleted")
     parser.add_argument("--job", type=Path, help=argparse.SUPPRESS)

@@ -471,9 +471,9 @@ def _count(offsets: Offsets) -> int:
 def _neighbours(bonds: Any) -> np.ndarray:
     """So many (owned,) are bonded with each particle."""
     result = np.zeros(bonds.owned)
-    for pairs, _, receivers in bonds.lists:
+    for pairs, _, mutual in bonds.lists:
         result += np.diff(pairs.start)[: bonds.owned]
-        if receivers:
+        if mutual:
             result += np.bincount(pairs.neighbour.astype(np.int64), minlength=bonds.owned)
     return result
 

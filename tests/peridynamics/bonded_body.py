@@ -69,7 +69,7 @@ class BondedBody:
     def refresh_shapes(self, chosen) -> None:
         """As `Bonds.refresh_shapes`: K (owned, d, d) by loops, its determinant and its inverse; of all particles."""
         shape = np.zeros((len(self.positions), self.dimension, self.dimension))
-        for bonds, images, receivers in self.lists:
+        for bonds, images, mutual in self.lists:
             row = np.repeat(np.arange(self.owned), np.diff(bonds.start))
             end = self.positions[bonds.neighbour].copy()
             if images is not None:
@@ -77,7 +77,7 @@ class BondedBody:
             x = end - self.positions[row]
             terms = bonds.weight[:, None, None] * x[:, :, None] * x[:, None, :]
             np.add.at(shape, row, terms)
-            if receivers:
+            if mutual:
                 np.add.at(shape, bonds.neighbour, terms)
         self.shape = shape[: self.owned] / self.volume[: self.owned, None, None]
         self.determinant = np.linalg.det(self.shape)
@@ -90,7 +90,7 @@ class BondedBody:
         start, neighbour = half_pairs(self.positions, self.owned, REACH)
         row = np.repeat(np.arange(self.owned), np.diff(start))
         keep = (neighbour < self.owned) == inner
-        return self._list(row[keep], neighbour[keep], None), None, self.owned if inner else 0
+        return self._list(row[keep], neighbour[keep], None), None, inner or None
 
     def _mirrored(self, kind: str):
         codes = MirrorCodes.of([MirrorPlane(1, 0.0, kind)], 1e-9)
@@ -100,7 +100,7 @@ class BondedBody:
         row, neighbour = np.nonzero(apart < REACH)
         tables = (rows_in(array, self.dimension) for array in (codes.signs, codes.reflections, codes.shifts))
         images = Images(np.zeros(len(row), np.int8), *tables)
-        return self._list(row, neighbour, images), images, 0
+        return self._list(row, neighbour, images), images, None
 
     def _list(self, row, neighbour, images) -> BondList:
         start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned)))).astype(np.int64)
@@ -118,12 +118,12 @@ class BondedBody:
     def directed(self) -> dict[tuple[int, int, bool], float]:
         """All bonds of all ranks: (identifier, identifier of the neighbour, is it an image) -> weight."""
         result = {}
-        for bonds, images, receivers in self.lists:
+        for bonds, images, mutual in self.lists:
             row = np.repeat(np.arange(self.owned), np.diff(bonds.start))
             for a, b, weight in zip(row, bonds.neighbour, bonds.weight):
                 ends = (int(self.identifier[a]), int(self.identifier[b]))
                 result[(*ends, images is not None)] = float(weight)
-                if receivers:
+                if mutual:
                     result[(*ends[::-1], False)] = float(weight)
         return {key: weight for piece in self.comm.allgather(result) for key, weight in piece.items()}
 

@@ -88,9 +88,9 @@ def test_uniform_stretch_stores_the_energy_of_the_micromodulus(comm):
     body.displace(lambda X: 0.01 * X)
     _, energy = forces(body)
     expected = 0.0
-    for bonds, _, receivers in body.lists:
+    for bonds, _, mutual in body.lists:
         row = np.repeat(np.arange(body.owned), np.diff(bonds.start))
         distance = np.linalg.norm(body.positions[bonds.neighbour] - body.positions[row], axis=1)
         c = 2.0 + 0.05 * (body.identifier[row] + body.identifier[bonds.neighbour])
-        expected += (1.0 if receivers else 0.5) * np.sum(0.5 * c * bonds.weight * distance) * 1e-4
+        expected += (1.0 if mutual else 0.5) * np.sum(0.5 * c * bonds.weight * distance) * 1e-4
     assert energy == pytest.approx(comm.allreduce(expected), rel=1e-9)

@@ -48,11 +48,11 @@ class BondBasedForces(BondForces):
         bonds.fill(field, 0, self.owned)
         self.particles.send(message)
         motion = bonds.motion_of(field)
-        add_bond_forces(bonds.inner, None, self.owned, linear, motion, micromodulus, force)
+        add_bond_forces(bonds.inner, None, True, linear, motion, micromodulus, force)
         self.particles.receive(message)
         bonds.fill(field, self.owned, len(bonds.positions))
-        for pairs, images, receivers in bonds.lists[1:]:
-            add_bond_forces(pairs, images, receivers, linear, motion, micromodulus, force)
+        for pairs, images, mutual in bonds.lists[1:]:
+            add_bond_forces(pairs, images, mutual, linear, motion, micromodulus, force)
         return force
 
     def settle(self, step: float) -> float:
@@ -80,8 +80,8 @@ class BondBasedForces(BondForces):
         bonds, total = self.bonds, 0.0
         bonds.fill("displacement", 0, len(bonds.positions))
         given = bonds.motion_of("displacement"), self.particles["micromodulus"], self.share
-        for pairs, images, receivers in bonds.lists:
-            total += bond_energy(pairs, images, receivers, *given)
+        for pairs, images, mutual in bonds.lists:
+            total += bond_energy(pairs, images, mutual, *given)
         return total
 
     def cauchy_stresses(self, F: np.ndarray) -> np.ndarray:
@@ -109,7 +109,7 @@ def length(x):
 
 
 @kernel
-def add_bond_forces(bonds, images, receivers, linear, motion, micromodulus, force):
+def add_bond_forces(bonds, images, mutual, linear, motion, micromodulus, force):
     """Add the forces [N] of a list's bonds, or with `linear` those to first order in the field of the motion.
 
     micromodulus (n,); force (owned, 4) [N].
@@ -127,7 +127,7 @@ def add_bond_forces(bonds, images, receivers, linear, motion, micromodulus, forc
                 s = (length(y) - reference) / (reference * length(y))
             s *= 0.5 * bonds.weight[k] * (micromodulus[a] + micromodulus[b])
             f0, f1, f2 = f0 + s * y[0], f1 + s * y[1], f2 + s * y[2]
-            if b < receivers:
+            if mutual is not None:
                 force[b, 0] -= s * y[0]
                 force[b, 1] -= s * y[1]
                 force[b, 2] -= s * y[2]
@@ -137,7 +137,7 @@ def add_bond_forces(bonds, images, receivers, linear, motion, micromodulus, forc
 
 
 @kernel
-def bond_energy(bonds, images, receivers, motion, micromodulus, share):
+def bond_energy(bonds, images, mutual, motion, micromodulus, share):
     """Energy [J] of a list's bonds, half for each end that receives, times that particle's share (owned,)."""
     total = 0.0
     for a in range(bonds.start.shape[0] - 1):
@@ -146,7 +146,7 @@ def bond_energy(bonds, images, receivers, motion, micromodulus, share):
             x, u = bond_vectors(motion, *image_of(images, k), a, b)
             reference = length(x)
             stretch = (length((x[0] + u[0], x[1] + u[1], x[2] + u[2])) - reference) / reference
-            parts = share[a] + (share[b] if b < receivers else 0.0)
+            parts = share[a] + (share[b] if mutual is not None else 0.0)
             modulus = micromodulus[a] + micromodulus[b]
             total += 0.125 * parts * bonds.weight[k] * modulus * stretch * stretch * reference
     return total

@@ -51,9 +51,9 @@ class BondDamage:
         self.particles.declare(Field("damage", 1, "1", shown=True))
         self.particles.declare(Field("bond_limit", 1, "1", ghosts="forward", message="motion"), limit)
         count = np.zeros(self.owned, np.int64)
-        for pairs, _, receivers in bonds.lists:
+        for pairs, _, mutual in bonds.lists:
             count += np.diff(pairs.start)
-            if receivers:
+            if mutual:
                 count += np.bincount(pairs.neighbour, minlength=self.owned)
         words = -(-int(maximum(self.comm, int(count.max(initial=1)))) // _BITS)
         bits: dict[str, Any] = {"checkpointed": True, "whole": True, "layout": Rows(words)}
@@ -78,14 +78,14 @@ class BondDamage:
         """The bonds of all lists that a kernel finds, such as `fracture.find_failed`; None where there are none on this
         rank."""
         rows, touched = [], []
-        for number, (pairs, images, receivers) in enumerate(self.bonds.lists):
+        for number, (pairs, images, mutual) in enumerate(self.bonds.lists):
             count = find(pairs, images, *what, self._room[number])
             if count > len(self._room[number]):
                 self._room[number] = np.empty((2 * count, 2), np.int64)
                 find(pairs, images, *what, self._room[number])
             rows.append(self._room[number][:count])
             touched.append(rows[-1][:, 0])
-            if receivers:
+            if mutual:
                 touched.append(pairs.neighbour[rows[-1][:, 1]].astype(np.int64))
         particles = np.unique(np.concatenate(touched))
         return Failing(rows, particles) if len(particles) else None
@@ -114,8 +114,8 @@ class BondDamage:
         local = len(self.bonds.positions)
         chosen, volume = np.zeros(local, bool), np.zeros(local)
         chosen[particles] = True
-        for pairs, _, receivers in self.bonds.lists:
-            add_neighbours(pairs, receivers, chosen, self.bonds.volume, volume)
+        for pairs, _, mutual in self.bonds.lists:
+            add_neighbours(pairs, mutual, chosen, self.bonds.volume, volume)
         return volume[particles]
 
     def broken_count(self) -> float:
@@ -187,9 +187,9 @@ class BondDamage:
         slot[particles] = np.arange(len(particles))
         identifier = self.particles.storage("identifier")
         rows, keys, sources = [], [], []
-        for number, (pairs, images, receivers) in enumerate(self.bonds.lists):
+        for number, (pairs, images, mutual) in enumerate(self.bonds.lists):
             ends = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start)), pairs.neighbour.astype(np.int64)
-            for own, other in (ends, ends[::-1]) if receivers else (ends,):
+            for own, other in (ends, ends[::-1]) if mutual else (ends,):
                 bond = np.flatnonzero(slot[own] >= 0)
                 code = 0 if images is None else images.code[bond].astype(np.int64) + 1
                 rows.append(slot[own[bond]])
@@ -209,7 +209,7 @@ def places_of_bits(start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 @kernel
-def add_neighbours(bonds, receivers, chosen, volume, result):
+def add_neighbours(bonds, mutual, chosen, volume, result):
     """Add the volumes [m^3] of the neighbours that chosen (n,) particles are still bonded to, to result (n,)."""
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
@@ -217,5 +217,5 @@ def add_neighbours(bonds, receivers, chosen, volume, result):
             if bonds.weight[k] != 0.0:
                 if chosen[a]:
                     result[a] += volume[b]
-                if b < receivers and chosen[b]:
+                if mutual is not None and chosen[b]:
                     result[b] += volume[a]

@@ -111,7 +111,7 @@ class Bonds(BondSweeps):
     @property
     def directed_pairs(self) -> int:
         """Interactions counted once a particle."""
-        return sum((2 if receivers else 1) * len(bonds.neighbour) for bonds, _, receivers in self.lists)
+        return sum((2 if mutual else 1) * len(bonds.neighbour) for bonds, _, mutual in self.lists)
 
     def arrays(self) -> list[np.ndarray]:
         """What counts as memory besides the particles."""
@@ -125,8 +125,8 @@ class Bonds(BondSweeps):
         changes."""
         shape = np.zeros((len(self.positions), 6))
         mask = np.concatenate((chosen, np.zeros(len(self.positions) - self.owned, bool)))
-        for bonds, images, receivers in self.lists:
-            add_shapes(mask, bonds, images, receivers, self.positions, shape)
+        for bonds, images, mutual in self.lists:
+            add_shapes(mask, bonds, images, mutual, self.positions, shape)
         spans = 1 if self.bar else self.d
         inverse = self.particles.storage("inverse_shape")
         invert_shapes(chosen, spans, self.volume, shape, inverse, self.determinant)
@@ -172,13 +172,13 @@ def measure(start, neighbour, code, positions, inverse_square, R, T, q):
 
 
 @kernel
-def add_shapes(chosen, bonds, images, receivers, positions, shape):
+def add_shapes(chosen, bonds, images, mutual, positions, shape):
     """Add V_a K_a of chosen (n,) particles that receive to shape (n, 6), as 11, 22, 33, 12, 13, 23."""
     d = positions.shape[1]
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b, w = bonds.neighbour[k], bonds.weight[k]
-            if not (chosen[a] or (b < receivers and chosen[b])):
+            if not (chosen[a] or (mutual is not None and chosen[b])):
                 continue
             x, y, z = positions[b, 0], positions[b, 1], positions[b, 2] if d == 3 else 0.0
             if images is not None:
@@ -189,7 +189,7 @@ def add_shapes(chosen, bonds, images, receivers, positions, shape):
             for c in range(6):
                 if chosen[a]:
                     shape[a, c] += terms[c]
-                if b < receivers and chosen[b]:
+                if mutual is not None and chosen[b]:
                     shape[b, c] += terms[c]
 
 

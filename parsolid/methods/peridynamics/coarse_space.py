@@ -176,7 +176,7 @@ def divergence_of_components(bonds: Bonds, dimension: int) -> Any:
     numbers = bonds.halo.with_ghosts(first + np.arange(owned, dtype=np.int64))
     inverse = bonds.inverse_shapes()[:, :dimension, :dimension] / bonds.volume[:owned, None, None]
     parts = []
-    for pairs, images, receivers in bonds.lists:
+    for pairs, images, mutual in bonds.lists:
         a, b = np.repeat(np.arange(len(pairs.start) - 1), np.diff(pairs.start)), pairs.neighbour.astype(np.int64)
         end, Q = X[b], np.ones((len(b), dimension))
         if images is not None:
@@ -184,7 +184,7 @@ def divergence_of_components(bonds: Bonds, dimension: int) -> Any:
             end = R * end + T
         g = pairs.weight[:, None] * (end - X[a])
         parts.append((a, b, np.einsum("kij,kj->ki", inverse[a], g), Q))
-        if receivers:
+        if mutual:
             parts.append((b, a, np.einsum("kij,kj->ki", inverse[b], -g), Q))
     a, b, g, Q = (np.concatenate(arrays) for arrays in zip(*parts))
     rows, across = np.repeat(first + a, dimension), np.arange(dimension)

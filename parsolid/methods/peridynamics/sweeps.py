@@ -90,8 +90,8 @@ def bond_vectors(motion, Q, R, T, a, b):
 
 
 @kernel
-def add_gradients_in_space(bonds, images, receivers, motion, sums):
-    """Add sum_b w_ab (f_b - f_a) (x) xi to sums; neighbours below row `receivers` receive, too."""
+def add_gradients_in_space(bonds, images, mutual, motion, sums):
+    """Add sum_b w_ab (f_b - f_a) (x) xi to sums; mutual: see `BondSweeps.lists`."""
     start, neighbour, weight = bonds.start, bonds.neighbour, bonds.weight
     for a in range(start.size - 1):
         X, f = load_row(motion, a, 0), load_row(motion, a, 4)
@@ -105,7 +105,7 @@ def add_gradients_in_space(bonds, images, receivers, motion, sums):
             xi, jump = subtract(X_b, X), scale(weight[k], subtract(f_b, f))
             d0, d1, d2 = scale(xi[0], jump), scale(xi[1], jump), scale(xi[2], jump)
             s0, s1, s2 = add(s0, d0), add(s1, d1), add(s2, d2)
-            if b < receivers:
+            if mutual is not None:
                 add_to_row(sums, b, 0, d0)
                 add_to_row(sums, b, 4, d1)
                 add_to_row(sums, b, 8, d2)
@@ -115,7 +115,7 @@ def add_gradients_in_space(bonds, images, receivers, motion, sums):
 
 
 @kernel
-def add_gradients_in_plane(bonds, images, receivers, motion, sums):
+def add_gradients_in_plane(bonds, images, mutual, motion, sums):
     """As `add_gradients_in_space`."""
     for a in range(bonds.start.shape[0] - 1):
         own, s = load_row(motion, a, 0), load_row(sums, a, 0)
@@ -129,14 +129,14 @@ def add_gradients_in_plane(bonds, images, receivers, motion, sums):
             g0, g1 = bonds.weight[k] * step[0], bonds.weight[k] * step[1]
             d = multiply((step[2], step[3], step[2], step[3]), (g0, g0, g1, g1))
             s = add(s, d)
-            if b < receivers:
+            if mutual is not None:
                 add_to_row(sums, b, 0, d)
         store_row(sums, a, 0, s)
 
 
 @kernel
-def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
-    """Add the forces of the bonds [N]; C None: without control; neighbours below row `receivers` receive, too."""
+def add_forces_in_space(bonds, images, mutual, motion, M, C, force):
+    """Add the forces of the bonds [N]; C None: without control; mutual: see `BondSweeps.lists`."""
     start, neighbour, weight = bonds.start, bonds.neighbour, bonds.weight
     for a in range(start.size - 1):
         X, f, total = load_row(motion, a, 0), load_row(motion, a, 4), load_row(force, a, 0)
@@ -163,13 +163,13 @@ def add_forces_in_space(bonds, images, receivers, motion, M, C, force):
                 t = add_scaled(add_scaled(t, jump[1], add(C1, c1)), jump[2], add(C2, c2))
             t = scale(weight[k], t)
             total = add(total, t)
-            if b < receivers:
+            if mutual is not None:
                 store_row(force, b, 0, subtract(load_row(force, b, 0), t))
         store_row(force, a, 0, total)
 
 
 @kernel
-def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
+def add_forces_in_plane(bonds, images, mutual, motion, M, C, force):
     """As `add_forces_in_space`; forces are (f0 + f2, f1 + f3) of their rows, see `fold_rows`."""
     for a in range(bonds.start.shape[0] - 1):
         own, M_a, total = load_row(motion, a, 0), load_row(M, a, 0), load_row(force, a, 0)
@@ -191,7 +191,7 @@ def add_forces_in_plane(bonds, images, receivers, motion, M, C, force):
                 m = add(C_a, C_b)
                 t = (t[0] + m[0] * s[2], t[1] + m[1] * s[2], t[2] + m[2] * s[3], t[3] + m[3] * s[3])
             total = add(total, t)
-            if b < receivers:
+            if mutual is not None:
                 store_row(force, b, 0, subtract(load_row(force, b, 0), t))
         store_row(force, a, 0, total)
 
@@ -246,9 +246,10 @@ class BondSweeps:
         self.sums = aligned_zeros(self.owned, MATRIX_ROW[self.d])
 
     @property
-    def lists(self) -> list[tuple[BondList, Images | None, int]]:
-        """Every list, its images or None, and the row below which neighbours receive, too."""
-        every: list[Any] = [(self.inner, None, self.owned), (self.rim, None, 0), (self.mirror, self.images, 0)]
+    def lists(self) -> list[tuple[BondList, Images | None, bool | None]]:
+        """Every list, its images or None, and mutual: True where neighbours receive, too, else None, for which kernels
+        compile no test."""
+        every: list[Any] = [(self.inner, None, True), (self.rim, None, None), (self.mirror, self.images, None)]
         return [one for one in every if one[0] is not None]
 
     def motion_of(self, name: str) -> np.ndarray:
@@ -270,15 +271,15 @@ class BondSweeps:
         if message is not None:
             self.particles.send(message)
         if self.lattice is None:
-            self._add_gradients(self.inner, None, owned, motion, self.sums)
+            self._add_gradients(self.inner, None, True, motion, self.sums)
         if message is not None:
             self.particles.receive(message)
         self.fill(name, owned, local)
         if self.lattice is not None:
             self.lattice.gradients(motion, self.sums)
             return self.sums
-        for bonds, images, receivers in self.lists[1:]:
-            self._add_gradients(bonds, images, receivers, motion, self.sums)
+        for bonds, images, mutual in self.lists[1:]:
+            self._add_gradients(bonds, images, mutual, motion, self.sums)
         return self.sums
 
     def divergence(self, name: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
@@ -288,13 +289,13 @@ class BondSweeps:
         force[:] = 0.0
         self.particles.send("record")
         if self.lattice is None:
-            self._add_forces(self.inner, None, self.owned, motion, M, control, force)
+            self._add_forces(self.inner, None, True, motion, M, control, force)
         self.particles.receive("record")
         if self.lattice is not None:
             self.lattice.forces(motion, M, control, force)
             return force
-        for bonds, images, receivers in self.lists[1:]:
-            self._add_forces(bonds, images, receivers, motion, M, control, force)
+        for bonds, images, mutual in self.lists[1:]:
+            self._add_forces(bonds, images, mutual, motion, M, control, force)
         if self.d == 2:
             fold_rows(force)
         return force
