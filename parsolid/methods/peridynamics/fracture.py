@@ -196,17 +196,13 @@ def find_failed(bonds, images, criterion, motion, limit, found):
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
             w, b = bonds.weight[k], bonds.neighbour[k]
-            if w == 0.0:
-                continue
             Q, R, T = image_of(images, k)
-            sides = 1 if images is None else 2
             least = min(limit[a], limit[b])
-            # of a failed particle
-            fails = least < 0.0
-            for side in range(sides):
-                one, other = (a, b) if side == 0 else (b, a)
-                fails = fails or exceeds(criterion, motion, w, Q, R, T, one, other, least)
-            if fails:
+            # those of failed particles, too; without jumps, which take longer than what they leave out
+            fails = (least < 0.0) | exceeds(criterion, motion, w, Q, R, T, a, b, least)
+            if images is not None:
+                fails |= exceeds(criterion, motion, w, Q, R, T, b, a, least)
+            if fails and w != 0.0:
                 if count < found.shape[0]:
                     found[count, 0], found[count, 1] = a, k
                 count += 1
