@@ -13,6 +13,8 @@ from parsolid.simulation.observables import Observables
 
 # kinds of boundaries that exert no force
 _FORCELESS = ("temperature", "heat_flux", "micro_clamped")
+# of sum m |x| |v|, up to which the motion about the centre of mass may be rounding
+_ROUND_OFF = 1e-9
 
 
 def isolated(scene: Scene) -> bool:
@@ -29,8 +31,8 @@ class MomentumBalance:
     """What of the momenta is lost, over the largest sums of their particles' parts.
 
     first, largest: linear momentum and angular momentum about the origin at the start, and the largest
-    sum m |v| [kg m/s] and sum m |x - x_c| |v - v_c| [kg m^2/s] about the centre of mass so far; lost: the largest
-    changes of the momenta so far. None until `look`.
+    sum m |v| [kg m/s] and sum m |x - x_c| |v - v_c| [kg m^2/s] about the centre of mass so far, 0 where that is
+    rounding; lost: the largest changes of the momenta so far. None until `look`.
     """
 
     def __init__(self, comm: Any, systems: Sequence[ParticleSystem]) -> None:
@@ -61,10 +63,12 @@ class MomentumBalance:
         self.comm.Allreduce(mine, total)
         centre, mean = (total[k : k + d] / (total[0] or 1.0) for k in (1, 1 + d))
         arm, speed = np.linalg.norm(x - centre, axis=1), np.linalg.norm(v - mean, axis=1)
-        own = np.array([mass @ np.linalg.norm(v, axis=1), mass @ (arm * speed)])
+        whole = np.linalg.norm(v, axis=1)
+        own = np.array([mass @ whole, mass @ (arm * speed), mass @ (np.linalg.norm(x, axis=1) * whole)])
         sizes = np.empty_like(own)
         self.comm.Allreduce(own, sizes)
-        return total[1 + d :], sizes, centre
+        linear, angular, about_origin = sizes
+        return total[1 + d :], np.array([linear, angular if angular > _ROUND_OFF * about_origin else 0.0]), centre
 
     def shares(self) -> tuple[float, float]:
         """Linear and angular momentum that were lost, over the largest sums of parts; 0 where nothing has moved."""

@@ -58,6 +58,15 @@ def test_a_body_that_flies_far_keeps_its_angular_momentum(monkeypatch):
     assert max(balance.shares()) < 1e-9
 
 
+@pytest.mark.serial
+def test_rounding_turns_no_body_that_only_flies(monkeypatch):
+    """Velocities that are equal but for their last bits have an angular momentum about no centre that could be lost."""
+    place, speed = np.array([[0.1, 0.2], [0.7, 0.3]]), np.array([[0.7, 1.1]] * 2)
+    after = speed * [[1.0 + 4e-16], [1.0 - 4e-16]]
+    balance = momenta_of(monkeypatch, ([0, 0], (place, speed)), (place + 0.1 * speed, after))
+    assert 0.0 < balance.lost[1] and balance.shares()[1] < 1e-5
+
+
 def spinning(method: dict, placement: str = "cells") -> dict:
     body = {"shape": {"box": {"lower": [-0.5, -0.5], "upper": [0.5, 0.5]}}, "particles": [8, 8], "material": METAL}
     return {
