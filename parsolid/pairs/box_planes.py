@@ -27,6 +27,7 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.pairs.box_weights import REACH
+from parsolid.pairs.riemann import riemann_factors
 
 # planes that the stresses of one plane's forces reach, and its fluxes
 STRESS_WINDOW, PAIR_WINDOW = 2 * REACH + 1, 2
@@ -258,9 +259,9 @@ def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B
         Z_p, Z_s = Z[pressure, i_Z] + Z[pressure, j_Z], Z[shear, i_Z] + Z[shear, j_Z]
         if directional is not None:
             Z_p, Z_s = Z_p**0.5, Z_s**0.5
-        along = (Z_p - Z_s) * (u0 * r0 + u1 * r1 + u2 * r2) / (r0 * r0 + r1 * r1 + r2 * r2)
-        flux[component, to], flux[component + 1, to] = Z_s * u0 + along * r0, Z_s * u1 + along * r1
-        flux[component + 2, to] = Z_s * u2 + along * r2
+        s, along = riemann_factors(Z_p, Z_s, u0 * r0 + u1 * r1 + u2 * r2, r0 * r0 + r1 * r1 + r2 * r2)
+        flux[component, to], flux[component + 1, to] = s * u0 + along * r0, s * u1 + along * r1
+        flux[component + 2, to] = s * u2 + along * r2
 
 
 @inlined
@@ -279,8 +280,8 @@ def flux_in_strain_plane(
         Z_p, Z_s = Z[pressure, i_Z] + Z[pressure, j_Z], Z[shear, i_Z] + Z[shear, j_Z]
         if directional is not None:
             Z_p, Z_s = Z_p**0.5, Z_s**0.5
-        along = (Z_p - Z_s) * (u0 * r0 + u1 * r1) / (r0 * r0 + r1 * r1)
-        flux[component, to], flux[component + 1, to] = Z_s * u0 + along * r0, Z_s * u1 + along * r1
+        s, along = riemann_factors(Z_p, Z_s, u0 * r0 + u1 * r1, r0 * r0 + r1 * r1)
+        flux[component, to], flux[component + 1, to] = s * u0 + along * r0, s * u1 + along * r1
 
 
 @inlined

@@ -32,6 +32,7 @@ from typing import NamedTuple
 
 from parsolid.kernels import inlined, kernel
 from parsolid.pairs.pair_list import weight_row
+from parsolid.pairs.riemann import riemann_factors
 from parsolid.pairs.rows_of_four import add, add_scaled, load_row, scale, store_row, subtract
 
 
@@ -141,8 +142,8 @@ def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
                     Z_s = _along(g1, g2, g3, Q1, Q2) ** 0.5
             u_r = u[0] * line[0] + u[1] * line[1] + u[2] * line[2]
             r_r = line[0] * line[0] + line[1] * line[1] + line[2] * line[2]
-            along = (Z_p - Z_s) * u_r / r_r
-            dissipative = scale(jump_factor, add_scaled(scale(Z_s, u), along, line))
+            s, along = riemann_factors(Z_p, Z_s, u_r, r_r)
+            dissipative = scale(jump_factor, add_scaled(scale(s, u), along, line))
             D = add(D, dissipative)
             store_row(force, b, 4, subtract(load_row(force, b, 4), dissipative))
         store_row(force, a, 0, T)
@@ -185,8 +186,8 @@ def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
                     Q = add(shear, load_row(slow, b, 0))
                     Z_s = (Q[0] * g1 * g1 + Q[1] * g2 * g2 + 2.0 * Q[2] * g1 * g2) ** 0.5
             u_r, r_r = u1 * step[2] + u2 * step[3], step[2] * step[2] + step[3] * step[3]
-            along = (Z_p - Z_s) * u_r / r_r
-            D1, D2 = jump_factor * (Z_s * u1 + along * step[2]), jump_factor * (Z_s * u2 + along * step[3])
+            s, along = riemann_factors(Z_p, Z_s, u_r, r_r)
+            D1, D2 = jump_factor * (s * u1 + along * step[2]), jump_factor * (s * u2 + along * step[3])
             pair = (S[0] * g1 + S[2] * g2, S[1] * g1 + S[3] * g2, D1, D2)
             total = add(total, pair)
             store_row(force, b, 0, subtract(load_row(force, b, 0), pair))
