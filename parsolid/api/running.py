@@ -3,6 +3,7 @@
 import subprocess
 import tempfile
 import time as clock
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
@@ -37,7 +38,7 @@ from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import warm_up
 
-DONE, TO_BE_CONTINUED = 0, 75
+DONE, NOT_REACHED, TO_BE_CONTINUED = 0, 4, 75
 NEWEST = ""
 
 
@@ -94,7 +95,8 @@ def run(
     quiet: bool = True,
     trust_code: bool = False,
 ) -> Results:
-    """Run a scene to its end and give its results.
+    """Run a scene to its end and give its results; with targets those of the last level, with a warning where it does
+    not reach them.
 
     scene: a Scene, a TOML file, or tables, in which files are relative to the working folder; output: folder of the
     results, the scene's unless given; ranks: started by mpirun, which waits for them; without it the run is in this
@@ -127,11 +129,21 @@ def run(
     stated = scene_on_all_ranks(comm, lambda: read_scene(scene, overrides, trust_code))
     folder = Path(output if output is not None else stated.output.directory)
     if ranks is None:
-        run_scene(comm, stated, folder, options, began)
+        status = run_scene(comm, stated, folder, options, began)
     else:
-        _in_processes(stated, folder, ranks, options)
+        status = _in_processes(stated, folder, ranks, options)
     comm.barrier()
+    if options.target or (stated.run and stated.run.target):
+        folder = comm.bcast(_last_level(folder) if comm.rank == 0 else None)
+        if status == NOT_REACHED:
+            warnings.warn(f"target: not reached; these are the results of the last level, {folder}", stacklevel=2)
     return load(folder)
+
+
+def _last_level(folder: Path) -> Path:
+    """Where the last level of a search for targets has its results; the folder itself where no level has ended."""
+    ended = sorted(folder.glob("levels/*/summary.json"), key=lambda path: path.stat().st_mtime)
+    return ended[-1].parent if ended else folder
 
 
 def _refuse_arguments(numbers: Mapping[str, float | None], seconds: Mapping[str, float | None]) -> None:
@@ -144,8 +156,8 @@ def _refuse_arguments(numbers: Mapping[str, float | None], seconds: Mapping[str,
             raise SolverError(f"{name}: expected a positive number of seconds, found {value!r}")
 
 
-def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -> None:
-    """Start a job of its own and wait for it. Raises what its exit status means."""
+def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -> int:
+    """Start a job of its own and wait for it; its exit status. Raises what that means where it is an error."""
     with tempfile.TemporaryDirectory() as temporary:
         stated = Path(temporary) / "scene.toml"
         dump_scene(scene, stated)
@@ -158,8 +170,8 @@ def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -
             job.communicate()
             raise
     # one that was told to stop is done, too, as it is in this process
-    if job.returncode in (DONE, TO_BE_CONTINUED):
-        return
+    if job.returncode in (DONE, TO_BE_CONTINUED, NOT_REACHED):
+        return job.returncode
     raise {2: SolverError, 3: RunFailed}.get(job.returncode, RuntimeError)(said or f"exit status {job.returncode}")
 
 

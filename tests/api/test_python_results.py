@@ -4,6 +4,7 @@ import json
 import os
 import pickle
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,21 @@ def test_a_job_of_its_own_leaves_what_a_run_in_this_process_leaves(tmp_path):
     for name, values in here.columns.items():
         if name != "wall_time":
             np.testing.assert_allclose(there.columns[name], values, rtol=1e-9, atol=1e-9 * np.abs(values).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [None, 2])
+def test_results_of_a_run_with_a_target_are_those_of_its_last_level(ranks, tmp_path):
+    overrides = ("end_time=4e-3", "bodies.0.particles=[17,17]")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        reached = parsolid.run(SCENE, tmp_path / "a", ranks, overrides=overrides, target=["kinetic=50%"])
+    assert reached.columns["time"][-1] == 4e-3 and reached.directory.parent == tmp_path / "a" / "levels"
+    with pytest.warns(UserWarning, match="target"):
+        missed = parsolid.run(
+            SCENE, tmp_path / "b", ranks, overrides=overrides, target=["kinetic=1e-9%"], core_seconds=1e-6
+        )
+    assert missed.directory.parent == tmp_path / "b" / "levels" and missed.errors["kinetic"].shape[0] > 1
 
 
 def test_fields_are_those_of_the_file_by_time_and_name(results):
