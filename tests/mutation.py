@@ -43,9 +43,9 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
             f"decomposition/{name}.py": f"tests/decomposition/{tests}"
             for name, tests in {
                 "bisection": "test_bisection.py tests/decomposition/test_ends.py tests/decomposition/test_grid.py",
-                "plan": "test_halo.py tests/decomposition/test_migration.py tests/decomposition/test_grid.py",
+                "plan": "test_plan.py tests/decomposition/test_halo.py tests/decomposition/test_migration.py",
                 "migration": "test_migration.py tests/decomposition/test_ends.py",
-                "halo": "test_halo.py tests/decomposition/test_directory.py",
+                "halo": "test_halo.py tests/decomposition/test_box_directory.py",
                 "pair_search": "test_pair_search.py",
                 "grid": "test_grid.py",
                 "occupied": "test_grid.py",
@@ -87,8 +87,7 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
     "laws": (
         WHOLE,
         {
-            "parsolid/materials/hyperelastic": "tests/materials/test_registry.py tests/materials/test_hessians.py "
-            "tests/materials/test_conjugates.py tests/materials/test_waves.py",
+            "parsolid/materials/hyperelastic": "tests/materials/test_registry.py tests/materials/test_hyperelastic.py",
             "parsolid/materials/viscoelastic": _LAWS + " tests/materials/test_interconversion.py",
             "parsolid/materials/plastic": "tests/materials/test_flow_stress.py tests/materials/test_registry.py "
             "tests/materials/test_micro_inertia.py tests/materials/test_micro_inertia_solve.py",

@@ -1,6 +1,7 @@
 """Weights of scenes that state none: those that every table confirms, and nowhere else."""
 
 import json
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -10,9 +11,10 @@ from solids import SOFT
 from parsolid.campaign.cases import cases_of
 from parsolid.campaign.study_file import load_study
 from parsolid.campaign.variants import coarse_variants
-from parsolid.scene import parse_scene
+from parsolid.scene import load_scene, parse_scene
 
 pytestmark = pytest.mark.serial
+RUNS = Path(__file__).parents[2] / "runs"
 
 
 def tables(particles=(8, 9), body=None, method=None, **rest):
@@ -150,3 +152,10 @@ def test_a_body_from_a_mesh_has_the_weights_of_its_elements(tmp_path):
 def test_what_was_not_confirmed_with_weights_of_meshes_has_the_kernel(tmp_path, change):
     settings = parse_scene(of_mesh(tmp_path, **change)).method
     assert (settings.pair_weights, settings.dissipation) == ("kernel", 1.0)
+
+
+def test_best_may_be_stated_where_other_methods_have_bodies():
+    scene = load_scene(RUNS / "mixed" / "bars.toml", ["methods.0.weights=best"])
+    first = scene.systems[0]
+    assert "smoothing" in first.settings.unheard(scene, first.bodies)
+    assert "fixed_walls" not in first.settings.energy_terms(scene, first.bodies)

@@ -150,8 +150,8 @@ class TotalLagrangianSPH(MethodSettings):
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
         if self.integrator == "leapfrog":
             terms[KINETIC_OFFSET] = -1
-        kinds = weights_of_bodies(self.pair_weights, scene)
-        with_images = any(kinds[i] not in (*ON_LATTICES, "mesh") for i in bodies)
+        kinds = weights_of_bodies(self.pair_weights, self._own(scene, bodies))
+        with_images = any(kind not in (*ON_LATTICES, "mesh") for kind in kinds)
         images = with_images and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
@@ -169,6 +169,10 @@ class TotalLagrangianSPH(MethodSettings):
             return {"weights": "mesh", **gentle} if no_mesh_weights(scene) is None else {}
         return {"weights": "best"} if all_resolved_boxes(scene, bodies) else {}
 
+    def _own(self, scene: Any, bodies: Iterable[int]) -> Any:
+        """The scene with this method and its bodies alone."""
+        return scene.model_copy(update={"method": self, "bodies": [scene.bodies[i] for i in bodies]})
+
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Faces that are loaded through weights which do not close, where others would; mass that is not told."""
         told = f"mass, and the weight that clamps bear, are told without {self.clamp_edges:g} of that of these edges"
@@ -177,7 +181,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
         """What kernels are, where no weights are of one, and what is of meshes alone, where there are none."""
-        kinds = [weights_of_bodies(self.pair_weights, scene)[i] for i in bodies]
+        kinds = weights_of_bodies(self.pair_weights, self._own(scene, bodies))
         of_kernels = () if any(kind in ("kernel", "closure") for kind in kinds) else ("kernel", "smoothing")
         return frozenset({*of_kernels, *(() if "mesh" in kinds else ("stabilisation",))})
 
@@ -203,7 +207,7 @@ class TotalLagrangianSPH(MethodSettings):
         return [Note("loaded-faces", text)] if names else []
 
     def bonded_spacings(self, scene: Any) -> float:
-        """Kernels reach the second layer of the other body only so far; a long reach bears more (docs/limits.md)."""
+        """Kernels reach the second layer of the other body only so far; a long reach bears more."""
         return 2.5 if self.smoothing >= 1.3 else 1.25
 
     def bonded_densities(self, scene: Any) -> float:
