@@ -49,7 +49,7 @@ class Deletion:
         mass -= np.minimum(deleted, 0.0)
 
     def carry_out(self) -> None:
-        """Between opening kick and drift: what is due goes, and what has gone stands still."""
+        """Between opening kick and first sweep: what is due goes, and what has gone stands still."""
         of = self.particles.owned_rows
         rows = np.flatnonzero(of("deleted_mass") < 0.0)
         if len(rows):

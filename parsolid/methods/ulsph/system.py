@@ -148,7 +148,6 @@ class UpdatedLagrangianSPH(Reports):
         self.conditions.hold(0.0)
         self.pairs.rebuild(0.0)
         self.neighbours.follow()
-        self.stop_deleted()
         self.find_rates(0.0)
         self.advance_state(0.0, 0.0)
         self.neighbours.find_forces()
@@ -161,7 +160,6 @@ class UpdatedLagrangianSPH(Reports):
         """Opening half kick, state from the rates in the middle of the step [s], and drift to its end."""
         self.rebuild_expired_list(time)
         self.kicks.open_step(time, step)
-        self.stop_deleted()
         self.drift(0, self.owned, 0.5 * step)
         self.find_rates(0.5 * step)
         self.material = self.advance_state(time + step, step)
@@ -194,14 +192,10 @@ class UpdatedLagrangianSPH(Reports):
         """Move particles first..last-1; ghosts move as their owners do."""
         drift(first, last, step, self.particles.storage("velocity"), self.particles.storage("position"))
 
-    def stop_deleted(self) -> None:
-        """What is due goes, and what has gone stands still, before it drifts: ghosts drift by the velocities that they
-        have from the first sweep, in which it stands."""
-        if self.deletion is not None:
-            self.deletion.carry_out()
-
     def find_rates(self, drifted: float) -> None:
         """Sums of the first sweep; ghosts drift for as long [s] as their owners did before the message."""
+        if self.deletion is not None:
+            self.deletion.carry_out()
         owned = self.owned
         self.neighbours.find_rates(lambda: self.drift(owned, owned + self.particles.ghosts, drifted))
 
