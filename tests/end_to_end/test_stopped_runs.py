@@ -72,11 +72,14 @@ def test_ranks_of_an_mpirun_that_is_killed_alone_end_too(whole, tmp_path):
 
 
 def runs(process: int) -> bool:
-    """Whether a process is there and not only waited for."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
+    """Whether a process is there and not only waited for; its other threads may end after the first one."""
+    for thread in Path(f"/proc/{process}/task").glob("*/stat"):
+        try:
+            if thread.read_text().rpartition(")")[2].split()[0] != "Z":
+                return True
+        except OSError:
+            pass
+    return False
 
 
 def test_ctrl_c_for_a_second_time_ends_at_once(whole, tmp_path):
