@@ -31,6 +31,16 @@ COPPER = {
     "shear_modulus": {"kind": "constant", "modulus": 47.7e9},
     "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
 }
+# with a linear equation of state
+LINEAR_COPPER = {
+    "kind": "elastic-plastic",
+    "density": 8930.0,
+    "specific_heat": 383.0,
+    "taylor_quinney": 0.9,
+    "equation_of_state": {"kind": "linear", "bulk_modulus": 130e9},
+    "shear_modulus": {"kind": "constant", "modulus": 43.333e9},
+    "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
+}
 ONE_BRANCH = [{"beta": 1.0, "tau": 0.02}]
 THREE_BRANCHES = [{"beta": 1.0, "tau": 0.02}, {"beta": 0.5, "tau": 0.3}, {"beta": 2.0, "tau": 4.0}]
 

@@ -3,21 +3,12 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import Record, late_impulse, run_into
+from solids import LINEAR_COPPER, Record, late_impulse, run_into
 
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import Restart
 
-COPPER = {
-    "kind": "elastic-plastic",
-    "density": 8930.0,
-    "specific_heat": 383.0,
-    "taylor_quinney": 0.9,
-    "equation_of_state": {"kind": "linear", "bulk_modulus": 130e9},
-    "shear_modulus": {"kind": "constant", "modulus": 43.333e9},
-    "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
-}
 FAILURE = {"criteria": [{"kind": "plastic-strain", "strain": 0.15}], "after": "delete"}
 METHODS = {"mpm": {"kind": "mpm", "cell": 1e-3}, "ulsph": {"kind": "ulsph"}}
 OBLIQUE = np.array([50.0, -400.0])
@@ -25,7 +16,7 @@ OBLIQUE = np.array([50.0, -400.0])
 
 def copper(name, lower, upper, velocity, **failure) -> dict:
     shape = {"shape": {"box": {"lower": lower, "upper": upper}}, "spacing": [5e-4], "placement": "cells"}
-    return {"name": name, "velocity": list(velocity), "material": COPPER | failure} | shape
+    return {"name": name, "velocity": list(velocity), "material": LINEAR_COPPER | failure} | shape
 
 
 def hammered(method: str) -> dict:

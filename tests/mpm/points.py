@@ -3,16 +3,8 @@
 import copy
 
 import numpy as np
+from solids import LINEAR_COPPER as COPPER
 
-COPPER = {
-    "kind": "elastic-plastic",
-    "density": 8930.0,
-    "specific_heat": 383.0,
-    "taylor_quinney": 0.9,
-    "equation_of_state": {"kind": "linear", "bulk_modulus": 130e9},
-    "shear_modulus": {"kind": "constant", "modulus": 43.333e9},
-    "flow_stress": {"kind": "linear-hardening", "yield_stress": 400e6, "hardening": 100e6},
-}
 SOFT = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.3}
 INVISCID = {"linear": 0.0, "quadratic": 0.0}
 
