@@ -36,8 +36,6 @@ from parsolid.scene.contact import CONTACT_TERMS, of_model
 _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
 # steps from when lists are made to the end of the first that they bound
 _UNSEEN = 3.0
-
-
 # bodies that one particle may be near at once, at most
 _PARTNERS = 12
 
@@ -369,15 +367,12 @@ class KernelContact(Interaction):
         held: nothing has moved since the last evaluation, or it is the first; the springs of friction stay as they are.
         """
         search, pressure, rubbing = self.search, self.pressure, self.rubbing
-        before, volume, active = (
-            pressure.penetration.copy(),
-            search.points.rows[:, 3].copy(),
-            search.pairs.active.copy(),
-        )
+        before = pressure.penetration.copy()
         if self.deletes and not held:
+            volume, active = search.points.rows[:, 3].copy(), search.pairs.active.copy()
             search.leave_out_deleted()
         deepest = self._find_penetrations(known=not held)
-        if ledger is not None and (volume != search.points.rows[:, 3]).any():
+        if self.deletes and not held and ledger is not None and (volume != search.points.rows[:, 3]).any():
             ledger.add_term(DELETED_STORED, taken_by_deletion(search.points, search.pairs, volume, active))
         if not held:
             self.steps.update(self._seen(), before)
