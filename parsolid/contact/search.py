@@ -105,7 +105,7 @@ class Search:
         self.comm, self.boxes, self.systems = comm, boxes, systems
         self._search = ClosePairs()
 
-    def build(self, within: SelfContact, constants: Constants, prune: bool) -> None:
+    def build(self, self_contact: SelfContact, constants: Constants, prune: bool) -> None:
         """Candidates and pairs in the present places; collective. prune: leave out candidates that press on nothing and
         on which nothing presses, as long as the lists hold."""
         boxes = self.boxes
@@ -125,11 +125,11 @@ class Search:
         halo.forward(rows).now()
         pair, particle = halo.with_ghosts(self.pair), halo.with_ghosts(identifier)
         start, neighbour = self._neighbours(np.ascontiguousarray(rows[:, :d]), pair, particle)
-        if any(within.touching):
+        if any(self_contact.touching):
             reference = halo.with_ghosts(self.gathered("reference_position"))
             row = np.repeat(np.arange(self.owned), np.diff(start))
             start, neighbour = _kept(
-                start, neighbour, ~within.excluded(boxes, pair, row, neighbour, reference, particle)
+                start, neighbour, ~self_contact.excluded(boxes, pair, row, neighbour, reference, particle)
             )
         start, neighbour, image, mirrors = self._with_images(start, neighbour, rows[:, :d], pair)
         active = np.ones(self.owned, np.int64)
