@@ -145,6 +145,16 @@ class ImpulseAtEnd:
         return float(np.sum(free * (before + 0.5 * change - self.middle)))
 
 
+def taken_by_step_change(offset: float, last: float, step: float) -> float:
+    """Energy [J] that the scheme takes because a step [s] is longer than the last one (or gives, if shorter), of the
+    kinetic offset [J] of its opening kick.
+
+    The offset of the same forces is (dt/dt_last)^2 times that of the last closing kick. The scheme does not give the
+    difference back, so that it is numerical dissipation and no part of the offset, which vanishes with forces.
+    """
+    return offset * (1.0 - (last / step) ** 2) if last > 0.0 and step > 0.0 else 0.0
+
+
 class Leapfrog:
     """Half kicks of a rank's particles with their boundary conditions, and the energies of a step.
 
@@ -188,21 +198,12 @@ class Leapfrog:
         which the ledger has the change of the kinetic offset, None where it has not."""
         first, second = self.opening, self.closing
         guided = self.conditions.end_step(step, ledger)
-        taken = self.taken_by_step_change(step, first.offset)
+        taken = taken_by_step_change(first.offset, self.last_step, step)
+        self.last_step = step
         numerical = first.dissipated + second.dissipated - self.given + taken
         ledger.add(1.0, internal, numerical, first.external + second.external + guided)
         if offset_term is not None:
             ledger.add_term(offset_term, second.offset - first.offset + taken)
-
-    def taken_by_step_change(self, step: float, offset: float) -> float:
-        """Energy [J] that the scheme takes because this step [s] is longer than the last one (or gives, if shorter), of
-        the kinetic offset [J] of its opening kick; called once a step.
-
-        The offset of the same forces is (dt/dt_last)^2 times that of the last closing kick. The scheme does not give
-        the difference back, so that it is numerical dissipation and no part of the offset, which vanishes with forces.
-        """
-        last, self.last_step = self.last_step, step
-        return offset * (1.0 - (last / step) ** 2) if last > 0.0 and step > 0.0 else 0.0
 
     def _half_kick(self, opening: bool, time: float, step: float) -> KickEnergies:
         particles, conditions = self.particles, self.conditions

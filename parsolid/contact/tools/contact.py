@@ -13,6 +13,7 @@ from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotati
 from parsolid.contact.tools.touch import STIFFNESS, Touch, touchable_by
 from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
+from parsolid.methods.leapfrog import taken_by_step_change
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, TOOL_TERMS
@@ -70,11 +71,6 @@ class Tool:
         ranks."""
         of = self.total if self.free else self.own
         return (of.force, of.moment) if opening else (of.force + of.more_force, of.moment + of.more_moment)
-
-    def taken_by_step_change(self, step: float, offset: float) -> float:
-        """As `methods.leapfrog.Leapfrog.taken_by_step_change`, of half a step [s]."""
-        last, self.last_step = self.last_step, step
-        return offset * (1.0 - (last / step) ** 2) if last > 0.0 and step > 0.0 else 0.0
 
     def evaluate(self, time: float, slipping: bool) -> None:
         """Forces on this rank at a time [s], see `Touch.evaluate`."""
@@ -244,7 +240,8 @@ class RigidTools(Interaction):
                 work += self._weigh(tool.body, time, step)
                 offset = tool.body.energy_of_change(*before) if self.comm.rank == 0 else 0.0
                 if opening:
-                    taken = tool.taken_by_step_change(step, offset)
+                    taken = taken_by_step_change(offset, tool.last_step, step)
+                    tool.last_step = step
                     lost, offset = lost + taken, taken - offset
                 else:
                     lost += self._give_rest(tool, step, *before)

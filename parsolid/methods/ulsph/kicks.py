@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.boundary.walls import Walls
-from parsolid.methods.leapfrog import Leapfrog
+from parsolid.methods.leapfrog import Leapfrog, taken_by_step_change
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.of_ranks import OfRanks, own_share
 
@@ -114,7 +114,8 @@ class Kicks:
         """Enter the energies of a step [s]; plastic, lost: plastic heat and numerical loss of the state [J]."""
         opening, closing, system = self.opening, self.closing, self.system
         guided = self.conditions.end_step(step, ledger)
-        taken = self.leapfrog.taken_by_step_change(step, opening.offset)
+        taken = taken_by_step_change(opening.offset, self.leapfrog.last_step, step)
+        self.leapfrog.last_step = step
         lost += opening.lost + closing.lost + taken
         ledger.add(1.0, plastic, lost, opening.external + closing.external + guided)
         ledger.add_term("viscous_dissipation", self._viscous_loss(step, opening.viscous + closing.viscous))
