@@ -5,35 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.viscoelastic.maxwell import loss_weights, relaxation_weights
-
-_NO_BRANCHES = np.zeros((0, 3))
-
 
 @dataclass
 class MaterialBlock:
-    """Particles first..last-1 with one law; times are the law's relaxation times (none without branches)."""
+    """Particles first..last-1 with one law."""
 
     first: int
     last: int
     law: Any
-
-    @property
-    def branches(self) -> int:
-        """Number of Maxwell branches."""
-        return len(self.law.branch_moduli or ())
-
-    def relaxation(self, step: float) -> np.ndarray:
-        """Weights (branches, 3) of A_0, C_0^{-1}, C_1^{-1} over a time [s]."""
-        if not self.branches:
-            return _NO_BRANCHES
-        return np.array([relaxation_weights(step, time) for time in self.law.relaxation_times])
-
-    def dissipation_weights(self, step: float) -> np.ndarray:
-        """Weights (branches, 3) [s] of the dissipation's rates at the start, mixed, and at the end of a step [s]."""
-        if not self.branches:
-            return _NO_BRANCHES
-        return np.array([[time * w for w in loss_weights(step, time)] for time in self.law.relaxation_times])
 
 
 def material_blocks(laws: list[Any], body: np.ndarray) -> tuple[list[MaterialBlock], np.ndarray]:
