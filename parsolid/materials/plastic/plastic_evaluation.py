@@ -36,6 +36,12 @@ def isentropic_bulk_modulus(law, J, pressure) -> np.ndarray:
     return _evaluated(law, _BULK, J, pressure)
 
 
+def pressure_wave_modulus(law) -> float:
+    """K + 4 mu/3 [Pa] of the undeformed solid at its reference temperature."""
+    mu = shear_modulus(law, 1.0, 0.0, law.reference_temperature)
+    return float(isentropic_bulk_modulus(law, 1.0, 0.0) + 4.0 / 3.0 * mu)
+
+
 def room_to_compress(law, J) -> np.ndarray:
     """`functions.room_to_compress`."""
     return _evaluated(law, _ROOM, J)

@@ -10,9 +10,9 @@ import numpy as np
 from parsolid.kernels import inlined, kernel
 from parsolid.materials.blocks import MaterialBlock
 from parsolid.materials.failure.failure import count_of
-from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.functions import specific_heat
+from parsolid.materials.plastic.plastic_evaluation import pressure_wave_modulus
 from parsolid.materials.plastic.tile_update import (
     DAMAGE,
     DEFORMATION,
@@ -293,5 +293,4 @@ class ElasticPlasticSolid:
 
     def wave_modulus(self) -> float:
         """See `HyperelasticSolid.wave_modulus`."""
-        mu = plastic_evaluation.shear_modulus(self.law, 1.0, 0.0, self.law.reference_temperature)
-        return float(plastic_evaluation.isentropic_bulk_modulus(self.law, 1.0, 0.0) + 4.0 / 3.0 * mu)
+        return pressure_wave_modulus(self.law)

@@ -246,9 +246,7 @@ class ElasticPlasticSolid:
     @property
     def sound_speed(self) -> float:
         """c_L [m/s] of the undeformed solid at the reference temperature."""
-        mu = plastic_evaluation.shear_modulus(self.law, 1.0, 0.0, self.law.reference_temperature)
-        bulk = plastic_evaluation.isentropic_bulk_modulus(self.law, 1.0, 0.0)
-        return float(np.sqrt((bulk + 4.0 / 3.0 * mu) / self.law.density))
+        return float(np.sqrt(plastic_evaluation.pressure_wave_modulus(self.law) / self.law.density))
 
     def take_energies(self) -> dict[str, float]:
         """Plastic work, viscous heat and what failure released [J], all in stored energies, since this was asked."""
