@@ -66,10 +66,8 @@ class Temperatures:
             self.stored += self._store(rows, heat)
 
     def take(self, heat: np.ndarray, rows: np.ndarray) -> float:
-        """Warm rows (n,) by heat (n,) [J], but those that were deleted; what of it stored energies hold [J]."""
+        """Warm rows (n,) by heat (n,) [J]; what of it stored energies hold [J]."""
         of = self.particles.owned_rows
-        here = of("mass")[rows] > 0.0
-        rows, heat = rows[here], heat[here]
         of("temperature")[rows] += heat / (of("mass")[rows] * self._capacity[of("body")[rows]])
         return self._store(rows, heat)
 
