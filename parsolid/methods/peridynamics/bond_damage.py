@@ -119,8 +119,10 @@ class BondDamage:
         return volume[particles]
 
     def broken_count(self) -> float:
-        """This rank's share of the broken bonds."""
-        return sum((1.0 if one[2] else 0.5) * np.count_nonzero(one[0].weight == 0.0) for one in self.bonds.lists)
+        """This rank's share of the broken bonds; half of those that another rank, or the image, has in a list, too."""
+        return sum(
+            (1.0 if mutual else 0.5) * np.count_nonzero(pairs.weight == 0.0) for pairs, _, mutual in self.bonds.lists
+        )
 
     def broken_pairs(self) -> BrokenPairs:
         """Broken bonds of owned particles, without images."""

@@ -136,19 +136,19 @@ class CoarseSpace:
         motions = self._rigid_motions(self.operator.particles.owned_rows("reference_position"))
         return unbalanced_fragment(self.operator, motions, self._restraint, residual, target)
 
-    def _restraint(self, motions: np.ndarray, piece: np.ndarray | None = None) -> np.ndarray:
+    def _restraint(self, motions: np.ndarray, fragment: np.ndarray | None = None) -> np.ndarray:
         """Sums of products (k, k) of rigid motions (k, n, d) where they are prescribed and on mirror planes, of all
         ranks: what has none there has no stiffness, and no force need be evaluated to know it.
 
-        piece (n,) bool: the particles that move; of them those with images in a plane feel it.
+        fragment (n,) bool: the particles that move; of them those with images in a plane feel it.
         """
         particles = self.operator.particles
         parts = [motions * ~self.operator.free]
         for plane in self.planes:
             concerned = plane.concerns(particles.owned_rows("body"))
-            if piece is not None:
+            if fragment is not None:
                 near = np.abs(particles.owned_rows("reference_position")[:, plane.axis] - plane.coordinate)
-                concerned = concerned & piece & (near <= self.length)
+                concerned = concerned & fragment & (near <= self.length)
             concerned = np.flatnonzero(concerned)
             # a few points say what a plane lets move
             onto = particles.owned_rows("reference_position")[concerned[:: len(concerned) // _POINTS + 1]]

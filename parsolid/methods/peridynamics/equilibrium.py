@@ -44,7 +44,7 @@ class Equilibrium:
     """Solves for balance on one rank; all methods are collective.
 
     largest_load [N]: of the run so far; fault: why the last solution is not in balance; unheld:
-    whether because nothing holds a piece; iterations: force evaluations
+    whether because nothing holds a fragment; iterations: force evaluations
     of the run so far, most_iterations: of a step at most.
     """
 

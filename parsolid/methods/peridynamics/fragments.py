@@ -18,7 +18,7 @@ _MOST = 50
 
 
 def fragments_of(bonds: Any) -> np.ndarray:
-    """Of each owned particle (owned,) the least number of a particle, by rank and row, of its piece. Collective."""
+    """Of each owned particle (owned,) the least number of a particle, by rank and row, of its fragment. Collective."""
     from scipy import sparse
 
     owned, comm, halo = bonds.owned, bonds.comm, bonds.halo
@@ -44,7 +44,7 @@ def fragments_of(bonds: Any) -> np.ndarray:
 def unbalanced_fragment(
     operator: Any, motions: np.ndarray, restraint: Callable[..., np.ndarray], residual: np.ndarray, target: float
 ) -> str:
-    """Which piece moves as a whole under more of a residual (n, d) [N] than the target [N], in words; or nothing.
+    """Which fragment moves as a whole under more of a residual (n, d) [N] than the target [N], in words; or nothing.
 
     motions (k, n, d): rigid ones of all particles; restraint(motions, mask): see `coarse_space`. Collective.
     """
@@ -56,8 +56,8 @@ def unbalanced_fragment(
     places = operator.particles.owned_rows("reference_position")
     for number in sorted(known, key=lambda one: -known[one])[:_MOST]:
         mask = labels == number
-        piece = motions * mask[:, None]
-        loose = unrestrained_modes(comm, piece, restraint(piece, mask)) * operator.free
+        alone = motions * mask[:, None]
+        loose = unrestrained_modes(comm, alone, restraint(alone, mask)) * operator.free
         parts = sums(comm, np.tensordot(loose, residual, 2))
         if np.linalg.norm(parts) > target:
             middle = sums(comm, places[mask].sum(axis=0)) / known[number]

@@ -54,7 +54,7 @@ class QuasiStatic:
 
     @property
     def unheld(self) -> bool:
-        """Whether the last step found no balance because nothing holds a piece of the bodies."""
+        """Whether the last step found no balance because nothing holds a fragment."""
         return self.equilibrium.unheld
 
     # --- a step ------------------------------------------------------------------------------------------------

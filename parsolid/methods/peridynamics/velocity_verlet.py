@@ -25,7 +25,7 @@ class VelocityVerlet:
     less where finite strain stiffens it.
 
     jumps, landings: see `methods.protocol.ParticleSystem`; setting: the key of method.solution whose smaller value
-    makes steps milder; unheld: whether no balance was found because nothing holds a piece of the bodies.
+    makes steps milder; unheld: whether no balance was found because nothing holds a fragment.
     """
 
     setting, unheld = "safety", False
