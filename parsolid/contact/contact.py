@@ -18,10 +18,10 @@ from parsolid.contact import forces
 from parsolid.contact.bodies import ContactBodies, areas_of, most_partners, share_of
 from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.depth import fill_depths, overlap
-from parsolid.contact.forces import Pressure, Rubbing
+from parsolid.contact.forces import Candidates, Pairs, Pressure, Rubbing
 from parsolid.contact.search import Search, Segment
 from parsolid.contact.self_contact import SelfContact
-from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after, taken_by_deletion
+from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
@@ -91,6 +91,23 @@ def declare_fields(scene: Scene, system: ParticleSystem) -> None:
     # place at the start of a step
     particles.declare(Field("contact_start", d, "m", **vector))
     particles.declare(Field("contact_force", d, "N", shown=True, checkpointed=True, **vector))
+
+
+def taken_by_deletion(points: Candidates, pairs: Pairs, volume: np.ndarray, active: np.ndarray) -> float:
+    """Energy [J] of contact that goes with particles deleted in the last step; volume (n,) [m^3], active (m,): with
+    them.
+
+    Their forces act at the start of the step alone, those of what is left at both ends. From penetrations d to e the
+    work of one half of the step and the change of k e^2/2 leave k d e/2 of each.
+    """
+    whole = points.rows.copy()
+    whole[:, 3] = volume
+    taken = 0.0
+    for sign, rows, who in ((1.0, whole, active), (-1.0, points.rows, pairs.active)):
+        of = points._replace(rows=rows), pairs._replace(active=who)
+        before, now = (np.maximum(penetrations_after(*of, time * points.moved), 0.0) for time in (-1.0, 0.0))
+        taken += sign * 0.5 * float(np.sum(points.share * points.stiffness * before * now))
+    return taken
 
 
 class KernelContact(Interaction):

@@ -81,23 +81,6 @@ def penetrations_after(points: Candidates, pairs: Pairs, displacement: np.ndarra
     return found.penetration
 
 
-def taken_by_deletion(points: Candidates, pairs: Pairs, volume: np.ndarray, active: np.ndarray) -> float:
-    """Energy [J] of contact that goes with particles deleted in the last step; volume (n,) [m^3], active (m,): with
-    them.
-
-    Their forces act at the start of the step alone, those of what is left at both ends. From penetrations d to e the
-    work of one half of the step and the change of k e^2/2 leave k d e/2 of each.
-    """
-    whole = points.rows.copy()
-    whole[:, 3] = volume
-    taken = 0.0
-    for sign, rows, who in ((1.0, whole, active), (-1.0, points.rows, pairs.active)):
-        of = points._replace(rows=rows), pairs._replace(active=who)
-        before, now = (np.maximum(penetrations_after(*of, time * points.moved), 0.0) for time in (-1.0, 0.0))
-        taken += sign * 0.5 * float(np.sum(points.share * points.stiffness * before * now))
-    return taken
-
-
 class Seen(NamedTuple):
     """The candidates of a rank in the present places: with the steps (m,) [s] that their stiffness allows."""
 
