@@ -8,6 +8,7 @@ import numpy as np
 from parsolid.boundary.loads import Loads
 from parsolid.kernels import inlined
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
+from parsolid.materials.plastic.functions import temperature_rise
 from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import declare_failure, failed_to_delete, note_deleted
 from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED, kept_column
@@ -213,9 +214,7 @@ class MaterialPoints(Particles):
             density = heat[chosen] / self.motion[here, 7]
             temperature = self.owned_rows("temperature")
             capacity = block.law.density * block.law.specific_heat_at(temperature[here])
-            # as `materials.plastic.specific_heat.temperature_rise`
-            grows = 2.0 * block.law.density * block.law.specific_heat_slope * density
-            temperature[here] += 2.0 * density / (capacity + np.sqrt(capacity * capacity + grows))
+            temperature[here] += temperature_rise(block.law, capacity, density)
             self.owned_rows("internal_energy")[here] += density
             taken += float(heat[chosen].sum())
         return taken
