@@ -85,16 +85,16 @@ class CellMigration:
     def _tidy_together(self) -> bool:
         """As `_tidy`, with the particles that left their cells given away; all ranks know that rows have changed."""
         owned, cells = self.points.owned, self.grid.cells
-        disorder, guests = cells.breaks(owned) > _DISORDER * owned, len(self.grid.off_cell_particles())
-        any_guests, any_disorder = maximum(self.grid.comm, np.array([guests, disorder], float)) > 0.0
+        disorder, off_cell = cells.breaks(owned) > _DISORDER * owned, len(self.grid.off_cell_particles())
+        any_off_cell, any_disorder = maximum(self.grid.comm, np.array([off_cell, disorder], float)) > 0.0
         uneven = self.load is None and self.grid.imbalance(owned) > self.settings.rebalance
-        if not (any_guests or any_disorder or uneven):
+        if not (any_off_cell or any_disorder or uneven):
             return True
         self.layout_version += 1
         if uneven:
             self.rebalanced += 1
             return self.redistribute()
-        sound = self.grid.update_cells(self.points) if any_guests else True
+        sound = self.grid.update_cells(self.points) if any_off_cell else True
         if disorder:
             self._sort_storage()
         return sound
