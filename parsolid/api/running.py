@@ -18,6 +18,7 @@ from parsolid.api.profiling import profiled
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
 from parsolid.collective import SolverError, anywhere
 from parsolid.contact.report import describe_contacts
+from parsolid.exit_status import BAD_INPUT, DONE, NOT_REACHED, TO_BE_CONTINUED, WENT_WRONG
 from parsolid.kernel_cache import cache_folder, wanted_folder
 from parsolid.kernels import on_compile
 from parsolid.launcher import start, stop
@@ -38,7 +39,7 @@ from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import warm_up
 
-DONE, NOT_REACHED, TO_BE_CONTINUED = 0, 4, 75
+# of the checkpoints in a folder
 NEWEST = ""
 
 
@@ -172,7 +173,9 @@ def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -
     # one that was told to stop is done, too, as it is in this process
     if job.returncode in (DONE, TO_BE_CONTINUED, NOT_REACHED):
         return job.returncode
-    raise {2: SolverError, 3: RunFailed}.get(job.returncode, RuntimeError)(said or f"exit status {job.returncode}")
+    raise {BAD_INPUT: SolverError, WENT_WRONG: RunFailed}.get(job.returncode, RuntimeError)(
+        said or f"exit status {job.returncode}"
+    )
 
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptions, began: float) -> int:
