@@ -13,8 +13,8 @@ from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.run_folder import RunFolder
 from parsolid.scene.observed import FIELDS
-from parsolid.simulation.job import Job
-from parsolid.simulation.loop import FINISHED, STOPPED, Limits
+from parsolid.simulation.job import FAILED, Job
+from parsolid.simulation.loop import FINISHED, STOPPED, Limits, RunFailed
 from parsolid.simulation.loop import Simulation as Core
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Cadence, Callback, EnergyCheck, Output
@@ -100,7 +100,7 @@ class Simulation:
         if count < 1:
             raise ValueError(f"step: expected at least one step, found {count}")
         if not self.finished:
-            self.core.run(None, self._outputs(), Limits(steps=count))
+            self._advance(None, Limits(steps=count))
         return self.time
 
     def run(self, until: float | None = None) -> float:
@@ -110,8 +110,16 @@ class Simulation:
         """
         if until is not None and not until >= self.time:
             raise ValueError(f"run: expected a time from the present {self.time:g} s on, found {until:g}")
-        self.core.run(None if until is None else float(until), self._outputs())
+        self._advance(None if until is None else float(until))
         return self.time
+
+    def _advance(self, until: float | None, limits: Limits | None = None) -> None:
+        """Take steps to a time [s] or a limit; a failure ends the run in its folder, too."""
+        try:
+            self.core.run(until, self._outputs(), limits)
+        except RunFailed as failure:
+            self._end(FAILED, str(failure).splitlines()[0])
+            raise
 
     def on_step(self, callback: Callable[["Simulation"], object], every: Cadence = Output.every) -> Any:
         """Call a function with this object after every step, or at another cadence; usable as a decorator."""
@@ -172,7 +180,13 @@ class Simulation:
 
         finish: False leaves out what all ranks have to do together.
         """
-        if self._job is not None and finish:
-            self._job.end(FINISHED if self.finished else STOPPED)
+        if finish:
+            self._end(FINISHED if self.finished else STOPPED)
         self._job = None
         self._files.close()
+
+    def _end(self, status: str, fault: str | None = None) -> None:
+        """Write what the end of a run owes its folder, once."""
+        if self._job is not None:
+            job, self._job = self._job, None
+            job.end(status, fault)

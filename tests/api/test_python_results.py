@@ -242,17 +242,22 @@ def test_a_stepped_run_leaves_what_a_run_leaves_and_goes_on_to_the_bit(comm, sha
     assert again.fields[1e-3]["stress"].tobytes() == whole.fields[1e-3]["stress"].tobytes()
 
 
-def test_what_a_script_adds_to_the_velocities_ends_its_run():
-    simulation = parsolid.Simulation(SCENE | {"end_time": 1.0})
+@pytest.mark.parametrize("written", [False, True])
+def test_what_a_script_adds_to_the_velocities_ends_its_run(comm, shared_path, written):
+    folder = shared_path / "pushed" if written else None
 
-    @simulation.on_step
     def push(simulation):
         for velocity in simulation.arrays("velocity"):
             velocity *= 1.1
 
-    with pytest.raises(RunFailed, match="balance"):
+    with pytest.raises(RunFailed) as failure, parsolid.Simulation(SCENE | {"end_time": 1.0}, folder) as simulation:
+        simulation.on_step(push)
         simulation.run()
-    assert simulation.steps < 100
+    assert simulation.steps < 100 and "balance" in str(failure.value)
+    comm.Barrier()
+    if folder is not None:
+        summary = parsolid.load(folder).summary
+        assert (summary["status"], summary["steps"]) == ("failed", simulation.steps) and summary["fault"]
 
 
 def test_options_act_in_this_process(tmp_path):
