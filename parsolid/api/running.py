@@ -4,14 +4,14 @@ import subprocess
 import tempfile
 import time as clock
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
 from pathlib import Path
 
 from mpi4py import MPI
 
+from parsolid.api.arguments import require_seconds, require_texts, require_whole_number
 from parsolid.api.check_advice import cost_advice, scene_advice, size_advice, thin_advice
 from parsolid.api.pictures import draw_at_end
 from parsolid.api.profiling import profiled
@@ -39,7 +39,7 @@ from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import warm_up
 
-# of the checkpoints in a folder
+# a restart from the newest checkpoint of the folder
 NEWEST = ""
 
 
@@ -110,10 +110,14 @@ def run(
     comm, began = MPI.COMM_WORLD, clock.perf_counter()
     if ranks is not None and comm.size > 1:
         raise SolverError(f"ranks: expected none in a script on {comm.size} ranks, which all take part, found {ranks}")
-    _refuse_arguments({"ranks": ranks, "max_steps": max_steps}, {"wall_time": wall_time, "core_seconds": core_seconds})
+    for name, number in (("ranks", ranks), ("max_steps", max_steps)):
+        if number is not None:
+            require_whole_number(name, number)
+    for name, seconds in (("wall_time", wall_time), ("core_seconds", core_seconds)):
+        if seconds is not None:
+            require_seconds(name, seconds)
     for name, words in (("overrides", overrides), ("target", target), ("allow_change", allow_change)):
-        if isinstance(words, str):
-            raise SolverError(f"{name}: expected a list of texts, found the text {words!r}")
+        require_texts(name, words)
     newest = NEWEST if restart is True else None
     options = RunOptions(
         restart=newest if isinstance(restart, bool) or restart is None else str(restart),
@@ -145,16 +149,6 @@ def _last_level(folder: Path) -> Path:
     """Where the last level of a search for targets has its results; the folder itself where no level has ended."""
     ended = sorted(folder.glob("levels/*/summary.json"), key=lambda path: path.stat().st_mtime)
     return ended[-1].parent if ended else folder
-
-
-def _refuse_arguments(numbers: Mapping[str, float | None], seconds: Mapping[str, float | None]) -> None:
-    """Raise SolverError for numbers and seconds that the command line does not take, either."""
-    for name, value in numbers.items():
-        if value is not None and not (isinstance(value, Integral) and value >= 1):
-            raise SolverError(f"{name}: expected a whole number of at least 1, found {value!r}")
-    for name, value in seconds.items():
-        if value is not None and not (isinstance(value, Real) and 0.0 < value < float("inf")):
-            raise SolverError(f"{name}: expected a positive number of seconds, found {value!r}")
 
 
 def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -> int:
