@@ -72,14 +72,9 @@ def _fillings(scene: Scene, lacking: LeftOut) -> tuple[dict[int, Filling], list[
             try:
                 fillings[i] = filling_of(body, scene.dimension)
             except SceneError as error:
-                details += [(("bodies", i), *_parts(text)) for text in error.faults]
+                found = (one for one in error.faults if isinstance(one, Fault))
+                details += [(("bodies", i), one.expected, Phrase(one.found)) for one in found]
     return fillings, details
-
-
-def _parts(text: str) -> tuple[str, str]:
-    """What a shape expects and has found, from "expected ..., found ..."."""
-    expected, _, found = text.removeprefix("expected ").partition(", found ")
-    return expected, Phrase(found)
 
 
 def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[Finding]:
