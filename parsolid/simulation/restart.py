@@ -20,6 +20,7 @@ from parsolid.simulation.scene_changes import changes, completed, contents, judg
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation
 
+# keys of the header of a run's checkpoint
 _NEEDED = {
     "ranks",
     "time",
@@ -31,9 +32,15 @@ _NEEDED = {
     "initial_energy",
     "balance",
     "ledger",
+    "judged_step",
+    "energy_balance",
+    "momenta",
+    "interactions",
+    "probes",
+    "errors",
+    "scene",
+    "method_state",
 }
-_NEEDED |= {"judged_step", "energy_balance", "momenta", "interactions", "probes", "errors", "scene", "method_state"}
-_NEEDED |= {"ledger"}
 _PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "regions", "surfaces")
 
 
