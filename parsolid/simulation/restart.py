@@ -8,11 +8,11 @@ import numpy as np
 from parsolid.collective import SolverError
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.of_ranks import own_share, put_back
 from parsolid.output.checkpoint import numbered, previous_name, read_checkpoint
 from parsolid.output.errors import OutputError, together
 from parsolid.particles.distribution import distribute
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.per_rank import join_per_rank, own_share
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.warned import Note
 from parsolid.simulation.scene_changes import changes, completed, contents, judged
@@ -59,7 +59,7 @@ class Restart:
         self.notes: list[Note] = []
         try:
             header, self.values, rows = read_checkpoint(comm, path)
-            self.header = put_back(header, rows)
+            self.header = join_per_rank(header, rows)
         except OutputError as error:
             raise OutputError(f"{error}{_offer(comm, path)}") from error
         missing = sorted(_NEEDED - set(self.header))
