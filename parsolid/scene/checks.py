@@ -29,7 +29,7 @@ from parsolid.scene.tie import TIE_TERMS, tie_faults
 from parsolid.scene.tools import still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, Fault, SceneError, suggestion
 
-# more than these, in a run to its end, nobody wants
+# outputs in a run to its end, at most, by the keys of their intervals
 MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint_interval": 10**7}
 
 
