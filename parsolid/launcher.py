@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 import parsolid
 from parsolid.collective import SolverError
+from parsolid.exit_status import BAD_INPUT
 
 # set by a launcher for the ranks it starts; a program that has them is a rank
 _RANK_MARKS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID")
@@ -105,7 +106,7 @@ def refuse_strangers(comm: MPI.Comm) -> None:
     if comm.size > 1 or names is None or int(os.environ[names[0]]) < 2:
         return
     if os.environ.get(names[1], "0") != "0":
-        raise SystemExit(2)
+        raise SystemExit(BAD_INPUT)
     started = os.environ[names[0]]
     library = MPI.Get_library_version().strip("\0").splitlines()[0].split(",")[0].strip()
     raise SolverError(

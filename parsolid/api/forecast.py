@@ -68,7 +68,6 @@ def _counted(sample: np.ndarray, total: int, ranks: int, reach: float) -> tuple[
     """Most ghosts of a part, and most parts that it touches, by a sample (k, d) of all particles [m]."""
     parts = _bisected(sample, ranks)
     corners = [(part.min(axis=0), part.max(axis=0)) for part in parts if len(part)]
-    # half of a gap between the particles of a thinned sample
     ghosts, neighbours = [], []
     for lower, upper in corners:
         near = np.maximum(np.maximum(lower - sample, sample - upper), 0.0)

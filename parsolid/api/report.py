@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.api.arguments import require_whole_number
 from parsolid.api.busy_cores import busy_cores, cores_with_room
 from parsolid.api.check_advice import advice
 from parsolid.api.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
@@ -77,6 +78,8 @@ def check(scene: AnyScene, ranks: int | None = None, trust_code: bool = False) -
     fault, or SolverError.
     """
     comm = MPI.COMM_WORLD
+    if ranks is not None:
+        require_whole_number("ranks", ranks)
     return check_scene(comm, scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code)), ranks)
 
 

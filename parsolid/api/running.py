@@ -4,20 +4,21 @@ import subprocess
 import tempfile
 import time as clock
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
 from pathlib import Path
 
 from mpi4py import MPI
 
+from parsolid.api.arguments import require_seconds, require_texts, require_whole_number
 from parsolid.api.check_advice import cost_advice, scene_advice, size_advice, thin_advice
 from parsolid.api.pictures import draw_at_end
 from parsolid.api.profiling import profiled
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
 from parsolid.collective import SolverError, anywhere
 from parsolid.contact.report import describe_contacts
+from parsolid.exit_status import BAD_INPUT, DONE, NOT_REACHED, TO_BE_CONTINUED, WENT_WRONG
 from parsolid.kernel_cache import cache_folder, wanted_folder
 from parsolid.kernels import on_compile
 from parsolid.launcher import start, stop
@@ -38,7 +39,7 @@ from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import warm_up
 
-DONE, NOT_REACHED, TO_BE_CONTINUED = 0, 4, 75
+# a restart from the newest checkpoint of the folder
 NEWEST = ""
 
 
@@ -109,10 +110,14 @@ def run(
     comm, began = MPI.COMM_WORLD, clock.perf_counter()
     if ranks is not None and comm.size > 1:
         raise SolverError(f"ranks: expected none in a script on {comm.size} ranks, which all take part, found {ranks}")
-    _refuse_arguments({"ranks": ranks, "max_steps": max_steps}, {"wall_time": wall_time, "core_seconds": core_seconds})
+    for name, number in (("ranks", ranks), ("max_steps", max_steps)):
+        if number is not None:
+            require_whole_number(name, number)
+    for name, seconds in (("wall_time", wall_time), ("core_seconds", core_seconds)):
+        if seconds is not None:
+            require_seconds(name, seconds)
     for name, words in (("overrides", overrides), ("target", target), ("allow_change", allow_change)):
-        if isinstance(words, str):
-            raise SolverError(f"{name}: expected a list of texts, found the text {words!r}")
+        require_texts(name, words)
     newest = NEWEST if restart is True else None
     options = RunOptions(
         restart=newest if isinstance(restart, bool) or restart is None else str(restart),
@@ -146,16 +151,6 @@ def _last_level(folder: Path) -> Path:
     return ended[-1].parent if ended else folder
 
 
-def _refuse_arguments(numbers: Mapping[str, float | None], seconds: Mapping[str, float | None]) -> None:
-    """Raise SolverError for numbers and seconds that the command line does not take, either."""
-    for name, value in numbers.items():
-        if value is not None and not (isinstance(value, Integral) and value >= 1):
-            raise SolverError(f"{name}: expected a whole number of at least 1, found {value!r}")
-    for name, value in seconds.items():
-        if value is not None and not (isinstance(value, Real) and 0.0 < value < float("inf")):
-            raise SolverError(f"{name}: expected a positive number of seconds, found {value!r}")
-
-
 def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -> int:
     """Start a job of its own and wait for it; its exit status. Raises what that means where it is an error."""
     with tempfile.TemporaryDirectory() as temporary:
@@ -172,7 +167,9 @@ def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -
     # one that was told to stop is done, too, as it is in this process
     if job.returncode in (DONE, TO_BE_CONTINUED, NOT_REACHED):
         return job.returncode
-    raise {2: SolverError, 3: RunFailed}.get(job.returncode, RuntimeError)(said or f"exit status {job.returncode}")
+    raise {BAD_INPUT: SolverError, WENT_WRONG: RunFailed}.get(job.returncode, RuntimeError)(
+        said or f"exit status {job.returncode}"
+    )
 
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptions, began: float) -> int:

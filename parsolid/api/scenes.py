@@ -76,6 +76,8 @@ def read_scene(scene: AnyScene, overrides: Sequence[str] = (), trust_code: bool 
         return parse_scene(_changed(scene, overrides), trust_code=trust_code) if overrides else scene
     if isinstance(scene, dict):
         return scene_of_tables(scene, trust_code=trust_code, overrides=overrides)
+    if not isinstance(scene, str | os.PathLike):
+        raise SceneError([f"scene: expected a Scene, a TOML file or a dict of tables, found {scene!r}"])
     return load_scene(scene, list(overrides), trust_code)
 
 

@@ -1,7 +1,9 @@
 """A simulation that a script advances itself, with probes and the particles' arrays at hand."""
 
+import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
+from numbers import Real
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -9,12 +11,14 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.api.arguments import require_whole_number
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.collective import SolverError
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.run_folder import RunFolder
 from parsolid.scene.observed import FIELDS
-from parsolid.simulation.job import Job
-from parsolid.simulation.loop import FINISHED, STOPPED, Limits
+from parsolid.simulation.job import FAILED, Job
+from parsolid.simulation.loop import FINISHED, STOPPED, Limits, RunFailed
 from parsolid.simulation.loop import Simulation as Core
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Cadence, Callback, EnergyCheck, Output
@@ -43,6 +47,8 @@ class Simulation:
 
         Raises SceneError, SolverError or OutputError on all ranks.
         """
+        if not isinstance(restart, str | os.PathLike | None):
+            raise SolverError(f"restart: expected a checkpoint, the folder of a run or None, found {restart!r}")
         stated = scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code))
         kept = None
         if restart is not None:
@@ -95,26 +101,40 @@ class Simulation:
     def step(self, count: int = 1) -> float:
         """Take so many steps of the stable length, not beyond the scene's end_time; the time reached.
 
-        Raises RunFailed when the state or the energy balance is lost, ValueError for less than one step.
+        Raises RunFailed when the state or the energy balance is lost, SolverError for what is no number of steps.
         """
-        if count < 1:
-            raise ValueError(f"step: expected at least one step, found {count}")
+        require_whole_number("step", count)
         if not self.finished:
-            self.core.run(None, self._outputs(), Limits(steps=count))
+            self._advance(None, Limits(steps=int(count)))
         return self.time
 
     def run(self, until: float | None = None) -> float:
         """Take steps and end exactly at a time, or at the scene's end_time; the time reached.
 
-        Raises RunFailed, and ValueError for a time that is over.
+        Raises RunFailed, and SolverError for a time that is over.
         """
-        if until is not None and not until >= self.time:
-            raise ValueError(f"run: expected a time from the present {self.time:g} s on, found {until:g}")
-        self.core.run(None if until is None else float(until), self._outputs())
+        if until is not None and not (isinstance(until, Real) and until >= self.time):
+            raise SolverError(f"run: expected a time from the present {self.time:g} s on, found {until!r}")
+        self._advance(None if until is None else float(until))
         return self.time
 
+    def _advance(self, until: float | None, limits: Limits | None = None) -> None:
+        """Take steps to a time [s] or a limit; a failure ends the run in its folder, too."""
+        try:
+            self.core.run(until, self._outputs(), limits)
+        except RunFailed as failure:
+            self._end(FAILED, str(failure).splitlines()[0])
+            raise
+
     def on_step(self, callback: Callable[["Simulation"], object], every: Cadence = Output.every) -> Any:
-        """Call a function with this object after every step, or at another cadence; usable as a decorator."""
+        """Call a function with this object after every step, or at another cadence; usable as a decorator.
+
+        Raises SolverError for what is no function or no cadence.
+        """
+        if not callable(callback):
+            raise SolverError(f"on_step: expected a function of the simulation, found {callback!r}")
+        if not isinstance(every, Cadence):
+            raise SolverError(f"every: expected a parsolid.Cadence, found {every!r}")
         called = Callback(callback, every, self)
         # from the next step on
         called.last_step = self.steps
@@ -172,7 +192,13 @@ class Simulation:
 
         finish: False leaves out what all ranks have to do together.
         """
-        if self._job is not None and finish:
-            self._job.end(FINISHED if self.finished else STOPPED)
+        if finish:
+            self._end(FINISHED if self.finished else STOPPED)
         self._job = None
         self._files.close()
+
+    def _end(self, status: str, fault: str | None = None) -> None:
+        """Write what the end of a run owes its folder, once."""
+        if self._job is not None:
+            job, self._job = self._job, None
+            job.end(status, fault)

@@ -29,6 +29,7 @@ from parsolid.campaign.orders import (
 from parsolid.campaign.probes import Corners, at_particles, at_requested
 from parsolid.campaign.runner import History, InProcess, Interrupted, VariantRun, read_files, seconds_of
 from parsolid.campaign.variants import LOOSER, SOLVER, SPACING, STEP, Variant, coarse_variants
+from parsolid.exit_status import TO_BE_CONTINUED
 from parsolid.output.errors import together
 from parsolid.output.history import History as HistoryFile
 from parsolid.output.summary import write_summary
@@ -36,7 +37,6 @@ from parsolid.scene import Scene
 from parsolid.simulation.loop import Limits
 from parsolid.splines import cubic_spline
 
-TO_BE_CONTINUED = 75
 # where coarse runs are below the folder of the run, and what holds the bars there
 FOLDER, NAME = "companions", "history_error.csv"
 # of the largest component of a vector or tensor, what is rounding of the others

@@ -39,7 +39,7 @@ AXES: dict[str, dict[str, tuple[str, tuple[Any, ...]]]] = {
     "peridynamics": {
         "horizon": ("horizon_ratio", (2.0, 3.0, 4.0, 6.0)),
         "weights": ("influence", ("constant", "linear", "cubic-spline")),
-        "stabilisation": ("stabilisation", ({"kind": "none"}, {"kind": "shear-scaled"}, {"kind": "paper"})),
+        "stabilisation": ("stabilisation", ({"kind": "none"}, {"kind": "shear-scaled"})),
         "traction": ("traction", ("consistent", "single-layer", "horizon")),
     },
 }

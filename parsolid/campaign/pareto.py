@@ -11,10 +11,10 @@ from parsolid.campaign.reference import Reference
 from parsolid.campaign.report import ResultTable
 from parsolid.campaign.runner import InProcess, Interrupted
 from parsolid.collective import SolverError
+from parsolid.exit_status import DONE, TO_BE_CONTINUED
 from parsolid.machine import cores_in_words
 from parsolid.output.errors import together
 
-TO_BE_CONTINUED = 75
 # a smaller gain in error is none
 _LEAST_GAIN = 0.99
 
@@ -72,7 +72,7 @@ def run_pareto(
     for line in plan.in_words(budget):
         say(f"pareto: {line}")
     if dry_run:
-        return 0
+        return DONE
     own = plan.configurations[0]
     try:
         search.advance(own, 0, "first")
@@ -86,7 +86,7 @@ def run_pareto(
     with together(runner.comm, f"cannot write into {runner.folder}"):
         if runner.comm.rank == 0:
             report(search, runner.folder, command)
-    return 0
+    return DONE
 
 
 def report(search: SuccessiveHalving, folder: Path, command: str) -> None:

@@ -23,6 +23,7 @@ from mpi4py import MPI
 
 from parsolid.campaign.variants import Variant
 from parsolid.collective import SolverError, anywhere
+from parsolid.exit_status import BAD_INPUT, DONE, WENT_WRONG
 from parsolid.launcher import start
 from parsolid.output.checkpoint import DEFAULT_NAME, find_checkpoint, partial_name, previous_name
 from parsolid.output.errors import OutputError, together
@@ -39,7 +40,7 @@ History = dict[str, np.ndarray]
 REFUSED, TIMED_OUT, CRASHED = "refused", "timed out", "crashed"
 # a run that ended so ends so again
 LASTING = (FINISHED, FAILED, REFUSED)
-_ENDINGS = {0: FINISHED, 3: FAILED, 2: REFUSED}
+_ENDINGS = {DONE: FINISHED, WENT_WRONG: FAILED, BAD_INPUT: REFUSED}
 # seconds between the signal that a run catches and the one that it cannot; where the study itself is ended, whose
 # unfinished runs are begun anew, no more than a launcher takes to end its ranks
 _GRACE, _HASTE = 10.0, 1.0

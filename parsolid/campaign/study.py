@@ -26,12 +26,12 @@ from parsolid.campaign.report import (
 )
 from parsolid.campaign.runner import LASTING, REFUSED, Record, read_record
 from parsolid.campaign.study_file import Study, load_study
+from parsolid.exit_status import DONE, TO_BE_CONTINUED, WENT_WRONG
 from parsolid.machine import cores_in_words
 from parsolid.scene.validation_errors import SceneError, suggestion, told
 from parsolid.simulation.job import FAILED
 from parsolid.simulation.loop import FINISHED
 
-DONE, NOT_AS_STATED, TO_BE_CONTINUED = 0, 3, 75
 _ENDING = {"stable": FINISHED, "failure": FAILED, "refused": REFUSED}
 
 
@@ -61,7 +61,7 @@ def run_study(
         status = TO_BE_CONTINUED
     # who ends it waits for it
     report(console, study, cases, folder, path, pictures=status == DONE)
-    return status or (NOT_AS_STATED if any(case.faults for case in cases) else DONE)
+    return status or (WENT_WRONG if any(case.faults for case in cases) else DONE)
 
 
 def report(

@@ -7,7 +7,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, reject
-from parsolid.scene.model_faults import told_faults
+from parsolid.scene.model_faults import faults_of_errors
 from parsolid.scene.raw_tables import read_tables
 from parsolid.scene.shapes import ExistingFile
 from parsolid.scene.validation_errors import SceneError
@@ -134,7 +134,7 @@ def load_study(path: str | Path) -> Study:
     try:
         return Study.model_validate(data, context={"folder": str(path.resolve().parent), "dimension": None})
     except ValidationError as error:
-        raise SceneError(dict.fromkeys(told_faults(error, data, Study))) from None
+        raise SceneError(dict.fromkeys(faults_of_errors(error, data, Study))) from None
 
 
 def toml_value(value: Any) -> str:

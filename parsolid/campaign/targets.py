@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from parsolid.campaign.coarsening import NotCoarsened, lattice_words, parsed
-from parsolid.campaign.error_bars import TO_BE_CONTINUED, Campaign, ErrorTable, in_words, write_error_bars
+from parsolid.campaign.error_bars import Campaign, ErrorTable, in_words, write_error_bars
 from parsolid.campaign.probes import with_corners
 from parsolid.campaign.runner import InProcess, VariantRun
 from parsolid.campaign.variants import RATIOS, SPACING, Variant, coarse_variants, level_of
 from parsolid.collective import SolverError
+from parsolid.exit_status import DONE, NOT_REACHED, TO_BE_CONTINUED
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.simulation.ledger import Ledger, terms_of
@@ -19,8 +20,6 @@ from parsolid.simulation.ledger import Ledger, terms_of
 # spacings over that of the scene at which levels may begin, the coarsest of which coarser ones can be made
 _STARTS = (2.25, 1.5, 1.0)
 MOST_LEVELS = 10
-# exit status of a search that ends without the bars that were requested
-NOT_REACHED = 4
 # levels are at most so much finer than the one before, and at least
 MOST_FINER, LEAST_FINER = 2.5, 1.2
 # a bar is to be a little below what is requested, so that a guess that is a little off still does
@@ -140,7 +139,7 @@ class Search:
             )
         self.runs.append(VariantRun(level, record))
         self.spent += record.seconds
-        return 0, table
+        return DONE, table
 
     def next_level(self, level: Variant, excess: float, order: float) -> tuple[Variant, float]:
         """The level that should do, and the core-seconds it should take. Raises NotCoarsened."""
@@ -172,7 +171,7 @@ def run_to_targets(campaign: Campaign, scene: Scene, requested: list[str], limit
             return NOT_REACHED
         if excess[0] <= 1.0:
             say(f"target: reached with {level.lattices} after {search.spent:.3g} core-s in {search.folder_of(level)}")
-            return 0
+            return DONE
         finer, predicted = search.next_level(level, *excess)
         say(f"target: {level.lattices} -> {finer.lattices}, about {predicted:.3g} core-s")
         level = finer

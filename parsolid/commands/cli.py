@@ -17,13 +17,13 @@ from mpi4py import MPI
 from parsolid import __version__
 from parsolid.collective import SolverError
 from parsolid.commands.arguments import check_arguments, run_arguments
+from parsolid.exit_status import BAD_INPUT, DONE, FAILED, INTERRUPTED, UNREAD, WENT_WRONG
 from parsolid.launcher import refuse_strangers, run_on_ranks
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError, suggestion
 
-DONE, FAILED, BAD_INPUT, WENT_WRONG, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 # commands by what they do; a module is imported only when its command is given
 COMMANDS = {

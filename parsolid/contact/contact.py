@@ -26,8 +26,8 @@ from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_STORED
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
-from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.declaration import Field, Rows
+from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, of_model
 
@@ -188,9 +188,9 @@ class KernelContact(Interaction):
         rule = self.steps
         allowed, at_start = (min(1e300, step) for step in (rule.allowed, rule.at_start))
         return {
-            "energies": OfRanks(self.energy, self.stuck),
+            "energies": PerRank(self.energy, self.stuck),
             "starting": [at_start, rule.starting],
-            "steps": OfRanks(allowed),
+            "steps": PerRank(allowed),
             "step": rule.last,
             "rebuilds": self.rebuilds,
         }

@@ -81,7 +81,7 @@ class Results:
     def bodies(self) -> dict[int, Any]:
         """The bodies whose shapes could be read, by number."""
         scene, left_out = self._sound
-        return {i: body for i, body in enumerate(scene.bodies if scene else ()) if i not in left_out.vague}
+        return {i: body for i, body in enumerate(scene.bodies if scene else ()) if i not in left_out.misplaced}
 
     @property
     def _reference(self) -> Any:

@@ -11,7 +11,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.point.paths import AnyPath
 from parsolid.scene.base_model import Positive, SceneModel, reject
 from parsolid.scene.materials import Material
-from parsolid.scene.model_faults import told_faults
+from parsolid.scene.model_faults import faults_of_errors
 from parsolid.scene.raw_tables import apply_override, read_tables
 from parsolid.scene.validation_errors import SceneError
 
@@ -129,7 +129,7 @@ def load_point(
         context = {"dimension": 3, "folder": str(path.resolve().parent), "trust_code": trust_code}
         point = MaterialPoint.model_validate(data, context=context)
     except ValidationError as error:
-        raise SceneError(dict.fromkeys([*faults, *told_faults(error, data, MaterialPoint)])) from None
+        raise SceneError(dict.fromkeys([*faults, *faults_of_errors(error, data, MaterialPoint)])) from None
     if faults:
         raise SceneError(faults)
     _refuse_collapse(point)

@@ -19,9 +19,10 @@ LEAST, MOST = 1e-60, 1e60
 
 
 class OnRestart(StrEnum):
-    """Whether a continued run may have a key otherwise: as it likes, the same without a word on it, or never.
+    """What a continued run may do with a key whose value in the scene is not that of the checkpoint.
 
-    Others may change where the user says so. What stands at a table holds for keys in it of which nothing is said.
+    FREE: change it, and a note says so; SILENT: change it without a note; FIXED: it may not. A key without a rule may
+    change where the user allows it. The rule of a table holds for those of its keys that have none.
     """
 
     FREE = "free"

@@ -29,7 +29,7 @@ from parsolid.scene.tie import TIE_TERMS, tie_faults
 from parsolid.scene.tools import still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, Fault, SceneError, suggestion
 
-# more than these, in a run to its end, nobody wants
+# outputs in a run to its end, at most, by the keys of their intervals
 MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint_interval": 10**7}
 
 
@@ -45,18 +45,18 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
     details += clashes(scene.boundaries)
     if len(fillings) == len(scene.bodies):
         details += _distant_probes(scene, fillings)
-    details += contact_faults(scene.contact, lacking.names) + tool_faults(scene, lacking.names)
-    details += region_details(scene, lacking.regions, lacking.shapeless) + _loads_details(scene, lacking.incomplete)
-    if lacking.timed:
+    details += contact_faults(scene.contact, lacking.body_names) + tool_faults(scene, lacking.body_names)
+    details += region_details(scene, lacking.regions, lacking.shape_unknown) + _loads_details(scene, lacking.incomplete)
+    if lacking.end_known:
         details += _output_details(scene)
-    if lacking.settled:
+    if lacking.models_known:
         if len(fillings) == len(scene.bodies):
             details += _fields_elsewhere(scene, fillings)
-        if lacking.sure:
+        if lacking.systems_known:
             details += faults_of_systems(scene) + still_faults(scene) + substep_faults(scene)
-        if lacking.sure and lacking.names is not None:
+        if lacking.systems_known and lacking.body_names is not None:
             details += tie_faults(scene)
-        details += grid_faults(scene) + ([] if lacking.names is None else initial_details(scene))
+        details += grid_faults(scene) + ([] if lacking.body_names is None else initial_details(scene))
         names = [probe.name for probe in scene.probes]
         details += reaction_details(scene.boundaries, names, carriers_of(scene))
         details += _solution_details(scene) + _reference_details(scene, lacking.incomplete)
@@ -68,18 +68,13 @@ def _fillings(scene: Scene, lacking: LeftOut) -> tuple[dict[int, Filling], list[
     fillings: dict[int, Filling] = {}
     details: list[Finding] = []
     for i, body in enumerate(scene.bodies):
-        if body.shape.kind != "mesh" and i not in lacking.vague:
+        if body.shape.kind != "mesh" and i not in lacking.misplaced:
             try:
                 fillings[i] = filling_of(body, scene.dimension)
             except SceneError as error:
-                details += [(("bodies", i), *_parts(text)) for text in error.faults]
+                found = (one for one in error.faults if isinstance(one, Fault))
+                details += [(("bodies", i), one.expected, Phrase(one.found)) for one in found]
     return fillings, details
-
-
-def _parts(text: str) -> tuple[str, str]:
-    """What a shape expects and has found, from "expected ..., found ..."."""
-    expected, _, found = text.removeprefix("expected ").partition(", found ")
-    return expected, Phrase(found)
 
 
 def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[Finding]:
@@ -110,8 +105,8 @@ def plane_side(plane: Plane, filling: Filling) -> int:
 def _boundary_details(scene: Scene, fillings: dict[int, Filling], lacking: LeftOut) -> list[Finding]:
     details: list[Finding] = []
     for i, boundary in enumerate(scene.boundaries):
-        if boundary.body is not None and lacking.names is not None and boundary.body not in lacking.names:
-            expected = f"the name of a body{suggestion(boundary.body, lacking.names)}"
+        if boundary.body is not None and lacking.body_names is not None and boundary.body not in lacking.body_names:
+            expected = f"the name of a body{suggestion(boundary.body, lacking.body_names)}"
             details.append((("boundaries", i, "body"), expected, boundary.body, "unknown-name"))
         else:
             details += unbounded_plane(i, boundary, scene.bodies, fillings)

@@ -159,10 +159,10 @@ def unbonded(contacts: list[Contact], names: list[str | None]) -> np.ndarray | N
 def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Finding]:
     """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
     faults, sizes, named = list[Finding](), dict[int, int](), defaultdict[str, list[int]](list)
-    known = None if names is None else set(names)
+    known = set(names or ())
     for i, one in enumerate(contacts):
         for name in dict.fromkeys(one.bodies):
-            if names is not None and known is not None and name not in known:
+            if names is not None and name not in known:
                 expected = f"the name of a body{suggestion(name, names)}"
                 faults.append((("contact", i, "bodies"), expected, name, "unknown-name"))
         if len(set(one.bodies)) < len(one.bodies):

@@ -9,7 +9,7 @@ import numpy as np
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.grading import graded_shares
-from parsolid.scene.validation_errors import SceneError
+from parsolid.scene.validation_errors import Fault, SceneError
 
 MOST_PARTICLES = 10**12
 
@@ -133,7 +133,7 @@ def counted(lines: list[Line]) -> int:
     """Number of places of a lattice. Raises SceneError when it is beyond all machines."""
     number = math.prod(line.count for line in lines)
     if number > MOST_PARTICLES:
-        raise SceneError([f"expected at most {MOST_PARTICLES:g} particles, found {number:g}"])
+        raise SceneError([Fault("refused", "bodies", f"at most {MOST_PARTICLES:g} particles", f"{number:g}")])
     return number
 
 

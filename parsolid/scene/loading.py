@@ -57,7 +57,7 @@ def parse_scene(
     context |= {"trust_code": trust_code, "again": again}
     scene, left_out, faults = sound_part(data, context)
     if scene is not None:
-        scene = resolve_defaults(scene) if left_out.sure else scene
+        scene = resolve_defaults(scene) if left_out.systems_known else scene
         faults += check_scene(scene, left_out)
     if faults:
         raise SceneError(dict.fromkeys(faults))

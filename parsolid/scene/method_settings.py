@@ -52,7 +52,11 @@ class MethodSettings(SceneModel):
     evolved_of_particles: ClassVar[tuple[str, ...]] = ()
     evolved_forces: ClassVar[tuple[str, ...]] = ()
     evolved_between: ClassVar[tuple[str, ...]] = (
-        *("contact_partner", "contact_stick", "stick_*", "external_impulse", "moved"),
+        "contact_partner",
+        "contact_stick",
+        "stick_*",
+        "external_impulse",
+        "moved",
     )
     pressed: ClassVar[tuple[str, ...]] = ("plane", "where")
     loads: ClassVar[tuple[str, ...]] = ("body_force", "acceleration")

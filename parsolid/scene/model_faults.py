@@ -29,12 +29,12 @@ _EXPECTED = {
 }
 
 
-def told_faults(error: ValidationError, data: dict[str, Any], model: type[SceneModel]) -> list[Fault]:
+def faults_of_errors(error: ValidationError, data: dict[str, Any], model: type[SceneModel]) -> list[Fault]:
     """The faults of the raw tables of a model."""
-    return [told_fault(item, data, model) for item in error.errors(include_url=False)]
+    return [fault_of_error(item, data, model) for item in error.errors(include_url=False)]
 
 
-def told_fault(error: Any, data: dict[str, Any], model: type[SceneModel], stated: Any = None) -> Fault:
+def fault_of_error(error: Any, data: dict[str, Any], model: type[SceneModel], stated: Any = None) -> Fault:
     """One of pydantic's errors as a fault; stated: where it is in the file, if that is not its place in the tables."""
     place, kind, found = error["loc"], error["type"], error["input"]
     key = key_path(place if stated is None else stated)

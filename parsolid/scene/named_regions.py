@@ -152,11 +152,11 @@ def uses_of_regions(scene: Any) -> list[tuple[tuple[str | int, ...], str]]:
     return [(place, name) for place, name in uses if name is not None]
 
 
-def region_details(scene: Any, named: set[str], shapeless: bool) -> list[Any]:
+def region_details(scene: Any, named: set[str], shape_unknown: bool) -> list[Any]:
     """Faults of a scene's regions and of what names them: (place, expected, found); named: regions that what is left
-    out names; shapeless: there may be meshes that are not known."""
+    out names; shape_unknown: there may be meshes that are not known."""
     stated, uses = scene.regions, uses_of_regions(scene)
-    meshes = shapeless or any(body.shape.kind == "mesh" for body in scene.bodies)
+    meshes = shape_unknown or any(body.shape.kind == "mesh" for body in scene.bodies)
     details: list[Any] = []
     own = [region.name for region in stated]
     names = ", ".join(own) or "there is none"

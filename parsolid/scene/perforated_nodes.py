@@ -6,7 +6,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.lattice import Line, jitter_offsets, numbers_and_spacings
 from parsolid.scene.perforated import PerforatedFilling
-from parsolid.scene.validation_errors import SceneError
+from parsolid.scene.validation_errors import Fault, SceneError
 
 
 class PerforatedNodes:
@@ -25,7 +25,8 @@ class PerforatedNodes:
         ]
         counts = [line.count for line in self.lines]
         if min(counts) < 2:
-            raise SceneError([f"expected two nodes or more along each direction of a perforated box, found {counts}"])
+            expected = "two nodes or more along each direction of a perforated box"
+            raise SceneError([Fault("refused", "bodies", expected, str(counts))])
         between = [count - 1 for count in counts]
         cells = body.model_copy(update={"particles": between, "spacing": None, "placement": "cells"})
         self.cells = PerforatedFilling(cells, dimension)

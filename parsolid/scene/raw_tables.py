@@ -67,7 +67,7 @@ def raw_faults(data: dict[str, Any]) -> list[Fault]:
     return list(dict.fromkeys(faults))
 
 
-def immoderate_numbers(data: dict[str, Any]) -> list[Detail]:
+def numbers_out_of_range(data: dict[str, Any]) -> list[Detail]:
     """Numbers that are too large or too small to compute with."""
     return [
         (place, f"0 or a number of a size from {LEAST:g} to {MOST:g}", value)

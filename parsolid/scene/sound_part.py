@@ -12,12 +12,12 @@ from pydantic_core import ErrorDetails
 
 from parsolid.scene.base_model import UNKNOWN, Finding
 from parsolid.scene.methods import NamedMethod, settings_class
-from parsolid.scene.model_faults import told_fault
-from parsolid.scene.raw_tables import immoderate_numbers
+from parsolid.scene.model_faults import fault_of_error
+from parsolid.scene.raw_tables import numbers_out_of_range
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import Fault, fault
 
-# more than this often nothing new is told
+# passes over the tables, each of which mends what is at fault, until the tables are given up
 MOST_PASSES = 8
 # lists of which an entry at fault is left out
 _ENTRIES = ("boundaries", "initial", "contact", "tie", "tools", "probes")
@@ -32,25 +32,25 @@ _PLACES = ("shape", "particles", "spacing")
 class LeftOut:
     """What the sound part of a scene lacks of what its file states.
 
-    numbers: of the entries of each list, those in the file; names: those of all bodies stated, None where one of them
-    is at fault; regions: those that entries name which are left out; incomplete: entries are missing; vague: bodies
-    that are not where the file would have them; shapeless: the shape of one is not known; settled: methods and
-    materials are known; sure: and so are all keys of methods, and where bodies are; timed: the end is known; doubtful:
-    places of stand-ins, whose faults may be those of the stand-ins; mended: tables of which the same is true while they
-    are read.
+    numbers: of the entries of each list, those in the file; body_names: of all bodies, None where one is at fault;
+    regions: those that entries name which are left out; incomplete: entries are missing; misplaced: bodies that are not
+    where the file has them; shape_unknown: the shape of one is not known; models_known: all methods and materials are
+    known; systems_known: so are all keys of methods, and where bodies are; end_known: the end time is known; stand_ins:
+    places where another value stands for one at fault, so that faults there are not the file's; reduced_methods: tables
+    of methods from which a key at fault was taken, so that faults found as they are read are not the file's.
     """
 
     numbers: dict[str, list[int]] = field(default_factory=dict)
-    names: list[str] | None = None
+    body_names: list[str] | None = None
     regions: set[str] = field(default_factory=set)
     incomplete: bool = False
-    vague: set[int] = field(default_factory=set)
-    shapeless: bool = False
-    settled: bool = True
-    sure: bool = True
-    timed: bool = True
-    doubtful: set[Place] = field(default_factory=set)
-    mended: set[Place] = field(default_factory=set)
+    misplaced: set[int] = field(default_factory=set)
+    shape_unknown: bool = False
+    models_known: bool = True
+    systems_known: bool = True
+    end_known: bool = True
+    stand_ins: set[Place] = field(default_factory=set)
+    reduced_methods: set[Place] = field(default_factory=set)
 
     @classmethod
     def nothing(cls, tables: dict[str, Any]) -> "LeftOut":
@@ -75,7 +75,7 @@ class LeftOut:
         found = []
         for place, expected, value, *code in details:
             stated = self.stated(place)
-            if not is_within(stated, self.doubtful):
+            if not is_within(stated, self.stand_ins):
                 found.append(fault(stated, expected, value, *code))
         return found
 
@@ -99,16 +99,16 @@ def sound_part(data: dict[str, Any], context: dict[str, Any]) -> tuple[Any, Left
             scene = Scene.model_validate(tables, context=context)
         except ValidationError as error:
             found = error.errors(include_url=False)
-        doubtful = left_out.doubtful | left_out.mended
+        skipped = left_out.stand_ins | left_out.reduced_methods
         for item in found:
             place = left_out.stated(item["loc"])
-            if not is_within(place, doubtful):
-                faults[told_fault(item, tables, Scene, place)] = None
+            if not is_within(place, skipped):
+                faults[fault_of_error(item, tables, Scene, place)] = None
         if number == 0:
             told = {item["loc"] for item in found}
-            immoderate = [one for one in immoderate_numbers(data) if not is_within(one[0], told)]
-            faults.update((fault(*one, code="bound"), None) for one in immoderate)
-            found += [{"loc": place, "type": "finite_number", "input": value} for place, _, value in immoderate]
+            out_of_range = [one for one in numbers_out_of_range(data) if not is_within(one[0], told)]
+            faults.update((fault(*one, code="bound"), None) for one in out_of_range)
+            found += [{"loc": place, "type": "finite_number", "input": value} for place, _, value in out_of_range]
         if not found:
             return scene, left_out, list(faults)
         if context["dimension"] is None or not _mend(tables, found, left_out, context):
@@ -144,7 +144,7 @@ def _mend(tables: dict[str, Any], found: list[ErrorDetails], left_out: LeftOut, 
         elif top in (None, "method", "methods"):
             _mend_method(tables, item, left_out)
         elif top == "end_time":
-            tables[top], left_out.timed = 1.0, False
+            tables[top], left_out.end_known = 1.0, False
         elif top in ("output", "loads") and len(place) > 1:
             tables[top].pop(place[1], None)
         elif top in ("dimension", "bodies") or top not in tables:
@@ -193,12 +193,12 @@ def _mend_method(tables: dict[str, Any], item: ErrorDetails, left_out: LeftOut) 
     own = model.model_fields.get(place[depth]) if table and model else None
     if table and own is not None and not own.is_required():
         table.pop(place[depth], None)
-        left_out.doubtful.add(place[: depth + 1])
-        left_out.mended.add(place[:depth])
+        left_out.stand_ins.add(place[: depth + 1])
+        left_out.reduced_methods.add(place[:depth])
         # the usual number will do for what others ask of the method
-        left_out.sure = left_out.sure and item["type"] in _BOUNDS and len(place) == depth + 1
+        left_out.systems_known = left_out.systems_known and item["type"] in _BOUNDS and len(place) == depth + 1
         return
-    left_out.settled = left_out.sure = False
+    left_out.models_known = left_out.systems_known = False
     if place[:1] == ("methods",) and len(place) > 1:
         methods = tables["methods"]
         name = methods[place[1]].get("name") if isinstance(methods[place[1]], dict) else None
@@ -214,19 +214,19 @@ def _mend_body(bodies: list[Any], item: ErrorDetails, left_out: LeftOut, context
     number, key = place[1], place[2] if len(place) > 2 else None
     if not isinstance(bodies[number], dict):
         bodies[number] = {"material": UNKNOWN}
-        left_out.settled = left_out.sure = False
-        left_out.doubtful.add(place[:2])
+        left_out.models_known = left_out.systems_known = False
+        left_out.stand_ins.add(place[:2])
     body = bodies[number]
     if key == "material":
         _mend_material(body, item, left_out)
     elif key == "method":
-        left_out.settled = left_out.sure = False
-        left_out.doubtful.add(place[:2])
+        left_out.models_known = left_out.systems_known = False
+        left_out.stand_ins.add(place[:2])
         body.pop(key, None)
         if methods:
             body[key] = next(iter(methods))
     elif key in _FORMULAS:
-        left_out.doubtful.add(place[:3])
+        left_out.stand_ins.add(place[:3])
         if len(place) > 3 and not isinstance(item["input"], list | dict):
             _table_at(bodies, place[1:-1])[place[-1]] = 0.0
         elif key == "deformation_gradient":
@@ -235,33 +235,33 @@ def _mend_body(bodies: list[Any], item: ErrorDetails, left_out: LeftOut, context
             body[key] = [0.0] * dimension if key in ("velocity", "displacement") else 300.0
     elif key in (None, *_PLACES) or key not in body:
         # somewhere else, if it has been tried where the file has it
-        if key == "shape" or number in left_out.vague or not isinstance(body.get("shape"), dict):
+        if key == "shape" or number in left_out.misplaced or not isinstance(body.get("shape"), dict):
             body["shape"] = {"box": {"lower": [0.0] * dimension, "upper": [1.0] * dimension}}
-            left_out.shapeless = True
+            left_out.shape_unknown = True
         body.pop("spacing", None)
         body["particles"] = [3] * dimension
         if "mesh" in body["shape"]:
             body.pop("particles")
-        left_out.vague.add(number)
-        left_out.sure = False
-        left_out.doubtful.update(("bodies", number, word) for word in (*_PLACES, "placement", "grading"))
+        left_out.misplaced.add(number)
+        left_out.systems_known = False
+        left_out.stand_ins.update(("bodies", number, word) for word in (*_PLACES, "placement", "grading"))
     else:
-        left_out.doubtful.add(place[:3])
+        left_out.stand_ins.add(place[:3])
         body.pop(key)
         if key == "name":
-            left_out.names = None
+            left_out.body_names = None
 
 
 def _mend_material(body: dict[str, Any], item: ErrorDetails, left_out: LeftOut) -> None:
     """A number within its bounds stands for one that is not; of another fault nothing is known of the material."""
     place: tuple[Any, ...] = item["loc"]
     table = place[:3]
-    if item["type"] in _BOUNDS and len(place) > 3 and table not in left_out.doubtful:
+    if item["type"] in _BOUNDS and len(place) > 3 and table not in left_out.stand_ins:
         bounds = item.get("ctx", {})
         within = bounds.get("gt", 0.0) + 1.0 if "gt" in bounds else next(iter(bounds.values()), 1.0)
         _table_at(body, place[2:-1])[place[-1]] = float(within)
-        left_out.doubtful.add(place if place[3:] == ("density",) else table)
+        left_out.stand_ins.add(place if place[3:] == ("density",) else table)
         return
     body["material"] = UNKNOWN
-    left_out.settled = left_out.sure = False
-    left_out.doubtful.update([table, (*table[:2], "heated"), (*table[:2], "micro_rate")])
+    left_out.models_known = left_out.systems_known = False
+    left_out.stand_ins.update([table, (*table[:2], "heated"), (*table[:2], "micro_rate")])

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.of_ranks import OfRanks, taken_out
 from parsolid.output.checkpoint import numbered, write_checkpoint
 from parsolid.output.errors import together
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.whereabouts import HERE
+from parsolid.per_rank import PerRank, split_per_rank
 from parsolid.simulation.history import HistoryOutput
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.outputs import Cadence, Output
@@ -42,7 +42,7 @@ class CheckpointOutput(Output):
 
     def write(self, simulation: Simulation) -> None:
         # a method may pack its fields when it is asked for its state
-        header, own = taken_out(header_of(simulation, self.history.probes.state(), self.errors.found, self._scene))
+        header, own = split_per_rank(header_of(simulation, self.history.probes.state(), self.errors.found, self._scene))
         fields = [system.particles.checkpointed() for system in simulation.systems]
         write_checkpoint(simulation.comm, self.path, header, fields, np.array(own))
         now = simulation.clock
@@ -75,7 +75,7 @@ def header_of(
         "jumped": simulation.time_steps.jumped,
         **{numbered("method_state", number): system.state() for number, system in systems},
         "interactions": [interaction.state() for interaction in simulation.interactions],
-        "ledger": OfRanks(*simulation.ledger.values),
+        "ledger": PerRank(*simulation.ledger.values),
         "initial_energy": simulation.ledger.initial,
         "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],
         "judged_step": simulation.judged,

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from decomposition.pair_search import close_boxes
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.contact.report import contact_warnings
 from parsolid.methods.protocol import ParticleSystem
@@ -73,9 +74,11 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
 def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dict[int, Extent]) -> None:
     """Raises SolverError where two bodies that the method bonds differ by more than it bears."""
     apart, settings = scene.unbonded, system.settings
-    bodies = np.array(system.bodies)
-    bonded = np.ones((len(bodies),) * 2, bool) if apart is None else ~apart[np.ix_(bodies, bodies)]
-    for i, j in bodies[np.argwhere(np.triu(bonded, 1))].tolist():
+    lowest, highest, spacings = (np.array(one) for one in zip(*(extents[body] for body in system.bodies)))
+    close = np.transpose(close_boxes(lowest, highest, 2.0 * _TOUCHING * spacings.max(axis=1)))
+    for i, j in sorted(np.array(system.bodies)[close].tolist()):
+        if apart is not None and apart[i, j]:
+            continue
         (lower, upper, spacing), (other_lower, other_upper, other) = extents[i], extents[j]
         gap = np.linalg.norm(np.maximum(np.maximum(lower - other_upper, other_lower - upper), 0.0))
         if gap > _TOUCHING * max(spacing.max(), other.max()):

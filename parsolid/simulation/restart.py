@@ -8,11 +8,11 @@ import numpy as np
 from parsolid.collective import SolverError
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.of_ranks import own_share, put_back
 from parsolid.output.checkpoint import numbered, previous_name, read_checkpoint
 from parsolid.output.errors import OutputError, together
 from parsolid.particles.distribution import distribute
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.per_rank import join_per_rank, own_share
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.warned import Note
 from parsolid.simulation.scene_changes import changes, completed, contents, judged
@@ -20,6 +20,7 @@ from parsolid.simulation.scene_changes import changes, completed, contents, judg
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation
 
+# keys of the header of a run's checkpoint
 _NEEDED = {
     "ranks",
     "time",
@@ -31,9 +32,15 @@ _NEEDED = {
     "initial_energy",
     "balance",
     "ledger",
+    "judged_step",
+    "energy_balance",
+    "momenta",
+    "interactions",
+    "probes",
+    "errors",
+    "scene",
+    "method_state",
 }
-_NEEDED |= {"judged_step", "energy_balance", "momenta", "interactions", "probes", "errors", "scene", "method_state"}
-_NEEDED |= {"ledger"}
 _PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "regions", "surfaces")
 
 
@@ -52,7 +59,7 @@ class Restart:
         self.notes: list[Note] = []
         try:
             header, self.values, rows = read_checkpoint(comm, path)
-            self.header = put_back(header, rows)
+            self.header = join_per_rank(header, rows)
         except OutputError as error:
             raise OutputError(f"{error}{_offer(comm, path)}") from error
         missing = sorted(_NEEDED - set(self.header))

@@ -22,8 +22,8 @@ from parsolid.scene.model_faults import on_restart
 from parsolid.scene.validation_errors import NOTHING, key_path, told
 from parsolid.scene.warned import Note
 
-# keys within tables of a name that scenes may leave out, and what that means by the tables' kind: who states it changes
-# nothing
+# keys that scenes may leave out, by the name and the kind of the table that they are in, with the values that hold
+# then: to state such a value is no change
 _WEIGHTS: dict[str, dict[str, Any]] = {"tlsph": {"weights": "kernel"}}
 LEFT_OUT: dict[str, dict[str, dict[str, Any]]] = {
     "stabilisation": {"shear-scaled": {"coefficient": 0.35}},

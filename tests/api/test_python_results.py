@@ -124,12 +124,46 @@ def test_what_is_wrong_is_told_as_on_the_command_line(tmp_path):
         {"overrides": "end_time=1e-4"},
         {"target": "kinetic=1%"},
         {"allow_change": "end_time"},
+        {"ranks": True},
+        {"overrides": None},
     ],
 )
 def test_arguments_that_the_command_line_refuses_are_refused_and_nothing_is_written(words, tmp_path):
     with pytest.raises(SolverError) as found:
         parsolid.run(SCENE, output=tmp_path / "none", **words)
     assert str(found.value).partition(":")[0] == next(iter(words)) and not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("scene", [None, [SCENE], 3])
+@pytest.mark.parametrize("function", [parsolid.run, parsolid.check, parsolid.Simulation])
+def test_what_is_no_scene_is_refused(function, scene):
+    with pytest.raises(SceneError) as found:
+        function(scene)
+    assert [fault.partition(":")[0] for fault in found.value.faults] == ["scene"]
+
+
+@pytest.mark.parametrize("ranks", ["a", 0, 1.5])
+def test_a_check_refuses_what_is_no_number_of_ranks(ranks):
+    with pytest.raises(SolverError) as found:
+        parsolid.check(SCENE, ranks=ranks)
+    assert str(found.value).partition(":")[0] == "ranks"
+
+
+@pytest.mark.parametrize(
+    ("key", "call"),
+    [
+        ("restart", lambda: parsolid.Simulation(SCENE, restart=True)),
+        ("step", lambda: parsolid.Simulation(SCENE).step(1.5)),
+        ("step", lambda: parsolid.Simulation(SCENE).step(0)),
+        ("run", lambda: parsolid.Simulation(SCENE).run("end")),
+        ("on_step", lambda: parsolid.Simulation(SCENE).on_step(None)),
+        ("every", lambda: parsolid.Simulation(SCENE).on_step(print, every=5)),
+    ],
+)
+def test_a_simulation_refuses_arguments_that_it_cannot_use(key, call):
+    with pytest.raises(SolverError) as found:
+        call()
+    assert str(found.value).partition(":")[0] == key
 
 
 def test_a_run_without_restart_may_say_none(tmp_path):
@@ -242,17 +276,22 @@ def test_a_stepped_run_leaves_what_a_run_leaves_and_goes_on_to_the_bit(comm, sha
     assert again.fields[1e-3]["stress"].tobytes() == whole.fields[1e-3]["stress"].tobytes()
 
 
-def test_what_a_script_adds_to_the_velocities_ends_its_run():
-    simulation = parsolid.Simulation(SCENE | {"end_time": 1.0})
+@pytest.mark.parametrize("written", [False, True])
+def test_what_a_script_adds_to_the_velocities_ends_its_run(comm, shared_path, written):
+    folder = shared_path / "pushed" if written else None
 
-    @simulation.on_step
     def push(simulation):
         for velocity in simulation.arrays("velocity"):
             velocity *= 1.1
 
-    with pytest.raises(RunFailed, match="balance"):
+    with pytest.raises(RunFailed) as failure, parsolid.Simulation(SCENE | {"end_time": 1.0}, folder) as simulation:
+        simulation.on_step(push)
         simulation.run()
-    assert simulation.steps < 100
+    assert simulation.steps < 100 and "balance" in str(failure.value)
+    comm.Barrier()
+    if folder is not None:
+        summary = parsolid.load(folder).summary
+        assert (summary["status"], summary["steps"]) == ("failed", simulation.steps) and summary["fault"]
 
 
 def test_options_act_in_this_process(tmp_path):

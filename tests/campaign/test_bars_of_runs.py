@@ -15,10 +15,11 @@ from parsolid.api.running import RunOptions, run_scene
 from parsolid.campaign.error_bars import Campaign, ErrorTable
 from parsolid.campaign.estimate import Bar
 from parsolid.campaign.runner import InProcess, Interrupted, Record, VariantRun, read_files
-from parsolid.campaign.targets import NOT_REACHED, Target, no_bar, predicted_seconds, worst
+from parsolid.campaign.targets import Target, no_bar, predicted_seconds, worst
 from parsolid.campaign.variants import SPACING, Variant, coarse_variants
 from parsolid.commands.cli import parse
 from parsolid.commands.run import options_of
+from parsolid.exit_status import NOT_REACHED
 from parsolid.output.results import load
 from parsolid.scene import SceneError, load_scene, parse_scene
 from parsolid.simulation.loop import Limits

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from parsolid.commands.cli import DONE, UNREAD, main
+from parsolid.commands.cli import main
+from parsolid.exit_status import DONE, UNREAD
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "end_to_end"))
 

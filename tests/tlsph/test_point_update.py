@@ -5,10 +5,17 @@ import numpy as np
 import pytest
 from solids import ONE_BRANCH, SOFT, column, evolved, simulation, tables
 
+from parsolid.kernels import kernel
 from parsolid.methods.tlsph.point_update import TILE, make_tile, update_tile
 from parsolid.methods.tlsph.state import LawBlock
 
 STEP = 1e-2
+
+
+@kernel
+def compiled_update(*arguments):
+    """As the sweeps call it."""
+    update_tile(*arguments)
 
 
 def moving(dimension, law, particles):
@@ -28,12 +35,12 @@ def test_a_tile_has_the_numbers_of_plain_python(dimension, law):
     for tensor in (F, G):
         tensor[[2, 5, 6, 7, 8] if plane else []] = 0.0
     F += make_tile(9).reshape(9, TILE)
-    for function in (update_tile, update_tile.py_func):
+    for function in (compiled_update, update_tile):
         tile = {name: make_tile(size) for name, size in {"J": 1, "P": 9, "Z": 2, "signal": 1, "lost": 1}.items()}
         state, A = F.ravel().copy(), None if block.A is None else block.A.copy()
         signals = (1.2, 1.0, 1.0, 1.1, 0.9, 1.3)
         function(
-            *(block.solid, STEP, plane, signals, block.branches(STEP), state, G.ravel().copy()),
+            *(block.solid, STEP, 0.0 if plane else 1.0, signals, block.branches(STEP)[:4], state, G.ravel().copy()),
             *(A, block.branch_sum, make_tile(9), tile["J"], tile["P"], tile["Z"], tile["signal"], tile["lost"]),
         )
         results.append([state, *tile.values(), *([] if A is None else [A])])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from tool_scenes import METHODS, SPACING, Watch, block, run
 
-from parsolid.of_ranks import taken_out
 from parsolid.output.checkpoint import write_checkpoint
+from parsolid.per_rank import split_per_rank
 from parsolid.scene import parse_scene
 from parsolid.simulation.checkpoints import header_of
 from parsolid.simulation.loop import Limits, Simulation
@@ -114,7 +114,7 @@ def test_restart_in_the_middle_of_contact(comm, shared_path, method):
     data = hit(method)
     data["method"]["maximum_step"] = 2e-4
     sim, _ = run(data, comm, steps=30)
-    header, own = taken_out(header_of(sim, {}, {}, contents(sim.scene)))
+    header, own = split_per_rank(header_of(sim, {}, {}, contents(sim.scene)))
     fields = [system.particles.checkpointed() for system in sim.systems]
     write_checkpoint(comm, shared_path / "c.h5", header, fields, np.array(own))
     watch = Watch()

@@ -8,6 +8,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from parsolid.commands.arguments import whole_number
+
 FOLDER = "pictures"
 # pictures at a run's end: no more times than these, no bodies of more particles
 STANDARD_TIMES, STANDARD_PARTICLES = 8, 1_000_000
@@ -50,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--exaggerate", type=_positive, default=1.0, metavar="N", help="factor on the displacements")
     parser.add_argument("--small", action="store_true", help="256 colours only, for a third of the bytes")
-    parser.add_argument("--columns", type=_count, metavar="N", help="pictures side by side on a sheet")
+    parser.add_argument("--columns", type=whole_number, metavar="N", help="pictures side by side on a sheet")
     parser.add_argument("--size", type=_size, metavar="WxH", help="of a picture, in pixels")
     parser.add_argument("--title", metavar="TEXT", help="above the sheet")
 
@@ -149,12 +151,6 @@ def _size(text: str) -> tuple[int, int]:
     if not (width.isdigit() and height.isdigit() and 50 <= int(width) <= 16000 and 50 <= int(height) <= 16000):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT from 50x50 to 16000x16000 pixels, found {text!r}")
     return int(width), int(height)
-
-
-def _count(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found {text!r}")
-    return int(text)
 
 
 def _positive(text: str) -> float:

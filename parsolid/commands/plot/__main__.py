@@ -5,6 +5,7 @@ there are none.
 import sys
 
 from parsolid.commands.plot.command import standard
+from parsolid.exit_status import BAD_INPUT
 from parsolid.scene import SceneError
 
 if __name__ == "__main__":
@@ -12,4 +13,4 @@ if __name__ == "__main__":
         standard(sys.argv[1])
     except (SceneError, OSError) as error:
         print(error, file=sys.stderr)
-        sys.exit(2)
+        sys.exit(BAD_INPUT)

@@ -33,15 +33,15 @@ class Camera:
     """
 
     def __init__(
-        self, frames: list[Frame], view: str | tuple[float, float, float], follow: bool, margin: float, height: int = 2
+        self, frames: list[Frame], view: str | tuple[float, float, float], follow: bool, margin: float, upright: int = 2
     ) -> None:
         """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
-        particles; height: the axis that is upright.
+        particles; upright: the vertical axis.
         """
-        self.towards = _direction(view, height)
-        up = np.eye(3)[height]
+        self.towards = _direction(view, upright)
+        up = np.eye(3)[upright]
         if abs(self.towards @ up) > 0.99:
-            up = np.eye(3)[1] if height == 2 else -np.eye(3)[2]
+            up = np.eye(3)[1] if upright == 2 else -np.eye(3)[2]
         self.right = np.cross(up, self.towards)
         self.right /= np.linalg.norm(self.right)
         self.up = np.cross(self.towards, self.right)
@@ -77,12 +77,12 @@ def _bounds(points: Any) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _direction(view: Any, height: int) -> np.ndarray:
+def _direction(view: Any, upright: int) -> np.ndarray:
     direction = np.array(_DIRECTIONS[view] if isinstance(view, str) else view, float)
-    if isinstance(view, str) and height == 1:
+    if isinstance(view, str) and upright == 1:
         # the named views turn with the upright axis, from Z to Y
         direction = np.array([direction[0], direction[2], -direction[1]])
-    elif isinstance(view, str) and height == 0:
+    elif isinstance(view, str) and upright == 0:
         direction = np.array([direction[2], direction[0], direction[1]])
     return direction / np.linalg.norm(direction)
 

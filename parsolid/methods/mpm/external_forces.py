@@ -15,8 +15,8 @@ from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.collective import SolverError
 from parsolid.kernels import kernel
 from parsolid.methods.mpm.points import MaterialPoints
-from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.declaration import Field
+from parsolid.per_rank import PerRank, own_share
 
 
 @kernel
@@ -133,7 +133,7 @@ class ExternalForces:
 
     def state(self) -> dict[str, Any]:
         """What a restart needs besides fields."""
-        return {"step": self.step, "behind": OfRanks(self.behind)}
+        return {"step": self.step, "behind": PerRank(self.behind)}
 
     def set_state(self, comm: MPI.Comm, state: dict[str, Any] | None) -> None:
         """Take back what `state` gave, on any number of ranks. Raises SolverError, on all, where there is nothing."""

@@ -28,8 +28,8 @@ from parsolid.methods.mpm.shape_functions import nodes_across
 from parsolid.methods.mpm.transfer import grid_to_particles, particles_to_grid
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import Announce, EnergyLedger
-from parsolid.of_ranks import OfRanks, own_share
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 
 # a step [s] that bounds nothing
@@ -220,7 +220,7 @@ class MaterialPoint(Reports):
             "partition": self.grid.partition.state(),
             "steps": self.migration.steps,
             "fastest": maximum(self.comm, self.fastest),
-            "plastic_work": OfRanks(self.plastic_work),
+            "plastic_work": PerRank(self.plastic_work),
             "driven_planes": [[one.moved, one.at] for one in self.conditions.driven],
         }
 

@@ -9,7 +9,7 @@ from parsolid.kernels import kernel
 from parsolid.methods.tlsph.box_stages import advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
 from parsolid.methods.tlsph.leapfrog import StepBound
-from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, clear_sums, deform_tile, relax_branch
+from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
 from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, store_waves
 from parsolid.pairs.box_on_rank import BoxOnRank
 from parsolid.pairs.box_planes import (
@@ -216,10 +216,7 @@ def advance_box(
         places.tensor, places.symmetric, tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
     )  # fmt: skip
     slow_Z, signal, lost, stress = tile_Z[TILE:], tiles.signal, tiles.lost, tiles.initial
-    moduli, times, weights, losses = branches.moduli, branches.times, branches.weights, branches.losses
-    total, third = 0.0, 0.0 if d == 2 else 1.0
-    for k in range(moduli.size):
-        total += moduli[k]
+    of_branches, third = (branches.moduli, branches.times, branches.weights, branches.losses), 0.0 if d == 2 else 1.0
     if d == 2:
         tile_G[:] = 0.0
     for i in range(box.first_plane, box.last_plane):
@@ -231,17 +228,10 @@ def advance_box(
             copy_in(tile_F, tensor, gradient, row, n)
             if A is not None:
                 copy_branches_in(A, symmetric, field_A, row, n)
-                clear_sums(branch_sum, lost)
-                for k in range(moduli.size):
-                    relax_branch(
-                        moduli[k], times[k], (weights[k, 0], weights[k, 1], weights[k, 2]),
-                        (losses[k, 0], losses[k, 1], losses[k, 2]), step, tile_F, tile_G,
-                        A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost,
-                    )  # fmt: skip
-            # not `update_tile`: functions that call others count references of their arrays, once a tile
-            deform_tile(
-                law, step, total, third, signals, tile_F, tile_G, branch_sum, None, tile_J, tile_P, tile_Z, signal
-            )
+            update_tile(
+                law, step, third, signals, of_branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
+                signal, lost,
+            )  # fmt: skip
             if initial is not None:
                 copy_in(stress, tensor, initial, row, n)
                 add_initial_stress(tile_F, stress, tile_P)

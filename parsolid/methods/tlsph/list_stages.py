@@ -2,10 +2,8 @@
 
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.list_update import (
-    finish_gradients_in_plane,
-    finish_gradients_in_space,
-    store_stresses_in_plane,
-    store_stresses_in_space,
+    find_gradients,
+    store_stresses,
 )
 from parsolid.methods.tlsph.point_stages import load_start, relax_over_step, stage_tile, store_deformation
 from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, load, store
@@ -17,7 +15,6 @@ from parsolid.methods.tlsph.tile_fields import (
     load_deformation,
     waves_tile,
 )
-from parsolid.pairs.list_sweeps import gradient_in_plane, gradient_in_space
 
 
 @kernel
@@ -61,12 +58,7 @@ def advance_stage(
         G[:] = 0.0
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        if d == 3:
-            gradient_in_space(pairs, i, i + n, motion, record)
-            finish_gradients_in_space(i, n, half, operator, inverse, record, G)
-        else:
-            gradient_in_plane(pairs, i, i + n, motion, record)
-            finish_gradients_in_plane(i, n, half, operator, inverse, record, G)
+        find_gradients(d, pairs, i, n, motion, half, operator, inverse, record, G)
         load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if at_start:
             store_deformation(F, H, J, tensor, gradient_start, cofactors_start, jacobian_start, i, n)
@@ -87,10 +79,7 @@ def advance_stage(
         store_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         for p in range(n):
             sound = sound and J[p] > 0.0
-        if d == 3:
-            store_stresses_in_space(i, n, P, Z, operator, record)
-        else:
-            store_stresses_in_plane(i, n, P, Z, operator, record)
+        store_stresses(d, i, n, P, Z, operator, record)
         store_wave_rows(d, i, n, fast, Q_p, isotropic)
         store_wave_rows(d, i, n, slow, Q_s, 0.0)
         if A is not None:

@@ -3,13 +3,11 @@ the divergence sweep (`pairs.list_sweeps`), tile by tile."""
 
 import numpy as np
 
-from parsolid.kernels import kernel
+from parsolid.kernels import inlined, kernel
 from parsolid.methods.tlsph.point_update import (
     TILE,
     add_initial_stress,
-    clear_sums,
-    deform_tile,
-    relax_branch,
+    update_tile,
 )
 from parsolid.methods.tlsph.tile_fields import (
     copy,
@@ -108,6 +106,26 @@ def store_stresses_in_plane(i, n, P, Z, operator, record):
         record[a, 8], record[a, 9] = Z[p], Z[TILE + p]
 
 
+@inlined
+def find_gradients(d, pairs, i, n, motion, half, operator, inverse, record, G):
+    """Velocity gradients of n particles from row i on into a tile and, times half, into their records."""
+    if d == 3:
+        gradient_in_space(pairs, i, i + n, motion, record)
+        finish_gradients_in_space(i, n, half, operator, inverse, record, G)
+    else:
+        gradient_in_plane(pairs, i, i + n, motion, record)
+        finish_gradients_in_plane(i, n, half, operator, inverse, record, G)
+
+
+@inlined
+def store_stresses(d, i, n, P, Z, operator, record):
+    """P L and half impedances of n particles of a tile into their records, from row i on."""
+    if d == 3:
+        store_stresses_in_space(i, n, P, Z, operator, record)
+    else:
+        store_stresses_in_plane(i, n, P, Z, operator, record)
+
+
 @kernel
 def advance_step(
     law, step, d, signals, branches, half, first, last, places,
@@ -129,45 +147,27 @@ def advance_step(
         places.tensor, places.symmetric, tiles.F, tiles.J, tiles.G, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
         tiles.initial,
     )  # fmt: skip
-    moduli, times, weights, losses = branches.moduli, branches.times, branches.weights, branches.losses
-    total = 0.0
-    for k in range(moduli.size):
-        total += moduli[k]
+    of_branches = branches.moduli, branches.times, branches.weights, branches.losses
     if d == 2:
         G[:] = 0.0
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
-        if d == 3:
-            gradient_in_space(pairs, i, i + n, motion, record)
-            finish_gradients_in_space(i, n, half, operator, inverse, record, G)
-        else:
-            gradient_in_plane(pairs, i, i + n, motion, record)
-            finish_gradients_in_plane(i, n, half, operator, inverse, record, G)
+        find_gradients(d, pairs, i, n, motion, half, operator, inverse, record, G)
         copy_in(F, tensor, gradient, i, n)
         if push is not None:
             copy_in(push_tile, tensor, push, i, n)
         if A is not None:
             copy_branches_in(A, symmetric, field_A, i, n)
-            clear_sums(branch_sum, lost)
-            for k in range(moduli.size):
-                relax_branch(
-                    moduli[k], times[k], (weights[k, 0], weights[k, 1], weights[k, 2]),
-                    (losses[k, 0], losses[k, 1], losses[k, 2]), step, F, G,
-                    A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost,
-                )  # fmt: skip
+        update_tile(law, step, third, signals, of_branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost)
+        if A is not None:
             copy_branches_out(field_A, i, n, A, symmetric)
             for p in range(n):
                 dissipated += lost[p] * volume[i + p]
-        # not `update_tile`: functions that call others count references of their arrays, once a tile
-        deform_tile(law, step, total, third, signals, F, G, branch_sum, push_tile, J, P, Z, signal)
         if initial is not None:
             copy_in(stress, tensor, initial, i, n)
             add_initial_stress(F, stress, P)
         copy_out(gradient, i, n, F, tensor)
-        if d == 3:
-            store_stresses_in_space(i, n, P, Z, operator, record)
-        else:
-            store_stresses_in_plane(i, n, P, Z, operator, record)
+        store_stresses(d, i, n, P, Z, operator, record)
         copy(jacobian[i : i + n], J[:n])
         for p in range(n):
             sound = sound and J[p] > 0.0

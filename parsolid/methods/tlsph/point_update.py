@@ -126,20 +126,6 @@ def clear_sums(branch_sum, lost):
 
 
 @kernel
-def relax_tile(branches, step, F, G, A, branch_sum, lost):
-    """`relax_branch` of all branches; the sum of their moduli [Pa]."""
-    moduli, times, weights, losses = branches.moduli, branches.times, branches.weights, branches.losses
-    total = 0.0
-    clear_sums(branch_sum, lost)
-    for k in range(moduli.size):
-        of_branch = (weights[k, 0], weights[k, 1], weights[k, 2]), (losses[k, 0], losses[k, 1], losses[k, 2])
-        A_k = A[6 * TILE * k : 6 * TILE * (k + 1)]
-        relax_branch(moduli[k], times[k], of_branch[0], of_branch[1], step, F, G, A_k, branch_sum, lost)
-        total += moduli[k]
-    return total
-
-
-@kernel
 def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal):
     """F after a step, and what follows from it, see `update_tile`. total, branch_sum: of the branches, branch_sum None
     without; third: 0 in plane strain, else 1."""
@@ -170,24 +156,30 @@ def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, 
         )
 
 
-@kernel
-def update_tile(
-    law, step, plane, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost
-):  # fmt: skip
+@inlined
+def update_tile(law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost):
     """Leapfrog: the state of a tile after a step [s] with its velocity gradient G [1/s] in the middle of the step.
 
-    law: without branches, see `materials.hyperelastic.functions`. signals: six numbers (p1, s1, p2, s2, p3, s3).
-    branches: `Branches`; A (branches * 6 TILE) and the scratch branch_sum (6 TILE) are None for laws without. push
-    (9 TILE): F_r/J_r of an updated reference, or None.
+    law: without branches, see `materials.hyperelastic.functions`. third: 0 in plane strain, else 1. signals: six
+    numbers (p1, s1, p2, s2, p3, s3). branches: arrays (moduli, times, weights, losses) of `Branches`; A (branches * 6
+    TILE) and the scratch branch_sum (6 TILE) are None for laws without. push (9 TILE): F_r/J_r of an updated reference,
+    or None.
 
     Advances F and A. Fills J, P [Pa], impedance (2 TILE): half rho c of pressure and of shear waves [kg/(m^2 s)], the
     root of its mean square over directions; signal: the greatest of the sums p_i sqrt(rho) c_p + s_i sqrt(rho) c_s
     [sqrt(Pa)] over all directions; lost: energy that branches dissipate [J/m^3].
     """
+    moduli, times, weights, losses = branches
     total = 0.0
     if A is not None:
-        total = relax_tile(branches, step, F, G, A, branch_sum, lost)
-    third = 0.0 if plane else 1.0
+        clear_sums(branch_sum, lost)
+        for k in range(moduli.size):
+            relax_branch(
+                moduli[k], times[k], (weights[k, 0], weights[k, 1], weights[k, 2]),
+                (losses[k, 0], losses[k, 1], losses[k, 2]), step, F, G,
+                A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost,
+            )  # fmt: skip
+            total += moduli[k]
     # a function of its own: LLVM makes twice as fast a loop of it
     deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal)
 

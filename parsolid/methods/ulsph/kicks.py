@@ -7,7 +7,7 @@ import numpy as np
 from parsolid.boundary.walls import Walls
 from parsolid.methods.leapfrog import Leapfrog, taken_by_step_change
 from parsolid.methods.protocol import EnergyLedger
-from parsolid.of_ranks import OfRanks, own_share
+from parsolid.per_rank import PerRank, own_share
 
 
 class HalfKick(NamedTuple):
@@ -48,7 +48,7 @@ class ViscousHeat:
 
     def state(self) -> dict[str, Any]:
         """The step, and what is to come on each rank."""
-        return {"step": self.step, "to_come": OfRanks(self.to_come)}
+        return {"step": self.step, "to_come": PerRank(self.to_come)}
 
     def set_state(self, comm: Any, state: dict[str, Any]) -> None:
         """Take back what `state` gave; on another number of ranks the first has all."""

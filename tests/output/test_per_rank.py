@@ -5,17 +5,17 @@ import json
 import numpy as np
 import pytest
 
-from parsolid.of_ranks import OfRanks, own_share, put_back, taken_out
 from parsolid.output.checkpoint import read_checkpoint, write_checkpoint
+from parsolid.per_rank import PerRank, join_per_rank, own_share, split_per_rank
 
 
 def test_states_keep_the_numbers_of_their_ranks(comm, shared_path):
-    state = {"a": [1, {"b": OfRanks(comm.rank, 0.1 + comm.rank)}], "c": OfRanks(-1.0), "d": None}
-    without, numbers = taken_out(state)
+    state = {"a": [1, {"b": PerRank(comm.rank, 0.1 + comm.rank)}], "c": PerRank(-1.0), "d": None}
+    without, numbers = split_per_rank(state)
     assert json.loads(json.dumps(without)) == without and len(numbers) == 3
     write_checkpoint(comm, shared_path / "c.h5", without, [{"x": np.arange(3.0)}], np.array(numbers))
     header, _, rows = read_checkpoint(comm, shared_path / "c.h5")
-    found = put_back(header, rows)
+    found = join_per_rank(header, rows)
     ranks = np.arange(comm.size)
     np.testing.assert_array_equal(found["a"][1]["b"], np.stack([ranks, 0.1 + ranks], axis=1))
     np.testing.assert_array_equal(found["c"], -np.ones((comm.size, 1)))
