@@ -1,9 +1,16 @@
 """SSP-RK3: deformation and stress of single particles in a stage, on tiles (`point_update`)."""
 
 from parsolid.kernels import kernel
-from parsolid.materials.hyperelastic.functions import pressure_waves, shear_waves, stress
-from parsolid.materials.viscoelastic.maxwell import branch_dissipation, branch_stress, branch_waves, relaxed
-from parsolid.methods.tlsph.point_update import TILE, load, load_symmetric, store, store_symmetric
+from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
+from parsolid.methods.tlsph.point_update import (
+    TILE,
+    load,
+    load_symmetric,
+    store,
+    store_symmetric,
+    stress_with_branches,
+    waves_with_branches,
+)
 from parsolid.methods.tlsph.tile_fields import copy, copy_in, copy_out
 from parsolid.tensors import (
     cofactor,
@@ -14,8 +21,6 @@ from parsolid.tensors import (
     cross,
     gram,
     inverse_symmetric,
-    plus,
-    plus_symmetric,
 )
 
 
@@ -54,12 +59,8 @@ def stage_tile(
             total += branches.moduli[k]
     for p in range(TILE):
         F_old, H_old, J_old, grad_v = load(F, p), load(H, p), J[p], load(G, p)
-        P_old = stress(law, F_old, H_old, J_old)
-        Q_p, Q_s = pressure_waves(law, F_old, H_old, J_old), shear_waves(law, F_old)
-        if A is not None:
-            S = load_symmetric(branch_sum, p)
-            P_old = plus(P_old, branch_stress(total, S, F_old, H_old, J_old))
-            Q_p, Q_s = plus_symmetric(Q_p, branch_waves(total, S, H_old, J_old)), plus_symmetric(Q_s, S)
+        P_old = stress_with_branches(law, total, branch_sum, p, F_old, H_old, J_old)
+        Q_p, Q_s = waves_with_branches(law, total, branch_sum, p, F_old, H_old, J_old)
         if push is not None:
             Q_p, Q_s = congruence(load(push, p), Q_p), congruence(load(push, p), Q_s)
         store(P, p, P_old)

@@ -90,6 +90,26 @@ def make_tile(components: int) -> np.ndarray:
 
 
 @inlined
+def stress_with_branches(law, total, branch_sum, p, F, H, J):
+    """P [Pa] of particle p of a tile. total: sum of the moduli mu of its branches [Pa]; branch_sum: tile of sum mu A,
+    None where a law has no branches."""
+    P = stress(law, F, H, J)
+    if branch_sum is not None:
+        P = plus(P, branch_stress(total, load_symmetric(branch_sum, p), F, H, J))
+    return P
+
+
+@inlined
+def waves_with_branches(law, total, branch_sum, p, F, H, J):
+    """Wave tensors [Pa] of pressure and shear waves of particle p of a tile, see `stress_with_branches`."""
+    fast, slow = pressure_waves(law, F, H, J), shear_waves(law, F)
+    if branch_sum is not None:
+        S = load_symmetric(branch_sum, p)
+        fast, slow = plus_symmetric(fast, branch_waves(total, S, H, J)), plus_symmetric(slow, S)
+    return fast, slow
+
+
+@inlined
 def in_directions(third, Q):
     """A wave tensor whose eigenvalues are those of directions in the plane for third = 0, of all for third = 1."""
     # a factor, as numba warns of conditions in inlined functions
@@ -134,12 +154,8 @@ def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, 
         F_new = combine(1.0, load(F, p), step, load(G, p))
         H = cofactor(F_new)
         J_new = F_new[0] * H[0] + F_new[1] * H[1] + F_new[2] * H[2]
-        P_new = stress(law, F_new, H, J_new)
-        fast, slow = pressure_waves(law, F_new, H, J_new), shear_waves(law, F_new)
-        if branch_sum is not None:
-            S = load_symmetric(branch_sum, p)
-            P_new = plus(P_new, branch_stress(total, S, F_new, H, J_new))
-            fast, slow = plus_symmetric(fast, branch_waves(total, S, H, J_new)), plus_symmetric(slow, S)
+        P_new = stress_with_branches(law, total, branch_sum, p, F_new, H, J_new)
+        fast, slow = waves_with_branches(law, total, branch_sum, p, F_new, H, J_new)
         store(F, p, F_new)
         store(P, p, P_new)
         J[p] = J_new

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.kernels import aligned_zeros, kernel
-from parsolid.materials.hyperelastic.functions import energy, pressure_waves, shear_waves, stress
-from parsolid.materials.viscoelastic.maxwell import branch_energy, branch_stress, branch_waves
+from parsolid.materials.hyperelastic.functions import energy
+from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.methods.tlsph.point_update import (
     TILE,
     in_directions,
@@ -19,8 +19,10 @@ from parsolid.methods.tlsph.point_update import (
     make_tile,
     store,
     store_symmetric,
+    stress_with_branches,
+    waves_with_branches,
 )
-from parsolid.tensors import cofactor, gram, largest_eigenvalue, largest_eigenvalue_bound, plus, plus_symmetric
+from parsolid.tensors import cofactor, gram, largest_eigenvalue, largest_eigenvalue_bound
 
 
 class Places(NamedTuple):
@@ -205,10 +207,7 @@ def stress_tile(law, branches, F, H, J, A, branch_sum, P):
     if A is not None:
         total = sum_branches(branches, A, branch_sum)
     for p in range(TILE):
-        P_now = stress(law, load(F, p), load(H, p), J[p])
-        if A is not None:
-            P_now = plus(P_now, branch_stress(total, load_symmetric(branch_sum, p), load(F, p), load(H, p), J[p]))
-        store(P, p, P_now)
+        store(P, p, stress_with_branches(law, total, branch_sum, p, load(F, p), load(H, p), J[p]))
 
 
 @kernel
@@ -235,11 +234,7 @@ def waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound):
         total = sum_branches(branches, A, branch_sum)
     third = 0.0 if plane else 1.0
     for p in range(TILE):
-        F_now, H_now, J_now = load(F, p), load(H, p), J[p]
-        Q_p, Q_s = pressure_waves(law, F_now, H_now, J_now), shear_waves(law, F_now)
-        if A is not None:
-            S = load_symmetric(branch_sum, p)
-            Q_p, Q_s = plus_symmetric(Q_p, branch_waves(total, S, H_now, J_now)), plus_symmetric(Q_s, S)
+        Q_p, Q_s = waves_with_branches(law, total, branch_sum, p, load(F, p), load(H, p), J[p])
         Q_p, Q_s = in_directions(third, Q_p), in_directions(third, Q_s)
         store_symmetric(fast, p, Q_p)
         store_symmetric(slow, p, Q_s)
