@@ -2,7 +2,8 @@
 
 Ghosts know masses since the list was made, so particles go in the step after they failed, at whose start all ranks make
 lists anew. The opening kick of that step is still by forces of their whole mass: they go behind it, so that action and
-reaction are both counted. Until then the mass that is due is a negative `deleted_mass`.
+reaction are both counted. Until then the mass that is due is a negative `deleted_mass`. For the rest of that step they
+drift on, as contact and ties take them to, and stop before they drift again: ghosts do what their owners do.
 """
 
 from collections.abc import Iterator
@@ -49,26 +50,25 @@ class Deletion:
         mass -= np.minimum(deleted, 0.0)
 
     def carry_out(self) -> None:
-        """Between opening kick and first sweep: what is due goes, and what has gone stands still."""
+        """Between opening kick and drift: what has gone stands still, and what is due goes."""
         of = self.particles.owned_rows
+        of("velocity")[of("deleted_mass") > 0.0] = 0.0
         rows = np.flatnonzero(of("deleted_mass") < 0.0)
         if len(rows):
             kinetic, stored = self.system.energies()
-            note_deleted(self.particles, rows, -of("deleted_mass")[rows], of("velocity")[rows].copy())
+            velocity = of("velocity")[rows].copy()
+            note_deleted(self.particles, rows, -of("deleted_mass")[rows], velocity)
             # those of its whole mass, whose heat the next state would take up
             for name in ("force", "viscous_force", "viscous_heat", "impulse_power"):
                 of(name)[rows] = 0.0
-            self.hold()
+            self.lighten()
             self.system.conditions.forget_masses()
+            of("velocity")[rows] = 0.0
             left = self.system.energies()
+            of("velocity")[rows] = velocity
             self._energies = {DELETED_KINETIC: kinetic - left[0], DELETED_STORED: stored - left[1]}
         else:
-            self.hold()
-
-    def hold(self) -> None:
-        """Take mass and motion of deleted particles."""
-        self.lighten()
-        self.particles.owned_rows("velocity")[self.particles.owned_rows("deleted_mass") > 0.0] = 0.0
+            self.lighten()
 
     def lighten(self) -> None:
         """Take the mass of deleted particles; also after a restart, whose masses are those of time 0."""
