@@ -56,7 +56,7 @@ TESTS: dict[str, tuple[str, str]] = {
     "decomposition/slices.py": (PLAIN, _in("decomposition", "slices")),
     "parsolid/api": (COMPILED, _in("commands", "check_advice", "forecast") + " " + _in("api", "python_results")),
     "parsolid/boundary": (COMPILED, _in("boundary", "conditions", "kinds", "images", "slides", "reactions")),
-    "parsolid/campaign": (PLAIN, _in("campaign", "estimate", "coarsening", "probes_of_runs", "study")),
+    "parsolid/campaign": (PLAIN, _in("campaign", "estimate", "coarsening", "probes_of_runs", "pareto", "study")),
     "parsolid/commands/keys": (PLAIN, _in("commands", "keys", "command_words")),
     "parsolid/commands/plot": (COMPILED, _in("commands", "plot", "plot_forces", "cut_meshes")),
     "parsolid/commands/point": (PLAIN, _in("commands", "point")),

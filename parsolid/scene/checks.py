@@ -15,12 +15,15 @@ from parsolid.scene.contact import (
     contact_faults,
     energy_terms,
     grid_faults,
+    of_model,
 )
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.initial_state import initial_details
 from parsolid.scene.lattice import Filling
+from parsolid.scene.method_settings import named_observables
 from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
+from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
 from parsolid.scene.sound_part import LeftOut
 from parsolid.scene.substeps import substep_faults
@@ -41,6 +44,7 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
     lacking = LeftOut.nothing(scene.resolved()) if left_out is None else left_out
     fillings, details = _fillings(scene, lacking)
     details += _repeated_names("bodies", scene.bodies, lacking) + _repeated_names("probes", scene.probes, lacking)
+    details += [] if lacking.incomplete else _contact_fields(scene)
     details += _empty_bodies(fillings) + _boundary_details(scene, fillings, lacking)
     details += clashes(scene.boundaries)
     if len(fillings) == len(scene.bodies):
@@ -145,7 +149,8 @@ def _distant_probes(scene: Scene, fillings: dict[int, Filling]) -> list[FaultDet
 
 def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[FaultDetail]:
     """Fields of probes at bodies whose methods have no such field, where other methods of the scene have it."""
-    kinds = {body: one.settings.field_kinds(scene.dimension) for one in scene.systems for body in one.bodies}
+    known = [with_components(one.settings.field_kinds(scene.dimension), scene.dimension) for one in scene.systems]
+    kinds = {body: known[number] for number, one in enumerate(scene.systems) for body in one.bodies}
     details: list[FaultDetail] = []
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
@@ -157,6 +162,15 @@ def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[FaultD
                 expected = f"a field that the method of bodies.{near[0]} knows"
                 details.append((("probes", i, "fields", k), expected, name))
     return details
+
+
+def _contact_fields(scene: Scene) -> list[FaultDetail]:
+    """Fields of contact that are asked for where there is none between particles."""
+    if of_model(scene.contact, "kernel"):
+        return []
+    known = with_components(FIELDS_OF_CONTACT, scene.dimension)
+    expected = "a field of a scene with [[contact]] of model 'kernel'"
+    return [(place, expected, name) for place, name in named_observables(scene) if name in known]
 
 
 def _loads_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:

@@ -2,8 +2,8 @@
 
 Ghosts know masses since the list was made, so particles go in the step after they failed, at whose start all ranks make
 lists anew. The opening kick of that step is still by forces of their whole mass: they go behind it, so that action and
-reaction are both counted. Until then the mass that is due is a negative `deleted_mass`. For the rest of that step they
-drift on, as contact and ties take them to, and stop before they drift again: ghosts do what their owners do.
+reaction are both counted. Until then the mass that is due is a negative `deleted_mass`. They have drifted for half a
+step when they stop, which their ghosts have not: lists are made anew once more before the next step.
 """
 
 from collections.abc import Iterator
@@ -25,17 +25,21 @@ def _left_of(deleted: np.ndarray) -> np.ndarray:
 
 
 class Deletion:
-    """Of one rank's particles; energies [J] of what has gone are asked for with `take_energies`."""
+    """Of one rank's particles; energies [J] of what has gone are asked for with `take_energies`.
+
+    astray: whether any has gone since lists were made, and ghosts are not where it is.
+    """
 
     def __init__(self, system: Any):
         """system: `system.UpdatedLagrangianSPH`, whose fields are declared."""
         self.system, self.particles = system, system.particles
         self._energies: dict[str, float] = {}
+        self.astray = False
 
     @property
-    def due(self) -> bool:
-        """Whether this rank has failed particles to delete."""
-        return len(failed_to_delete(self.particles, self.system.blocks)) > 0
+    def asks(self) -> bool:
+        """Whether this rank has failed particles to delete, or others have to be told where one has gone."""
+        return self.astray or len(failed_to_delete(self.particles, self.system.blocks)) > 0
 
     @contextmanager
     def announced(self) -> Iterator[None]:
@@ -48,24 +52,27 @@ class Deletion:
         # particles have changed their rows
         mass, deleted = self.particles.owned_rows("mass"), self.particles.owned_rows("deleted_mass")
         mass -= np.minimum(deleted, 0.0)
+        self.astray = False
+
+    def stop(self) -> None:
+        """Before a drift: what has gone stands still, here and in ghosts."""
+        self.particles.owned_rows("velocity")[self.particles.owned_rows("deleted_mass") > 0.0] = 0.0
 
     def carry_out(self) -> None:
-        """Between opening kick and drift: what has gone stands still, and what is due goes."""
+        """Between the first drift and the first sweep: what is due goes."""
         of = self.particles.owned_rows
-        of("velocity")[of("deleted_mass") > 0.0] = 0.0
         rows = np.flatnonzero(of("deleted_mass") < 0.0)
         if len(rows):
+            self.astray = True
             kinetic, stored = self.system.energies()
-            velocity = of("velocity")[rows].copy()
-            note_deleted(self.particles, rows, -of("deleted_mass")[rows], velocity)
+            note_deleted(self.particles, rows, -of("deleted_mass")[rows], of("velocity")[rows].copy())
             # those of its whole mass, whose heat the next state would take up
             for name in ("force", "viscous_force", "viscous_heat", "impulse_power"):
                 of(name)[rows] = 0.0
             self.lighten()
+            self.stop()
             self.system.conditions.forget_masses()
-            of("velocity")[rows] = 0.0
             left = self.system.energies()
-            of("velocity")[rows] = velocity
             self._energies = {DELETED_KINETIC: kinetic - left[0], DELETED_STORED: stored - left[1]}
         else:
             self.lighten()

@@ -148,7 +148,6 @@ class UpdatedLagrangianSPH(Reports):
         self.conditions.hold(0.0)
         self.pairs.rebuild(0.0)
         self.neighbours.follow()
-        self.carry_out_deletion()
         self.find_rates(0.0)
         self.advance_state(0.0, 0.0)
         self.neighbours.find_forces()
@@ -161,7 +160,8 @@ class UpdatedLagrangianSPH(Reports):
         """Opening half kick, state from the rates in the middle of the step [s], and drift to its end."""
         self.rebuild_expired_list(time)
         self.kicks.open_step(time, step)
-        self.carry_out_deletion()
+        if self.deletion is not None:
+            self.deletion.stop()
         self.drift(0, self.owned, 0.5 * step)
         self.find_rates(0.5 * step)
         self.material = self.advance_state(time + step, step)
@@ -187,20 +187,17 @@ class UpdatedLagrangianSPH(Reports):
 
     def check_list(self, time: float, step: float) -> None:
         """Whether the list will be used up by the next step, or particles are to be deleted."""
-        due = self.deletion is not None and self.deletion.due
+        due = self.deletion is not None and self.deletion.asks
         self.time, self.news = time, self.pairs.expires(time, self.substeps * step) or due
 
     def drift(self, first: int, last: int, step: float) -> None:
         """Move particles first..last-1; ghosts move as their owners do."""
         drift(first, last, step, self.particles.storage("velocity"), self.particles.storage("position"))
 
-    def carry_out_deletion(self) -> None:
-        """Before particles drift, so that owners and ghosts do so alike."""
-        if self.deletion is not None:
-            self.deletion.carry_out()
-
     def find_rates(self, drifted: float) -> None:
         """Sums of the first sweep; ghosts drift for as long [s] as their owners did before the message."""
+        if self.deletion is not None:
+            self.deletion.carry_out()
         owned = self.owned
         self.neighbours.find_rates(lambda: self.drift(owned, owned + self.particles.ghosts, drifted))
 
