@@ -177,7 +177,7 @@ TESTS: dict[str, tuple[str, str]] = {
             "wall_time",
         ),
     ),
-    "parsolid/simulation/energy_balance.py": (PLAIN, _in("simulation", "energy_balance")),
+    "parsolid/simulation/energy_check.py": (PLAIN, _in("simulation", "energy_check")),
     "parsolid/simulation/error_indicator.py": (COMPILED, _in("simulation", "error_indicator")),
     "parsolid/simulation/ledger.py": (PLAIN, _in("simulation", "ledger")),
     "parsolid/simulation/momentum_balance.py": (COMPILED, _in("simulation", "momentum_balance")),

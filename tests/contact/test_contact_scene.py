@@ -111,7 +111,7 @@ def test_scenes_that_are_shown_run(name):
     scene = load_scene(Path(__file__).parents[2] / "runs" / f"{name}.toml", [])
     sim, record = Simulation(MPI.COMM_SELF, scene), Record()
     sim.run(None, [record], Limits(3))
-    assert sim.clock.step == 3 and np.isfinite(record.columns()["balance"]).all()
+    assert sim.clock.step == 3 and np.isfinite(record.columns()["energy_error"]).all()
 
 
 def test_forces_of_contact_and_components_are_watched_by_the_names_of_their_columns():
