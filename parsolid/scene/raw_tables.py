@@ -113,6 +113,8 @@ def toml_value(value: Any) -> str:
         return "[" + ", ".join(map(toml_value, value)) + "]"
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{_toml_key(key)} = {toml_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, float) and float(short := f"{value:g}") == value:
+        return short
     return tomli_w.dumps({"v": value}).removeprefix("v = ").removesuffix("\n")
 
 

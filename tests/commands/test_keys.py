@@ -43,7 +43,7 @@ def test_every_key_says_what_it_takes_and_what_it_means():
 
 
 def test_a_listing_of_one_key_one_table_and_all_kinds():
-    assert listing("bodies.jitter").startswith("bodies.jitter: a number >= 0 and < 0.5; default 0.0\n    random offset")
+    assert listing("bodies.jitter").startswith("bodies.jitter: a number >= 0 and < 0.5; default 0\n    random offset")
     assert listing("bodies.0.material.neo-hookean.density") == (
         "bodies.material.neo-hookean.density: a number > 0; needed\n    the density [kg/m^3]"
     )
