@@ -20,7 +20,7 @@ from solids import (
     tables,
 )
 
-from parsolid.methods.tlsph.updated_reference import smoothed_places
+from parsolid.methods.tlsph.updated_reference import bounded_places, smoothed_places
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import RunFailed
 
@@ -178,6 +178,29 @@ def test_what_alternates_is_left_out_and_what_is_linear_is_kept():
         assert np.abs(kept).max() < 0.6 * np.abs(ripple).max()
     linear = X @ (np.eye(2) + RATE[:2, :2]).T
     np.testing.assert_allclose(smoothed_places(near, 0.85, linear, L, volume, 1.0), linear, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_smoothed_places_stay_beside_the_particles(dimension):
+    """No farther than a bound in the metric of a stretched and turned lattice; what is nearer is not touched."""
+    random = np.random.default_rng(1)
+    F = np.eye(3) + RATE
+    M = 4.0 * np.linalg.inv(F @ F.T)
+    rows = np.tile(M[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)], (50, 1))
+    position, shift = random.normal(size=(2, 50, dimension))
+    place = bounded_places(position, position + shift, rows, 0.6)
+    kept, wanted = np.zeros((2, 50, 3))
+    kept[:, :dimension], wanted[:, :dimension] = place - position, shift
+    length, before = (np.sqrt(np.einsum("ni,ij,nj->n", one, M, one)) for one in (kept, wanted))
+    np.testing.assert_allclose(length, np.minimum(before, 0.6), rtol=1e-12)
+    assert (before < 0.6).any() and (before > 0.6).any()
+    np.testing.assert_allclose(np.cross(kept, wanted), 0.0, atol=1e-12)
+
+
+def test_a_run_that_fails_names_the_other_reference():
+    """The fixed one, which completes where this one fails."""
+    sim = simulation(punch(method=EVERY_STEP))
+    assert 'method.reference = "fixed"' in sim.systems[0].advice()
 
 
 def test_the_punch_is_what_it_is_with_a_fixed_reference():

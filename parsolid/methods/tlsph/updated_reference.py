@@ -34,6 +34,8 @@ _METRIC, _VOLUME = "updated_reference_metric", "updated_reference_volume"
 _ASTRAY = 0.1
 # passes of smoothing: after one the punch with an update in every step still breaks up; after two it does not
 _PASSES = 3
+# a smoothed place lies at most so many spacings from the particle's own
+_MOST_SHIFT = 0.5
 # neighbours farther than this many spacings, squared, do not count: the 1-2-1 of a lattice ends at its cubes' corners
 _FARTHEST = 3.5
 
@@ -97,6 +99,7 @@ class UpdatedReference:
         L = self._matrices("inverse").swapaxes(1, 2) @ lists.corrections
         place = smoothed_places(lists.near, self.smoothing, rows("position"), L, lists.volume, free)
         rows(_METRIC)[:], rows(_VOLUME)[:] = self._metric(inverses(F)), rows("jacobian") * self.original_volume
+        place = bounded_places(rows("position"), place, rows(_METRIC), _MOST_SHIFT / self.smoothing)
         rows(_POSITION)[:] = place
         if not self._rebuilt():
             return False
@@ -117,8 +120,9 @@ class UpdatedReference:
         where = rows(_POSITION).copy(), rows("body"), rows(_METRIC).copy(), rows(_VOLUME).copy()
         try:
             self.system.find_pairs(*where)
-        except SolverError as error:
-            self.fault = str(error)
+        except SolverError:
+            # what it says of settings is right at a start, not here
+            self.fault = "particles have no neighbours, or one place, where it would be"
         return self.fault is None
 
     def _to_original(self) -> None:
@@ -211,6 +215,18 @@ def smoothed_places(
             add_deviations(pairs, near.positions, near.metric, smoothing, values, gradients, deviation, weight)
         place += free * deviation[:owned] / (1.0 + weight[:owned, None])
     return place
+
+
+def bounded_places(position: np.ndarray, place: np.ndarray, metric: np.ndarray, most: float) -> np.ndarray:
+    """Smoothed places (n, d) [m] at most so many supports from the positions, lengths by metric (n, 6) [1/m^2]: where
+    neighbours are few, at a free corner that is sheared, gradients say nothing of the place any more."""
+    shift = np.zeros((len(place), 3))
+    shift[:, : place.shape[1]] = place - position
+    straight = (metric[:, :3] * shift * shift).sum(axis=1)
+    oblique = (metric[:, 3:] * shift[:, (0, 0, 1)] * shift[:, (1, 2, 2)]).sum(axis=1)
+    length = np.sqrt(np.maximum(straight + 2.0 * oblique, 0.0))
+    factor = np.minimum(1.0, most / np.maximum(length, 1e-300))
+    return np.asarray(position + factor[:, None] * (place - position))
 
 
 @kernel
