@@ -3,7 +3,7 @@
 import os
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from parsolid.scene.base_model import Point, Positive, SceneModel, dimension_of, mismatch, reject
 from parsolid.scene.validation_errors import NOTHING
@@ -130,6 +130,13 @@ class MeshFile(SceneModel):
     scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 
+class BodyMesh(MeshFile):
+    """A mesh of which a body has all solid elements, or those of a group. Bodies with groups of one file are bonded
+    where they share nodes."""
+
+    group: str | None = Field(None, description="the elements of a group of the mesh alone")
+
+
 class OneShape(SceneModel):
     """A table with one key of a group, of which `kind` names the one that is given and `model` is its table."""
 
@@ -153,7 +160,7 @@ class Shape(OneShape):
     cylinder: Cylinder | None = None
     cylindrical_shell: CylindricalShell | None = None
     sphere: Sphere | None = None
-    mesh: MeshFile | None = None
+    mesh: BodyMesh | None = Field(None, description="a mesh; shape = { file = ... } is short for it")
 
     @model_validator(mode="after")
     def _fits_dimension(self, info: ValidationInfo) -> "Shape":
@@ -162,3 +169,11 @@ class Shape(OneShape):
         if dimension_of(info) == 2 and self.cylinder is not None:
             reject((("cylinder",), "a 2-D shape (a disc is a sphere)", "cylinder"))
         return self
+
+
+def _as_mesh(value: Any) -> Any:
+    """A table whose keys are those of a mesh, as the shape that it means."""
+    return {"mesh": value} if isinstance(value, dict) and "file" in value else value
+
+
+BodyShape = Annotated[Shape, BeforeValidator(_as_mesh)]
