@@ -12,7 +12,7 @@ from parsolid.particles.fillings import filling_of
 from parsolid.particles.marks import mark_lattice
 from parsolid.particles.memory import check_memory
 from parsolid.particles.meshes.filling import MeshFilling
-from parsolid.particles.meshes.slices import MeshSlices, UnknownGroup, mesh_key, read_slices
+from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices
 from parsolid.particles.overlap import overlap_faults
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.base_model import LEAST, MOST
@@ -24,7 +24,7 @@ from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.regions import NOBODY, Named, nearest_particles, selected
 from parsolid.scene.schema import Scene
-from parsolid.scene.validation_errors import SceneError, fault, key_path, suggestion
+from parsolid.scene.validation_errors import MeshFault, SceneError, fault, key_path, suggestion
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
@@ -87,8 +87,11 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
                 meshes[mesh] = read_slices(comm, body.shape.model, scene.dimension)
             fillings[i] = filling_of(body, scene.dimension, comm, meshes[mesh], groups.get(mesh, ()))
         except SceneError as error:
-            key = "group" if isinstance(error, UnknownGroup) else "file"
-            faults += [f"{key_path(('bodies', i, 'shape', 'mesh', key))}: {text}" for text in error.faults]
+            place = ("bodies", i, "shape", "mesh")
+            faults += [
+                one.at(place) if isinstance(one, MeshFault) else f"{key_path((*place, 'file'))}: {one}"
+                for one in error.faults
+            ]
     agree(comm, faults)
     for i, filling in fillings.items():
         if filling.count < 2:

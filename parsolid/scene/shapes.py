@@ -130,11 +130,40 @@ class MeshFile(SceneModel):
     scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 
+class Refinement(SceneModel):
+    """Where elements of geometry are smaller than elsewhere."""
+
+    where: str = Field(description="the name of a face, an edge, a volume or a group of the geometry")
+    size: Positive = Field(description="the length of the elements' edges there [m]")
+
+
 class BodyMesh(MeshFile):
     """A mesh of which a body has all solid elements, or those of a group. Bodies with groups of one file are bonded
-    where they share nodes."""
+    where they share nodes. Geometry (STEP, BREP, IGES, .geo, closed STL) is meshed by Gmsh with the sizes here."""
 
     group: str | None = Field(None, description="the elements of a group of the mesh alone")
+    size: Positive | None = Field(None, description="of geometry: the length of the elements' edges [m]")
+    around: int = Field(
+        12,
+        ge=0,
+        le=360,
+        description="of geometry: elements around a full turn of curved faces, 0: as many as size gives",
+    )
+    refine: list[Refinement] = Field([], description="of geometry: where elements are smaller")
+
+    @property
+    def of_whole(self) -> tuple[Any, ...]:
+        """What is the same of bodies that have elements of one mesh."""
+        finer = tuple((one.where, one.size) for one in self.refine)
+        return self.file, self.scale, self.size, self.around, finer
+
+    @model_validator(mode="after")
+    def _sizes_of_geometry(self) -> "BodyMesh":
+        if not self.file.lower().endswith((".step", ".stp", ".brep", ".brp", ".iges", ".igs", ".geo", ".stl")):
+            stated = [key for key in ("size", "around", "refine") if key in self.model_fields_set]
+            expected = "no such key but for geometry (STEP, BREP, IGES, .geo, STL), as a mesh has its elements"
+            reject(*(((key,), expected, getattr(self, key)) for key in stated if getattr(self, key)))
+        return self
 
 
 class OneShape(SceneModel):

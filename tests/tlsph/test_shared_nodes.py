@@ -184,3 +184,29 @@ def test_refused(tmp_path):
     held = [{"plane": "Y = 0", "kind": "fixed", "body": "soft"}]
     with pytest.raises(SolverError):
         simulation(scene_of(file, 2, boundaries=held)).begin()
+
+
+@pytest.mark.serial
+def test_bars_of_two_meshes_that_are_tied_swing_as_one(tmp_path):
+    """Meshes that do not match, triangles and quads: the first frequency as above, and the balance of energy."""
+    from test_mesh_weights import write
+
+    for name, kind, scale, counts, shift in (
+        ("left", "triangle", 0.125, (8, 4), 0.0),
+        ("right", "quad", 0.1, (10, 5), 1.0),
+    ):
+        points, blocks = element_mesh(kind, counts, 0.2, scale)
+        write(tmp_path / f"{name}.vtu", points + np.array((shift, 0.0)), blocks)
+    c1, c2, z1, z2 = 1.0, float(np.sqrt(8.0 / 3.0)), 1.0, np.sqrt(24.0)
+    exact = float(brentq(lambda w: np.tan(w / c1) * np.tan(w / c2) - z1 / z2, 1e-3, 1.0))
+    top, slope = float(np.sin(exact / c1)), float(np.cos(exact / c2))
+    shapes = [f"1e-3*sin({exact / c1!r}*X)", f"1e-3*{top!r}*cos({exact / c2!r}*(2 - X))/{slope!r}"]
+    bodies = [
+        {"name": name, "shape": {"file": str(tmp_path / f"{name}.vtu")}, "material": material, "velocity": [shape, "0"]}
+        for name, material, shape in zip(("left", "right"), (SOFT, HARD), shapes)
+    ]
+    data = {"dimension": 2, "method": {"kind": "tlsph"}, "bodies": bodies, "tie": [{"bodies": ["left", "right"]}]}
+    data |= {"boundaries": [{"plane": "X = 0", "kind": "fixed"}], "end_time": 1.3 * np.pi / exact}
+    sim = simulation(data)
+    assert sim.systems[0].body_weights == ["mesh", "mesh"]
+    assert frequency(data) == pytest.approx(exact, rel=0.02)

@@ -125,7 +125,7 @@ class MeshFilling:
 
     def mark(self, known: Mapping[str, Region]) -> None:
         """Find the particles in regions, and what of their surface is; before `scatter`. Collective."""
-        member = Membership(self.mesh, self.whole, known, self.edge)
+        member = Membership(self.mesh, known, self.edge, self.whole)
         inside = member.facets(self.outer)
         if self.body.placed_on == "nodes":
             vectors, held = self._surfaces_on_nodes(inside, len(known))[self._used], member.nodes()[self._used]

@@ -16,9 +16,11 @@ class Membership:
     edge (kept nodes,) [m]: see `topology.mean_edge`, for the tolerance.
     """
 
-    def __init__(self, mesh: MeshSlices, whole: MeshSlices, known: Mapping[str, Region], edge: np.ndarray) -> None:
-        """mesh: what a body has of the whole one. Collective."""
-        self.whole = whole
+    def __init__(
+        self, mesh: MeshSlices, known: Mapping[str, Region], edge: np.ndarray, whole: MeshSlices | None = None
+    ) -> None:
+        """whole: the mesh of which a body has a part, where it is not all. Collective."""
+        self.whole = whole or mesh
         self.mesh, self.known, self.tolerance = mesh, known, TOLERANCE * edge
         self.names = sorted(set().union(*(region.groups(known) for region in known.values())))
         # (kept nodes, groups): nodes of a group, of its elements and of its facets

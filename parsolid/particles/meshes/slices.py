@@ -15,10 +15,10 @@ from decomposition.slices import Slices
 from parsolid.checksums import added, sum_of_rows
 from parsolid.collective import anywhere
 from parsolid.particles.agreement import agree
-from parsolid.particles.meshes.files import MeshOfFile, read_with_meshio, solid_mesh
+from parsolid.particles.meshes.files import MeshOfFile, read_file, solid_mesh
 from parsolid.particles.meshes.groups import MeshGroups
 from parsolid.particles.meshes.imported import Contents, ImportedMesh, contents_of, is_imported, mesh_of
-from parsolid.scene.validation_errors import SceneError, suggestion
+from parsolid.scene.validation_errors import MeshFault, SceneError, suggestion
 
 _READER = 0
 
@@ -54,18 +54,13 @@ class MeshSlices:
     of_second_order: tuple[str, ...]
 
 
-class UnknownGroup(SceneError):
-    """A group that has no solid elements."""
-
-
 def mesh_key(body: Any) -> tuple[Any, ...]:
     """What is the same of bodies that have elements of one mesh."""
-    model = body.shape.model
-    return model.file, model.scale
+    return body.shape.model.of_whole
 
 
 def restricted(mesh: MeshSlices, groups: Sequence[str]) -> MeshSlices:
-    """A mesh with the elements of some groups alone; numbers stay. Raises UnknownGroup on all ranks for one without
+    """A mesh with the elements of some groups alone; numbers stay. Raises SceneError on all ranks for one without
     solid elements. Collective."""
     kept = np.zeros(len(mesh.elements), bool)
     for group in groups:
@@ -73,9 +68,8 @@ def restricted(mesh: MeshSlices, groups: Sequence[str]) -> MeshSlices:
         if not mesh.comm.allreduce(len(own)):
             known = sorted(mesh.groups.elements)
             told = ", ".join(map(repr, known)) or "there is none"
-            raise UnknownGroup(
-                [f"expected a group of solid elements ({told}){suggestion(group, known)}, found {group!r}"]
-            )
+            expected = f"a group of solid elements ({told}){suggestion(group, known)}"
+            raise SceneError([MeshFault("unknown-name", expected, repr(group), "group")])
         kept[own - mesh.elements.first] = True
     chosen, local = mesh.elements.fetch(mesh.local.numbers, kept), mesh.local
     blocks, start = [], 0
@@ -111,7 +105,7 @@ def read_slices(comm: Any, stated: Any, dimension: int) -> MeshSlices:
     """
     path, scale = stated.file, stated.scale
     read = _read_imported if _agreed(comm, lambda: is_imported(path)) else _read_and_scatter
-    contents, counts, mesh = read(comm, path, dimension)
+    contents, counts, mesh = read(comm, stated, dimension)
     nodes, elements = Slices(comm, counts[0]), Slices(comm, sum(counts[1:]))
     with np.errstate(over="ignore", invalid="ignore"):
         points = mesh.points * scale
@@ -184,7 +178,9 @@ def _counts(contents: Contents, shapes: dict[str, tuple[int, ...]]) -> list[int]
     return [shapes["points"][0], *(shapes[f"elements/{b}"][0] for b in range(len(contents.kinds)))]
 
 
-def _read_imported(comm: Any, path: str, dimension: int) -> tuple[Contents, list[int], MeshOfFile]:
+def _read_imported(comm: Any, stated: Any, dimension: int) -> tuple[Contents, list[int], MeshOfFile]:
+    path = stated.file
+
     def look() -> tuple[Contents, dict[str, Any]]:
         with ImportedMesh(path, dimension) as imported:
             return imported.contents, imported.shapes
@@ -205,11 +201,13 @@ def _read_imported(comm: Any, path: str, dimension: int) -> tuple[Contents, list
     return contents, _counts(contents, shapes), mesh_of(contents, arrays)
 
 
-def _read_and_scatter(comm: Any, path: str, dimension: int) -> tuple[Contents, list[int], MeshOfFile]:
+def _read_and_scatter(comm: Any, stated: Any, dimension: int) -> tuple[Contents, list[int], MeshOfFile]:
     whole: dict[str, np.ndarray] = {}
 
+    path = stated.file
+
     def read() -> tuple[Contents, dict[str, Any]]:
-        contents, arrays = contents_of(solid_mesh(read_with_meshio(path), dimension), dimension)
+        contents, arrays = contents_of(solid_mesh(read_file(path, dimension, stated), dimension), dimension)
         whole.update(arrays)
         return contents, {name: (array.shape, array.dtype.str) for name, array in arrays.items()}
 
