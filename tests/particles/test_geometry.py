@@ -124,7 +124,8 @@ def test_refused(tmp_path, monkeypatch):
     (tmp_path / "broken.step").write_text("ISO-10303-21;\nnothing\n")
     for data, code in (
         (scene_of(file=file, scale=1e-3), "geometry"),
-        (scene_of(2, file=file, size=1e-3), None),
+        (scene_of(2, file=file, size=2e-3, scale=1e-3), None),
+        (scene_of(file=file, size=1e-3), "geometry"),
         (scene_of(file=str(tmp_path / "broken.step"), size=1e-3), "geometry"),
     ):
         with pytest.raises(SceneError) as error:

@@ -24,6 +24,8 @@ AROUND, _LEAST = 12, 0.25
 _GROWTH = 0.3
 # degrees between facets of a surface of triangles at which there is an edge
 _EDGE = 40.0
+# elements of geometry, by its box, that are refused before they are made
+_MOST = 1e8
 # triangles up to which a surface is one of flat faces
 _FEW = 100
 # distance, as files count, within which faces without a volume are sewn
@@ -166,6 +168,13 @@ def _set_sizes(gmsh: Any, stated: Any, dimension: int, names: dict[str, dict[int
     finest = [one.size / stated.scale for one in stated.refine]
     if stated.size is not None:
         size = stated.size / stated.scale
+        ends = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
+        count = float(np.prod(np.maximum(np.sort(ends[1] - ends[0])[-dimension:] / size, 1.0)))
+        if count > _MOST:
+            sides = " x ".join(f"{side:.4g}" for side in stated.scale * (ends[1] - ends[0]))
+            expected = f"a size for at most {_MOST:g} elements (scale = 1e-3 for millimetres)"
+            found = f"{stated.size:g} m in a part of {sides} m"
+            raise SceneError([MeshFault("geometry", expected, found, "size")])
         option("Mesh.MeshSizeMax", size)
         option("Mesh.MeshSizeMin", min([_LEAST * size, *finest]))
         option("Mesh.MeshSizeFromCurvature", stated.around)
