@@ -67,7 +67,11 @@ def mixed() -> Tables:
         points = [[-3.0, 9.4, 0.0], [8.0, 8.8, 0.0], [8.0, 12.0, 0.0], [-3.0, 12.0, 0.0]]
         meshio.Mesh(points, [("line", [[0, 1], [1, 2], [2, 3], [3, 0]])]).write(file)
     comm.Barrier()
-    boxes = {"soft": ([0.0, 0.0], "nodes", v), "bonds": ([0.3, 3.0], "cells", 0.0), "points": ([0.1, 6.0], "cells", -v)}
+    boxes = {
+        "soft": ([0.0, 0.0], "vertices", v),
+        "bonds": ([0.3, 3.0], "cells", 0.0),
+        "points": ([0.1, 6.0], "cells", -v),
+    }
     bodies = [
         block(name, low, [low[0] + 4.0, low[1] + 3.0], 1.0, placement, velocity=[push, -v * i])
         | {"method": name, "material": material(kind="linear-elastic" if name == "bonds" else "neo-hookean")}
@@ -114,7 +118,7 @@ def restarts() -> None:
             continue
         stated = parse_scene(make())
         whole, rows = Simulation(comm, stated), Rows()
-        met = "contact_energy" if "contact_energy" in whole.energy_row() else "stored"
+        met = "contact_energy" if "contact_energy" in whole.energy_row() else "strain_energy"
         while (
             not rows.rows or rows.rows[-1][met] < 1e-3 * rows.rows[0]["kinetic"] or rows.rows[-1].get(STUCK, 1.0) <= 0
         ):
@@ -150,7 +154,9 @@ def difference(columns: Tables, alone: Tables) -> str:
         length = min(len(values), len(columns[name]))
         over = np.abs(values).max() if name == "time" else scale
         worst = max(worst, float(np.abs(values[:length] - columns[name][:length]).max() / over))
-    met = np.count_nonzero(alone["contact_energy"] if "contact_energy" in alone else np.gradient(alone["stored"]))
+    met = np.count_nonzero(
+        alone["contact_energy"] if "contact_energy" in alone else np.gradient(alone["strain_energy"])
+    )
     return f"{worst:.1e} in {len(alone['time'])} steps, {met} of them in contact"
 
 

@@ -17,7 +17,7 @@ from parsolid.simulation.representation import layers, thinnest
 # stiffness of a cantilever ten times as long as thick, in plane strain, in its first mode over that of many particles
 # across, by method and placement: particles across -> figure; with grid methods two particles a cell
 BENDING = {
-    ("tlsph", "nodes"): {2: 2.3, 3: 1.16},
+    ("tlsph", "vertices"): {2: 2.3, 3: 1.16},
     ("tlsph", "cells"): {2: 0.59, 3: 0.78, 4: 0.87},
     ("peridynamics", "cells"): {2: 5.5, 3: 3.0, 4: 1.7, 5: 1.33, 6: 1.18, 7: 1.11},
     ("mpm", "cells"): {1: 205.0, 2: 0.81},
@@ -40,7 +40,7 @@ def scene_advice(scene: Scene) -> list[Note]:
         # settings do not know where they stand; bodies have the scene's numbers already
         result += [Note(code, _METHOD.sub(place, text)) for code, text in system.settings.notes(scene, system.bodies)]
     uneven = [
-        (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "nodes")
+        (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "vertices")
         for system in scene.systems
         for i in system.bodies
         if getattr(system.settings, "pair_weights", "") == "kernel" and _uneven(scene.bodies[i])

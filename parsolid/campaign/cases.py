@@ -11,11 +11,12 @@ from typing import Any
 
 from parsolid.campaign.measures import MEASURES
 from parsolid.campaign.runner import Launched, Record
-from parsolid.campaign.study_file import Series, Setting, Study, toml_value
+from parsolid.campaign.study_file import Series, Setting, Study
 from parsolid.campaign.variants import digest_of
 from parsolid.exact import SOLUTIONS
 from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError, load_scene
+from parsolid.scene.raw_tables import toml_value
 from parsolid.scene.validation_errors import suggestion
 from parsolid.sources import source_digest
 
@@ -163,7 +164,7 @@ def _alike(line: list[Case]) -> list[str]:
         scene: Any = case.scene
         stated: list[str] = []
         for own, fine in zip(scene.systems, finest.systems):
-            one, other = own.settings.usual(scene, own.bodies), fine.settings.usual(finest, fine.bodies)
+            one, other = own.settings.defaults_for(scene, own.bodies), fine.settings.defaults_for(finest, fine.bodies)
             values = {key: getattr(fine.settings, key) for key in one | other} if one != other else {}
             if values.keys() & (own.settings.model_fields_set | fine.settings.model_fields_set):
                 # one of them has its own

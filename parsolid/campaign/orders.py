@@ -6,6 +6,7 @@ motion less smooth, or a value that of the particle nearest to a point, lowers t
 
 from typing import Any
 
+from parsolid.scene.observation import ENERGIES
 from parsolid.simulation.ledger import terms_of
 
 ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION, MICRO = (
@@ -38,14 +39,7 @@ _OF_INTEGRALS = ("momentum", "work", "mass", "energy", "entropy", "dissipation")
 
 def kind_of(column: str, scene: Any) -> str:
     """What a column of the history is."""
-    if column in {
-        "kinetic",
-        "stored",
-        "dissipation_internal",
-        "dissipation_numerical",
-        "work_external",
-        *terms_of(scene),
-    }:
+    if column in ENERGIES or column in terms_of(scene):
         return ENERGY
     name, _, quantity = column.partition(".")
     probe = next((one for one in scene.probes if one.name == name), None)
@@ -86,7 +80,7 @@ def struck(scene: Any) -> bool:
     """Whether matter with micro-inertia is hit, or its flow is held at a plane, where it has a kink; without either its
     micro waves are smooth.
     """
-    kinds = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro_clamped"}
+    kinds = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro-hard"}
     return bool(kinds) or len(scene.bodies) > 1
 
 

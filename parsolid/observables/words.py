@@ -39,11 +39,6 @@ UNITS = {
 # columns of the ledger, whose names leave out what they are of
 _LEDGER = {
     "kinetic": "kinetic energy",
-    "stored": "stored energy",
-    "dissipation_internal": "internal dissipation",
-    "dissipation_numerical": "numerical dissipation",
-    "dissipation_fracture": "fracture energy",
-    "work_external": "external work",
     "micro_kinetic": "micro-kinetic energy",
 }
 _PERSONS = {"mises": "Mises", "piola kirchhoff": "Piola-Kirchhoff"}

@@ -37,12 +37,12 @@ class MicroInertiaPoint(PointLaw):
         self.law, self.isothermal, self.tile = laws.in_numbers(law), isothermal, solve.new_tile()
         self.start = law.reference_temperature if temperature is None else temperature
 
-    def virgin(self) -> MicroInertiaState:
+    def initial_state(self) -> MicroInertiaState:
         return MicroInertiaState(
             np.eye(3), (0.0,) * 6, 0.0, 0.0, self.law.initial_micro_stress, 0.0, self.start, 0.0, 0.0
         )
 
-    def advanced(self, state: MicroInertiaState, F: np.ndarray, step: float) -> MicroInertiaState:
+    def updated(self, state: MicroInertiaState, F: np.ndarray, step: float) -> MicroInertiaState:
         if step == 0.0:
             raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
         law = self.law
@@ -91,9 +91,10 @@ class MicroInertiaPoint(PointLaw):
 
     def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         """Waves are elastic and the same in all directions."""
-        names = {"tau": "deviator_norm", "rate": "plastic_strain_rate", "stress": "micro_stress"}
+        names = {"rate": "plastic_strain_rate", "stress": "micro_stress"}
         names |= {"gamma": "plastic_strain", "temperature": "temperature", "heat": "heat_given_away"}
         result = {name: np.array([getattr(state, key) for state in states]) for key, name in names.items()}
+        result["von_mises_stress"] = np.sqrt(1.5) * np.array([state.tau for state in states])
         law, J = self.law, np.linalg.det(self.deformations(states))
         mu = np.full(len(states), law.shear_modulus)
         modulus = law.bulk_modulus / J + 4.0 / 3.0 * mu

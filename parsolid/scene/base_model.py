@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from enum import StrEnum
 from math import isfinite
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.validation_errors import NOTHING, suggestion, told
+from parsolid.scene.renamed import RENAMED
+from parsolid.scene.validation_errors import NOTHING, describe, suggestion
 
 AXES = ("X", "Y", "Z")
 
@@ -36,14 +36,14 @@ NotNegative = Annotated[float, Field(ge=0)]
 
 def mismatch(expected: str, found: object, code: str = "refused") -> PydanticCustomError:
     """The error of a value that is not what its key wants; code: as of `Fault`."""
-    words = told(found)
+    words = describe(found)
     text = f"expected {expected}, found {words}"
     return PydanticCustomError("mismatch", "{text}", {"text": text, "expected": expected, "found": words, "code": code})
 
 
 # place of a fault in the tables of a scene, what was expected, what was found; and a code where that is not "refused"
 Detail = tuple[tuple[str | int, ...], str, object]
-Finding = Detail | tuple[tuple[str | int, ...], str, object, str]
+FaultDetail = Detail | tuple[tuple[str | int, ...], str, object, str]
 
 
 def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused") -> None:
@@ -144,19 +144,15 @@ class ByKind:
     """Annotation of a field whose table's `kind` chooses one of several models.
 
     models: those, or them by kind; known: the attribute of a method's settings that lists the kinds which the method
-    knows, "" where all will do; renamed: kinds that have another name now.
+    knows, "" where all will do.
     """
-
-    renamed: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
         self,
         models: "tuple[type[SceneModel], ...] | Mapping[str, type[SceneModel]]",
         known: str = "",
-        renamed: Mapping[str, str] | None = None,
     ) -> None:
         self.known = known
-        self.renamed = renamed or self.renamed
         by_kind = models if isinstance(models, Mapping) else {kind: one for one in models for kind in kinds_of(one)}
         self.models: Any = by_kind
 
@@ -196,11 +192,10 @@ class ByKind:
         kinds = ", ".join(map(repr, allowed))
         if "kind" not in value:
             reject((("kind",), f"one of {kinds}", NOTHING), code="missing")
-        if model is None and isinstance(value["kind"], str) and value["kind"] in self.renamed:
-            new = self.renamed[value["kind"]]
-            reject((("kind",), f"{new!r}, as this kind is called now", value["kind"]))
         if model is None:
-            reject((("kind",), f"one of {kinds}{suggestion(value['kind'], allowed)}", value["kind"]), code="choice")
+            # an old word's new one, whether or not this method knows it
+            near = suggestion(value["kind"], self.models if str(value["kind"]) in RENAMED else allowed)
+            reject((("kind",), f"one of {kinds}{near}", value["kind"]), code="choice")
         if value["kind"] not in allowed:
             whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
             why = getattr(method_of(info, value), "refused", {}).get(value["kind"])
@@ -229,7 +224,7 @@ class TableOr:
         if value is self.none or isinstance(value, self.model):
             return value
         if not isinstance(value, dict):
-            raise mismatch(f"a table or {told(self.none).lower()}", value)
+            raise mismatch(f"a table or {describe(self.none).lower()}", value)
         return self.model.model_validate(value, context=info.context)
 
 

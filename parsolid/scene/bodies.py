@@ -12,7 +12,7 @@ from parsolid.scene.shapes import BodyShape
 from parsolid.scene.validation_errors import NOTHING
 
 Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
-Placement = Literal["nodes", "cells"]
+Placement = Literal["vertices", "cells"]
 
 # relative spacings along an axis
 Grading = Annotated[list[Annotated[float, Field(ge=1e-3, le=1e3)]], Field(min_length=1, max_length=3)]
@@ -29,7 +29,7 @@ class FilledShape(SceneModel):
     particles   number of particles along each of the shape's own directions: X, Y, Z of a box and of the bounding box
                 of a cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)
     spacing     distance of particles [m] along the same directions, or one for all; rounded so that whole numbers fit
-    placement   "nodes": on the boundary too, with trapezoid volumes (of a perforated box at the corners of its cells);
+    placement   "vertices": on the boundary too, with trapezoid volumes (of a perforated box at corners of its cells);
                 "cells": in the middle of equal cells
     jitter      random offset of each particle as a fraction of the spacing, the same on any number of ranks; particles
                 on the boundary stay
@@ -43,7 +43,7 @@ class FilledShape(SceneModel):
     shape: BodyShape
     particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
     spacing: list[Positive] | None = Field(None, json_schema_extra={"or": "number"})
-    placement: Placement | None = Field(None, description="'nodes' or 'cells'")
+    placement: Placement | None = Field(None, description="'vertices' or 'cells'")
     jitter: float = Field(0.0, ge=0.0, lt=0.5)
     seed: int = Field(0, ge=0, description="of the random offsets")
 
@@ -77,9 +77,9 @@ class FilledShape(SceneModel):
             details.append(((key,), "no such key with a mesh (it has its own particles)", getattr(self, key)))
         if self.shape.kind != "mesh" and not counted:
             details.append(((), "exactly one of particles, spacing", Phrase("none")))
-        if self.shape.kind in _CUT and self.shape.kind not in _WITH_CORNERS and self.placement == "nodes":
+        if self.shape.kind in _CUT and self.shape.kind not in _WITH_CORNERS and self.placement == "vertices":
             details.append(
-                (("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes")
+                (("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "vertices")
             )
         reject(*details)
         return self
@@ -87,7 +87,7 @@ class FilledShape(SceneModel):
     @property
     def placed_on(self) -> Placement:
         """The placement, with the default of the shape where the scene gives none."""
-        return self.placement or ("cells" if self.shape.kind in _CUT else "nodes")
+        return self.placement or ("cells" if self.shape.kind in _CUT else "vertices")
 
 
 class Body(FilledShape):
@@ -108,7 +108,7 @@ class Body(FilledShape):
     micro_rate: InitialScalar | None = Field(
         None, description="the initial micro-velocity v^p [1/s] of micro-inertia, 0 unless given"
     )
-    heated: Literal["stress-free", "at-constant-volume"] | None = Field(
+    thermal_reference: Literal["stress-free", "at-constant-volume"] | None = Field(
         None,
         description="'stress-free' at its temperature, as if not given, or heated 'at-constant-volume' to it",
     )
@@ -151,15 +151,21 @@ class Body(FilledShape):
 
     @model_validator(mode="after")
     def _graded_nodes_of_boxes(self) -> "Body":
-        even = self.shape.kind != "box" or self.placed_on != "nodes" or self.jitter > 0.0
+        even = self.shape.kind != "box" or self.placed_on != "vertices" or self.jitter > 0.0
         if self.grading is not None and even:
-            reject((("grading",), 'no such key but for a box with placement = "nodes" and no jitter', self.grading))
+            reject((("grading",), 'no such key but for a box with placement = "vertices" and no jitter', self.grading))
         return self
 
     @model_validator(mode="after")
     def _heated_from_somewhere(self) -> "Body":
-        if self.heated is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
-            reject((("heated",), "no such key but for an elastic-plastic body with a temperature", self.heated))
+        if self.thermal_reference is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
+            reject(
+                (
+                    ("thermal_reference",),
+                    "no such key but for an elastic-plastic body with a temperature",
+                    self.thermal_reference,
+                )
+            )
         if self.micro_rate is not None and not getattr(self.material, "inertia_length", None):
             found = self.micro_rate.source
             reject((("micro_rate",), "no such key but for a body of micro-inertia with an inertia_length", found))

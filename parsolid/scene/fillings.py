@@ -21,7 +21,7 @@ _FILLINGS = {
 def filling_of(body: FilledShape, dimension: int) -> Filling:
     """The particles of a body that is no mesh, not yet made."""
     filling: Any = _FILLINGS[body.shape.kind]
-    if body.shape.kind == "perforated_box" and body.placed_on == "nodes":
+    if body.shape.kind == "perforated_box" and body.placed_on == "vertices":
         filling = PerforatedNodes
     made: Filling = filling(body, dimension)
     return made

@@ -188,7 +188,7 @@ class BoxFilling(Lattice):
     def __init__(self, body: FilledShape, dimension: int) -> None:
         box = body.shape.model
         numbers, spacings = numbers_and_spacings(body, dimension)
-        nodes = body.placed_on == "nodes"
+        nodes = body.placed_on == "vertices"
         super().__init__(
             [Line.of(box.lower[i], box.upper[i], numbers[i], spacings[i], nodes) for i in range(dimension)]
         )

@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from parsolid.scene.base_model import ByKind, OnRestart, SceneModel, TableOr
-from parsolid.scene.validation_errors import Fault, key_path, suggestion, told
+from parsolid.scene.validation_errors import Fault, describe, key_path, suggestion
 
 # error of pydantic -> what it expects, and the code of the fault
 _EXPECTED = {
@@ -53,7 +53,7 @@ def fault_of_error(error: Any, data: dict[str, Any], model: type[SceneModel], st
     expected = template.format(**error.get("ctx", {})) if template else description or error["msg"]
     if kind == "literal_error":
         expected += suggestion(found, [word.strip("' ") for word in expected.replace(" or ", ",").split(",")])
-    return Fault(code, key, expected, told(found))
+    return Fault(code, key, expected, describe(found))
 
 
 def section_at(place: tuple[Any, ...], data: Any, model: type[SceneModel]) -> type[SceneModel] | None:

@@ -6,9 +6,11 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import tomli_w
+
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import LEAST, MOST, Detail
-from parsolid.scene.validation_errors import Fault, SceneError, fault, key_path, told
+from parsolid.scene.validation_errors import Fault, SceneError, describe, fault, key_path
 
 # tables and lists one within the other; a scene has no more than eight
 DEEPEST = 32
@@ -82,7 +84,7 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
     path, equals, text = override.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
-        return f"--set {override}: expected key.path=value, found {told(override)}"
+        return f"--set {override}: expected key.path=value, found {describe(override)}"
     place: Any = data
     key: Any
     for depth, key in enumerate(keys):
@@ -90,10 +92,12 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
         if isinstance(place, list):
             if not key.isdigit() or int(key) >= len(place):
                 expected = f"an index from 0 to {len(place) - 1}" if place else "no index, the list is empty"
-                return f"--set {path.strip()}: expected {expected} after {key_path(keys[:depth])}, found {told(key)}"
+                return (
+                    f"--set {path.strip()}: expected {expected} after {key_path(keys[:depth])}, found {describe(key)}"
+                )
             key = int(key)
         elif not isinstance(place, dict):
-            return f"--set {path.strip()}: expected a table at {key_path(keys[:depth])}, found {told(place)}"
+            return f"--set {path.strip()}: expected a table at {key_path(keys[:depth])}, found {describe(place)}"
         if last and not text.strip():
             place.pop(key) if isinstance(place, list) else place.pop(key, None)
         elif last:
@@ -101,6 +105,22 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
         else:
             place = place[key] if isinstance(place, list) else place.setdefault(key, {})
     return None
+
+
+def toml_value(value: Any) -> str:
+    """A value on one line of TOML, as it can stand behind --set key="""
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_toml_key(key)} = {toml_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, float) and float(short := f"{value:g}") == value:
+        return short
+    return tomli_w.dumps({"v": value}).removeprefix("v = ").removesuffix("\n")
+
+
+def _toml_key(key: str) -> str:
+    """A key, in quotation marks where it needs them."""
+    return tomli_w.dumps({key: 0}).removesuffix(" = 0\n")
 
 
 def override_value(text: str) -> Any:

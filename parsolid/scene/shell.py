@@ -28,7 +28,7 @@ class ShellFilling(Lattice):
         self.dimension = dimension
         self.axis = 2 if dimension == 2 else "XYZ".index(shape.axis)
         self.origin = np.array(shape.centre if dimension == 2 else shape.base, float)
-        nodes = body.placed_on == "nodes"
+        nodes = body.placed_on == "vertices"
         inner, outer = shape.radius - 0.5 * shape.thickness, shape.radius + 0.5 * shape.thickness
         start, end = np.radians(shape.angles)
         numbers, spacings = numbers_and_spacings(body, dimension)

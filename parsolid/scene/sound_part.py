@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from parsolid.scene.base_model import UNKNOWN, Finding
+from parsolid.scene.base_model import UNKNOWN, FaultDetail
 from parsolid.scene.methods import NamedMethod, settings_class
 from parsolid.scene.model_faults import fault_of_error
 from parsolid.scene.raw_tables import numbers_out_of_range
@@ -70,7 +70,7 @@ class LeftOut:
             return place[0], self.number(str(place[0]), place[1]), *place[2:]
         return place
 
-    def faults(self, details: list[Finding]) -> list[Fault]:
+    def faults(self, details: list[FaultDetail]) -> list[Fault]:
         """Details of checks between tables as faults of the file."""
         found = []
         for place, expected, value, *code in details:
@@ -264,4 +264,4 @@ def _mend_material(body: dict[str, Any], item: ErrorDetails, left_out: LeftOut) 
         return
     body["material"] = UNKNOWN
     left_out.models_known = left_out.systems_known = False
-    left_out.stand_ins.update([table, (*table[:2], "heated"), (*table[:2], "micro_rate")])
+    left_out.stand_ins.update([table, (*table[:2], "thermal_reference"), (*table[:2], "micro_rate")])

@@ -6,15 +6,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from parsolid.materials.declaration import Phrase
+from parsolid.scene.codes import FAULTS
+from parsolid.scene.renamed import RENAMED
 
 
 class Fault(str):
-    """One line, "key: expected ..., found ...", with its parts; `code` says what kind of fault it is and never changes.
-
-    Codes: unknown-key, missing, type, bound, length, choice (a word that is none of those known), exclusive (keys that
-    exclude one another), formula, file, method (what the method does not know), unknown-name (of a body, a region, a
-    field, a column), repeated, elsewhere (a plane or a point at no body), refused (for another reason, in words).
-    """
+    """One line, "key: expected ..., found ...", with its parts; `code`, one of `codes.FAULTS`, says what kind it is."""
 
     code: str
     key: str
@@ -23,6 +20,8 @@ class Fault(str):
     suggestion: str
 
     def __new__(cls, code: str, key: str, expected: str, found: str, suggestion: str = "") -> "Fault":
+        if code not in FAULTS:
+            raise ValueError(f"code: expected one of {', '.join(FAULTS)}, found {code!r}")
         result = super().__new__(cls, f"{key}: expected {expected}, found {found}{suggestion}")
         result.code, result.key, result.expected = code, key, expected
         result.found, result.suggestion = found, suggestion
@@ -71,7 +70,7 @@ class SceneError(Exception):
 NOTHING = Phrase("nothing")
 
 
-def told(value: object) -> str:
+def describe(value: object) -> str:
     """A found value in the words of a message."""
     if isinstance(value, dict):
         return f"a table with {', '.join(map(repr, value))}" if value else "an empty table"
@@ -103,8 +102,11 @@ def _inline(value: Any) -> str:
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:
-    """A did-you-mean for a misspelt word, empty when none of the known ones is near."""
-    near = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.6)
+    """A did-you-mean for a misspelt word, or what an old one is called now; empty when no known one is near."""
+    known = list(known)
+    if new := [repr(name) for name in RENAMED.get(str(word), ()) if name in known]:
+        return f" (now called {' or '.join(new)})"
+    near = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 
@@ -115,4 +117,4 @@ def key_path(location: Iterable[object]) -> str:
 
 def fault(location: Iterable[object], expected: str, found: object, code: str = "refused") -> Fault:
     """The fault of a key: what was expected, what was found."""
-    return Fault(code, key_path(location), expected, told(found))
+    return Fault(code, key_path(location), expected, describe(found))

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
-from parsolid.campaign.halving import Configuration, plan_of, time_to
+from parsolid.campaign.halving import Configuration, SuccessiveHalving, plan_of, time_to
 from parsolid.campaign.options import Option, options_of
 from parsolid.campaign.pareto import envelope, seconds_for
 from parsolid.campaign.reference import observed_reference
@@ -23,7 +24,7 @@ SCENE = RUNS / "tlsph" / "tensile_smooth.toml"
 SMALL = ("bodies.0.particles=[9, 9]", "end_time=0.0002")
 
 
-def options(folder, *words, column="stored"):
+def options(folder, *words, column="strain_energy"):
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     sets = [word for one in SMALL for word in ("--set", one)]
@@ -35,7 +36,7 @@ def names(plan):
 
 
 def test_a_scene_has_the_choices_that_its_laws_and_boundaries_allow():
-    plan = plan_of(load_scene(SCENE), "stored", [], False)
+    plan = plan_of(load_scene(SCENE), "strain_energy", [], False)
     assert {"as the scene", "integrator leapfrog", "weights best", "h/dx 1", "method peridynamics"} <= names(plan)
     refused = "\n".join(plan.refused)
     assert "method mpm: bodies.0.material.branches" in refused and "method ulsph: bodies.0.material.kind" in refused
@@ -48,7 +49,7 @@ def test_a_scene_has_the_choices_that_its_laws_and_boundaries_allow():
 
 
 def test_changes_that_do_not_go_together_are_refused():
-    plan = plan_of(load_scene(SCENE, list(SMALL)), "stored", ["integrator"], False)
+    plan = plan_of(load_scene(SCENE, list(SMALL)), "strain_energy", ["integrator"], False)
     leapfrog = next(option for option in options_of(plan.scene, ["integrator"]))
     assert plan.add(leapfrog.together(Option((("step", "cfl", 0.5),)))) is None
     assert "expected a step that is stated so" in plan.refused[-1]
@@ -58,12 +59,33 @@ def test_changes_that_do_not_go_together_are_refused():
 def test_kernels_are_no_choice_where_all_weights_are_in_closed_form():
     """Runs with them are the same to the last bit: the least error for its time would be chance's."""
     best = ["method.weights=best", "method.integrator=leapfrog"]
-    plan = plan_of(load_scene(SCENE, [*SMALL, *best]), "stored", [], False)
+    plan = plan_of(load_scene(SCENE, [*SMALL, *best]), "strain_energy", [], False)
     assert not any(name.startswith(("kernel ", "h/dx ")) for name in names(plan))
     assert "kernel quintic-spline: it changes nothing here" in plan.refused
     assert {"weights kernel", "dissipation 0.3"} <= names(plan)
     together = Option((("weights", "weights", "kernel"), ("kernel", "kernel", "quintic-spline")))
-    assert plan.add(together) is not None
+    added = plan.add(together)
+    assert added is plan.configurations[-1] and added.option is together
+
+
+def test_a_run_that_fails_or_costs_too_much_drops_its_option():
+    def run(variant):
+        message = "it broke" if variant == ("b", 1) else None
+        return VariantRun(SimpleNamespace(lattices=variant), Record("", message=message, processor_seconds=[2.0]))
+
+    plan = SimpleNamespace(variant=lambda option, level: (option.name, level), work=lambda level: 4.0**level)
+    search = SuccessiveHalving(plan, SimpleNamespace(comm=MPI.COMM_SELF, run=run), 1e3, lambda words: None)
+    good, poor, dear = (Configuration(SimpleNamespace(name=name)) for name in "abc")
+    plan.configurations = [good, poor, dear]
+    for one in (good, poor):
+        search.advance(one, 1, "here")
+    assert good.dropped is None and [one.variant.lattices for one in good.runs] == [("a", 0), ("a", 1)]
+    assert poor.dropped is not None and [one.variant.lattices for one in poor.runs] == [("b", 0)]
+    assert search.spent == 6.0
+    # the first level is foretold by the scene's own run
+    search.budget = 7.9
+    search.advance(dear, 1, "here")
+    assert dear.dropped is not None and not dear.runs and search.spent == 6.0
 
 
 def made(option, levels, column="q"):

@@ -15,11 +15,11 @@ from parsolid.campaign.cases import cases_of
 from parsolid.campaign.measures import energies_of, momentum_of
 from parsolid.campaign.runner import Record, not_finite, read_record, wait
 from parsolid.campaign.study import judge
-from parsolid.campaign.study_file import load_study, toml_value
+from parsolid.campaign.study_file import load_study
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.scene import SceneError
-from parsolid.scene.raw_tables import override_value
+from parsolid.scene.raw_tables import override_value, toml_value
 
 pytestmark = pytest.mark.serial
 
@@ -142,7 +142,9 @@ def test_two_runs_that_are_the_same_are_refused(folder):
     assert text == "again: expected a run that differs from the others, found the scene and ranks of block, 9"
 
 
-@pytest.mark.parametrize("value", [1, 0.5, 1e-12, True, 'a "b" \\c', [1, [2.5, "x"]], [{"beta": 1.0, "tau": 0.02}], []])
+@pytest.mark.parametrize(
+    "value", [1, 0.5, 1e-12, True, 'a "b" \\c', [1, [2.5, "x"]], [{"beta": 1.0, "a b": "x\ny"}], []]
+)
 def test_values_stand_behind_set_as_they_are(value):
     assert override_value(toml_value(value)) == value
 
@@ -207,12 +209,12 @@ def test_energies_of_a_history():
     columns = {"step": [0, 1, 2], "time": [0, 1, 2], "dt": [0, 0.5, 0.25]}
     columns |= {
         "kinetic": [4.0, 2.0, 1.0],
-        "stored": [0.0, 1.0, 1.5],
-        "work_external": [0.0] * 3,
-        "balance": [0.0, -0.2, 0.1],
-        "dissipation_internal": [0.0, 1.0, 0.6],
+        "strain_energy": [0.0, 1.0, 1.5],
+        "external_work": [0.0] * 3,
+        "energy_error": [0.0, -0.2, 0.1],
+        "material_dissipation": [0.0, 1.0, 0.6],
     }
-    columns |= {"dissipation_numerical": [0.0, 0.2, 0.4]}
+    columns |= {"numerical_dissipation": [0.0, 0.2, 0.4]}
     columns |= {"p.linear_momentum_x": [2.0, 2.0, 2.001], "p.linear_momentum_y": [0.0] * 3}
     history = {name: np.array(values, float) for name, values in columns.items()}
     found = energies_of(history)

@@ -18,8 +18,8 @@ METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio":
 
 def beam(kind, across, placement, length=1.0, **rest) -> dict:
     """A body along X, 0.1 thick."""
-    spacing = 0.1 / (across - (placement == "nodes"))
-    along = round(length / spacing) + (placement == "nodes")
+    spacing = 0.1 / (across - (placement == "vertices"))
+    along = round(length / spacing) + (placement == "vertices")
     material = {key: value for key, value in RUBBER.items() if key != "kind"} | {"poissons_ratio": 0.2}
     material["kind"] = "prony" if kind == "peridynamics" else "neo-hookean"
     method = METHODS[kind] | {"kind": kind} | ({"cell": 2.0 * spacing} if kind == "mpm" else {})
@@ -49,7 +49,7 @@ def test_few_particles_across_a_beam(comm, kind, placement):
 )
 def test_what_does_not_bend_is_not_told(change, notes):
     """A half of 3 has 5 nodes across, and is but 5 times as long as the whole is thick."""
-    assert len(advice(simulation(beam("tlsph", 3, "nodes", **change)))) == notes
+    assert len(advice(simulation(beam("tlsph", 3, "vertices", **change)))) == notes
 
 
 def test_a_face_that_is_loaded_through_weights_that_do_not_close():

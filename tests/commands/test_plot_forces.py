@@ -45,10 +45,10 @@ def drawn(tmp_path, monkeypatch):
             "time": 1.0,
             "dt": 0.5,
             "kinetic": 90.0,
-            "stored": 60.0,
-            "dissipation_internal": 9.0,
-        } | dict.fromkeys(("dissipation_numerical", "work_external"), 0.0)
-        rows |= {"contact_energy": 5.0, "viscous_work": 1e-3, "friction_dissipation": 0.2, "balance": 0.0}
+            "strain_energy": 60.0,
+            "material_dissipation": 9.0,
+        } | dict.fromkeys(("numerical_dissipation", "external_work"), 0.0)
+        rows |= {"contact_energy": 5.0, "viscous_work": 1e-3, "friction_dissipation": 0.2, "energy_error": 0.0}
         rows |= {"foot.work": 0.0, "foot.force_x": 2.5e4, "foot.force_y": 1e4, "foot.moment": 7.0, "ball.force_x": 3.0}
         rows |= more
         lines = [",".join(rows)] + [",".join(f"{value * k:g}" for value in rows.values()) for k in (0, 0.5, 1)]
@@ -68,14 +68,14 @@ def drawn(tmp_path, monkeypatch):
 
 def test_what_contact_stores_is_not_drawn_as_dissipated_and_nothing_as_a_line_of_zeros(drawn):
     assert drawn(write_energies) == {
-        "energy [J]": ["kinetic energy", "stored energy", "kinetic + stored", "stored in contact"],
-        "dissipated [J]": ["internal", "friction dissipation"],
-        "balance / largest energy": [],
+        "energy [J]": ["kinetic energy", "strain energy", "kinetic + strain energy", "contact energy"],
+        "dissipated [J]": ["material dissipation", "friction dissipation"],
+        "energy error / largest energy": [],
     }
 
 
 def test_bodies_that_press_at_the_start_and_part_have_stored_no_less_than_nothing(drawn):
-    assert drawn(write_energies, contact_energy=-5.0)["energy [J]"][-1] == "gained in contact"
+    assert drawn(write_energies, contact_energy=-5.0)["energy [J]"][-1] == "change of contact energy"
 
 
 def test_forces_of_supports_and_tools_have_units_and_idle_supports_no_work(drawn):

@@ -61,8 +61,8 @@ def _no_mesh_weights_of(i: int, scene: Any) -> Detail | None:
         return ("method", "integrator"), "'leapfrog' with weights = \"mesh\"", settings.integrator
     if settings.reference != "fixed":
         return ("method", "reference"), "'fixed' with weights = \"mesh\"", settings.reference
-    if body.placed_on != "nodes":
-        return ("bodies", i, "placement"), "'nodes' with weights = \"mesh\"", body.placed_on
+    if body.placed_on != "vertices":
+        return ("bodies", i, "placement"), "'vertices' with weights = \"mesh\"", body.placed_on
     if body.jitter > 0.0:
         return ("bodies", i, "jitter"), 'none with weights = "mesh"', body.jitter
     if body.deformation_gradient is not None:
@@ -103,14 +103,14 @@ def _best(number: int, scene: Any) -> str:
     if body.shape.kind == "mesh" and _no_mesh_weights_of(number, scene) is None:
         return "mesh"
     uneven = body.jitter > 0.0 or body.shape.kind == "mesh"
-    return "closure" if uneven and body.placed_on == "nodes" else "kernel"
+    return "closure" if uneven and body.placed_on == "vertices" else "kernel"
 
 
 def _off_lattice(kind: str, body: Any, dimension: int) -> str | None:
     """Why a body cannot have weights of a kind, in words."""
     if body.shape.kind not in ON_LATTICES[kind]:
         return f"a {body.shape.kind.replace('_', ' ')}"
-    if body.placed_on != "nodes":
+    if body.placed_on != "vertices":
         return "particles in cells"
     if body.jitter > 0.0:
         return "jitter"
@@ -123,7 +123,9 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
     if wanted not in ON_LATTICES:
         return []
     shapes = " or ".join(shape.replace("_", " ") for shape in ON_LATTICES[wanted])
-    expected = f'for "{wanted}" the nodes of a {shapes} (placement = "nodes"), two or more along each axis, no jitter'
+    expected = (
+        f'for "{wanted}" the nodes of a {shapes} (placement = "vertices"), two or more along each axis, no jitter'
+    )
     try:
         reasons = [_off_lattice(wanted, body, scene.dimension) for body in scene.bodies]
         bonded = [] if any(reasons) else _touching(scene)

@@ -21,11 +21,11 @@ from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
 from parsolid.scene.warned import Note
 
 # keys of which a scene that states one has chosen its weights
-_OF_WEIGHTS = {"kernel", "smoothing", "weights", "pair_correction"}
+_OF_WEIGHTS = {"kernel", "smoothing", "weights"}
 # factor on the dissipation with weights of meshes, which need little, where a scene states none
 MESH_DISSIPATION = 0.1
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
-FIXED_WALLS = "work_fixed_walls"
+FIXED_WALLS = "fixed_wall_work"
 
 
 class TotalLagrangianSPH(MethodSettings):
@@ -40,8 +40,10 @@ class TotalLagrangianSPH(MethodSettings):
         "updated_reference_volume": "scalar",
         "cofactor": "tensor",
     }
-    evolved: ClassVar = (*("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),)
-    evolved_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
+    state_variables: ClassVar = (
+        *("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),
+    )
+    state_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
     materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = (
         "fixed",
@@ -59,8 +61,8 @@ class TotalLagrangianSPH(MethodSettings):
         "layer": "a part of a body is held by 'fixed' in a region",
         "wall": "rigid bodies that others touch are tools",
         "temperature": "the method knows no heat",
-        "heat_flux": "the method knows no heat",
-        "micro_clamped": "it is for micro-inertia, in ulsph",
+        "heat-flux": "the method knows no heat",
+        "micro-hard": "it is for micro-inertia, in ulsph",
     }
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
@@ -111,14 +113,11 @@ class TotalLagrangianSPH(MethodSettings):
         description="part of their volume that nodes of boxes with weights in closed form do without where a fixed "
         "plane meets a free face, for the singular stress there (docs/weights.md)",
     )
-    pair_correction: Literal["none", "closure"] = Field(
-        "none", description='"closure": the former way to say weights = "closure"'
-    )
 
     @property
     def pair_weights(self) -> str:
-        """What `weights` or the former `pair_correction` asks for."""
-        return "closure" if self.pair_correction == "closure" else self.weights or "kernel"
+        """What `weights` asks for."""
+        return self.weights or "kernel"
 
     def dissipation_of(self, weights: str) -> float:
         """The factor on the dissipation of bodies with pair weights of a kind."""
@@ -146,12 +145,8 @@ class TotalLagrangianSPH(MethodSettings):
             reject(
                 (("reference",), "one of update_every and update_when with 'updated'", ", ".join(given) or "neither")
             )
-        elif self.pair_correction != "none":
-            reject((("pair_correction",), "'none' with the reference 'updated'", self.pair_correction))
         elif self.pair_weights != "kernel":
             reject((("weights",), "'kernel' with the reference 'updated'", self.weights))
-        if self.pair_correction == "closure" and self.weights not in (None, "closure"):
-            reject((("pair_correction",), f"weights alone, which is '{self.weights}'", self.pair_correction))
         return self
 
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
@@ -164,7 +159,7 @@ class TotalLagrangianSPH(MethodSettings):
         images = with_images and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
-    def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+    def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the
         tables confirms them: of eight nodes or more along each axis that touch nothing."""
         if self.integrator != "leapfrog" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
@@ -190,7 +185,7 @@ class TotalLagrangianSPH(MethodSettings):
         less = [Note("clamp-edges", f"method.clamp_edges: {told}")] if self.clamp_edges else []
         return self._notes_of_weights(scene, bodies) + less
 
-    def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
+    def ignored_keys(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
         """What kernels are, where no weights are of one, and what is of meshes alone, where there are none."""
         kinds = weights_of_bodies(self.pair_weights, self._own(scene, bodies))
         of_kernels = () if any(kind in ("kernel", "closure") for kind in kinds) else ("kernel", "smoothing")
@@ -198,7 +193,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Weights, where the scene leaves them to its bodies."""
-        usual = self.usual(scene, bodies)
+        usual = self.defaults_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
         why = f"all bodies but meshes are boxes of {RESOLVED} nodes or more along each axis"
         if usual.get("weights") == "mesh":

@@ -50,10 +50,10 @@ class Reports(ParticleSystem):
         failed = failed_matter.measure(self.particles, mass, name)
         if failed is not None:
             return failed
-        if name == "maximum_deviator_norm":
+        if name == "maximum_von_mises_stress":
             squares = rows("deviator") ** 2
             shears = squares[:, 3:].sum(axis=1)
-            return "maximum", np.array([np.sqrt((squares.sum(axis=1) + shears).max(initial=0.0))])
+            return "maximum", np.array([np.sqrt(1.5 * (squares.sum(axis=1) + shears).max(initial=0.0))])
         if name.startswith("maximum_"):
             return "maximum", np.array([rows(name.removeprefix("maximum_")).max(initial=0.0)])
         if name == "mean_plastic_strain":
@@ -68,7 +68,7 @@ class Reports(ParticleSystem):
             return "minimum", (rows("position") - half).min(axis=0, initial=np.inf)
         return "maximum", (rows("position") + half).max(axis=0, initial=-np.inf)
 
-    def unsound(self) -> tuple[int, str] | None:
+    def first_invalid(self) -> tuple[int, str] | None:
         """The rank's first particle that is not sound, and what is wrong with it."""
         rows = self.particles.owned_rows
         density, finite = rows("density"), np.isfinite(rows("velocity")).all(axis=1)

@@ -15,7 +15,7 @@ from parsolid.scene.validation_errors import NOTHING
 if TYPE_CHECKING:
     from parsolid.scene.regions import Region
 
-BOUNDARY_KINDS = ByKind((), known="boundaries", renamed={"surface_pressure": "pressure"})
+BOUNDARY_KINDS = ByKind((), known="boundaries")
 Boundary = Annotated[Any, BOUNDARY_KINDS]
 
 
