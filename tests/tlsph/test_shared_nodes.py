@@ -110,7 +110,7 @@ def test_motion_is_one_and_conserved(shared_path, comm):
     p, turning = np.stack(rows["p"]), np.array(rows["l"])
     np.testing.assert_allclose(p - p[0], 0.0, atol=1e-13)
     np.testing.assert_allclose(turning - turning[0], 0.0, atol=1e-13)
-    assert np.abs(rows["balance"]).max() < 1e-4 * rows["kinetic"].max()
+    assert np.abs(rows["energy_error"]).max() < 1e-4 * rows["kinetic"].max()
     X, x = gathered(sim, "reference_position", "position")
     _, first, number = np.unique(X.round(9), axis=0, return_index=True, return_inverse=True)
     np.testing.assert_allclose(x - x[first[number.ravel()]], 0.0, atol=1e-12)
@@ -132,9 +132,9 @@ def test_the_same_on_all_ranks_and_after_a_restart(shared_path, comm):
     )
     together, alone = (run_to_end(data, some)[1] for some in (comm, MPI.COMM_SELF))
     assert len(together["time"]) == len(alone["time"]) > 20
-    for name in ("time", "kinetic", "stored", "dissipation_numerical", "work_external"):
+    for name in ("time", "kinetic", "strain_energy", "numerical_dissipation", "external_work"):
         np.testing.assert_allclose(together[name], alone[name], rtol=0.0, atol=1e-9 * np.abs(alone[name]).max())
-    assert np.abs(alone["balance"]).max() < 1e-4 * alone["work_external"].max()
+    assert np.abs(alone["energy_error"]).max() < 1e-4 * alone["external_work"].max()
     scene = parse_scene(data)
     through = run_into(shared_path / "through", comm, scene, 40)
     run_into(shared_path / "first", comm, scene, 20)
