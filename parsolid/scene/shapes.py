@@ -143,11 +143,8 @@ class BodyMesh(MeshFile):
 
     group: str | None = Field(None, description="the elements of a group of the mesh alone")
     size: Positive | None = Field(None, description="of geometry: the length of the elements' edges [m]")
-    around: int = Field(
-        12,
-        ge=0,
-        le=360,
-        description="of geometry: elements around a full turn of curved faces, 0: as many as size gives",
+    around: Annotated[int, Field(ge=0, le=360)] | None = Field(
+        None, description="of geometry: elements around a full turn of curved faces, 12 unless given; 0: as size says"
     )
     refine: list[Refinement] = Field([], description="of geometry: where elements are smaller")
 

@@ -32,11 +32,7 @@ class Fault(str):
 
 
 class MeshFault(str):
-    """What is wrong with a mesh, "expected ..., found ...", with its parts; key: of the shape that it is about.
-
-    Codes: those of `Fault`, and file, geometry (what Gmsh cannot mesh), open-surface, element (inside out, flat or of
-    another kind), repeated-element, double-node, hanging-node, edge-contact, self-overlap.
-    """
+    """What is wrong with a mesh, "expected ..., found ...", with its parts; key: of the shape that it is about."""
 
     code: str
     expected: str

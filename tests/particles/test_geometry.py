@@ -75,7 +75,7 @@ def test_sizes_around_curves_and_at_faces(tmp_path):
     assert (fault.code, fault.key) == ("unknown-name", "bodies.0.shape.mesh.refine.0.where")
     assert "'face-1'" in fault.expected and "fillet" in fault.found
     data = scene_of(file=file, size=2e-3, scale=1e-3, around=0, refine=[{"where": "face-1", "size": 5e-4}])
-    data["regions"] = [{"name": "end", "group": "face-1"}]
+    data["boundaries"] = [{"where": "face-1", "kind": "fixed"}]
     X, edge, regions = generated(data, "reference_position", "spacing", "regions")
     here = regions[:, 0] > 0
     assert 0 < here.sum() < len(X)

@@ -177,7 +177,7 @@ def _set_sizes(gmsh: Any, stated: Any, dimension: int, names: dict[str, dict[int
             raise SceneError([MeshFault("geometry", expected, found, "size")])
         option("Mesh.MeshSizeMax", size)
         option("Mesh.MeshSizeMin", min([_LEAST * size, *finest]))
-        option("Mesh.MeshSizeFromCurvature", stated.around)
+        option("Mesh.MeshSizeFromCurvature", AROUND if stated.around is None else stated.around)
     fields = []
     for i, (one, least) in enumerate(zip(stated.refine, finest)):
         if one.where not in names:
