@@ -38,7 +38,7 @@ class BoxBodies(StepBound):
         self.system, self.particles, self.dimension = system, system.particles, system.dimension
         self.nodes = cuts.nodes
         settings = system.settings
-        dissipation, staged = float(settings.dissipation), settings.integrator == "ssp-rk3"
+        dissipation, staged = settings.dissipation_of("kernel"), settings.integrator == "ssp-rk3"
         boxes = []
         for one, nodes, parts in zip(bodies, cuts.nodes, cuts.parts):
             tables = [

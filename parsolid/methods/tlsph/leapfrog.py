@@ -74,7 +74,7 @@ class Leapfrog:
         system, settings = self.system, self.system.settings
         pressure, shear = wave_weights(system.dimension, settings.smoothing)
         # D grows with the factor on it; without any, waves alone would allow more
-        most = max(1.0, settings.dissipation)
+        most = max(1.0, settings.dissipation_of("kernel"))
         if not system.lattice_bodies:
             return (pressure, shear) * 3, settings.safety / most
         signals = [one.signal_speed(settings) for one in system.lattice_bodies]

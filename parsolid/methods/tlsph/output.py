@@ -89,6 +89,10 @@ class Reports(ParticleSystem):
         shear, lame = elastic_moduli(law)
         return lame + 2.0 * (shear + total_modulus(law.branch_moduli)), law.density
 
+    def least_mass(self, body: int) -> float:
+        """Corrected masses are less than the lumped ones near the surface."""
+        return 1.0 if self.meshes is None else self.meshes.least_masses.get(body, 1.0)
+
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
         """Interactions counted once a particle."""
@@ -139,7 +143,7 @@ class Reports(ParticleSystem):
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         """Rollers."""
-        return symmetry_planes(self.conditions.planes)
+        return symmetry_planes([*self.conditions.planes, *self.conditions.ends])
 
     def held_components(self) -> np.ndarray | None:
         """Those of supports and of prescribed velocities."""

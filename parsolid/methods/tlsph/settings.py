@@ -92,8 +92,10 @@ class TotalLagrangianSPH(MethodSettings):
     safety: Positive | None = Field(
         None, description="time step over the largest stable one on a lattice, 0.9 unless given; of leapfrog"
     )
-    dissipation: NotNegative = Field(
-        1.0, description='factor on the Riemann dissipation, 0 = none; 0.1 with weights = "mesh" unless given'
+    dissipation: NotNegative | None = Field(
+        None,
+        description="factor on the Riemann dissipation, 0 = none; 1 unless given, 0.1 for bodies with the weights of "
+        "their mesh",
     )
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
     reference: Literal["fixed", "updated"] = Field(
@@ -105,9 +107,10 @@ class TotalLagrangianSPH(MethodSettings):
     )
     weights: Literal["kernel", "closure", "cells", "fourth-order", "mesh", "best"] | None = Field(
         None,
-        description='pair weights: "kernel" unless given, "best" with leapfrog for boxes of 8 nodes or more along each '
-        'axis that touch nothing; "closure" for irregular particles; "cells" and "fourth-order" in closed form for '
-        'lattices; "mesh": those of the elements of meshes; "best": for each body what fits it',
+        description='pair weights: unless given, with leapfrog "mesh" for bodies from meshes, "best" for boxes of 8 '
+        'nodes or more along each axis that touch nothing, and "kernel" for others; "closure" for irregular particles; '
+        '"cells" and "fourth-order" in closed form for lattices; "mesh": those of the elements of meshes; "best": for '
+        "each body what fits it",
     )
     stabilisation: float = Field(
         0.35,
@@ -128,6 +131,12 @@ class TotalLagrangianSPH(MethodSettings):
     def pair_weights(self) -> str:
         """What `weights` asks for."""
         return self.weights or "kernel"
+
+    def dissipation_of(self, weights: str) -> float:
+        """The factor on the dissipation of bodies with pair weights of a kind."""
+        if self.dissipation is not None:
+            return float(self.dissipation)
+        return MESH_DISSIPATION if weights == "mesh" else 1.0
 
     @model_validator(mode="after")
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
@@ -166,18 +175,20 @@ class TotalLagrangianSPH(MethodSettings):
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
-        """Weights that close where every example of the tables confirms them, with leapfrog: on boxes of eight nodes or
-        more along each axis that touch nothing, and on a body from a mesh that meets no other."""
-        gentle = {} if "dissipation" in self.model_fields_set else {"dissipation": MESH_DISSIPATION}
-        if self.weights == "mesh" and "weights" in self.model_fields_set:
-            return gentle
-        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
-        others = self.integrator != "leapfrog" or self.reference == "updated" or not self.reconstruction
-        if others or _OF_WEIGHTS & self.model_fields_set or scene.methods is not None or _meets(scene):
+        """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the
+        tables confirms them: of eight nodes or more along each axis that touch nothing."""
+        if self.integrator != "leapfrog" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
-        if len(scene.bodies) == 1 and scene.bodies[0].shape.kind == "mesh":
-            return {"weights": "mesh", **gentle} if no_mesh_weights(scene) is None else {}
-        return {"weights": "best"} if all_resolved_boxes(scene, bodies) else {}
+        own = self._own(scene, bodies)
+        lattices = [i for i, body in enumerate(own.bodies) if body.shape.kind != "mesh"]
+        meshes = len(lattices) < len(own.bodies)
+        if meshes and no_mesh_weights(own) is not None:
+            return {}
+        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
+        apart = self.reconstruction and scene.methods is None and not _meets(scene)
+        if apart and lattices and all_resolved_boxes(own, lattices):
+            return {"weights": "best"}
+        return {"weights": "mesh"} if meshes else {}
 
     def _own(self, scene: Any, bodies: Iterable[int]) -> Any:
         """The scene with this method and its bodies alone."""
@@ -199,14 +210,19 @@ class TotalLagrangianSPH(MethodSettings):
         """Weights, where the scene leaves them to its bodies."""
         usual = self.defaults_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
-        why = f"all bodies are boxes of {RESOLVED} nodes or more along each axis"
-        if "dissipation" in usual or usual.get("weights") == "mesh":
-            why = "the weights are those of a mesh"
+        why = f"all bodies but meshes are boxes of {RESOLVED} nodes or more along each axis"
+        if usual.get("weights") == "mesh":
+            why = "bodies from meshes have those of their elements"
         return [Note("chosen-weights", f"{told} unless stated, as {why}")] if usual else []
 
     def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         loaded = any(one.kind in ("traction", "pressure") for one in scene.boundaries)
-        if not loaded or self.pair_weights != "kernel" or self.reference == "updated" or scene.methods is not None:
+        if (
+            not loaded
+            or self.pair_weights not in ("kernel", "mesh")
+            or self.reference == "updated"
+            or scene.methods is not None
+        ):
             return []
         best = weights_of_bodies("best", scene)
         names = ", ".join(f"bodies.{i}" for i in bodies if best[i] in ON_LATTICES)
@@ -215,6 +231,10 @@ class TotalLagrangianSPH(MethodSettings):
         )
         text = f'{names}: {of_kernel}; method.weights = "best" has neither'
         return [Note("loaded-faces", text)] if names else []
+
+    def bonding(self, scene: Any, bodies: Iterable[int]) -> list[bool]:
+        """Not those with the weights of their mesh, which share nodes, are tied or in contact."""
+        return [kind != "mesh" for kind in weights_of_bodies(self.pair_weights, self._own(scene, bodies))]
 
     def bonded_spacings(self, scene: Any) -> float:
         """Kernels reach the second layer of the other body only so far; a long reach bears more."""

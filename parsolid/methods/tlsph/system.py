@@ -88,6 +88,8 @@ class TotalLagrangianSPH(Reports):
         self.boxes = box_bodies_of(self, scene)
         self.lists: Any = list_bodies_of(self, scene, particle_set)
         self.meshes = mesh_bodies_of(self, scene, particle_set)
+        if self.meshes is not None and self.leapfrog is not None:
+            self.leapfrog.kicks.shared = self.meshes.shared
         self.sweeps = [one for one in (self.lists, self.meshes, self.boxes) if one is not None]
         self.fixed_walls = None if self.lists is None else fixed_walls_of(self, self.lists)
         fixed = self.settings.reference == "fixed"
@@ -143,6 +145,7 @@ class TotalLagrangianSPH(Reports):
         if self.initial_stress is not None:
             self.initial_stress.begin(*place)
         if self.meshes is not None:
+            self.meshes.join()
             self.meshes.begin()
         begin_plastic(scene, self.particles, particle_set, self.plastic_blocks)
         self.complete_strain(derived)
