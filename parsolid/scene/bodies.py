@@ -1,12 +1,15 @@
 """Bodies of a scene: a shape filled with particles, its material, its initial state."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from math import prod
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
+import numpy as np
 from pydantic import Field, ValidationInfo, WrapValidator, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
+from parsolid.scene.grading import graded_shares
 from parsolid.scene.materials import Material
 from parsolid.scene.shapes import Shape
 from parsolid.scene.validation_errors import NOTHING
@@ -17,10 +20,21 @@ Placement = Literal["nodes", "cells"]
 # relative spacings along an axis
 Grading = Annotated[list[Annotated[float, Field(ge=1e-3, le=1e3)]], Field(min_length=1, max_length=3)]
 
+# of a body: more than any machine holds
+MOST_PARTICLES = 10**12
+
 # shapes whose lattice is cut by a surface
 _CUT = ("cylinder", "sphere", "perforated_box")
 # of these, shapes whose cells are not scaled, so that their corners can carry the particles
 _WITH_CORNERS = ("perforated_box",)
+
+
+class Extent(NamedTuple):
+    """Bounds (d,) [m] of a body and its largest particle spacing [m]."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    coarsest: float
 
 
 class FilledShape(SceneModel):
@@ -88,6 +102,56 @@ class FilledShape(SceneModel):
     def placed_on(self) -> Placement:
         """The placement, with the default of the shape where the scene gives none."""
         return self.placement or ("cells" if self.shape.kind in _CUT else "nodes")
+
+    def numbers(self) -> list[int]:
+        """How many places its lattice has along each of the shape's directions."""
+        if self.particles is not None:
+            return list(self.particles)
+        lengths, spacing = self.shape.model.lengths(), self.spacing or []
+        spacings = spacing if len(spacing) == len(lengths) else spacing * len(lengths)
+        # the upper limit keeps an absurd spacing countable, so that it can be refused
+        intervals = [max(1, round(min(a / b, 2.0 * MOST_PARTICLES))) for a, b in zip(lengths, spacings)]
+        return [number + ends for number, ends in zip(intervals, self._on_ends())]
+
+    def _on_ends(self) -> list[bool]:
+        """Along which directions there are particles at both ends."""
+        shape = self.shape.model
+        closed = [getattr(shape, "closed", False)] + [False] * (len(shape.lengths()) - 1)
+        return [self.placed_on == "nodes" and not one for one in closed]
+
+    def extent(self) -> Extent:
+        """How far it reaches, unless it is a mesh."""
+        lower, upper = map(np.array, self.shape.model.bounds())
+        return Extent(lower, upper, self._largest_spacing())
+
+    def _largest_spacing(self) -> float:
+        """Largest distance [m] of neighbours in its lattice; the whole length of a lone particle."""
+        shape, numbers = self.shape.model, self.numbers()
+        intervals = [n - 1 if ends and n > 1 else n for n, ends in zip(numbers, self._on_ends())]
+        spacings = [length / number for length, number in zip(shape.lengths(), intervals)]
+        if self.shape.kind == "cylindrical_shell":
+            # of the hoops, that of the outermost
+            spacings[0] *= 1.0 + 0.5 * shape.thickness / shape.radius
+        for axis, grading in enumerate(getattr(self, "grading", None) or ()):
+            if len(grading) > 1:
+                steps = np.diff(graded_shares(numbers[axis], tuple(grading)))
+                spacings[axis] *= float(steps.max()) * intervals[axis]
+        return max(spacings)
+
+    def lattice_faults(self) -> list[tuple[str, object]]:
+        """Why no particles can be made of it, too many or fewer than two: (expected, found)."""
+        numbers, holed = self.numbers(), self.shape.kind == "perforated_box"
+        if prod(numbers) > MOST_PARTICLES:
+            return [(f"at most {MOST_PARTICLES:g} particles", Phrase(f"{prod(numbers):g}"))]
+        if holed and self.placed_on == "nodes" and min(numbers) < 2:
+            return [("two nodes or more along each direction of a perforated box", numbers)]
+        few = prod(numbers)
+        if holed and self.placed_on == "nodes":
+            # every cell that is kept has its corners
+            few = 2 * self.shape.model.cells_outside_hole([number - 1 for number in numbers])
+        elif holed:
+            few = self.shape.model.cells_outside_hole(numbers)
+        return [("a body of at least two particles", few)] if few < 2 else []
 
 
 class Body(FilledShape):

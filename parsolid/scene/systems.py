@@ -4,7 +4,6 @@ import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parsolid.scene.base_model import Detail
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
 from parsolid.scene.warned import Note
@@ -131,9 +130,9 @@ def meets(scene: "Scene", boundary: Any, number: int) -> bool:
     body = scene.bodies[number]
     if body.shape.kind == "mesh":
         return True
-    filling = filling_of(body, scene.dimension)
-    slack = _ROUND_OFF * float(abs(filling.upper - filling.lower).max() + abs(filling.upper).max())
-    met: bool = boundary.region.meets(filling.lower, filling.upper, slack)
+    lower, upper, _ = body.extent()
+    slack = _ROUND_OFF * float(abs(upper - lower).max() + abs(upper).max())
+    met: bool = boundary.region.meets(lower, upper, slack)
     return met
 
 

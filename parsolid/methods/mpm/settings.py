@@ -13,7 +13,6 @@ from parsolid.particles.declaration import Field as ParticleField
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import MethodSettings, named_observables
 from parsolid.scene.warned import Note
 
@@ -142,13 +141,11 @@ class MaterialPoint(MethodSettings):
 
     def _usual_origin(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """A whole number of cells from zero, so that nodes stay where they are, where bodies are many cells away."""
-        fillings = [
-            filling_of(scene.bodies[i], scene.dimension) for i in bodies if scene.bodies[i].shape.kind != "mesh"
-        ]
-        if self.origin is not None or not fillings:
+        shapes = [scene.bodies[i].shape for i in bodies]
+        bounds = np.array([shape.model.bounds() for shape in shapes if shape.kind != "mesh"])
+        if self.origin is not None or not len(bounds):
             return {}
-        lower = np.min([one.lower for one in fillings], axis=0)
-        upper = np.max([one.upper for one in fillings], axis=0)
+        lower, upper = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
         if max(np.abs(lower).max(), np.abs(upper).max()) <= _NEAR_CELLS * self.cell:
             return {}
         return {"origin": [float(np.floor(place / self.cell) * self.cell) for place in lower]}
