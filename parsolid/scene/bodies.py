@@ -7,14 +7,13 @@ import numpy as np
 from pydantic import Field, ValidationInfo, WrapValidator, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
+from parsolid.scene.base_model import Name, OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.grading import graded_shares
 from parsolid.scene.materials import Material
 from parsolid.scene.shapes import Shape
 from parsolid.scene.validation_errors import NOTHING
 
-Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
 Placement = Literal["nodes", "cells"]
 
 # relative spacings along an axis
@@ -56,12 +55,12 @@ class FilledShape(SceneModel):
     name: Name | None = Field(None, description="by which other tables call the body")
     shape: Shape
     particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
-    spacing: list[Positive] | None = Field(None, json_schema_extra={"or": "number"})
+    spacing: list[Positive] | None = None
     placement: Placement | None = Field(None, description="'nodes' or 'cells'")
     jitter: float = Field(0.0, ge=0.0, lt=0.5)
     seed: int = Field(0, ge=0, description="of the random offsets")
 
-    @field_validator("spacing", mode="before")
+    @field_validator("spacing", mode="before", json_schema_input_type=list[Positive] | Positive)
     @classmethod
     def _as_list(cls, value: Any) -> Any:
         return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value

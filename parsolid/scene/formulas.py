@@ -387,7 +387,7 @@ def _or_free(value: Any, info: ValidationInfo) -> Formula | None:
 
 def _vector_of(validate: Any) -> Any:
     """A list of formulas, one per dimension, that becomes a FormulaVector and is written as a list again."""
-    component = Annotated[Any, PlainValidator(validate)]
+    component = Annotated[Any, PlainValidator(validate, json_schema_input_type=str | float)]
     return Annotated[
         list[component], OnePerDimension, AfterValidator(FormulaVector), PlainSerializer(lambda vector: vector.sources)
     ]
@@ -395,7 +395,8 @@ def _vector_of(validate: Any) -> Any:
 
 def _scalar_of(validate: Any) -> Any:
     """A Formula that is written as the text that it came from."""
-    return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source)]
+    stated = PlainValidator(validate, json_schema_input_type=str | float)
+    return Annotated[Any, stated, PlainSerializer(lambda formula: formula.source)]
 
 
 InitialScalar: Any = _scalar_of(_of_place)

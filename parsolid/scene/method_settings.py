@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Detail, OnRestart, Positive, SceneModel, reject
+from parsolid.scene.base_model import Detail, Name, OnRestart, Positive, SceneModel, reject
 from parsolid.scene.warned import Note
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
@@ -68,6 +68,7 @@ class MethodSettings(SceneModel):
     viscous_terms: ClassVar[tuple[str, ...]] = ()
     bodies_meet: ClassVar[bool] = True
     graded_bodies: ClassVar[bool] = False
+    name: Name | None = Field(None, description="of one of several methods: by which bodies call it")
     on_restart: ClassVar = {
         **dict.fromkeys(("maximum_step", "minimum_step", "substeps", "dissipation_warning"), OnRestart.FREE),
         **dict.fromkeys(("balance_warning", "balance_limit", "cfl", "safety", "rebalance"), OnRestart.FREE),

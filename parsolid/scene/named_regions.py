@@ -7,8 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo, field_validator, model_validator
 
-from parsolid.scene.base_model import Plane, Point, SceneModel, dimension_of, mismatch, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Plane, Point, SceneModel, dimension_of, mismatch, reject
 from parsolid.scene.formulas import Formula, InitialScalar
 from parsolid.scene.inside import INSIDE
 from parsolid.scene.shapes import Shape
@@ -51,7 +50,9 @@ def _stated(plane: Any) -> Any:
     return plane.model_dump() if isinstance(plane, ObliquePlane) else str(plane)
 
 
-AnyPlane: Any = Annotated[Any, PlainValidator(_plane), PlainSerializer(_stated)]
+AnyPlane: Any = Annotated[
+    Any, PlainValidator(_plane, json_schema_input_type=Plane | ObliquePlane), PlainSerializer(_stated)
+]
 
 
 class Region(SceneModel):

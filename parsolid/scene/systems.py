@@ -35,7 +35,7 @@ def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
         # the only one of a scene need not be named
         own = [body.method or scene.methods[0].name for body in scene.bodies]
         stated = [
-            (one.name, ("methods", i), one.settings, tuple(k for k, name in enumerate(own) if name == one.name))
+            (one.name, ("methods", i), one, tuple(k for k, name in enumerate(own) if name == one.name))
             for i, one in enumerate(scene.methods)
         ]
     result = []
@@ -58,7 +58,7 @@ def resolve_defaults(scene: "Scene") -> "Scene":
             changes["method"] = settings
         else:
             number = int(system.place[1])
-            methods[number] = methods[number].model_copy(update={"settings": settings})
+            methods[number] = settings
             changes["methods"] = methods
     return scene.model_copy(update=changes)
 
@@ -81,7 +81,7 @@ def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:
     if loads.heat_source is not None and "heat_source" not in system.settings.loads:
         loads = loads.model_copy(update={"heat_source": None})
     return {
-        "method": system.settings,
+        "method": system.settings.model_copy(update={"name": None}),
         "methods": None,
         "bodies": [scene.bodies[number] for number in system.bodies],
         "boundaries": [_of_part(scene.boundaries[number], system) for number in boundaries_of(scene, system)],
@@ -222,7 +222,7 @@ def _faults_of_methods(scene: "Scene") -> list[Detail]:
         for i, one in enumerate(methods)
         if len(methods) > 1 and one.name not in used
     ]
-    round_an_axis = [getattr(one.settings, "geometry", None) == "axisymmetric" for one in methods]
+    round_an_axis = [getattr(one, "geometry", None) == "axisymmetric" for one in methods]
     if any(round_an_axis) and not all(round_an_axis):
         place = ("methods", round_an_axis.index(True), "geometry")
         details.append((place, "'axisymmetric' for all methods or for none", "axisymmetric"))

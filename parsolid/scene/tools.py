@@ -10,6 +10,7 @@ from parsolid.scene.base_model import (
     AXES,
     Detail,
     Finding,
+    Name,
     NotNegative,
     Point,
     Positive,
@@ -18,7 +19,6 @@ from parsolid.scene.base_model import (
     mismatch,
     reject,
 )
-from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Scalar, Vector
 from parsolid.scene.shapes import AxisName, Box, MeshFile, OneShape, Sphere
 from parsolid.scene.validation_errors import NOTHING, suggestion
@@ -134,7 +134,7 @@ class Tool(SceneModel):
     velocity: Point | None = Field(None, description="at time 0 [m/s]")
     spin: list[float] | None = Field(None, description="angular velocity at time 0 [rad/s], one number in 2-D")
 
-    @field_validator("inertia", "spin", mode="before")
+    @field_validator("inertia", "spin", mode="before", json_schema_input_type=list[float] | float)
     @classmethod
     def _as_list(cls, value: Any) -> Any:
         return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else value

@@ -12,7 +12,6 @@ from parsolid.scene.base_model import (
     Point,
     Positive,
     SceneModel,
-    by_kind,
     dimension_of,
     reject,
 )
@@ -177,7 +176,7 @@ def _spread(points: list[Any]) -> bool:
     return products[0] * products[3] - products[1] ** 2 > 1e-20 * products[0] * products[3]
 
 
-Solution: Any = by_kind(Explicit, QuasiStatic)
+Solution = Annotated[Explicit | QuasiStatic, Field(discriminator="kind")]
 
 
 class Peridynamics(MethodSettings):

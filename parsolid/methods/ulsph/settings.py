@@ -1,13 +1,13 @@
 """Updated-Lagrangian SPH as a scene states it."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.ulsph.state import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names
-from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, TableOr
+from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, mismatch
 from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.method_settings import MethodSettings, named_observables
 
@@ -103,12 +103,21 @@ class UpdatedLagrangianSPH(MethodSettings):
     balance_warning: Positive = 0.03
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     gradient_correction: bool = True
-    viscosity: Annotated[Viscosity | Literal[False], TableOr(Viscosity, False)] = Viscosity()
+    viscosity: Viscosity | Literal[False] = Viscosity()
     viscous_heating: bool = False
     contact: Literal["compression", "welded"] | None = Field(None, description="of several bodies, 'compression'")
     skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
     rebalance: float = Field(1.1, gt=1, description="growth of the busiest rank's work beyond which particles move")
     balance: Literal["particles", "measured"] = Field("particles", description="what ranks share evenly")
+
+    @field_validator("viscosity", mode="wrap", json_schema_input_type=Viscosity | Literal[False])
+    @classmethod
+    def _table_or_false(cls, value: Any, handler: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, dict):
+            return Viscosity.model_validate(value, context=info.context)
+        if value is False or isinstance(value, Viscosity):
+            return value
+        raise mismatch("a table or false", value)
 
     def touching(self) -> str:
         """They press on one another, unless they are welded."""

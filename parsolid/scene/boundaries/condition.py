@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.scene.base_model import ByKind, Detail, Plane, Point, SceneModel, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Detail, Name, Plane, Point, SceneModel, check_kind, kinds_of, method_of, reject
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.regions import Named, OnPlane
 from parsolid.scene.validation_errors import NOTHING
@@ -15,8 +14,9 @@ from parsolid.scene.validation_errors import NOTHING
 if TYPE_CHECKING:
     from parsolid.scene.regions import Region
 
-BOUNDARY_KINDS = ByKind((), known="boundaries", renamed={"surface_pressure": "pressure"})
-Boundary = Annotated[Any, BOUNDARY_KINDS]
+# kind -> the model of its table
+BOUNDARY_KINDS: dict[str, type[Condition]] = {}
+_RENAMED = {"surface_pressure": "pressure"}
 
 
 class Condition(SceneModel):
@@ -190,8 +190,20 @@ Kind = TypeVar("Kind", bound=Condition)
 
 def boundary_kind(model: type[Kind]) -> type[Kind]:
     """Enter a kind in the table; raises ValueError for one that is there."""
-    for kind in get_args(model.model_fields["kind"].annotation):
-        if kind in BOUNDARY_KINDS.models:
+    for kind in kinds_of(model):
+        if kind in BOUNDARY_KINDS:
             raise ValueError(f"boundary kinds: expected one of the name {kind!r}, found two")
-        BOUNDARY_KINDS.models[kind] = model
+        BOUNDARY_KINDS[kind] = model
     return model
+
+
+def of_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
+    """Refuse kinds that the scene's method does not know, or that of the body which a table names."""
+    if isinstance(value, dict):
+        method, kind = method_of(info, value), value.get("kind")
+        if isinstance(kind, str) and kind in _RENAMED:
+            reject((("kind",), f"{_RENAMED[kind]!r}, as this kind is called now", kind))
+        known = [one for one in getattr(method, "boundaries", BOUNDARY_KINDS) if one in BOUNDARY_KINDS]
+        why = getattr(method, "refused", {}).get(kind, "") if isinstance(kind, str) else ""
+        check_kind(value, info, BOUNDARY_KINDS, known, why)
+    return handler(value)

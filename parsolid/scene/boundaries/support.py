@@ -4,8 +4,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Plane, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Plane, reject
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.named_regions import RegionName
 

@@ -5,8 +5,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import NotNegative, Plane, method_of, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, NotNegative, Plane, method_of, reject
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import FormulaVector, Scalar
 from parsolid.scene.load_histories import LoadHistory, Timed

@@ -4,8 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from parsolid.scene.base_model import Plane
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Plane
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import Vector
 from parsolid.scene.load_histories import LoadHistory, Timed
