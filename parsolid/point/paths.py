@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel, mismatch, reject
-from parsolid.scene.formulas import Formula
+from parsolid.scene.formulas import FORMULA, Formula
 from parsolid.scene.probes import component_names
 from parsolid.scene.shapes import ExistingFile
 from parsolid.scene.validation_errors import suggestion
@@ -39,8 +39,8 @@ def _in_time_or_free(value: Any) -> Formula | str:
 
 
 _SOURCE = PlainSerializer(lambda formula: formula if isinstance(formula, str) else formula.source)
-TimeFormula = Annotated[Any, PlainValidator(_in_time, json_schema_input_type=str | float), _SOURCE]
-TimeFormulaOrFree = Annotated[Any, PlainValidator(_in_time_or_free, json_schema_input_type=str | float), _SOURCE]
+TimeFormula = Annotated[Any, PlainValidator(_in_time), _SOURCE, FORMULA]
+TimeFormulaOrFree = Annotated[Any, PlainValidator(_in_time_or_free), _SOURCE, FORMULA]
 
 
 class Path(SceneModel):

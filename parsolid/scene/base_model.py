@@ -129,6 +129,11 @@ class SceneModel(BaseModel):
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
         made: dict[str, Any] = handler.resolve_ref_schema(handler(schema))
         made["description"] = meaning_of(cls)
+        for name, key in made.get("properties", {}).items():
+            # where a table changes a default of its base, the meaning stays
+            fields = (owner.model_fields.get(name) for owner in cls.__mro__ if issubclass(owner, SceneModel))
+            if told := next((one.description for one in fields if one is not None and one.description), None):
+                key.setdefault("description", told)
         if rules := rules_of_keys(cls, made):
             made["allOf"] = rules
         return made
@@ -197,27 +202,23 @@ def in_words(model: type[SceneModel], error: Any, table: Any) -> InitErrorDetail
     if kind == "mismatch":
         return InitErrorDetails(type=PydanticCustomError(kind, _MESSAGE, context), loc=place, input=found)
     description = field.description if field is not None and len(place) == 1 else None
-    near = ""
+    expected, code, near, words = description or error["msg"], "refused", "", found
     if kind == "extra_forbidden":
-        expected, code, near = (
-            f"one of {', '.join(model.model_fields)}",
-            "unknown-key",
-            suggestion(place[-1], model.model_fields),
-        )
-        words: Any = Phrase(f"the unknown key {place[-1]!r}")
+        words, near = Phrase(f"the unknown key {place[-1]!r}"), suggestion(place[-1], model.model_fields)
+        expected, code = f"one of {', '.join(model.model_fields)}", "unknown-key"
     elif kind == "missing":
         expected, code, words = description or "a value", "missing", NOTHING
     elif kind == "union_tag_not_found":
-        place, words = (*place, "kind"), NOTHING
-        expected, code = f"one of {', '.join(map(repr, kinds))}", "missing"
-    else:
-        template, code = _EXPECTED.get(kind, ("", "refused"))
-        expected, words = template.format(**context) if template else description or error["msg"], found
+        expected, code, words = f"one of {', '.join(map(repr, kinds))}", "missing", NOTHING
+    elif kind in _EXPECTED:
+        template, code = _EXPECTED[kind]
+        expected = template.format(**context)
     if kind == "union_tag_invalid":
-        place, words, near = (*place, "kind"), found["kind"], suggestion(found["kind"], kinds)
-    if kind == "literal_error":
-        near = suggestion(found, [word.strip("' ") for word in expected.replace(" or ", ",").split(",")])
-        expected, near = expected + near, ""
+        words = found["kind"]
+        expected += suggestion(words, kinds)
+    elif kind == "literal_error":
+        expected += suggestion(found, [word.strip("' ") for word in expected.replace(" or ", ",").split(",")])
+    place = (*place, "kind") if kind.startswith("union_tag") else place
     return InitErrorDetails(type=mismatch(expected, words, code, near, context), loc=place, input=found)
 
 

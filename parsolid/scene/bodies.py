@@ -37,16 +37,7 @@ class Extent(NamedTuple):
 
 
 class FilledShape(SceneModel):
-    """A shape and the particles that fill it.
-
-    particles   number of particles along each of the shape's own directions: X, Y, Z of a box and of the bounding box
-                of a cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)
-    spacing     distance of particles [m] along the same directions, or one for all; rounded so that whole numbers fit
-    placement   "nodes": on the boundary too, with trapezoid volumes (of a perforated box at the corners of its cells);
-                "cells": in the middle of equal cells
-    jitter      random offset of each particle as a fraction of the spacing, the same on any number of ranks; particles
-                on the boundary stay
-    """
+    """A shape and the particles that fill it."""
 
     at_most_one: ClassVar = (("particles", "spacing"),)
     on_restart: ClassVar = dict.fromkeys(
@@ -54,13 +45,31 @@ class FilledShape(SceneModel):
     )
     name: Name | None = Field(None, description="by which other tables call the body")
     shape: Shape
-    particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
-    spacing: list[Positive] | None = None
-    placement: Placement | None = Field(None, description="'nodes' or 'cells'")
-    jitter: float = Field(0.0, ge=0.0, lt=0.5)
+    particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = Field(
+        None,
+        description="number of particles along each of the shape's own directions: X, Y, Z of a box and of the "
+        "bounding box of a cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)",
+    )
+    spacing: list[Positive] | None = Field(
+        None,
+        description="distance of particles [m] along the same directions, or one for all; rounded so that whole "
+        "numbers fit",
+    )
+    placement: Placement | None = Field(
+        None,
+        description='"nodes": on the boundary too, with trapezoid volumes (of a perforated box at the corners of its '
+        'cells); "cells": in the middle of equal cells',
+    )
+    jitter: float = Field(
+        0.0,
+        ge=0.0,
+        lt=0.5,
+        description="random offset of each particle as a fraction of the spacing, the same on any number of ranks; "
+        "particles on the boundary stay",
+    )
     seed: int = Field(0, ge=0, description="of the random offsets")
 
-    @field_validator("spacing", mode="before", json_schema_input_type=list[Positive] | Positive)
+    @field_validator("spacing", mode="before", json_schema_input_type=Positive | list[Positive])
     @classmethod
     def _as_list(cls, value: Any) -> Any:
         return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value

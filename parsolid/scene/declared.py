@@ -93,18 +93,17 @@ def model_of(declared: Declared) -> type[DeclaredModel]:
         fields["kind"] = (Literal[declared.kind], Field())
     fields |= {n: _field(t, p) for n, (t, p) in parameters_of(declared).items() if not isinstance(p, OfMaterial)}
     base = _BASES.get(role or "", DeclaredModel)
-    made: type[DeclaredModel] = create_model(
-        declared.__name__, __base__=base, __module__=__name__, __doc__=declared.__doc__, **fields
-    )
+    made: Any = create_model(declared.__name__, __base__=base, __module__=__name__, __doc__=declared.__doc__, **fields)
     made.declared = declared
     if "law" in fields:
-        made.kind = declared.kind  # type: ignore[attr-defined]
+        made.kind = declared.kind
     for owner in reversed(declared.__mro__):
         if not issubclass(owner, tuple) and owner is not object:
             for name, value in vars(owner).items():
                 if isinstance(value, FunctionType | property) or name in _GROUPS:
                     setattr(made, name, value)
-    return made
+    result: type[DeclaredModel] = made
+    return result
 
 
 _GROUPS = ("exactly_one", "at_most_one")

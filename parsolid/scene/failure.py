@@ -49,16 +49,13 @@ class Scatter(SceneModel):
 
 
 class Failure(SceneModel):
-    """Matter fails by the first of its criteria that is met.
-
-    criteria   each a table with its kind
-    after      failed matter bears pressure alone ("pressure"), or is taken away ("delete")
-    scatter    of what particles withstand
-    """
+    """Matter fails by the first of its criteria that is met."""
 
     criteria: list[Criterion] = Field(min_length=1, description="tables with the key kind")
-    after: Literal["pressure", "delete"] = "pressure"
-    scatter: Scatter | None = None
+    after: Literal["pressure", "delete"] = Field(
+        "pressure", description='failed matter bears pressure alone ("pressure"), or is taken away ("delete")'
+    )
+    scatter: Scatter | None = Field(None, description="of what particles withstand")
 
     def build(self, density: float) -> Any:
         """The NamedTuple in SI units."""

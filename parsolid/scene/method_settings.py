@@ -68,13 +68,13 @@ class MethodSettings(SceneModel):
     viscous_terms: ClassVar[tuple[str, ...]] = ()
     bodies_meet: ClassVar[bool] = True
     graded_bodies: ClassVar[bool] = False
-    name: Name | None = Field(None, description="of one of several methods: by which bodies call it")
     on_restart: ClassVar = {
         **dict.fromkeys(("maximum_step", "minimum_step", "substeps", "dissipation_warning"), OnRestart.FREE),
         **dict.fromkeys(("balance_warning", "balance_limit", "cfl", "safety", "rebalance"), OnRestart.FREE),
         **dict.fromkeys(("kind", "reference", "weights"), OnRestart.FIXED),
     }
     kind: str
+    name: Name | None = Field(None, description="of one of several methods: by which bodies call it")
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
     substeps: Annotated[int, Field(ge=1, le=64)] | Literal["auto"] | None = Field(

@@ -31,10 +31,11 @@ class Scene(SceneModel):
         **dict.fromkeys(("title", "end_time", "output", "errors", "run"), OnRestart.SILENT),
         **dict.fromkeys(("dimension", "initial"), OnRestart.FIXED),
     }
+    exactly_one: ClassVar = (("method", "methods"),)
     title: str = Field("", description="what the run is called")
     dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")
-    method: Method | None = Field(None, description="a table with the key kind")
+    method: Method = Field(None, description="a table with the key kind")
     methods: Annotated[list[Method], Field(min_length=1)] | None = Field(
         None, description="in place of method: several, with names, of which each body names one"
     )
@@ -66,7 +67,8 @@ class Scene(SceneModel):
     @classmethod
     def _alone(cls, method: Any) -> Any:
         if method is not None and method.name is not None:
-            reject((("name",), "no such key but of one of several methods", method.name), code="unknown-key")
+            known = ", ".join(key for key in type(method).model_fields if key != "name")
+            reject((("name",), f"one of {known}", Phrase("the unknown key 'name'")), code="unknown-key")
         return method
 
     @field_validator("methods")

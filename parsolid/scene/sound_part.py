@@ -89,7 +89,8 @@ def unknown_method() -> Any:
 
 def unknown_material() -> Any:
     """The same of a material."""
-    return model_of(declared("hyperelastic", "neo-hookean")).model_construct(kind="neo-hookean", density=1.0)
+    table: Any = model_of(declared("hyperelastic", "neo-hookean"))
+    return table.model_construct(kind="neo-hookean", density=1.0)
 
 
 def is_within(place: Place, tables: set[Place]) -> bool:

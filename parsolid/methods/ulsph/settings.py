@@ -32,17 +32,7 @@ class Viscosity(SceneModel):
 
 
 class UpdatedLagrangianSPH(MethodSettings):
-    """Updated-Lagrangian SPH with rebuilt neighbours (Rahaman et al., mended).
-
-    gradient_correction   gradients exact for linear fields, where a particle has enough neighbours
-    viscosity             artificial viscosity; false: none
-    viscous_heating       its heat raises the temperature of micro-inertia; that of other laws it always raises
-    contact               bodies press on one another and part freely ("compression"), or stick ("welded")
-    skin                  by how much lists reach beyond the support, as a part of it; made anew when it is used up
-    rebalance             growth of the busiest rank's particles and ghosts beyond which all are dealt out anew
-    balance               what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of
-                          all take, "measured" at every fourth list; the last bits of a run then depend on the clock
-    """
+    """Updated-Lagrangian SPH with rebuilt neighbours (Rahaman et al., mended)."""
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
@@ -102,13 +92,27 @@ class UpdatedLagrangianSPH(MethodSettings):
     # the equation of state is integrated, not the derivative of a stored energy
     balance_warning: Positive = 0.03
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
-    gradient_correction: bool = True
-    viscosity: Viscosity | Literal[False] = Viscosity()
-    viscous_heating: bool = False
-    contact: Literal["compression", "welded"] | None = Field(None, description="of several bodies, 'compression'")
-    skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
-    rebalance: float = Field(1.1, gt=1, description="growth of the busiest rank's work beyond which particles move")
-    balance: Literal["particles", "measured"] = Field("particles", description="what ranks share evenly")
+    gradient_correction: bool = Field(
+        True, description="gradients exact for linear fields, where a particle has enough neighbours"
+    )
+    viscosity: Viscosity | Literal[False] = Field(Viscosity(), description="artificial viscosity; false: none")
+    viscous_heating: bool = Field(
+        False, description="its heat raises the temperature of micro-inertia; that of other laws it always raises"
+    )
+    contact: Literal["compression", "welded"] | None = Field(
+        None, description="bodies press on one another and part freely ('compression'), or stick ('welded')"
+    )
+    skin: Positive = Field(
+        0.25, description="by how much lists reach beyond the support, as a part of it; made anew when it is used up"
+    )
+    rebalance: float = Field(
+        1.1, gt=1, description="growth of the busiest rank's particles and ghosts beyond which all are dealt out anew"
+    )
+    balance: Literal["particles", "measured"] = Field(
+        "particles",
+        description='what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of '
+        'all take, "measured" at every fourth list; the last bits of a run then depend on the clock',
+    )
 
     @field_validator("viscosity", mode="wrap", json_schema_input_type=Viscosity | Literal[False])
     @classmethod

@@ -20,6 +20,6 @@ def union_of_kinds() -> Any:
     return Annotated[kinds, Field(discriminator="kind"), WrapValidator(of_method)]
 
 
-Boundary = union_of_kinds()
+Boundary: Any = union_of_kinds()
 
 __all__ = ["Boundary", "Condition", "boundary_kind"]

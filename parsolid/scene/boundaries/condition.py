@@ -22,13 +22,6 @@ _RENAMED = {"surface_pressure": "pressure"}
 class Condition(SceneModel):
     """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
 
-    name    what its forces are called in history.csv
-    where   a region with a name, or a group of a mesh
-    plane   a plane such as 'Y = 0'; particles on it are meant
-    point   the particle nearest to this point [m] is meant
-    body    only this body is meant; all of them unless given
-    mirror  particles have images beyond the plane; without them those on the plane are clamped only
-
     on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are;
     needs_bounding_plane: its plane must bound a body.
     """
@@ -74,7 +67,7 @@ class Reporting(SceneModel):
     history
     """
 
-    name: Name | None = None
+    name: Name | None = Field(None, description="what its forces are called in history.csv")
     reaction: Literal[True] | None = Field(None, description="force, moment and work in the history, by the name")
     moment_about: Point | None = Field(None, description="the point of the moments [m], the origin unless given")
 

@@ -18,7 +18,7 @@ class PrescribedTemperature(Condition):
     on_particles: ClassVar[bool] = False
     kind: Literal["temperature"]
     plane: Plane = Field(description="a plane such as 'Y = 0'")
-    body: Name | None = None
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
 
     @model_validator(mode="after")
@@ -40,7 +40,7 @@ class HeatFlux(Condition):
     on_particles: ClassVar[bool] = False
     kind: Literal["heat_flux"]
     plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
-    body: Name | None = None
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
 
     @property

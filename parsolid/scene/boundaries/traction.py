@@ -19,8 +19,8 @@ class Traction(Condition, Timed, Reporting):
     needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["traction"]
     plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = None
-    body: Name | None = None
+    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
 
     @property
