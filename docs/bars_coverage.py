@@ -66,7 +66,7 @@ def bars_that_meet(
     share = lambda t: np.clip(np.abs(t - meets - crossed) / crossed, 0.0, 1.0)  # noqa: E731
     return {
         "kinetic": lambda t: energy * share(t),
-        "stored": lambda t: energy * (1.0 - share(t)),
+        "strain_energy": lambda t: energy * (1.0 - share(t)),
         left: lambda t: speed * ((t < meets + 0.5 * crossed) * 1.0 - (t > meets + 1.5 * crossed)),
     }
 
@@ -94,12 +94,12 @@ def plates_that_meet() -> dict[str, Callable[[np.ndarray], np.ndarray]]:
     energy = 0.5 * law.density * exact.speed**2 * 2.0 * 25.4e-3 * 2.5e-3
     return {
         "kinetic": lambda t: energy * (1.0 - exact.wave_speed * t / 25.4e-3),
-        "stored": lambda t: energy * exact.wave_speed * t / 25.4e-3,
+        "strain_energy": lambda t: energy * exact.wave_speed * t / 25.4e-3,
         "inner.stress_xx": lambda t: np.where(exact.wave_speed * t > 5.4e-3, exact.stress, 0.0),
     }
 
 
-ENERGIES = {"kinetic": "K", "stored": "W", "dissipation_internal": "Dint"}
+ENERGIES = {"kinetic": "K", "strain_energy": "W", "material_dissipation": "Dint"}
 CORNER = ENERGIES | {"corner.displacement_y": "uy_11", "corner.velocity_y": "vy_11"}
 ELASTIC = {name: series for name, series in CORNER.items() if series != "Dint"}
 TIP = ENERGIES | {"tip.twist": "twist_C"}
@@ -162,14 +162,14 @@ SCENES = [
         "torsion",
         "tlsph/torsion.toml",
         ("bodies.0.particles=[9, 49, 9]",),
-        truth={"kinetic": "K", "stored": "W", "tip.twist": "twist"},
+        truth={"kinetic": "K", "strain_energy": "W", "tip.twist": "twist"},
         ratios=(1.0, 1.33),
     ),
     Scene(
         "bending",
         "tlsph/bending.toml",
         ("bodies.0.particles=[9, 25, 9]",),
-        truth={"kinetic": "K", "stored": "W", "tip.displacement_x": "ux"},
+        truth={"kinetic": "K", "strain_energy": "W", "tip.displacement_x": "ux"},
         ratios=(1.0, 1.33),
     ),
     Scene(
@@ -369,7 +369,7 @@ SCENES = [
         "pressed cylinder, tool",
         "tools/hertz.toml",
         ("bodies.0.particles=[33, 33]",),
-        truth=dict.fromkeys(("kinetic", "stored", "work_external", "cylinder.force_y"), ""),
+        truth=dict.fromkeys(("kinetic", "strain_energy", "external_work", "cylinder.force_y"), ""),
         ratios=(1.0,),
         finer=0.4,
     ),
@@ -377,7 +377,7 @@ SCENES = [
         "Taylor bar, wall",
         "mpm/taylor.toml",
         ("bodies.0.spacing=4e-4", "method.cell=8e-4"),
-        truth=dict.fromkeys(("kinetic", "stored", "rod.upper_bounds_x", "rod.upper_bounds_y"), ""),
+        truth=dict.fromkeys(("kinetic", "strain_energy", "rod.upper_bounds_x", "rod.upper_bounds_y"), ""),
         ratios=(1.0,),
         finer=0.4,
     ),
@@ -385,7 +385,7 @@ SCENES = [
         "oblique discs, contact",
         "contact/discs.toml",
         ("bodies.0.particles=[40, 40]", "bodies.1.particles=[40, 40]"),
-        truth=dict.fromkeys(("kinetic", "stored"), ""),
+        truth=dict.fromkeys(("kinetic", "strain_energy"), ""),
         ratios=(1.0, 1.4),
         finer=0.4,
     ),

@@ -36,7 +36,11 @@ def bars(kinds: list[str], count: int, wide: int = 10, more: dict[str, dict[str,
     for number, kind in enumerate(kinds):
         nodes, lower = kind == "tlsph", [0.0 if number else -1.0 - 0.5 * h, 0.0]
         body = {"name": "ab"[number], "shape": {"box": {"lower": lower, "upper": [lower[0] + 1.0, wide * h]}}}
-        body |= {"particles": [count + nodes, wide + nodes], "placement": "nodes" if nodes else "cells", "method": kind}
+        body |= {
+            "particles": [count + nodes, wide + nodes],
+            "placement": "vertices" if nodes else "cells",
+            "method": kind,
+        }
         body |= {"velocity": [(0.5 - number) * CLOSING, 0.0], "material": STRONG if kind == "ulsph" else RUBBER}
         bodies.append(body)
     methods = [
@@ -61,7 +65,7 @@ class Rows(Output):
         first = system.particles.owned_rows("body") == 0
         mass = (system.mass[: system.owned] * system.share[: system.owned])[first]
         velocity = system.particles.owned_rows("velocity")[first, 0]
-        names = ("kinetic", "contact_energy", "balance", "dissipation_numerical")
+        names = ("kinetic", "contact_energy", "energy_error", "numerical_dissipation")
         self.rows.append((simulation.clock.time, float(mass @ velocity / mass.sum()), *(row[name] for name in names)))
 
 

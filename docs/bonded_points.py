@@ -67,10 +67,10 @@ def main() -> None:
         for centred in (False, True):
             simulation, columns = bonded(cfl, centred)
             lost = columns["done"] - columns["behind"] - (columns["kinetic"] - columns["kinetic"][0])
-            off = [columns["balance"], columns["balance"] + columns["behind"]]
+            off = [columns["energy_error"], columns["energy_error"] + columns["behind"]]
             off.append(off[1] + lost)
-            told += [np.abs(one).max() / simulation.balance.largest for one in off]
-        given = -lost[-1] / simulation.balance.largest
+            told += [np.abs(one).max() / simulation.energy_check.largest for one in off]
+        given = -lost[-1] / simulation.energy_check.largest
         print(
             f"cfl {cfl}: {told[0]:.1e}; at the time of places {told[1]:.1e}; heat of forces, too, {told[4]:.1e}; and "
             f"what the scheme gives {told[5]:.1e}, which is {given:.1e}",

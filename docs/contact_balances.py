@@ -35,9 +35,9 @@ def balance(path: Path, until: float) -> str:
     except RunFailed as failure:
         return str(failure).splitlines()[0]
     columns = rows.columns()
-    largest = simulation.balance.largest
-    worst, last = abs(columns["balance"]).max() / largest, abs(columns["balance"][-1]) / largest
-    given = simulation.balance.gained / largest
+    largest = simulation.energy_check.largest
+    worst, last = abs(columns["energy_error"]).max() / largest, abs(columns["energy_error"][-1]) / largest
+    given = simulation.energy_check.gained / largest
     return f"{simulation.clock.step} steps, largest {worst:.1e}, at the end {last:.1e}, given by the scheme {given:.1e}"
 
 

@@ -88,7 +88,7 @@ def main() -> None:
     for case in [word for word in sys.argv[3:] if word in CASES] or CASES:
         found = Layers()
         simulation, columns = run(tables(sys.argv[1:3], *CASES[case], words), found)
-        off = np.abs(columns["balance"]).max() / columns["stored"].max()
+        off = np.abs(columns["energy_error"]).max() / columns["strain_energy"].max()
         print(
             f"{' under '.join(sys.argv[1:3])} {words or ''}, {case}: {told(simulation, found)}; balance {off:.1e}",
             flush=True,

@@ -114,7 +114,7 @@ def restarts() -> None:
             continue
         stated = parse_scene(make())
         whole, rows = Simulation(comm, stated), Rows()
-        met = "contact_energy" if "contact_energy" in whole.energy_row() else "stored"
+        met = "contact_energy" if "contact_energy" in whole.energy_row() else "strain_energy"
         while (
             not rows.rows or rows.rows[-1][met] < 1e-3 * rows.rows[0]["kinetic"] or rows.rows[-1].get(STUCK, 1.0) <= 0
         ):
@@ -150,7 +150,9 @@ def difference(columns: Tables, alone: Tables) -> str:
         length = min(len(values), len(columns[name]))
         over = np.abs(values).max() if name == "time" else scale
         worst = max(worst, float(np.abs(values[:length] - columns[name][:length]).max() / over))
-    met = np.count_nonzero(alone["contact_energy"] if "contact_energy" in alone else np.gradient(alone["stored"]))
+    met = np.count_nonzero(
+        alone["contact_energy"] if "contact_energy" in alone else np.gradient(alone["strain_energy"])
+    )
     return f"{worst:.1e} in {len(alone['time'])} steps, {met} of them in contact"
 
 

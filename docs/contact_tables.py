@@ -24,9 +24,11 @@ def material(stiffer: float = 1.0, denser: float = 1.0, kind: str = "neo-hookean
     return {"kind": kind, "density": denser, "youngs_modulus": stiffer * YOUNG, "poissons_ratio": POISSON}
 
 
-def block(name: str, lower: list[float], upper: list[float], h: float, placement: str = "nodes", **more: Any) -> Tables:
+def block(
+    name: str, lower: list[float], upper: list[float], h: float, placement: str = "vertices", **more: Any
+) -> Tables:
     """A box of particles with a spacing."""
-    count = [round((b - a) / h) + (placement == "nodes") for a, b in zip(lower, upper)]
+    count = [round((b - a) / h) + (placement == "vertices") for a, b in zip(lower, upper)]
     shape = {"shape": {"box": {"lower": lower, "upper": upper}}, "particles": count, "placement": placement}
     return {"name": name, "material": material()} | shape | more
 
@@ -82,7 +84,7 @@ def momenta(simulation: Simulation) -> np.ndarray:
     return np.array([*p.sum(axis=0)[:2], float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())])
 
 
-def off(columns: Tables, name: str = "balance") -> float:
+def off(columns: Tables, name: str = "energy_error") -> float:
     """The largest value over the kinetic energy at the start, or the largest one later."""
     return float(np.abs(columns[name]).max() / columns["kinetic"].max())
 
@@ -96,7 +98,7 @@ def one_of(tables: tuple[Callable[[], None], ...]) -> None:
         print("\n".join(f"{one.__name__}: {one.__doc__}" for one in tables))
 
 
-def bars_scene(n: int, case: str, placement: str = "nodes", wide: int = 4, method: Tables | None = None) -> Tables:
+def bars_scene(n: int, case: str, placement: str = "vertices", wide: int = 4, method: Tables | None = None) -> Tables:
     """A bar of length 1 with .01 c runs into another one at rest, both guided at their sides."""
     h, ratio = 1.0 / n, 1.3 if "1.3" in case else 1.0
     kind = "linear-elastic" if method is BONDS else "neo-hookean"
@@ -107,8 +109,8 @@ def bars_scene(n: int, case: str, placement: str = "nodes", wide: int = 4, metho
     left = block("left", [-1.0 - 0.05 * h, 0.0], [-0.05 * h, wide * h], h, placement, velocity=[v, 0.0])
     right = block("right", [0.0, 0.0], [long, wide * h], h, placement)
     if ratio > 1:
-        rows = round(wide / ratio) + (placement == "nodes")
-        right["particles"] = [far + (placement == "nodes"), rows]
+        rows = round(wide / ratio) + (placement == "vertices")
+        right["particles"] = [far + (placement == "vertices"), rows]
     if low:
         right["shape"] = {"box": {"lower": [0.0, low - h], "upper": [long, wide * h + low]}}
         right["particles"][1] += 1
@@ -124,7 +126,7 @@ def bars() -> None:
     """Equal, unequal and unlike bars."""
     exact = {"equal": (0.0, 1.0), "1:1.3": (0.0, 1.0), "unequal": (0.0, 0.5), "impedance": (-1 / 3, 2 / 3)}
     for case, (one, two) in exact.items():
-        for placement, n in (("nodes", 26), ("nodes", 52), ("cells", 26)):
+        for placement, n in (("vertices", 26), ("nodes", 52), ("cells", 26)):
             simulation, columns = run(bars_scene(n, case, placement))
             found = means(simulation)[:, 0] / (0.01 * SPEED)
             touching = columns["time"][columns["contact_energy"] > 1e-9 * columns["kinetic"][0]]
@@ -132,7 +134,7 @@ def bars() -> None:
                 f"{case}, {placement}, L/h {n}: velocities {found[0]:+.3f} {found[1]:+.3f} (exact {one:+.3f} "
                 f"{two:+.3f}), "
                 f"contact {(touching[-1] - touching[0]) * SPEED / 2:.3f} of 2 L/c, balance {off(columns):.1e}, "
-                f"lost {columns['dissipation_numerical'][-1] / columns['kinetic'][0]:.3f}",
+                f"lost {columns['numerical_dissipation'][-1] / columns['kinetic'][0]:.3f}",
                 flush=True,
             )
 
@@ -154,13 +156,13 @@ def patch() -> None:
         ("1:2", 2.0, 1.0),
         ("1:1, x100", 1.0, 100.0),
     ):
-        for placement in ("nodes", "cells"):
+        for placement in ("vertices", "cells"):
             other = h * ratio
             rate, end = 0.02 / 40 * SPEED, 60 / SPEED
             low = block("low", [0.0, -1.0], [1.0, 0.0], h, placement)
             top = block("top", [0.0, 0.0], [1.0, 1.0], other, placement, material=material(stiffer, stiffer))
             driven = {"kind": "velocity", "plane": "Y = 1", "body": "top"}
-            depth = {"nodes": 0.0, "cells": other}[placement]
+            depth = {"vertices": 0.0, "cells": other}[placement]
             if placement == "cells":
                 driven = {"kind": "velocity", "box": {"lower": [-1, 1 - depth], "upper": [2, 2]}, "body": "top"}
             driven["velocity"] = ["free", f"-{rate}*where(t < {40 / SPEED}, 1, 0)"]
@@ -181,7 +183,7 @@ def patch() -> None:
                 told.append(f"{-here.mean() / p:.2f} ({here.std() / p:.3f})")
             print(
                 f"{name}, {placement}: pressure {p / MODULUS:.4f} M; layers {', '.join(told)}; "
-                f"balance {off(columns, 'balance') * columns['kinetic'].max() / columns['stored'].max():.1e} of stored",
+                f"balance {off(columns, 'energy_error') * columns['kinetic'].max() / columns['strain_energy'].max():.1e} of stored",
                 flush=True,
             )
 
@@ -219,7 +221,7 @@ def discs() -> None:
             growth = np.diff(columns["friction_dissipation"]).min() / columns["kinetic"][0]
             print(
                 f"friction {friction}, {key} {factor}: balance {off(columns):.1e}, at the end "
-                f"{abs(columns['balance'][-1]) / columns['kinetic'][0]:.1e}, momentum {change[:2].max():.0e}, "
+                f"{abs(columns['energy_error'][-1]) / columns['kinetic'][0]:.1e}, momentum {change[:2].max():.0e}, "
                 f"angular {change[2]:.0e}, "
                 f"moment of the contact {np.abs(columns['moment']).max() / columns['force'].max():.0e}, friction took "
                 f"{columns['friction_dissipation'][-1] / columns['kinetic'][0]:.3f}, least growth {growth:.0e}",

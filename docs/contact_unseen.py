@@ -140,7 +140,7 @@ def main() -> None:
         if sys.argv[1:] and not any(word in name for word in sys.argv[1:]):
             continue
         simulation, columns = run(tables, momentum)
-        balance, change = simulation.balance, np.abs(columns["momentum"] - columns["momentum"][0]).max(axis=0)
+        balance, change = simulation.energy_check, np.abs(columns["momentum"] - columns["momentum"][0]).max(axis=0)
         kinetic = columns["kinetic"][0]
         free = "tools" not in tables and kinetic > 0.0
         kept = f", momentum to {change[:2].max():.0e}, angular {change[2]:.0e}" if free else ""

@@ -55,14 +55,14 @@ def two_bars(count: int, model: str) -> str:
     velocity, energy, time = found["p"][:, 0], found["kinetic"][0], found["time"] * SPEED
     steps = np.flatnonzero(np.abs(np.diff(velocity)) > 1e-6 * CLOSING) + 1
     lost = {
-        name: found[name][-1] / energy for name in ("dissipation_numerical", "contact_dissipation") if name in found
+        name: found[name][-1] / energy for name in ("numerical_dissipation", "contact_dissipation") if name in found
     }
     begin = time[steps[0]] - 0.5 * SPEED / CLOSING / count
     return (
         f"restitution {-velocity[-1] / velocity[0]:.3f}, start {begin:+.3f} L/c, "
         f"contact {(time[steps[-1]] - time[steps[0]]) / 2.0:.3f} of 2 L/c, "
         f"lost {', '.join(f'{value:.3f} ({name})' for name, value in lost.items())}, residual at most "
-        f"{np.abs(found['balance']).max() / energy:.2g}, at the end {abs(found['balance'][-1]) / energy:.2g}"
+        f"{np.abs(found['energy_error']).max() / energy:.2g}, at the end {abs(found['energy_error'][-1]) / energy:.2g}"
     )
 
 

@@ -140,7 +140,7 @@ def main() -> None:
         later = (s > 0.2) & (s < 1.0)
         slope, gap = np.polyfit(s[later], force[later] ** (2 / 3), 1)
         told.append(f"{slope**1.5 - 1.0:+.3f} by the slope, as if from {-gap / slope * wanted * FLATNESS:.4f} h on")
-        off = np.abs(columns["balance"]).max() / columns["stored"].max()
+        off = np.abs(columns["energy_error"]).max() / columns["strain_energy"].max()
         print(
             f"{method} {words}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}; "
             f"swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}",

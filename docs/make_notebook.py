@@ -41,13 +41,13 @@ scene = {
     "output": {"fields": ["displacement", "stress", "pressure"], "fields_interval": 1e-3, "pictures": False},
 }
 results = parsolid.run(scene, output="results/pushed")
-{name: results.summary[name] for name in ("status", "steps", "energy_balance", "trust")}
+{name: results.summary[name] for name in ("status", "steps", "energy_error_share", "energy_check")}
 """,
     "The history is a table over time; energies and a probe:",
-    'results.history[["kinetic", "stored", "balance", "corner.displacement_y"]].iloc[::8].round(4)',
+    'results.history[["kinetic", "strain_energy", "energy_error", "corner.displacement_y"]].iloc[::8].round(4)',
     """
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3))
-results.plot("kinetic", "stored", "work_external", axes=left)
+results.plot("kinetic", "strain_energy", "external_work", axes=left)
 results.plot("corner.displacement_y", axes=right);
 """,
     "Fields are numpy arrays, read when they are asked for:",

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from parsolid.campaign.pictures import MARKERS, label_decades
 
 ERRORS = (
-    *("kinetic", "dissipation_internal", "tip.twist", "tip.displacement_x", "corner.displacement_y"),
+    *("kinetic", "material_dissipation", "tip.twist", "tip.displacement_x", "corner.displacement_y"),
     *("velocity@0.0047", "first_piola_kirchhoff_stress@0.0047"),
 )
 FORMER = "kernel, SSP-RK3, before"

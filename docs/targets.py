@@ -22,11 +22,11 @@ QUICK = ("output.pictures=false", "output.fields_times=[]")
 CASES = [
     ("tlsph/tensile_smooth", ("bodies.0.particles=[25, 25]",), "corner.displacement_y", (20, 10, 5)),
     ("tlsph/tensile_smooth", ("bodies.0.particles=[25, 25]",), "kinetic", (5, 2, 1)),
-    ("tlsph/tensile_smooth", ("bodies.0.particles=[25, 25]",), "stored", (5, 2, 1)),
+    ("tlsph/tensile_smooth", ("bodies.0.particles=[25, 25]",), "strain_energy", (5, 2, 1)),
     ("tlsph/punch", ("bodies.0.particles=[25, 25]",), "kinetic", (4, 2, 1)),
-    ("tlsph/punch", ("bodies.0.particles=[25, 25]",), "stored", (4, 2, 1)),
-    ("tlsph/punch", ("bodies.0.particles=[25, 25]",), "dissipation_internal", (4, 2)),
-    ("tlsph/tensile", ("bodies.0.particles=[25, 25]",), "stored", (20, 10)),
+    ("tlsph/punch", ("bodies.0.particles=[25, 25]",), "strain_energy", (4, 2, 1)),
+    ("tlsph/punch", ("bodies.0.particles=[25, 25]",), "material_dissipation", (4, 2)),
+    ("tlsph/tensile", ("bodies.0.particles=[25, 25]",), "strain_energy", (20, 10)),
     ("tlsph/torsion", ("bodies.0.particles=[7, 37, 7]", "end_time=0.06"), "tip.twist", (10,)),
 ]
 

@@ -65,7 +65,7 @@ def bar(kinds: list[str], count: int, impedance: float, stiffness: float | None,
             material = {"kind": "elastic-plastic"} | rubber | heat | {"flow_stress": flow}
         lower = [number - 1.0, 0.0]
         body = {"name": "ab"[number], "shape": {"box": {"lower": lower, "upper": [lower[0] + 1.0, 10 * h]}}}
-        body |= {"particles": [count + nodes, 10 + nodes], "placement": "nodes" if nodes else "cells"}
+        body |= {"particles": [count + nodes, 10 + nodes], "placement": "vertices" if nodes else "cells"}
         body |= {"method": names[number], "material": material}
         if number == 0:
             phase = f"(X + 0.5)/{WIDTH}"
@@ -92,7 +92,7 @@ class Rows(Output):
     def write(self, simulation: Simulation) -> None:
         """Take a row."""
         row = simulation.energy_row()
-        names = ("kinetic", "stored", "tie_energy", "balance")
+        names = ("kinetic", "strain_energy", "tie_energy", "energy_error")
         self.rows.append((simulation.clock.time, *(row[name] for name in names)))
 
 

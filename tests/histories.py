@@ -147,7 +147,7 @@ def largest_difference(one: Path, other: Path) -> tuple[float, str, int]:
             scale = max(scale, reach * np.abs(tables[0][:, groups[f"{about}.force"]]).max())
         if group.endswith(".force") and f"{about}.moment" in groups:
             scale = max(scale, np.abs(tables[0][:, groups[f"{about}.moment"]]).max() / reach)
-        if group == "energies" and np.abs(tables[0][:, names.index("balance")]).max() > 0.1 * scale:
+        if group == "energies" and np.abs(tables[0][:, names.index("energy_error")]).max() > 0.1 * scale:
             # pure heat: what is left of mechanical energies is round-off
             continue
         difference = float(np.nanmax(np.abs(found - wanted)) / scale)

@@ -34,7 +34,7 @@ _PROBES = (
     "tests/simulation/test_probes.py tests/simulation/test_regions.py tests/simulation/test_samplers.py "
     "tests/simulation/test_shown_fields.py tests/boundary/test_reactions.py"
 )
-_BALANCE = "tests/simulation/test_energy_balance.py"
+_BALANCE = "tests/simulation/test_energy_check.py"
 _LAWS = "tests/materials/test_registry.py tests/materials/test_relaxation.py tests/materials/test_prony.py"
 ROOMS: dict[str, tuple[str, dict[str, str]]] = {
     "decomposition": (
@@ -74,7 +74,7 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
     "ledger": (
         WHOLE,
         {
-            "parsolid/simulation/energy_balance.py": _BALANCE,
+            "parsolid/simulation/energy_check.py": _BALANCE,
             "parsolid/simulation/ledger.py": "tests/simulation/test_ledger.py",
         },
     ),

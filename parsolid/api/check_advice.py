@@ -40,7 +40,7 @@ def scene_advice(scene: Scene) -> list[Note]:
         # settings do not know where they stand; bodies have the scene's numbers already
         result += [Note(code, _METHOD.sub(place, text)) for code, text in system.settings.notes(scene, system.bodies)]
     uneven = [
-        (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "nodes")
+        (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "vertices")
         for system in scene.systems
         for i in system.bodies
         if getattr(system.settings, "pair_weights", "") == "kernel" and _uneven(scene.bodies[i])

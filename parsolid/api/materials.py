@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from parsolid.materials.hyperelastic import acoustics, evaluation
 from parsolid.materials.registry import law_of
 from parsolid.point.choice import point_law
-from parsolid.point.driver import drive, tabulate
+from parsolid.point.driver import integrate, tabulate
 from parsolid.point.schema import MaterialPoint
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.materials import HyperelasticSolid, Material
@@ -69,7 +69,7 @@ class MaterialLaw:
         with np.errstate(invalid="ignore"):
             return np.sqrt(moduli / law.density)
 
-    def drive(self, path: dict[str, Any], end_time: float, steps: int, **conditions: Any) -> dict[str, np.ndarray]:
+    def integrate(self, path: dict[str, Any], end_time: float, steps: int, **conditions: Any) -> dict[str, np.ndarray]:
         """Follow a path of F, from rest, as the command `point` does: column -> values, those of its point.csv.
 
         path: its table (`{"kind": "simple-shear", ...}`, docs/point.md); end_time [s]; conditions: further keys of a
@@ -84,7 +84,7 @@ class MaterialLaw:
         except ValidationError as error:
             raise SceneError(dict.fromkeys(faults_of_errors(error))) from None
         law = point_law(law_of(point.material), **point.conditions)
-        record = drive(law, point.path, point.end_time, point.longest_step)
+        record = integrate(law, point.path, point.end_time, point.longest_step)
         return tabulate(law, record, np.array(point.output.directions))
 
     def _hyperelastic(self, what: str) -> Any:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from parsolid.output.log import aloud
+from parsolid.output.log import print_line
 from parsolid.simulation.warmup import wait_quietly
 
 # packages that draw
@@ -36,7 +36,7 @@ def draw_at_end(comm: MPI.Intracomm, folder: Path, stated: bool | None, seconds:
         if stated or seconds > LEAST_SECONDS:
             draw(folder)
         elif not quiet:
-            aloud(f"pictures: parsolid plot {folder}")
+            print_line(f"pictures: parsolid plot {folder}")
     wait_quietly(comm)
 
 

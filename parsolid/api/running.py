@@ -25,7 +25,7 @@ from parsolid.launcher import start, stop
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError
-from parsolid.output.log import LOG, aloud
+from parsolid.output.log import LOG, print_line
 from parsolid.output.progress import NORMAL, QUIET, Compilations, Progress
 from parsolid.output.results import Results, load
 from parsolid.output.run_folder import RunFolder
@@ -206,7 +206,7 @@ def _run_campaign(
 
     def say(text: str) -> None:
         if comm.rank == 0 and options.level != QUIET:
-            aloud(text)
+            print_line(text)
 
     campaign = Campaign(comm, folder, options.trust_code, limits, say, alone)
     if target:
@@ -276,7 +276,7 @@ def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None
     for line in (str(one) for one in (*simulation.warnings, *notes) if one.code not in options.silence):
         LOG.say(line)
         if options.level != QUIET:
-            aloud(line)
+            print_line(line)
 
 
 def _progress(simulation: Simulation, options: RunOptions) -> list[Progress]:

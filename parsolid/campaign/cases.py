@@ -163,7 +163,7 @@ def _alike(line: list[Case]) -> list[str]:
         scene: Any = case.scene
         stated: list[str] = []
         for own, fine in zip(scene.systems, finest.systems):
-            one, other = own.settings.usual(scene, own.bodies), fine.settings.usual(finest, fine.bodies)
+            one, other = own.settings.defaults_for(scene, own.bodies), fine.settings.defaults_for(finest, fine.bodies)
             values = {key: getattr(fine.settings, key) for key in one | other} if one != other else {}
             if values.keys() & (own.settings.model_fields_set | fine.settings.model_fields_set):
                 # one of them has its own

@@ -38,11 +38,11 @@ from parsolid.simulation.loop import Limits
 from parsolid.splines import cubic_spline
 
 # where coarse runs are below the folder of the run, and what holds the bars there
-FOLDER, NAME = "companions", "history_error.csv"
+FOLDER, NAME = "coarse_runs", "history_error.csv"
 # of the largest component of a vector or tensor, what is rounding of the others
 ROUNDING = 1e-12
 # columns of the history that are no results
-NO_RESULTS = ("step", "time", "dt", "balance")
+NO_RESULTS = ("step", "time", "dt", "energy_error")
 
 
 @dataclass
@@ -181,9 +181,9 @@ def error_table(
             # the run's particle is not where the probe is requested
             bars[name].parts["place"] = part = largest_in_window(on_times(apart, name, times), times, scene.end_time)
             bars[name].error = bars[name].error + SAFETY * part
-        if name in ("kinetic", "stored") and "dissipation_numerical" in columns:
+        if name in ("kinetic", "strain_energy") and "numerical_dissipation" in columns:
             # what the scheme has taken of both
-            bars[name].parts["dissipation"] = np.abs(columns["dissipation_numerical"])
+            bars[name].parts["dissipation"] = np.abs(columns["numerical_dissipation"])
         bars[name].phase, bars[name].amplitude = phase_and_amplitude(series, bars[name].used)
     return ErrorTable(times, columns, bars, steps=history["step"])
 
@@ -247,7 +247,7 @@ def shown_columns(table: ErrorTable, scene: Scene) -> list[str]:
     """The columns of the last lines: of probes and reactions but for rounding, or the energies where there are none."""
     known = [name for name in table.bars if "." in name]
     if not known:
-        return [name for name in ("kinetic", "stored") if name in table.bars]
+        return [name for name in ("kinetic", "strain_energy") if name in table.bars]
     largest = {name: float(np.abs(table.values[name]).max(initial=0.0)) for name in known}
     alike: dict[str, float] = {}
     for name, value in largest.items():
@@ -335,4 +335,4 @@ def summary_of_bars(table: ErrorTable, scene: Scene, runs: list[VariantRun], ref
         }
         for one in runs
     ]
-    return {"columns": columns, "companions": coarse, "refused": refused, "without": table.without}
+    return {"columns": columns, "coarse_runs": coarse, "refused": refused, "without": table.without}

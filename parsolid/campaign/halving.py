@@ -98,8 +98,8 @@ class Plan:
 def _stated(scene: Scene) -> dict[str, Any]:
     """What a scene of one method says to its bodies."""
     (system,), tables = scene.systems, scene.resolved()
-    unheard = system.settings.unheard(scene, system.bodies)
-    return tables | {"method": {key: value for key, value in tables["method"].items() if key not in unheard}}
+    ignored_keys = system.settings.ignored_keys(scene, system.bodies)
+    return tables | {"method": {key: value for key, value in tables["method"].items() if key not in ignored_keys}}
 
 
 def particles_of(scene: Scene) -> int:

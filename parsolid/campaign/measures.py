@@ -21,7 +21,7 @@ MEASURES = {
     "peak_memory_bytes_per_rank": ("MiB a rank", ".0f", "most memory a rank had [B]"),
     "energy_drift": ("energy drift", ".1e", "largest |energy balance| over the largest energy"),
     "numerical_dissipation": ("D_num/E0", ".3g", "numerical dissipation at the end over the energy at the start"),
-    "internal_dissipation": ("D_int/E0", ".3g", "viscous dissipation at the end over the energy at the start"),
+    "material_dissipation": ("D_int/E0", ".3g", "viscous dissipation at the end over the energy at the start"),
     "largest_fall": (
         "largest fall of D/E0",
         ".1e",
@@ -64,17 +64,17 @@ def energies_of(history: dict[str, np.ndarray]) -> dict[str, Any]:
     """What the ledger's columns (rows,) [J] say: drift, dissipations over the energy at the start, and their falls."""
     if not len(history.get("time", ())):
         return {}
-    energy = np.abs([history[name] for name in ("kinetic", "stored", "work_external")])
+    energy = np.abs([history[name] for name in ("kinetic", "strain_energy", "external_work")])
     largest, start = energy.max(), energy[:, 0].sum()
     # a body at rest at the start has the largest energy for a scale
     scale = start or largest
-    falls = [np.max(-np.diff(history[name]), initial=0.0) for name in ("dissipation_internal", "dissipation_numerical")]
+    falls = [np.max(-np.diff(history[name]), initial=0.0) for name in ("material_dissipation", "numerical_dissipation")]
     steps = history["dt"][history["step"] > 0]
     result = {
         "smallest_step": float(steps.min()) if len(steps) else None,
-        "energy_drift": _over(np.abs(history["balance"]).max(), largest),
-        "numerical_dissipation": _over(history["dissipation_numerical"][-1], scale),
-        "internal_dissipation": _over(history["dissipation_internal"][-1], scale),
+        "energy_drift": _over(np.abs(history["energy_error"]).max(), largest),
+        "numerical_dissipation": _over(history["numerical_dissipation"][-1], scale),
+        "material_dissipation": _over(history["material_dissipation"][-1], scale),
         "largest_fall": _over(max(falls), scale),
     }
     jacobians = [values.min() for name, values in history.items() if name.endswith(".minimum_jacobian")]

@@ -9,7 +9,7 @@ from parsolid.pairs.smoothing import kernel_names
 from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.methods import method_kinds
-from parsolid.scene.validation_errors import told
+from parsolid.scene.validation_errors import describe
 
 # cells of a grid over the spacing of particles, where a scene comes from a method without one
 _CELLS = 2.0
@@ -111,7 +111,7 @@ def _with_method(tables: dict[str, Any], kind: str, level: Scene) -> dict[str, A
     for key in _OF_THE_SOLID:
         said, usual = getattr(level.systems[0].settings, key, None), _usual(level.systems[0].settings, key)
         if said != usual:
-            raise SceneError([f"method.{key}: expected to be as usual for another method, found {told(old[key])}"])
+            raise SceneError([f"method.{key}: expected to be as usual for another method, found {describe(old[key])}"])
     lattices, bodies = lattices_of(level), [dict(body) for body in tables["bodies"]]
     method: dict[str, Any] = {"kind": kind}
     if kind == "mpm":

@@ -40,10 +40,10 @@ def kind_of(column: str, scene: Any) -> str:
     """What a column of the history is."""
     if column in {
         "kinetic",
-        "stored",
-        "dissipation_internal",
-        "dissipation_numerical",
-        "work_external",
+        "strain_energy",
+        "material_dissipation",
+        "numerical_dissipation",
+        "external_work",
         *terms_of(scene),
     }:
         return ENERGY
@@ -86,7 +86,7 @@ def struck(scene: Any) -> bool:
     """Whether matter with micro-inertia is hit, or its flow is held at a plane, where it has a kink; without either its
     micro waves are smooth.
     """
-    kinds = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro_clamped"}
+    kinds = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro-hard"}
     return bool(kinds) or len(scene.bodies) > 1
 
 

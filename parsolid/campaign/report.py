@@ -83,7 +83,7 @@ def _accuracy_table(study: Study, name: str, cases: list[Case]) -> ResultTable:
         name, headings + (["errors / other code", "CPU s / other code"] if compared else []) + ["as stated"], len(axes)
     )
     for case in cases:
-        row = [*case.labels.values(), str(case.ranks), *(told(case, key) for key in measured)]
+        row = [*case.labels.values(), str(case.ranks), *(describe(case, key) for key in measured)]
         row += [_error_with_order(case, error) for error in errors]
         if compared:
             ratios = case.other_code_ratios
@@ -109,7 +109,7 @@ def _stability_table(study: Study, cases: list[Case]) -> ResultTable:
     for case in cases:
         shows = case.shows or {"failure": "a clean failure", "refused": "refused"}.get(case.expect or "", "stable")
         bounds = [f"{MEASURES.get(name, (name,))[0]} <= {bound:g}" for name, bound in _asked(case).items()]
-        row = [case.title, ", ".join([shows, *bounds]), _ending(case), *(told(case, key) for key in measured)]
+        row = [case.title, ", ".join([shows, *bounds]), _ending(case), *(describe(case, key) for key in measured)]
         table.rows.append([*row, str(case.ranks), _verdict(case)])
     table.notes = _notes(cases)
     return table
@@ -131,7 +131,7 @@ def _ending(case: Case) -> str:
     return f"{record.status} {clean}exit {ending['exit_status']}: {text}"
 
 
-def told(case: Case, name: str) -> str:
+def describe(case: Case, name: str) -> str:
     """A measure as a table tells it."""
     value = case.measures.get(name)
     if value is None:

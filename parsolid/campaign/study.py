@@ -28,7 +28,7 @@ from parsolid.campaign.runner import LASTING, REFUSED, Record, read_record
 from parsolid.campaign.study_file import Study, load_study
 from parsolid.exit_status import DONE, TO_BE_CONTINUED, WENT_WRONG
 from parsolid.machine import cores_in_words
-from parsolid.scene.validation_errors import SceneError, suggestion, told
+from parsolid.scene.validation_errors import SceneError, describe, suggestion
 from parsolid.simulation.job import FAILED
 from parsolid.simulation.loop import FINISHED
 
@@ -172,7 +172,7 @@ def _chosen(cases: list[Case], only: list[str]) -> list[Case]:
         if not any(meant(case, name) for case in cases):
             known = list(dict.fromkeys(case.series.name for case in cases))
             raise SceneError(
-                [f"--only: expected one of {', '.join(known)}{suggestion(name, known)}, found {told(name)}"]
+                [f"--only: expected one of {', '.join(known)}{suggestion(name, known)}, found {describe(name)}"]
             )
     return [case for case in cases if not only or any(meant(case, name) for name in only)]
 

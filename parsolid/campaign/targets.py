@@ -188,7 +188,7 @@ def columns_of(scene: Scene) -> list[str]:
     columns += [column for probe in scene.probes for column in probe.columns(scene.dimension)]
     for one in scene.boundaries:
         columns += reaction_columns(one.reports, scene.dimension) if one.reports is not None else []
-    return [name for name in columns if name != "balance"]
+    return [name for name in columns if name != "energy_error"]
 
 
 def worst(table: ErrorTable, targets: list[Target]) -> tuple[float, float] | None:

@@ -19,9 +19,9 @@ from parsolid.collective import SolverError
 from parsolid.commands.arguments import check_arguments, run_arguments
 from parsolid.exit_status import BAD_INPUT, DONE, FAILED, INTERRUPTED, UNREAD, WENT_WRONG
 from parsolid.launcher import refuse_strangers, run_on_ranks
+from parsolid.output.crash_report import CONTEXT, report
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
-from parsolid.output.whereabouts import HERE, report
 from parsolid.scene.validation_errors import SceneError, suggestion
 
 _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
@@ -105,7 +105,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command on all ranks; the exit status. Prints one message, on rank 0, for bad input and failed runs."""
     comm = MPI.COMM_WORLD
-    HERE.folder, HERE.checkpoint, HERE.job = None, None, comm.bcast(os.getpid())
+    CONTEXT.folder, CONTEXT.checkpoint, CONTEXT.job = None, None, comm.bcast(os.getpid())
     try:
         return _status(comm, sys.argv[1:] if arguments is None else arguments)
     except BrokenPipeError:
@@ -134,7 +134,7 @@ def _status(comm: MPI.Intracomm, arguments: list[str]) -> int:
         _say(comm, f"parsolid: {_headline(error)}")
         return BAD_INPUT
     except OutputError as error:
-        _say(comm, f"parsolid: {error}{HERE.told()}")
+        _say(comm, f"parsolid: {error}{CONTEXT.describe()}")
         return FAILED
     except KeyboardInterrupt:
         _say(comm, "parsolid: interrupted")

@@ -37,7 +37,7 @@ def run_pareto(comm: Any, options: Any) -> int:
     from parsolid.campaign.pareto import run_pareto
     from parsolid.campaign.runner import InProcess
     from parsolid.campaign.targets import columns_of
-    from parsolid.output.log import aloud
+    from parsolid.output.log import print_line
     from parsolid.scene import SceneError, load_scene
     from parsolid.scene.validation_errors import suggestion
     from parsolid.simulation.signals import REQUEST
@@ -55,7 +55,7 @@ def run_pareto(comm: Any, options: Any) -> int:
 
     def say(text: str) -> None:
         if comm.rank == 0:
-            aloud(text)
+            print_line(text)
 
     plan = plan_of(scene, options.column, options.axis, options.trust_code)
     folder = Path(options.output or Path("results") / f"{Path(options.scene).stem}-pareto")

@@ -175,7 +175,7 @@ def _kinds(comm: Any, scene: Scene, systems: list[ParticleSystem], used: set[int
             modulus, density = system.wave_modulus(local)
             stated = scene.bodies[body]
             # one row of nodes lies in the middle of its layer
-            nodal = stated.placed_on == "nodes" and 1 not in (stated.particles or ())
+            nodal = stated.placed_on == "vertices" and 1 not in (stated.particles or ())
             spacing, speed = float(f"{widest[local]:.13g}"), float(np.sqrt(modulus / density))
             here = [plane for plane in system.symmetry_planes if plane.body in (None, local)]
             planes = tuple((plane.axis, plane.coordinate) for plane in here)

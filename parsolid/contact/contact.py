@@ -23,7 +23,7 @@ from parsolid.contact.search import Search, Segment
 from parsolid.contact.self_contact import SelfContact
 from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after
 from parsolid.kernels import kernel
-from parsolid.methods.failure_fields import DELETED_STORED
+from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field, Rows
@@ -207,7 +207,7 @@ class KernelContact(Interaction):
     def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """New lists where a rank has asked for them."""
         self.steps.last = step or self.steps.last
-        if self.news_anywhere:
+        if self.rebuild_anywhere:
             energy = self.energy
             self.rebuild(time)
             self._find_penetrations(known=False)
@@ -232,7 +232,7 @@ class KernelContact(Interaction):
         if step > 0.0:
             self.steps.starting = max(self.steps.starting - 1, 0)
         self._steps_to_look -= 1
-        if self._steps_to_look <= 0 and not self.news:
+        if self._steps_to_look <= 0 and not self.rebuild_needed:
             self._look(time, step)
 
     def _look(self, time: float, step: float) -> None:
@@ -240,7 +240,7 @@ class KernelContact(Interaction):
         most = _MOST_STEPS[self.boxes.any_near]
         left = self.boxes.time_left(time, (2 * most + _AHEAD) * step)
         steps = most if step == 0.0 else int((left / step - _AHEAD) / 2.0)
-        self.news, self._steps_to_look = steps < _LEAST_STEPS, steps
+        self.rebuild_needed, self._steps_to_look = steps < _LEAST_STEPS, steps
 
     @property
     def placements(self) -> tuple[int | None, ...]:
@@ -272,7 +272,7 @@ class KernelContact(Interaction):
         prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last
         self.search.build(self.self_contact, self._constants, prune)
         self.rebuilds += 1
-        self.news, self._steps_to_look = fast, 1
+        self.rebuild_needed, self._steps_to_look = fast, 1
         if not self.search.segments:
             self.steps.allowed = np.inf
         self._give_columns()
@@ -390,7 +390,7 @@ class KernelContact(Interaction):
             search.leave_out_deleted()
         deepest = self._find_penetrations(known=not held)
         if self.deletes and not held and ledger is not None and (volume != search.points.rows[:, 3]).any():
-            ledger.add_term(DELETED_STORED, taken_by_deletion(search.points, search.pairs, volume, active))
+            ledger.add_term(DELETED_INTERNAL, taken_by_deletion(search.points, search.pairs, volume, active))
         if not held:
             self.steps.update(self._seen(), before)
         if rubbing is not None:

@@ -17,7 +17,7 @@ from parsolid.boundary.forces import tributary_mass
 from parsolid.collective import maximum, raise_together
 from parsolid.contact import tie_springs
 from parsolid.contact.search import sort_rows
-from parsolid.methods.failure_fields import DELETED_STORED
+from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field
@@ -297,7 +297,7 @@ class Ties(Interaction):
         box[0] *= -1.0
         spacing = np.prod(read("spacing")[rows], axis=1) ** (1.0 / d)
         coarsest = maximum(self.comm, float(spacing.max(initial=0.0)))
-        nodal, name = scene.bodies[body].placed_on == "nodes", scene.bodies[body].name or f"bodies.{body}"
+        nodal, name = scene.bodies[body].placed_on == "vertices", scene.bodies[body].name or f"bodies.{body}"
         return TiedBody(body, name, system, local, coarsest, system.wave_modulus(local)[0], nodal, box)
 
     def begin(self, time: float) -> None:
@@ -341,7 +341,7 @@ class Ties(Interaction):
         ledger.add_term("tie_energy", self._energy - energy)
         lost = sum(face.lost for face in self.faces)
         if lost:
-            ledger.add_term(DELETED_STORED, lost)
+            ledger.add_term(DELETED_INTERNAL, lost)
         if changes or any(face.ended for face in self.faces):
             self._find_step()
         self._give()

@@ -107,7 +107,7 @@ class MicroLayer(Solution):
     @classmethod
     def of_scene(cls, scene: Any) -> "MicroLayer":
         """For a scene's first material, the reference's height [m] and rate [1/s], and clamped walls if it has them."""
-        given, clamped = scene.reference.parameters, any(one.kind == "micro_clamped" for one in scene.boundaries)
+        given, clamped = scene.reference.parameters, any(one.kind == "micro-hard" for one in scene.boundaries)
         law = scene.bodies[0].material.micro_inertia_law()
         return cls(law, given["height"], given["rate"], clamped, max(scene.reference_times, default=scene.end_time))
 

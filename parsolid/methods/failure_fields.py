@@ -4,6 +4,10 @@ from functools import partial
 
 from parsolid.particles.declaration import Columns, Field
 
-FAILURE_DISSIPATION, DELETED_KINETIC, DELETED_STORED = "failure_dissipation", "deleted_kinetic", "deleted_stored"
+FAILURE_DISSIPATION, DELETED_KINETIC, DELETED_INTERNAL = (
+    "failure_dissipation",
+    "deleted_kinetic",
+    "deleted_internal_energy",
+)
 kept_column = partial(Field, checkpointed=True, layout=Columns())
 DAMAGE = kept_column("damage", 1, "1", shown=True)

@@ -17,23 +17,23 @@ class Interaction:
 
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off in any case.
     terms: the energy terms it adds to the ledger, with their signs, see `simulation.ledger.Ledger`.
-    news: whether this rank has found, by the end of a step, what all ranks must act on at the step after the next one,
-    such as lists used up; it travels with the minimum of the next step. news_anywhere: whether any rank had.
+    rebuild_needed: whether this rank has found, by the end of a step, what all ranks must act on at the step after the next one,
+    such as lists used up; it travels with the minimum of the next step. rebuild_anywhere: whether any rank had.
     """
 
     terms: Mapping[str, int] = {}
     energy_scale: float = 0.0
-    news: bool = False
-    news_anywhere: bool = False
+    rebuild_needed: bool = False
+    rebuild_anywhere: bool = False
 
     def begin(self, time: float) -> None:
         """Forces of the state at hand, at time 0 or at that of a restart [s], added as in a step; collective."""
 
     def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Before systems advance by a step [s] from a time [s], of length 0 too; collective where `news_anywhere`."""
+        """Before systems advance by a step [s] from a time [s], of length 0 too; collective where `rebuild_anywhere`."""
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces in the positions at the end of a step [s] at a time [s]; sets `news`.
+        """Forces in the positions at the end of a step [s] at a time [s]; sets `rebuild_needed`.
 
         Energy that it stores, dissipates or supplies goes to the ledger.
         """

@@ -23,21 +23,21 @@ _IN_SPACE = {1: (1, 3), 2: (3,), 4: (9,)}
 _DERIVED = ("jacobian", "cofactor")
 
 
-def evolved_names(system: Any) -> list[str]:
+def state_variable_names(system: Any) -> list[str]:
     """Declared fields of a system's state besides its places: those of the settings that the scene has."""
     settings = system.settings
-    own = (*settings.evolved, *settings.evolved_of_particles, *settings.evolved_forces)
-    return _named(system, (*own, *settings.evolved_between))
+    own = (*settings.state_variables, *settings.state_of_particles, *settings.state_forces)
+    return _named(system, (*own, *settings.contact_variables))
 
 
 def _named(system: Any, patterns: tuple[str, ...]) -> list[str]:
     return [name for name in system.particles.fields if any(fnmatchcase(name, one) for one in patterns)]
 
 
-def evolved_rows(system: Any, name: str) -> np.ndarray | None:
+def state_rows(system: Any, name: str) -> np.ndarray | None:
     """One of them by its name in a file, (owned, components); None where the system has none of that name."""
     own = name.removeprefix(STATE)
-    return None if own not in evolved_names(system) else two_axes(system.particles.owned_rows(own))
+    return None if own not in state_variable_names(system) else two_axes(system.particles.owned_rows(own))
 
 
 def two_axes(rows: np.ndarray) -> np.ndarray:
@@ -72,14 +72,14 @@ def _steps_with(velocity: PreviousField, name: str, components: int) -> list[Ste
 
 def _left_over(system: Any, velocity: PreviousField) -> list[str]:
     """Fields of this method's state that results have and the scene has no place for."""
-    own, settings = evolved_names(system), system.settings
-    needed = _named(system, (*settings.evolved, *settings.evolved_of_particles))
+    own, settings = state_variable_names(system), system.settings
+    needed = _named(system, (*settings.state_variables, *settings.state_of_particles))
     blocks = [step.names for step in velocity.steps if all(STATE + name in step.names for name in needed)]
     found = [
         [
             name.removeprefix(STATE)
             for name in names
-            if any(fnmatchcase(name, STATE + one) for one in (*settings.evolved, *settings.evolved_of_particles))
+            if any(fnmatchcase(name, STATE + one) for one in (*settings.state_variables, *settings.state_of_particles))
             and name.removeprefix(STATE) not in (*own, *_DERIVED)
         ]
         for names in blocks
@@ -90,7 +90,7 @@ def _left_over(system: Any, velocity: PreviousField) -> list[str]:
 def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.ndarray, key: str) -> Iterator[str]:
     """Put every field of a state into rows (n,) with reference places (n, d) [m]; what was wrong with it."""
     settings = system.settings
-    for name in _named(system, (*settings.evolved, *settings.evolved_of_particles)):
+    for name in _named(system, (*settings.state_variables, *settings.state_of_particles)):
         rows = two_axes(system.particles.owned_rows(name))
         steps = _steps_with(velocity, name, rows.shape[1])
         if not steps:
@@ -98,7 +98,7 @@ def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.nd
             yield f"{key}: expected results with the state of this method, {told}{settings.without_state(name)}"
             return
         source = PreviousField(steps, STATE + name, velocity.dimension, rows.shape[1])
-        if any(fnmatchcase(name, one) for one in settings.evolved_of_particles):
+        if any(fnmatchcase(name, one) for one in settings.state_of_particles):
             values, same = source.of_particles(places)
             strange = ~same & (values != 0).any(axis=1)
             if strange.any():
@@ -126,7 +126,7 @@ def _taken_between(
 
     Others begin as at a start: what they held is no field.
     """
-    for name in _named(system, system.settings.evolved_between):
+    for name in _named(system, system.settings.contact_variables):
         rows = two_axes(system.particles.owned_rows(name))
         had = [step for step in velocity.steps if STATE + name in step.names]
         if not had:
@@ -163,7 +163,7 @@ def take_forces(comm: Any, scene: Any, system: Any) -> bool:
     regions = rows("regions") if "regions" in system.particles else None
     body, places = rows("body"), rows("reference_position")
     found: dict[str, np.ndarray] = {}
-    for name in _named(system, system.settings.evolved_forces):
+    for name in _named(system, system.settings.state_forces):
         filled = np.zeros(len(places), bool)
         found[name] = np.zeros_like(two_axes(rows(name)))
         for state in states:

@@ -50,7 +50,7 @@ class ParticleSystem:
     Set by the method: comm, settings (the scene's), dimension, owned, particles, mass (owned,) [kg] and
     share (owned,), the part of a particle's mass on this side of mirror planes (tributary mass = mass share).
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
-    landings: times [s] at which a step must end; even_steps: whether steps between two of them have one length
+    stop_times: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
     takes_heat: whether any of its laws has a temperature, see `take_heat`; undamped: whether nothing takes from waves
     of a few spacings, so that faces in contact rattle on.
@@ -59,8 +59,8 @@ class ParticleSystem:
     a ghost from this rank's particles [m], where neighbours stand along lines and fill no ball.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
-    news: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
-    news_anywhere: whether any rank had, told before the next step.
+    rebuild_needed: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
+    rebuild_anywhere: whether any rank had, told before the next step.
     reactions: of conditions that report their force.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
     ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.error_indicator`.
@@ -75,7 +75,7 @@ class ParticleSystem:
     owned: int
     particles: Particles
     jumps: tuple[float, ...] = ()
-    landings: tuple[float, ...] = ()
+    stop_times: tuple[float, ...] = ()
     even_steps: bool = False
     energy_scale: float = 0.0
     takes_heat: bool = False
@@ -85,8 +85,8 @@ class ParticleSystem:
     evaluations: int = 1
     directed_pairs: int = 0
     farthest: float = 0.0
-    news: bool = False
-    news_anywhere: bool = False
+    rebuild_needed: bool = False
+    rebuild_anywhere: bool = False
     placements: int | None = 0
     indicated: np.ndarray | None = None
 
@@ -224,7 +224,7 @@ class ParticleSystem:
         """ "sum", "minimum" or "maximum", and this rank's part, of one of the settings' extra quantities."""
         raise KeyError(name)
 
-    def unsound(self) -> tuple[int, str] | None:
+    def first_invalid(self) -> tuple[int, str] | None:
         """The rank's first particle that is not sound, and what is wrong with it."""
         jacobian, velocity = self.particles.owned_rows("jacobian"), self.particles.owned_rows("velocity")
         bad = ~(jacobian > 0.0) | ~np.isfinite(velocity).all(axis=1)
@@ -236,7 +236,7 @@ class ParticleSystem:
             what = "a number is no longer finite"
         return index, what
 
-    def doubt(self) -> str | None:
+    def validity_warning(self) -> str | None:
         """Why the state is beyond what the method describes; collective, the same on all ranks."""
         return None
 

@@ -16,7 +16,9 @@ def small_scene(scene: Scene, method: MethodSettings) -> Tables:
     for index, body in enumerate(full["bodies"]):
         lower = [10.0 * index] + [0.0] * (d - 1)
         box = {"lower": lower, "upper": [lower[0] + 1.0] + [1.0] * (d - 1)}
-        bodies.append({"shape": {"box": box}, "particles": [3] * d, "placement": "nodes", "material": body["material"]})
+        bodies.append(
+            {"shape": {"box": box}, "particles": [3] * d, "placement": "vertices", "material": body["material"]}
+        )
     kinds = {boundary["kind"] for boundary in full["boundaries"]}
     axis = "XY"[d > 1]
     boundaries = [

@@ -39,11 +39,11 @@ UNITS = {
 # columns of the ledger, whose names leave out what they are of
 _LEDGER = {
     "kinetic": "kinetic energy",
-    "stored": "stored energy",
-    "dissipation_internal": "internal dissipation",
-    "dissipation_numerical": "numerical dissipation",
-    "dissipation_fracture": "fracture energy",
-    "work_external": "external work",
+    "strain_energy": "stored energy",
+    "material_dissipation": "internal dissipation",
+    "numerical_dissipation": "numerical dissipation",
+    "fracture_dissipation": "fracture energy",
+    "external_work": "external work",
     "micro_kinetic": "micro-kinetic energy",
 }
 _PERSONS = {"mises": "Mises", "piola kirchhoff": "Piola-Kirchhoff"}

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from parsolid.output.crash_report import NAME as TRACEBACK
 from parsolid.output.errors import OutputError, together
 from parsolid.output.lock import FolderLock
-from parsolid.output.whereabouts import NAME as TRACEBACK
 
 # what a run writes; a new run moves it aside
 RESULTS = (

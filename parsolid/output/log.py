@@ -54,7 +54,7 @@ class Log:
             self.stream = None
 
 
-def aloud(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line to standard output; a run goes on when nobody reads it any more."""
     with suppress(OSError, ValueError):
         print(text, flush=True)

@@ -20,9 +20,9 @@ _LEAST_SECONDS = 0.5
 _COMPILING_SECONDS = 5.0
 
 _WORDS_OF_TERMS = {
-    "dissipation_fracture": "fracture",
+    "fracture_dissipation": "fracture",
     "kinetic_offset": "kinetic offset of the steps",
-    "work_fixed_walls": "from fixed walls",
+    "fixed_wall_work": "from fixed walls",
 }
 
 # of probes that a scene has of them, with their units: told once there is something
@@ -84,7 +84,7 @@ class Progress:
         if self._level == QUIET:
             return
         text = f"{summary.get('status', 'ended')}: {summary.get('steps')} steps to t = {summary.get('end_time'):.6g} s"
-        here = summary.get("steps_of_this_call", summary.get("steps"))
+        here = summary.get("steps_this_run", summary.get("steps"))
         # a restart goes on counting, but its seconds are its own
         text += "" if here == summary.get("steps") else f", {here} of them since the restart"
         text += f" in {_short(summary['wall_seconds'])}"
@@ -92,15 +92,15 @@ class Progress:
             text += f", {_short(loop)} of it in the steps"
         if (rate := summary.get("particle_steps_per_second_per_rank")) is not None:
             text += f", {rate:.3g} particle-steps/s a rank"
-        if (balance := summary.get("energy_balance")) is not None:
+        if (balance := summary.get("energy_error_share")) is not None:
             text += f", energy balance {balance:.1e}"
         self._say(text)
         if summary.get("status") == "interrupted":
             self._say("to go on from here: the same command with --restart, on any number of ranks")
         if "phases" in summary:
             self._say(_shares(summary))
-        if "trust" in summary:
-            self._say(f"{summary['trust']}: {summary['trust_reason']}")
+        if "energy_check" in summary:
+            self._say(f"{summary['energy_check']}: {summary['energy_check_reason']}")
         for name, value in (summary.get("errors") or {}).items():
             self._say(f"error {name}: {value:.3g}" if isinstance(value, float) else f"error {name}: {value}")
 
@@ -126,17 +126,17 @@ class Progress:
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
         """What a history row tells, in words: the terms that its method has, too, once there is something in them."""
-        energies = {"kinetic": row["kinetic"], "stored": row["stored"]}
+        energies = {"kinetic": row["kinetic"], "strain_energy": row["strain_energy"]}
         columns = list(row)
         # between the work and the balance stand the terms of the methods
-        bounded = "work_external" in row and "balance" in row
-        own = columns[columns.index("work_external") + 1 : columns.index("balance")] if bounded else []
-        terms = {"dissipated": row["dissipation_internal"], "lost in the scheme": row["dissipation_numerical"]}
+        bounded = "external_work" in row and "energy_error" in row
+        own = columns[columns.index("external_work") + 1 : columns.index("energy_error")] if bounded else []
+        terms = {"dissipated": row["material_dissipation"], "lost in the scheme": row["numerical_dissipation"]}
         terms |= {_WORDS_OF_TERMS.get(name, name.replace("_", " ")): row[name] for name in own}
         least = 1e-12 * max(map(abs, [*energies.values(), *terms.values()]))
         energies |= {name: value for name, value in terms.items() if abs(value) > least}
         if self._level == VERBOSE:
-            energies["balance"] = row["balance"]
+            energies["energy_error"] = row["energy_error"]
         return energies
 
     def _start_bar(self, columns: int) -> None:

@@ -19,7 +19,7 @@ from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
 from parsolid.scene.methods import context_of
 from parsolid.scene.sound_part import LeftOut, sound_part
-from parsolid.scene.validation_errors import suggestion, told
+from parsolid.scene.validation_errors import describe, suggestion
 
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
 _TENSOR = [f"{row}{column}" for row in "xyz" for column in "xyz"]
@@ -65,7 +65,7 @@ class Results:
             raise SceneError([f"{scene}: expected TOML, found a fault: {error}"]) from None
         self.dimension = self.scene.get("dimension")
         if self.dimension not in (1, 2, 3):
-            raise SceneError([f"{scene}: expected dimension = 1, 2 or 3, found {told(self.dimension)}"])
+            raise SceneError([f"{scene}: expected dimension = 1, 2 or 3, found {describe(self.dimension)}"])
         self.title = str(self.scene.get("title") or self.directory.name)
         self.fields = FieldsOverTime(self)
 
@@ -210,7 +210,7 @@ class Results:
         if name not in self.field_names:
             known = ", ".join(self.field_names)
             raise SceneError(
-                [f"--field: expected one of {known}; found {told(name)}{suggestion(name, self.field_names)}"]
+                [f"--field: expected one of {known}; found {describe(name)}{suggestion(name, self.field_names)}"]
             )
 
     def check_history(self) -> None:
@@ -275,7 +275,9 @@ class Results:
         Raises SceneError for a name that is no column.
         """
         history = self.columns
-        names = columns or tuple(name for name in ("kinetic", "stored", "work_external", "balance") if name in history)
+        names = columns or tuple(
+            name for name in ("kinetic", "strain_energy", "external_work", "energy_error") if name in history
+        )
         drawn = [(name, history[name]) for name in names]
         if axes is None:
             from matplotlib import pyplot
@@ -318,7 +320,7 @@ def _rows_of_block(path: Path, layout: Layout, name: str, step: int) -> np.ndarr
 class _Columns(dict[str, np.ndarray]):
     def __missing__(self, name: str) -> np.ndarray:
         known = f"expected a column of the history, one of {', '.join(self)}"
-        raise SceneError([f"columns: {known}; found {told(name)}{suggestion(name, self)}"])
+        raise SceneError([f"columns: {known}; found {describe(name)}{suggestion(name, self)}"])
 
 
 class FieldsOverTime(Mapping[float, "FieldsAtTime"]):
@@ -369,7 +371,9 @@ class FieldsAtTime(Mapping[str, np.ndarray]):
     def __getitem__(self, name: str) -> np.ndarray:
         """Values of a field. Raises SceneError when the file holds no such field."""
         if name not in self:
-            raise SceneError([f"fields: expected one of {', '.join(self)}; found {told(name)}{suggestion(name, self)}"])
+            raise SceneError(
+                [f"fields: expected one of {', '.join(self)}; found {describe(name)}{suggestion(name, self)}"]
+            )
         values = self._results.rows(name, self._step)
         return values.reshape(-1, 3, 3) if values.shape[1:] == (9,) else values
 

@@ -5,10 +5,10 @@ from typing import Any
 
 from parsolid.collective import anywhere
 from parsolid.output.checkpoint import DEFAULT_NAME
+from parsolid.output.crash_report import CONTEXT
 from parsolid.output.directory import occupy, prepare
 from parsolid.output.fields import DEFAULT_NAME as FIELDS
 from parsolid.output.lock import FolderLock
-from parsolid.output.whereabouts import HERE
 
 
 class RunFolder:
@@ -39,7 +39,7 @@ class RunFolder:
         except BaseException:
             self.close()
             raise
-        HERE.folder = self.directory
+        CONTEXT.folder = self.directory
         self.history, self.fields = self.directory / "history.csv", self.directory / FIELDS
         self.checkpoint, self.summary = self.directory / DEFAULT_NAME, self.directory / "summary.json"
         self.scene = self.directory / "scene.toml"

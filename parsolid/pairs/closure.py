@@ -52,7 +52,7 @@ def _surface_fault(comm: Any, particle_set: Any, closed: np.ndarray) -> str | No
     if missing <= 0.2 * between:
         return None
     return (
-        'method.weights: expected particles on the surface of the bodies (placement = "nodes") for "closure", '
+        'method.weights: expected particles on the surface of the bodies (placement = "vertices") for "closure", '
         "found cells"
     )
 

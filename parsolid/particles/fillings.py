@@ -25,7 +25,7 @@ _FILLINGS: dict[str, Any] = {
 def filling_of(body: FilledShape, dimension: int, comm: MPI.Comm = MPI.COMM_SELF) -> Filling:
     """The particles of a body, not yet made; collective. Raises SceneError for a mesh that cannot be used."""
     if body.shape.kind != "mesh":
-        nodes_of_cells = body.shape.kind == "perforated_box" and body.placed_on == "nodes"
+        nodes_of_cells = body.shape.kind == "perforated_box" and body.placed_on == "vertices"
         made: Filling = (PerforatedNodes if nodes_of_cells else _FILLINGS[body.shape.kind])(body, dimension)
         return made
     filling = MeshFilling(comm, body, dimension)

@@ -49,7 +49,7 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
         if low < high:
             piece = filling.piece(low, high)
             if known and piece.regions is None:
-                mark_lattice(piece, known, scene.bodies[i].placed_on == "nodes")
+                mark_lattice(piece, known, scene.bodies[i].placed_on == "vertices")
             piece.identifier += start
             piece.body[:] = i
             pieces.append(piece)
@@ -58,7 +58,7 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     particle_set.meshes = {
         (filling.body.shape.model.file, filling.body.shape.model.scale): filling.mesh
         for filling in fillings
-        if isinstance(filling, MeshFilling) and filling.body.placed_on == "nodes"
+        if isinstance(filling, MeshFilling) and filling.body.placed_on == "vertices"
     }
     agree(comm, overlap_faults(scene, fillings, particle_set, comm))
     del fillings

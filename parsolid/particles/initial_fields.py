@@ -143,7 +143,7 @@ def initial_zero_energy_temperature(
     It is the initial one, at which a body is free of stress, but the law's reference in bodies that were heated at
     constant volume: heat that they took up on the way is a pressure then.
     """
-    held = np.array([one.heated == "at-constant-volume" for one in scene.bodies])[body]
+    held = np.array([one.thermal_reference == "at-constant-volume" for one in scene.bodies])[body]
     return np.where(held, reference, temperature)
 
 

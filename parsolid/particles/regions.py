@@ -103,7 +103,7 @@ def _on_plane(plane: Plane, scene: Scene, particle_set: ParticleSet) -> np.ndarr
         extent = (np.abs(particle_set.axes[:, :, axis]) * particle_set.spacing).sum(axis=1)
     for i, body in enumerate(scene.bodies):
         uneven = body.shape.kind == "mesh"
-        reach = 1e-6 if body.placed_on == "nodes" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
+        reach = 1e-6 if body.placed_on == "vertices" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
         here = (particle_set.body == i) & (distance <= reach * extent)
         if body.placed_on == "cells" and (body.jitter or uneven):
             # their faces tell which of the cells bound the body here

@@ -36,13 +36,13 @@ class Record:
         self.dissipation.append(dissipation + (self.dissipation[-1] if self.dissipation else 0.0))
 
 
-def drive(law: PointLaw, path: Path, end_time: float, longest_step: float) -> Record:
+def integrate(law: PointLaw, path: Path, end_time: float, longest_step: float) -> Record:
     """Follow a path from the virgin state to the end time in steps no longer than the given one [s].
 
     A step ends wherever the path has a break; a jump takes no time, and has two states at its time. Raises PathLost.
     """
     record = Record()
-    record.add(0.0, law.virgin())
+    record.add(0.0, law.initial_state())
     kinks = {time for time in path.kinks if 0.0 < time <= end_time}
     edges = sorted({0.0, end_time} | kinks)
     _jump(record, law, path, 0.0)
@@ -72,11 +72,13 @@ def tabulate(law: PointLaw, record: Record, directions: np.ndarray) -> dict[str,
         "jacobian": J,
         "pressure": pressure,
         "von_mises_stress": np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)),
-        "stored": law.energies(record.states),
+        "strain_energy": law.energies(record.states),
         "work": np.array(record.work),
         "dissipation": np.array(record.dissipation),
     }
-    columns["balance"] = columns["work"] - columns["dissipation"] - (columns["stored"] - columns["stored"][0])
+    columns["energy_error"] = (
+        columns["work"] - columns["dissipation"] - (columns["strain_energy"] - columns["strain_energy"][0])
+    )
     return columns | law.columns(record.states, directions)
 
 
@@ -88,7 +90,7 @@ def _step(record: Record, law: PointLaw, path: Path, start: float, end: float) -
     targets = path.gradients(times, np.array([1, 0, 0, 0, -1]))
     states = [before]
     for k in range(1, len(NODES)):
-        states.append(_settled(law, before, states[-1], path, targets[k], times[k], step * NODES[k]))
+        states.append(_solve_free(law, before, states[-1], path, targets[k], times[k], step * NODES[k]))
     F = law.deformations(states) - law.deformations(states[:1])
     P = np.array([law.stress(state) for state in states])
     work = np.einsum("ab,aij,bij->", _WORK, P, F)
@@ -103,13 +105,13 @@ def _jump(record: Record, law: PointLaw, path: Path, time: float) -> None:
     prescribed = ~np.diag(path.free)
     if np.abs((target - present)[prescribed]).max() <= 1e-11 * np.abs(present).max():
         return
-    after = _settled(law, before, before, path, target, time, 0.0)
+    after = _solve_free(law, before, before, path, target, time, 0.0)
     lost = law.dissipated(before, after, 0.0)
     stored = law.energies([before, after])
     record.add(time, after, stored[1] - stored[0] + lost, lost)
 
 
-def _settled(law: PointLaw, before: Any, near: Any, path: Path, target: np.ndarray, time: float, step: float) -> Any:
+def _solve_free(law: PointLaw, before: Any, near: Any, path: Path, target: np.ndarray, time: float, step: float) -> Any:
     """The state at a target F; its free components are such that their stress vanishes, found from those nearby.
 
     Newton's method with a numerical tangent, damped so that no component loses more than half of itself.
@@ -151,7 +153,7 @@ def _advanced(law: PointLaw, before: Any, F: np.ndarray, time: float, step: floa
     J = np.linalg.det(F) if np.isfinite(F).all() else np.nan
     if not J > 0.0:
         raise PathLost(f"the deformation gradient has J = {J:g} at t = {time:g} s (J > 0 expected)")
-    return law.advanced(before, F, step)
+    return law.updated(before, F, step)
 
 
 def _work_matrix() -> np.ndarray:

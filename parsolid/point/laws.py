@@ -23,11 +23,11 @@ class PointLaw:
     """A law whose state is advanced along a deformation gradient. A state is what the law wants, with F (3, 3) as its
     attribute `F`, but never changed."""
 
-    def virgin(self) -> Any:
+    def initial_state(self) -> Any:
         """The state before time 0, at F = I."""
         raise NotImplementedError
 
-    def advanced(self, state: Any, F: np.ndarray, step: float) -> Any:
+    def updated(self, state: Any, F: np.ndarray, step: float) -> Any:
         """The state after a step [s] that ends at F (3, 3); a step of length 0 is a jump."""
         raise NotImplementedError
 
@@ -85,11 +85,11 @@ class MaxwellPoint(PointLaw):
         self.law = law
         self.moduli, self.times = np.array(law.branch_moduli or (), float), np.array(law.relaxation_times or (), float)
 
-    def virgin(self) -> MaxwellState:
+    def initial_state(self) -> MaxwellState:
         identity = symmetric_rows(np.eye(3))
         return MaxwellState(np.eye(3), identity, np.repeat(identity, len(self.moduli), axis=0))
 
-    def advanced(self, state: MaxwellState, F: np.ndarray, step: float) -> MaxwellState:
+    def updated(self, state: MaxwellState, F: np.ndarray, step: float) -> MaxwellState:
         inverse = symmetric_rows(np.linalg.inv(F.T @ F))
         return MaxwellState(F, inverse, relaxed_branches(state.A, state.inverse, inverse, step, self.times))
 

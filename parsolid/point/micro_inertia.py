@@ -37,12 +37,12 @@ class MicroInertiaPoint(PointLaw):
         self.law, self.isothermal, self.tile = laws.in_numbers(law), isothermal, solve.new_tile()
         self.start = law.reference_temperature if temperature is None else temperature
 
-    def virgin(self) -> MicroInertiaState:
+    def initial_state(self) -> MicroInertiaState:
         return MicroInertiaState(
             np.eye(3), (0.0,) * 6, 0.0, 0.0, self.law.initial_micro_stress, 0.0, self.start, 0.0, 0.0
         )
 
-    def advanced(self, state: MicroInertiaState, F: np.ndarray, step: float) -> MicroInertiaState:
+    def updated(self, state: MicroInertiaState, F: np.ndarray, step: float) -> MicroInertiaState:
         if step == 0.0:
             raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
         law = self.law

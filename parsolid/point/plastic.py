@@ -57,13 +57,13 @@ class PlasticPoint(PointLaw):
         self.tile = update.new_tile(count_of(law.failure))
         update.fill_idle(self.law, self.tile, 0)
 
-    def virgin(self) -> PlasticState:
+    def initial_state(self) -> PlasticState:
         energy = self.law.internal_energy(self.start, self.cold)
         stress = -plastic_evaluation.pressure(self.law, 1.0, energy) * np.eye(3)
         whole = np.zeros(0 if self.law.failure is None else 1 + count_of(self.law.failure))
         return PlasticState(np.eye(3), np.zeros(6), 0.0, 0.0, energy, self.start, stress, 0.0, 0.0, whole)
 
-    def advanced(self, state: PlasticState, F: np.ndarray, step: float) -> PlasticState:
+    def updated(self, state: PlasticState, F: np.ndarray, step: float) -> PlasticState:
         if step == 0.0:
             raise PathLost("the path jumps, and plastic flow takes time; give it a short ramp")
         law, rows = self.law, self.tile.reshape(-1, TILE)

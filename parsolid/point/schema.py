@@ -58,7 +58,7 @@ class MaterialPoint(SceneModel):
     material: Material = Field(description="a table with the key kind")
     path: AnyPath = Field(description="a table with the key kind")
     temperature: Positive | None = Field(None, description="of a solid with plastic flow at time 0 [K]")
-    heated: Literal["stress-free", "at-constant-volume"] | None = Field(
+    thermal_reference: Literal["stress-free", "at-constant-volume"] | None = Field(
         None, description="as a body of a scene came to its temperature: stress-free unless given"
     )
     heat: Literal["adiabatic", "isothermal"] | None = Field(None, description="adiabatic unless given")
@@ -86,9 +86,13 @@ class MaterialPoint(SceneModel):
                 ((key,), f"no such key but with the material {' or '.join(map(repr, _HEATED))}", getattr(self, key))
                 for key in stated
             ]
-        if self.heated is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
+        if self.thermal_reference is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
             details.append(
-                (("heated",), "no such key but for an elastic-plastic solid with a temperature", self.heated)
+                (
+                    ("thermal_reference",),
+                    "no such key but for an elastic-plastic solid with a temperature",
+                    self.thermal_reference,
+                )
             )
         late = [(i, time) for i, time in enumerate(self.path.breaks) if time > self.end_time]
         details += [(("path", "breaks", i), f"a time up to end_time = {self.end_time:g}", time) for i, time in late]
@@ -105,7 +109,11 @@ class MaterialPoint(SceneModel):
         """What the law needs to know besides its parameters."""
         if not _warms(self.material):
             return {}
-        held = {} if self.heated is None else {"constant_volume": self.heated == "at-constant-volume"}
+        held = (
+            {}
+            if self.thermal_reference is None
+            else {"constant_volume": self.thermal_reference == "at-constant-volume"}
+        )
         return {"temperature": self.temperature, "isothermal": self.heat == "isothermal", **held}
 
     def resolved(self) -> dict[str, Any]:

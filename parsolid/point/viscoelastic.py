@@ -29,10 +29,10 @@ class PronyPoint(PointLaw):
         self.law, self.solid = law, prony.linear_solid(law)
         self.ratios, self.times = np.array(law.ratios or ()), np.array(law.relaxation_times or ())
 
-    def virgin(self) -> PronyState:
+    def initial_state(self) -> PronyState:
         return PronyState(np.eye(3), np.zeros(6), np.zeros((len(self.times), 6)))
 
-    def advanced(self, state: PronyState, F: np.ndarray, step: float) -> PronyState:
+    def updated(self, state: PronyState, F: np.ndarray, step: float) -> PronyState:
         strain = np.array(prony.strain_of(self.solid, tuple((F - np.eye(3)).ravel())))
         weights = np.array([branch_weights(step, time) for time in self.times]).reshape(-1, 2)
         branches = weights[:, :1] * state.branches + weights[:, 1:] * (strain - state.strain)

@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.validation_errors import NOTHING, suggestion, told
+from parsolid.scene.validation_errors import NOTHING, describe, suggestion
 
 AXES = ("X", "Y", "Z")
 
@@ -44,7 +44,7 @@ def mismatch(
 ) -> PydanticCustomError:
     """The error of a value that is not what its key wants; code: as of `Fault`; near: a suggestion; bounds: of a number
     that is beyond one."""
-    parts = {"expected": expected, "found": told(found), "code": code, "suggestion": near}
+    parts = {"expected": expected, "found": describe(found), "code": code, "suggestion": near}
     return PydanticCustomError("mismatch", _MESSAGE, (bounds or {}) | parts)
 
 

@@ -14,7 +14,7 @@ from parsolid.scene.materials import Material
 from parsolid.scene.shapes import Shape
 from parsolid.scene.validation_errors import NOTHING
 
-Placement = Literal["nodes", "cells"]
+Placement = Literal["vertices", "cells"]
 
 # relative spacings along an axis
 Grading = Annotated[list[Annotated[float, Field(ge=1e-3, le=1e3)]], Field(min_length=1, max_length=3)]
@@ -99,7 +99,7 @@ class FilledShape(SceneModel):
             details.append(((key,), "no such key with a mesh (it has its own particles)", getattr(self, key)))
         if self.shape.kind != "mesh" and not counted:
             details.append(((), "exactly one of particles, spacing", Phrase("none")))
-        if self.shape.kind in _CUT and self.shape.kind not in _WITH_CORNERS and self.placement == "nodes":
+        if self.shape.kind in _CUT and self.shape.kind not in _WITH_CORNERS and self.placement == "vertices":
             details.append(
                 (("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes")
             )
@@ -109,7 +109,7 @@ class FilledShape(SceneModel):
     @property
     def placed_on(self) -> Placement:
         """The placement, with the default of the shape where the scene gives none."""
-        return self.placement or ("cells" if self.shape.kind in _CUT else "nodes")
+        return self.placement or ("cells" if self.shape.kind in _CUT else "vertices")
 
     def numbers(self) -> list[int]:
         """How many places its lattice has along each of the shape's directions."""
@@ -125,7 +125,7 @@ class FilledShape(SceneModel):
         """Along which directions there are particles at both ends."""
         shape = self.shape.model
         closed = [getattr(shape, "closed", False)] + [False] * (len(shape.lengths()) - 1)
-        return [self.placed_on == "nodes" and not one for one in closed]
+        return [self.placed_on == "vertices" and not one for one in closed]
 
     def extent(self) -> Extent:
         """How far it reaches, unless it is a mesh."""
@@ -151,10 +151,10 @@ class FilledShape(SceneModel):
         numbers, holed = self.numbers(), self.shape.kind == "perforated_box"
         if prod(numbers) > MOST_PARTICLES:
             return [(f"at most {MOST_PARTICLES:g} particles", Phrase(f"{prod(numbers):g}"))]
-        if holed and self.placed_on == "nodes" and min(numbers) < 2:
+        if holed and self.placed_on == "vertices" and min(numbers) < 2:
             return [("two nodes or more along each direction of a perforated box", numbers)]
         few = prod(numbers)
-        if holed and self.placed_on == "nodes":
+        if holed and self.placed_on == "vertices":
             # every cell that is kept has its corners
             few = 2 * self.shape.model.cells_outside_hole([number - 1 for number in numbers])
         elif holed:
@@ -180,7 +180,7 @@ class Body(FilledShape):
     micro_rate: InitialScalar | None = Field(
         None, description="the initial micro-velocity v^p [1/s] of micro-inertia, 0 unless given"
     )
-    heated: Literal["stress-free", "at-constant-volume"] | None = Field(
+    thermal_reference: Literal["stress-free", "at-constant-volume"] | None = Field(
         None,
         description="'stress-free' at its temperature, as if not given, or heated 'at-constant-volume' to it",
     )
@@ -223,15 +223,21 @@ class Body(FilledShape):
 
     @model_validator(mode="after")
     def _graded_nodes_of_boxes(self) -> "Body":
-        even = self.shape.kind != "box" or self.placed_on != "nodes" or self.jitter > 0.0
+        even = self.shape.kind != "box" or self.placed_on != "vertices" or self.jitter > 0.0
         if self.grading is not None and even:
-            reject((("grading",), 'no such key but for a box with placement = "nodes" and no jitter', self.grading))
+            reject((("grading",), 'no such key but for a box with placement = "vertices" and no jitter', self.grading))
         return self
 
     @model_validator(mode="after")
     def _heated_from_somewhere(self) -> "Body":
-        if self.heated is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
-            reject((("heated",), "no such key but for an elastic-plastic body with a temperature", self.heated))
+        if self.thermal_reference is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
+            reject(
+                (
+                    ("thermal_reference",),
+                    "no such key but for an elastic-plastic body with a temperature",
+                    self.thermal_reference,
+                )
+            )
         if self.micro_rate is not None and not getattr(self.material, "inertia_length", None):
             found = self.micro_rate.source
             reject((("micro_rate",), "no such key but for a body of micro-inertia with an inertia_length", found))

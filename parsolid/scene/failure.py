@@ -75,7 +75,7 @@ class Failure(SceneModel):
     @property
     def ledger_terms(self) -> dict[str, int]:
         """See `simulation.ledger.Ledger`: released energy stays as heat, what is deleted leaves."""
-        deleted = {"deleted_kinetic": 1, "deleted_stored": 1} if self.after == "delete" else {}
+        deleted = {"deleted_kinetic": 1, "deleted_internal_energy": 1} if self.after == "delete" else {}
         return {"failure_dissipation": 0} | deleted
 
 

@@ -33,8 +33,8 @@ class MethodSettings(SceneModel):
     they share, so that those which do not need systems of their own; strained: whether stress is that of a
     displacement or deformation gradient, which a start may have; initial_stress_refused: why a start has no stress of
     its own, None where it may; evolved: names (* for any end) of declared fields that, with the places, are the state
-    that another run may go on from; evolved_of_particles: those that only the very same particles may take;
-    evolved_forces: what these, if they are all, take besides, and what others find anew; evolved_between: what contact
+    that another run may go on from; state_of_particles: those that only the very same particles may take;
+    state_forces: what these, if they are all, take besides, and what others find anew; contact_variables: what contact
     and tools keep with particles, which the same particles take where results have it.
     """
 
@@ -48,10 +48,10 @@ class MethodSettings(SceneModel):
     reactions: ClassVar[tuple[str, ...]] = ()
     strained: ClassVar[bool] = True
     initial_stress_refused: ClassVar[str | None] = "its stress is that of its law alone"
-    evolved: ClassVar[tuple[str, ...]] = ("velocity",)
-    evolved_of_particles: ClassVar[tuple[str, ...]] = ()
-    evolved_forces: ClassVar[tuple[str, ...]] = ()
-    evolved_between: ClassVar[tuple[str, ...]] = (
+    state_variables: ClassVar[tuple[str, ...]] = ("velocity",)
+    state_of_particles: ClassVar[tuple[str, ...]] = ()
+    state_forces: ClassVar[tuple[str, ...]] = ()
+    contact_variables: ClassVar[tuple[str, ...]] = (
         "contact_partner",
         "contact_stick",
         "stick_*",
@@ -103,7 +103,7 @@ class MethodSettings(SceneModel):
         """What the method cannot make of a scene's other tables: (location, expected, found)."""
         return []
 
-    def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+    def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Values of keys that a scene leaves out, where they are other than elsewhere for what it asks of bodies."""
         return {}
 
@@ -121,7 +121,7 @@ class MethodSettings(SceneModel):
         """What a scene can state so that it does without a field of the method's state that results lack, in words."""
         return ""
 
-    def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
+    def ignored_keys(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
         """Keys of the method that say nothing to these bodies."""
         return frozenset()
 

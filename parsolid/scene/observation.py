@@ -14,7 +14,14 @@ from parsolid.scene.named_regions import RegionName
 from parsolid.scene.probes import ShownField
 from parsolid.scene.shapes import ExistingFile
 
-HISTORY_COLUMNS = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
+HISTORY_COLUMNS = (
+    "kinetic",
+    "strain_energy",
+    "material_dissipation",
+    "numerical_dissipation",
+    "external_work",
+    "energy_error",
+)
 
 
 class Output(SceneModel):

@@ -8,7 +8,7 @@ from typing import Any
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import LEAST, MOST, Detail
-from parsolid.scene.validation_errors import Fault, SceneError, fault, key_path, told
+from parsolid.scene.validation_errors import Fault, SceneError, describe, fault, key_path
 
 # tables and lists one within the other; a scene has no more than eight
 DEEPEST = 32
@@ -82,7 +82,7 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
     path, equals, text = override.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
-        return f"--set {override}: expected key.path=value, found {told(override)}"
+        return f"--set {override}: expected key.path=value, found {describe(override)}"
     place: Any = data
     key: Any
     for depth, key in enumerate(keys):
@@ -90,10 +90,12 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
         if isinstance(place, list):
             if not key.isdigit() or int(key) >= len(place):
                 expected = f"an index from 0 to {len(place) - 1}" if place else "no index, the list is empty"
-                return f"--set {path.strip()}: expected {expected} after {key_path(keys[:depth])}, found {told(key)}"
+                return (
+                    f"--set {path.strip()}: expected {expected} after {key_path(keys[:depth])}, found {describe(key)}"
+                )
             key = int(key)
         elif not isinstance(place, dict):
-            return f"--set {path.strip()}: expected a table at {key_path(keys[:depth])}, found {told(place)}"
+            return f"--set {path.strip()}: expected a table at {key_path(keys[:depth])}, found {describe(place)}"
         if last and not text.strip():
             place.pop(key) if isinstance(place, list) else place.pop(key, None)
         elif last:

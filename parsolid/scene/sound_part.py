@@ -279,4 +279,4 @@ def _mend_material(body: dict[str, Any], item: ErrorDetails, left_out: LeftOut) 
         return
     body["material"] = unknown_material()
     left_out.models_known = left_out.systems_known = False
-    left_out.stand_ins.update([table, (*table[:2], "heated"), (*table[:2], "micro_rate")])
+    left_out.stand_ins.update([table, (*table[:2], "thermal_reference"), (*table[:2], "micro_rate")])

@@ -53,7 +53,7 @@ def resolve_defaults(scene: "Scene") -> "Scene":
     changes: dict[str, Any] = {}
     methods = list(scene.methods or ())
     for system in systems_of(scene):
-        settings = system.settings.with_defaults(system.settings.usual(scene, system.bodies))
+        settings = system.settings.with_defaults(system.settings.defaults_for(scene, system.bodies))
         if scene.methods is None:
             changes["method"] = settings
         else:
@@ -182,7 +182,7 @@ def _in_scene(scene: "Scene", system: SystemOfScene, place: tuple[str | int, ...
     return place
 
 
-def in_words_of(scene: "Scene", system: SystemOfScene, text: str) -> str:
+def qualify_keys(scene: "Scene", system: SystemOfScene, text: str) -> str:
     """A message about a system's scene with the keys of the whole scene."""
     if len(scene.systems) == 1 and scene.methods is None:
         return text

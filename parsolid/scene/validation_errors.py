@@ -46,7 +46,7 @@ class SceneError(Exception):
 NOTHING = Phrase("nothing")
 
 
-def told(value: object) -> str:
+def describe(value: object) -> str:
     """A found value in the words of a message."""
     if isinstance(value, dict):
         return f"a table with {', '.join(map(repr, value))}" if value else "an empty table"
@@ -90,4 +90,4 @@ def key_path(location: Iterable[object]) -> str:
 
 def fault(location: Iterable[object], expected: str, found: object, code: str = "refused") -> Fault:
     """The fault of a key: what was expected, what was found."""
-    return Fault(code, key_path(location), expected, told(found))
+    return Fault(code, key_path(location), expected, describe(found))

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from parsolid.output.checkpoint import numbered, write_checkpoint
+from parsolid.output.crash_report import CONTEXT
 from parsolid.output.errors import together
 from parsolid.output.run_folder import RunFolder
-from parsolid.output.whereabouts import HERE
 from parsolid.per_rank import PerRank, split_per_rank
 from parsolid.simulation.history import HistoryOutput
 from parsolid.simulation.loop import Simulation
@@ -46,7 +46,7 @@ class CheckpointOutput(Output):
         fields = [system.particles.checkpointed() for system in simulation.systems]
         write_checkpoint(simulation.comm, self.path, header, fields, np.array(own))
         now = simulation.clock
-        simulation.last_checkpoint = HERE.checkpoint = f"{self.path} (step {now.step}, t = {now.time:.6g} s)"
+        simulation.last_checkpoint = CONTEXT.checkpoint = f"{self.path} (step {now.step}, t = {now.time:.6g} s)"
 
     def write_last(self, simulation: Simulation) -> None:
         """Write the state in which a run ends, unless it has been written; collective."""
@@ -63,7 +63,7 @@ def header_of(
 
     Collective.
     """
-    systems, balance = enumerate(simulation.systems), simulation.balance
+    systems, balance = enumerate(simulation.systems), simulation.energy_check
     return {
         "ranks": simulation.comm.size,
         "particles": simulation.particles,
@@ -77,9 +77,9 @@ def header_of(
         "interactions": [interaction.state() for interaction in simulation.interactions],
         "ledger": PerRank(*simulation.ledger.values),
         "initial_energy": simulation.ledger.initial,
-        "balance": simulation.ledger.row(simulation.comm, *simulation.energies())["balance"],
-        "judged_step": simulation.judged,
-        "energy_balance": balance.state(),
+        "energy_error": simulation.ledger.row(simulation.comm, *simulation.energies())["energy_error"],
+        "checked_step": simulation.checked_step,
+        "energy_error_share": balance.state(),
         "momenta": None if simulation.momenta is None else simulation.momenta.state(),
         "probes": probes,
         "errors": errors,

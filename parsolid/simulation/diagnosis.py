@@ -8,7 +8,7 @@ from parsolid.collective import maximum, minimum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.formulas import NOT_FINITE
-from parsolid.scene.systems import in_words_of
+from parsolid.scene.systems import qualify_keys
 
 if TYPE_CHECKING:
     from parsolid.simulation.loop import Simulation
@@ -50,14 +50,14 @@ def _first_of(comm: Any, local: Found | None) -> Found | None:
 def _advice(scene: Scene, *systems: ParticleSystem) -> str:
     """What systems advise, in the keys of the scene."""
     plans = {plan.bodies: plan for plan in scene.systems}
-    told = [in_words_of(scene, plans[system.bodies], system.advice()) for system in systems]
+    told = [qualify_keys(scene, plans[system.bodies], system.advice()) for system in systems]
     return "; ".join(dict.fromkeys(told))
 
 
 def _unsound_particle(scene: Scene, systems: list[ParticleSystem]) -> Found | None:
     """The rank's first particle that is not sound, as its method says."""
     for system in systems:
-        found = system.unsound()
+        found = system.first_invalid()
         if found:
             return {"what": found[1]} | _named(scene, system, found[0])
     return None

@@ -4,11 +4,11 @@ import time as clock
 from collections.abc import Sequence
 from typing import Any
 
+from parsolid.output.crash_report import CONTEXT
 from parsolid.output.errors import together
 from parsolid.output.progress import Progress
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.summary import provenance, write_summary
-from parsolid.output.whereabouts import HERE
 from parsolid.scene import dump_scene
 from parsolid.simulation.checkpoints import CheckpointOutput
 from parsolid.simulation.field_output import FieldOutput
@@ -61,7 +61,7 @@ class Job:
                 dump_scene(scene, folder.scene)
         if restart:
             # before anything is read that may be damaged: a failure tells it
-            simulation.last_checkpoint = HERE.checkpoint = str(restart.path)
+            simulation.last_checkpoint = CONTEXT.checkpoint = str(restart.path)
         self.history = HistoryOutput(simulation, folder)
         self.fields = FieldOutput(simulation, folder)
         self.errors = ReferenceErrors(scene, self.history)
@@ -110,7 +110,7 @@ class Job:
     def summary(self, status: str) -> dict[str, Any]:
         """What summary.json says of the run; collective, the same on all ranks."""
         row = self.history.last_row
-        balance = None if row is None else row["balance"]
+        balance = None if row is None else row["energy_error"]
         return summary_of(self.simulation, status, balance, self.errors.result())
 
     def close(self) -> None:

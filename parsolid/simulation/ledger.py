@@ -11,8 +11,8 @@ from parsolid.scene.contact import energy_terms
 from parsolid.scene.systems import SystemOfScene
 from parsolid.scene.tie import TIE_TERMS
 
-ACCUMULATED = ("dissipation_internal", "dissipation_numerical", "work_external")
-COLUMNS = ("kinetic", "stored", *ACCUMULATED, "balance")
+ACCUMULATED = ("material_dissipation", "numerical_dissipation", "external_work")
+COLUMNS = ("kinetic", "strain_energy", *ACCUMULATED, "energy_error")
 
 
 @dataclass
@@ -65,12 +65,17 @@ class Ledger:
         comm.Allreduce(np.concatenate(([kinetic, stored], self.values, [self.values[2] - self._work_before])), total)
         self.last_work = float(total[-1])
         result = dict(zip(self.columns, map(float, total)))
-        energy = result["kinetic"] + result["stored"] + result["dissipation_internal"] + result["dissipation_numerical"]
-        energy -= result["work_external"]
+        energy = (
+            result["kinetic"]
+            + result["strain_energy"]
+            + result["material_dissipation"]
+            + result["numerical_dissipation"]
+        )
+        energy -= result["external_work"]
         energy += sum(sign * result[name] for name, sign in self.terms.items())
         if self.initial is None:
             self.initial = energy
-        result["balance"] = energy - self.initial
+        result["energy_error"] = energy - self.initial
         return result
 
 

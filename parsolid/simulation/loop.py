@@ -15,7 +15,7 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.simulation.agreement import StepAgreement
 from parsolid.simulation.diagnosis import describe_failure
-from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
+from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
 from parsolid.simulation.momentum_balance import MomentumBalance, isolated
 from parsolid.simulation.outputs import Output, Outputs
@@ -73,7 +73,7 @@ class Simulation:
         """
         self.comm, self.scene, self.clock = comm, scene, Clock()
         limits = EnergyLimits.of(system.settings for system in scene.systems)
-        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyBalance(limits, viscous_terms_of(scene))
+        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyCheck(limits, viscous_terms_of(scene))
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
@@ -222,7 +222,7 @@ class Simulation:
                 self.agreement.unsound = True
             if k < count - 1:
                 # what all ranks must act on, they have
-                system.news_anywhere = False
+                system.rebuild_anywhere = False
 
     def _report_within(self, sound: bool, stable: float) -> None:
         """What a system reports of a step that is not its last in the common one."""

@@ -12,7 +12,7 @@ from parsolid.scene import Scene
 from parsolid.simulation.observables import Observables
 
 # kinds of boundaries that exert no force
-_FORCELESS = ("temperature", "heat_flux", "micro_clamped")
+_FORCELESS = ("temperature", "heat-flux", "micro-hard")
 # of sum m |x| |v|, up to which the motion about the centre of mass may be rounding
 _ROUND_OFF = 1e-9
 

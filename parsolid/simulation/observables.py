@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parsolid.methods.previous_state import evolved_names, evolved_rows
+from parsolid.methods.previous_state import state_rows, state_variable_names
 from parsolid.methods.protocol import ALWAYS_WRITTEN, ParticleSystem
 from parsolid.observables.declared import field_of
 from parsolid.scene.observed import FIELDS, USUAL_FIELDS
@@ -52,7 +52,7 @@ class Observables:
 
         Raises KeyError if none has it.
         """
-        find = evolved_rows if name.startswith(STATE) else field_of
+        find = state_rows if name.startswith(STATE) else field_of
         pieces = [find(system, name) for system in self.systems]
         shape = next((piece.shape[1:] for piece in pieces if piece is not None), None)
         if shape is None:
@@ -67,7 +67,7 @@ class Observables:
     def has(self, name: str) -> bool:
         """Whether any system has such a field."""
         if name.startswith(STATE):
-            return any(evolved_rows(system, name) is not None for system in self.systems)
+            return any(state_rows(system, name) is not None for system in self.systems)
         return any(field_of(system, name, 0, 0) is not None for system in self.systems)
 
     def written(self, chosen: list[str] | None) -> list[str]:
@@ -77,7 +77,7 @@ class Observables:
             names.remove("state")
             for system in self.systems:
                 system.bring_state_up_to_date()
-                names += ["displacement", "velocity", *(STATE + name for name in evolved_names(system))]
+                names += ["displacement", "velocity", *(STATE + name for name in state_variable_names(system))]
         return [name for name in dict.fromkeys(names) if self.has(name)]
 
     def usual_fields(self) -> list[str]:

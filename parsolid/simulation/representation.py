@@ -12,7 +12,7 @@ from parsolid.contact.report import contact_warnings
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
-from parsolid.scene.systems import in_words_of
+from parsolid.scene.systems import qualify_keys
 from parsolid.scene.warned import Warned
 
 # a part is bent rather than sheared where it is so many times as long as thick
@@ -42,7 +42,7 @@ def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> li
     found: list[Warned] = contact_warnings(scene, systems)
     plans = {plan.bodies: plan for plan in scene.systems}
     for system in systems:
-        told = (one._replace(text=in_words_of(scene, plans[system.bodies], one.text)) for one in system.warnings())
+        told = (one._replace(text=qualify_keys(scene, plans[system.bodies], one.text)) for one in system.warnings())
         found += told
         for number, body in enumerate(system.bodies):
             extents[body] = layers(comm, system, number)
@@ -61,7 +61,7 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
         found.append(Warned("cell-below-spacing", f"{told}; at least one point a cell and direction is needed", True))
     if body.shape.kind == "cylindrical_shell":
         shape = body.shape.model
-        counts = [(round(shape.thickness / float(extent[2][-1])) + (body.placed_on == "nodes"), "the thickness")]
+        counts = [(round(shape.thickness / float(extent[2][-1])) + (body.placed_on == "vertices"), "the thickness")]
     else:
         counts = [(one.particles, "XYZ"[one.axis]) for one in _across(scene, body, extent)]
     few = [axis for count, axis in counts if count <= 1]
@@ -97,7 +97,7 @@ def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dic
 def _lengths(body: Body, extent: Extent) -> np.ndarray:
     """Sides (d,) [m] of a body."""
     lower, upper, spacing = extent
-    gap = 0.0 if body.placed_on == "nodes" else 1.0
+    gap = 0.0 if body.placed_on == "vertices" else 1.0
     return np.asarray(np.maximum(np.rint((upper - lower) / spacing) + gap, 1.0) * spacing)
 
 
@@ -105,7 +105,7 @@ def _across(scene: Scene, body: Body, extent: Extent) -> list[Across]:
     """Along all axes across which a body may deform freely."""
     lower, upper, spacing = extent
     lengths, found = _lengths(body, extent), []
-    counts, gap = np.rint((upper - lower) / spacing) + 1.0, 0.0 if body.placed_on == "nodes" else 1.0
+    counts, gap = np.rint((upper - lower) / spacing) + 1.0, 0.0 if body.placed_on == "vertices" else 1.0
     for axis in range(len(counts)):
         images, bends = _symmetry(scene, axis, (lower[axis], upper[axis]), spacing[axis])
         if bends:
@@ -130,7 +130,7 @@ def thinnest(scene: Scene, number: int, extent: Extent) -> tuple[int, str] | Non
     body = scene.bodies[number]
     if body.shape.kind == "cylindrical_shell":
         shape = body.shape.model
-        across = round(shape.thickness / float(extent[2][-1])) + (body.placed_on == "nodes")
+        across = round(shape.thickness / float(extent[2][-1])) + (body.placed_on == "vertices")
         return (across, "the thickness") if shape.radius > _SLENDER * shape.thickness else None
     lower, upper, spacing = extent
     free = [one for one in _across(scene, body, extent) if _lengths(body, extent).max() >= _SLENDER * one.length]

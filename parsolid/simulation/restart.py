@@ -30,10 +30,10 @@ _NEEDED = {
     "stable_steps",
     "jumped",
     "initial_energy",
-    "balance",
+    "energy_error",
     "ledger",
-    "judged_step",
-    "energy_balance",
+    "checked_step",
+    "energy_error_share",
     "momenta",
     "interactions",
     "probes",
@@ -149,12 +149,12 @@ class Restart:
         ledger.initial = header["initial_energy"]
         ledger.values[:] = own_share(self.comm, rows)
         ledger.begin_step()
-        simulation.balance.set_state(header["energy_balance"], float(rows[:, 1].sum()))
+        simulation.energy_check.set_state(header["energy_error_share"], float(rows[:, 1].sum()))
         if simulation.momenta is not None and header["momenta"] is not None:
             simulation.momenta.set_state(header["momenta"])
         simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header["last_step"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
-        simulation.judged, simulation.stable = header["judged_step"], header["stable_step"]
+        simulation.checked_step, simulation.stable = header["checked_step"], header["stable_step"]
         for interaction, state in zip(simulation.interactions, header["interactions"]):
             interaction.set_state(state)
         if self.allowed:
@@ -162,7 +162,7 @@ class Restart:
 
     def _take_jump(self, simulation: "Simulation") -> None:
         """Count what allowed changes did to the energy of the state as energy of the start; collective."""
-        jump = simulation.ledger.row(self.comm, *simulation.energies())["balance"] - self.header["balance"]
+        jump = simulation.ledger.row(self.comm, *simulation.energies())["energy_error"] - self.header["energy_error"]
         assert simulation.ledger.initial is not None
         simulation.ledger.initial += jump
         if jump:

@@ -7,7 +7,7 @@ from typing import Any
 from parsolid.collective import maximum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
-from parsolid.scene.systems import in_words_of
+from parsolid.scene.systems import qualify_keys
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.phases import of_all_ranks
 
@@ -22,7 +22,9 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
     wall = clock.perf_counter() - spent.began
     mine = simulation.phases.seconds(spent.first_step_seconds, spent.loop_seconds)
     plans = {plan.bodies: plan for plan in scene.systems}
-    doubts = [in_words_of(scene, plans[s.bodies], doubt) for s in systems if (doubt := s.doubt()) is not None]
+    doubts = [
+        qualify_keys(scene, plans[s.bodies], doubt) for s in systems if (doubt := s.validity_warning()) is not None
+    ]
     momenta = (0.0, 0.0) if simulation.momenta is None else simulation.momenta.shares()
     return {
         "scene": scene.title,
@@ -33,7 +35,7 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
         "mass": comm.allreduce(sum(float(s.mass[: s.owned] @ s.share[: s.owned]) for s in systems)),
         "ranks": ranks,
         "steps": spent.step,
-        "steps_of_this_call": steps,
+        "steps_this_run": steps,
         "end_time": spent.time,
         "wall_seconds": wall,
         "setup_seconds": simulation.setup_seconds,
@@ -45,8 +47,10 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
         "particle_steps_per_second_per_rank": simulation.particles * steps / slowest / ranks if steps else None,
         "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
         **of_all_ranks(comm, mine, wall, _work_processor(simulation)),
-        "energy_balance": None if balance is None else simulation.balance.relative(balance, simulation.energy_scale),
-        **simulation.balance.verdict(simulation.energy_scale, doubts, momenta, simulation.warnings),
+        "energy_error_share": None
+        if balance is None
+        else simulation.energy_check.relative(balance, simulation.energy_scale),
+        **simulation.energy_check.verdict(simulation.energy_scale, doubts, momenta, simulation.warnings),
         "warnings": [{"code": one.code, "text": one.text} for one in simulation.warnings],
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
         **_of_methods(systems),

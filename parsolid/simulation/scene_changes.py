@@ -19,7 +19,7 @@ from parsolid.scene import Scene
 from parsolid.scene.base_model import OnRestart
 from parsolid.scene.load_histories import FactorHistory
 from parsolid.scene.model_faults import on_restart
-from parsolid.scene.validation_errors import NOTHING, key_path, told
+from parsolid.scene.validation_errors import NOTHING, describe, key_path
 from parsolid.scene.warned import Note
 
 # keys that scenes may leave out, by the name and the kind of the table that they are in, with the values that hold
@@ -155,12 +155,12 @@ def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: fl
         fixed = change.rule is OnRestart.FIXED
         if change.later or (not fixed and (change.rule is not None or change.of(allowed))):
             if change.rule is not OnRestart.SILENT:
-                then = f"{told(change.before)} until the checkpoint at t = {time:.6g} s"
-                notes.append(Note("restart-change", f"{change.key}: {then}, from there on {told(change.now)}"))
+                then = f"{describe(change.before)} until the checkpoint at t = {time:.6g} s"
+                notes.append(Note("restart-change", f"{change.key}: {then}, from there on {describe(change.now)}"))
             continue
         hint = "" if fixed else f" (where that is meant: --allow-change {change.key})"
-        expected = f"{told(change.before)} as in the checkpoint {source}"
-        faults.append(f"{change.key}: expected {expected}, found {told(change.now)}{hint}")
+        expected = f"{describe(change.before)} as in the checkpoint {source}"
+        faults.append(f"{change.key}: expected {expected}, found {describe(change.now)}{hint}")
     unused = [key for key in allowed if not any(change.of((key,)) for change in found)]
     faults += [f"--allow-change {key}: expected a key that has changed since {source}, found none" for key in unused]
     return faults, notes

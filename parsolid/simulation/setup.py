@@ -16,7 +16,7 @@ from parsolid.particles.generation import generate
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.method_settings import named_observables
-from parsolid.scene.systems import SystemOfScene, in_words_of
+from parsolid.scene.systems import SystemOfScene, qualify_keys
 from parsolid.scene.validation_errors import fault
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
@@ -79,9 +79,9 @@ def _keys_of(scene: Scene, plan: SystemOfScene) -> Iterator[None]:
     try:
         yield
     except SceneError as error:
-        raise SceneError([in_words_of(scene, plan, text) for text in error.faults]) from error
+        raise SceneError([qualify_keys(scene, plan, text) for text in error.faults]) from error
     except SolverError as error:
-        raise SolverError(in_words_of(scene, plan, str(error))) from error
+        raise SolverError(qualify_keys(scene, plan, str(error))) from error
 
 
 def _generated(comm: Any, scene: Scene, plans: tuple[SystemOfScene, ...]) -> list[ParticleSet]:

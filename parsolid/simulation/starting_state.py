@@ -40,7 +40,7 @@ def refuse_damaged_results(comm: Any, scene: Scene) -> None:
 
 
 def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
-    found = system.unsound() if system.owned else None
+    found = system.first_invalid() if system.owned else None
     if found is None:
         return None
     index, what = found

@@ -24,14 +24,14 @@ Self = TypeVar("Self", bound="TimeSteps")
 class TimeSteps:
     """Chooses steps from the stable ones.
 
-    landings, jumps: times [s] at which a step must end, at which a step of length 0 is due; end: the scene's [s]; even:
-    whether steps between two landings have one length; longest, floor: the largest step, and the stable step that ends
+    stop_times, jumps: times [s] at which a step must end, at which a step of length 0 is due; end: the scene's [s]; even:
+    whether steps between two stop_times have one length; longest, floor: the largest step, and the stable step that ends
     a run [s]; growth: the most that a step is over the one before it.
     """
 
     def __init__(
         self,
-        landings: Iterable[float],
+        stop_times: Iterable[float],
         jumps: Iterable[float],
         end: float,
         even: bool = False,
@@ -40,7 +40,7 @@ class TimeSteps:
         growth: float = np.inf,
     ):
         self.jumps = frozenset(jumps)
-        self.landings = sorted({*landings, *self.jumps, end})
+        self.stop_times = sorted({*stop_times, *self.jumps, end})
         self.end, self.even, self.longest, self.floor, self.growth = end, even, longest, floor, growth
         # the time of the jump that the last step of length 0 was for
         self.jumped: float | None = None
@@ -51,8 +51,12 @@ class TimeSteps:
     def of(cls: type[Self], scene: Scene, systems: Sequence[ParticleSystem]) -> Self:
         """Landing on the times of field output and of comparisons, on corners of formulas, and on those of every
         system."""
-        landings = {*scene.fields_times, *scene.reference_times, *(t for system in systems for t in system.landings)}
-        landings |= {time for time in corner_times(scene) if 0.0 < time < scene.end_time}
+        stop_times = {
+            *scene.fields_times,
+            *scene.reference_times,
+            *(t for system in systems for t in system.stop_times),
+        }
+        stop_times |= {time for time in corner_times(scene) if 0.0 < time < scene.end_time}
         jumps = {time for system in systems for time in system.jumps}
         settings = [system.settings for system in systems]
         # several steps of a system may be in a common one
@@ -63,11 +67,11 @@ class TimeSteps:
         even = any(system.even_steps for system in systems)
         floor = 1e-12 * scene.end_time if floor is None else floor
         growth = _GROWTH if of_model(scene.contact, "kernel") or scene.tools else np.inf
-        return cls(landings, jumps, scene.end_time, even, longest, floor, growth)
+        return cls(stop_times, jumps, scene.end_time, even, longest, floor, growth)
 
     def land_on(self, times: Iterable[float]) -> None:
         """Have steps end at further times [s], too."""
-        self.landings = sorted({*self.landings, *times})
+        self.stop_times = sorted({*self.stop_times, *times})
 
     def next(self, time: float, stable: float) -> tuple[float, float]:
         """(step, time it leads to) [s] after a time, from the stable step of the state."""
@@ -92,5 +96,5 @@ class TimeSteps:
         return step, time + step
 
     def _next_landing(self, time: float) -> float:
-        later = bisect_right(self.landings, time)
-        return min(self.landings[later], self.end) if later < len(self.landings) else self.end
+        later = bisect_right(self.stop_times, time)
+        return min(self.stop_times[later], self.end) if later < len(self.stop_times) else self.end

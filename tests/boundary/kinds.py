@@ -24,8 +24,8 @@ KINDS = {
     "spring": {"plane": "X = 1", "stiffness": 1.0},
     "wall": {"plane": "X = 2", "side": "below"},
     "temperature": {"plane": "X = 0", "temperature": 300.0},
-    "heat_flux": {"plane": "X = 0", "heat_flux": 1.0},
-    "micro_clamped": {"plane": "X = 0"},
+    "heat-flux": {"plane": "X = 0", "heat_flux": 1.0},
+    "micro-hard": {"plane": "X = 0"},
 }
 MOVING = [
     {"kind": "velocity", "plane": "X = 1", "velocity": ["X + Y*t", "free"]},

@@ -221,7 +221,7 @@ def test_a_rotation_is_exact_where_only_velocities_are_prescribed():
 @pytest.mark.parametrize("kind", ["roller", "antisymmetric"])
 def test_an_inclined_roller_holds_a_normal_or_what_is_across_it(kind, tmp_path):
     file = block(tmp_path / "m.msh", 0.4)
-    body = {"shape": {"mesh": {"file": str(file)}}, "material": SOFT, "placement": "nodes"}
+    body = {"shape": {"mesh": {"file": str(file)}}, "material": SOFT, "placement": "vertices"}
     rolled = {"kind": kind, "where": "bottom", "name": "bottom", "reaction": True}
     data = {"dimension": 2, "end_time": 1.0, "method": {"kind": "tlsph"}, "bodies": [body], "boundaries": [rolled]}
     scene = parse_scene(data)

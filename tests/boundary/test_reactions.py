@@ -77,7 +77,7 @@ def test_forces_change_the_momentum_and_their_work_is_that_of_the_ledger(stated)
     found, work = impulses_of(rows), rows["foot.work"] + rows["top.work"]
     assert np.abs(rows["foot"][1:, 1]).max() > 0.0 and np.abs(rows["top"][1:, 1]).max() > 0.0 < np.abs(work).max()
     np.testing.assert_allclose(np.diff(rows["momentum"], axis=0), found, atol=1e-9 * np.abs(found).max())
-    np.testing.assert_allclose(work, rows["work_external"], atol=1e-11 * np.abs(work).max())
+    np.testing.assert_allclose(work, rows["external_work"], atol=1e-11 * np.abs(work).max())
 
 
 @pytest.mark.parametrize("name", ["tlsph", "peridynamics", "mpm", "ulsph"])
@@ -99,7 +99,7 @@ def test_supports_bear_what_gravity_in_time_adds(name, comm):
 def test_the_works_of_an_equilibrium_are_that_of_the_ledger():
     rows = follow(simulation(pulled(QUASI, HELD, gravity=False)), Record(told), 12, TimeSteps)
     work = rows["foot.work"] + rows["top.work"]
-    np.testing.assert_allclose(work, rows["work_external"], atol=1e-11 * np.abs(work).max())
+    np.testing.assert_allclose(work, rows["external_work"], atol=1e-11 * np.abs(work).max())
     np.testing.assert_allclose(rows["foot"][-1, :2], -rows["top"][-1, :2], atol=1e-6 * np.abs(rows["top"]).max())
 
 
@@ -113,7 +113,7 @@ def test_a_traction_in_peridynamics_is_met_by_the_support(method):
     sim = simulation(data)
     rows = follow(sim, Record(told), 12, TimeSteps)
     np.testing.assert_allclose(rows["top"][-1, :2], [0.01, 0.01], rtol=1e-9)
-    np.testing.assert_allclose(rows["foot.work"] + rows["top.work"], rows["work_external"], atol=1e-16)
+    np.testing.assert_allclose(rows["foot.work"] + rows["top.work"], rows["external_work"], atol=1e-16)
     assert rows["top.work"][-1] > 1e-6
     if method == QUASI:
         # 0.02 X about the middle, and 0.01 at a height of 1, of the particles half a spacing within

@@ -26,7 +26,7 @@ from parsolid.simulation.loop import Limits
 
 SCENE = Path(__file__).parents[2] / "runs" / "tlsph" / "tensile_smooth.toml"
 SMALL = ["bodies.0.particles=[17, 17]", "end_time=0.0008", "output.pictures=false", "output.fields_times=[]"]
-COLUMNS = {"kinetic": "K", "stored": "W", "dissipation_internal": "Dint", "corner.displacement_y": "uy_11"}
+COLUMNS = {"kinetic": "K", "strain_energy": "W", "material_dissipation": "Dint", "corner.displacement_y": "uy_11"}
 
 
 def run(comm, folder, *options, more=()):
@@ -50,7 +50,7 @@ def test_bars_hold_the_true_errors_and_are_the_same_on_any_ranks(comm, shared_pa
             inside.append(np.mean(true <= results.errors[column] + 1e-9))
             assert np.median(results.errors[column][5:] / np.maximum(true[5:], 1e-12)) < 8.0
         assert np.mean(inside) > 0.95, inside
-        assert [one["for"] for one in told["companions"]] == ["spacing", "spacing"]
+        assert [one["for"] for one in told["coarse_runs"]] == ["spacing", "spacing"]
         kinetic = told["columns"]["kinetic"]
         assert kinetic["order"] > 1.0 and set(kinetic["parts"]) == {"spacing", "dissipation"}
     if comm.size > 1:
@@ -117,7 +117,7 @@ def test_a_run_that_was_killed_in_a_coarse_run_goes_on_in_it(tmp_path):
     environment = os.environ | {"PYTHONPATH": str(SCENE.parents[2])}
     process = subprocess.run([sys.executable, "-c", _KILLED, *words], env=environment)
     assert process.returncode == -signal.SIGKILL
-    (left,) = tmp_path.glob("killed/companions/*/checkpoint.h5")
+    (left,) = tmp_path.glob("killed/coarse_runs/*/checkpoint.h5")
     assert not (left.parent / "summary.json").exists()
     for name in ("killed", "whole"):
         assert run(MPI.COMM_SELF, tmp_path / name, "--error-bars", more=often) == 0
@@ -152,7 +152,7 @@ def test_a_column_without_a_bar_is_told():
 @pytest.mark.parametrize("text", ["kinetic", "kinetic=two%", "kinetic=-1", "tip.twist=2%", "kinetic 2 %"])
 def test_a_target_that_is_none_is_refused(text):
     with pytest.raises(SceneError):
-        Target.parse(text, ["kinetic", "stored"])
+        Target.parse(text, ["kinetic", "strain_energy"])
 
 
 def test_a_target_is_a_share_or_a_size():

@@ -23,7 +23,7 @@ SCENE = RUNS / "tlsph" / "tensile_smooth.toml"
 SMALL = ("bodies.0.particles=[9, 9]", "end_time=0.0002")
 
 
-def options(folder, *words, column="stored"):
+def options(folder, *words, column="strain_energy"):
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     sets = [word for one in SMALL for word in ("--set", one)]
@@ -35,7 +35,7 @@ def names(plan):
 
 
 def test_a_scene_has_the_choices_that_its_laws_and_boundaries_allow():
-    plan = plan_of(load_scene(SCENE), "stored", [], False)
+    plan = plan_of(load_scene(SCENE), "strain_energy", [], False)
     assert {"as the scene", "integrator leapfrog", "weights best", "h/dx 1", "method peridynamics"} <= names(plan)
     refused = "\n".join(plan.refused)
     assert "method mpm: bodies.0.material.branches" in refused and "method ulsph: bodies.0.material.kind" in refused
@@ -48,7 +48,7 @@ def test_a_scene_has_the_choices_that_its_laws_and_boundaries_allow():
 
 
 def test_changes_that_do_not_go_together_are_refused():
-    plan = plan_of(load_scene(SCENE, list(SMALL)), "stored", ["integrator"], False)
+    plan = plan_of(load_scene(SCENE, list(SMALL)), "strain_energy", ["integrator"], False)
     leapfrog = next(option for option in options_of(plan.scene, ["integrator"]))
     assert plan.add(leapfrog.together(Option((("step", "cfl", 0.5),)))) is None
     assert "expected a step that is stated so" in plan.refused[-1]
@@ -58,7 +58,7 @@ def test_changes_that_do_not_go_together_are_refused():
 def test_kernels_are_no_choice_where_all_weights_are_in_closed_form():
     """Runs with them are the same to the last bit: the least error for its time would be chance's."""
     best = ["method.weights=best", "method.integrator=leapfrog"]
-    plan = plan_of(load_scene(SCENE, [*SMALL, *best]), "stored", [], False)
+    plan = plan_of(load_scene(SCENE, [*SMALL, *best]), "strain_energy", [], False)
     assert not any(name.startswith(("kernel ", "h/dx ")) for name in names(plan))
     assert "kernel quintic-spline: it changes nothing here" in plan.refused
     assert {"weights kernel", "dissipation 0.3"} <= names(plan)

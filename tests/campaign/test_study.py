@@ -207,12 +207,12 @@ def test_energies_of_a_history():
     columns = {"step": [0, 1, 2], "time": [0, 1, 2], "dt": [0, 0.5, 0.25]}
     columns |= {
         "kinetic": [4.0, 2.0, 1.0],
-        "stored": [0.0, 1.0, 1.5],
-        "work_external": [0.0] * 3,
-        "balance": [0.0, -0.2, 0.1],
-        "dissipation_internal": [0.0, 1.0, 0.6],
+        "strain_energy": [0.0, 1.0, 1.5],
+        "external_work": [0.0] * 3,
+        "energy_error": [0.0, -0.2, 0.1],
+        "material_dissipation": [0.0, 1.0, 0.6],
     }
-    columns |= {"dissipation_numerical": [0.0, 0.2, 0.4]}
+    columns |= {"numerical_dissipation": [0.0, 0.2, 0.4]}
     columns |= {"p.linear_momentum_x": [2.0, 2.0, 2.001], "p.linear_momentum_y": [0.0] * 3}
     history = {name: np.array(values, float) for name, values in columns.items()}
     found = energies_of(history)

@@ -18,8 +18,8 @@ METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio":
 
 def beam(kind, across, placement, length=1.0, **rest) -> dict:
     """A body along X, 0.1 thick."""
-    spacing = 0.1 / (across - (placement == "nodes"))
-    along = round(length / spacing) + (placement == "nodes")
+    spacing = 0.1 / (across - (placement == "vertices"))
+    along = round(length / spacing) + (placement == "vertices")
     material = {key: value for key, value in RUBBER.items() if key != "kind"} | {"poissons_ratio": 0.2}
     material["kind"] = "prony" if kind == "peridynamics" else "neo-hookean"
     method = METHODS[kind] | {"kind": kind} | ({"cell": 2.0 * spacing} if kind == "mpm" else {})

@@ -45,10 +45,10 @@ def drawn(tmp_path, monkeypatch):
             "time": 1.0,
             "dt": 0.5,
             "kinetic": 90.0,
-            "stored": 60.0,
-            "dissipation_internal": 9.0,
-        } | dict.fromkeys(("dissipation_numerical", "work_external"), 0.0)
-        rows |= {"contact_energy": 5.0, "viscous_work": 1e-3, "friction_dissipation": 0.2, "balance": 0.0}
+            "strain_energy": 60.0,
+            "material_dissipation": 9.0,
+        } | dict.fromkeys(("numerical_dissipation", "external_work"), 0.0)
+        rows |= {"contact_energy": 5.0, "viscous_work": 1e-3, "friction_dissipation": 0.2, "energy_error": 0.0}
         rows |= {"foot.work": 0.0, "foot.force_x": 2.5e4, "foot.force_y": 1e4, "foot.moment": 7.0, "ball.force_x": 3.0}
         rows |= more
         lines = [",".join(rows)] + [",".join(f"{value * k:g}" for value in rows.values()) for k in (0, 0.5, 1)]

@@ -10,7 +10,7 @@ import pytest
 from parsolid.commands.cli import main
 from parsolid.materials.registry import law_of
 from parsolid.point.choice import point_law
-from parsolid.point.driver import drive, tabulate
+from parsolid.point.driver import integrate, tabulate
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import load_point
 from parsolid.scene.validation_errors import SceneError
@@ -36,7 +36,7 @@ def point_of(tmp_path):
 
 def followed(point):
     law = point_law(law_of(point.material), **point.conditions)
-    record = drive(law, point.path, point.end_time, point.longest_step)
+    record = integrate(law, point.path, point.end_time, point.longest_step)
     return SimpleNamespace(law=law, **tabulate(law, record, np.array(point.output.directions)))
 
 

@@ -7,17 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from parsolid.commands.point.report import summarise, tabulate, told
+from parsolid.commands.point.report import summarise, tabulate
 from parsolid.materials.registry import law_of
 from parsolid.point.choice import point_law
-from parsolid.point.driver import drive
+from parsolid.point.driver import integrate
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import load_point
 from parsolid.scene.validation_errors import SceneError
 
 pytestmark = pytest.mark.serial
 EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
-HELD = 'heated = "at-constant-volume"\n'
+HELD = 'thermal_reference = "at-constant-volume"\n'
 COPPER = '[material]\nkind = "elastic-plastic"\nlibrary = "OFHC copper, Johnson-Cook"\n'
 STEEL = """[material]
 kind = "elastic-plastic"
@@ -52,7 +52,7 @@ def driven(shared_path, comm):
 
 def followed(point):
     law = point_law(law_of(point.material), **point.conditions)
-    record = drive(law, point.path, point.end_time, point.longest_step)
+    record = integrate(law, point.path, point.end_time, point.longest_step)
     columns = tabulate(law, record, np.array(point.output.directions))
     return SimpleNamespace(point=point, law=law, **columns)
 

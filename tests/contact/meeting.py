@@ -13,7 +13,7 @@ SPH = {"kind": "tlsph", "integrator": "leapfrog"}
 BONDS = {"kind": "peridynamics", "solution": {"kind": "explicit"}}
 
 
-def block(name, lower, upper, particles, placement="nodes", **more) -> dict:
+def block(name, lower, upper, particles, placement="vertices", **more) -> dict:
     """A box."""
     box = {"lower": list(lower), "upper": list(upper)}
     shape = {"shape": {"box": box}, "particles": list(particles), "placement": placement}
@@ -30,10 +30,10 @@ def tables(*bodies, method=SPH, end_time=1.0, contact=None, **more) -> dict:
     }
 
 
-def bars(n=12, wide=4, placement="nodes", speed=0.01, ratio=1.0, gap=0.0, **more) -> dict:
+def bars(n=12, wide=4, placement="vertices", speed=0.01, ratio=1.0, gap=0.0, **more) -> dict:
     """Two bars of length 1 between rollers that meet at X = 0 with speed v [of c] in all."""
     h, v = 1.0 / n, speed * SPEED
-    ends = 1 if placement == "nodes" else 0
+    ends = 1 if placement == "vertices" else 0
     one, two = ([round(k * r) + ends for k in (n, wide)] for r in (1.0, ratio))
     left = block("left", (-1.0 - gap, 0.0), (-gap, wide * h), one, placement, velocity=[0.5 * v, 0.0])
     right = block("right", (0.0, 0.0), (1.0, wide * h), two, placement, velocity=[-0.5 * v, 0.0])

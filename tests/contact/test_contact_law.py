@@ -27,9 +27,9 @@ def pressure(sim) -> float:
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("placement", ["nodes", "cells"])
+@pytest.mark.parametrize("placement", ["vertices", "cells"])
 def test_forces_are_the_derivative_of_the_energy(d, placement):
-    ends = placement == "nodes"
+    ends = placement == "vertices"
     sizes = ([3, 3, 3][:d], [4, 4, 4][:d])
     boxes = [block("a", [0.0] * d, [3.0] * d, [n + ends for n in sizes[0]], placement)]
     boxes += [block("b", [3.0] + [0.4] * (d - 1), [6.0] + [3.4] * (d - 1), [n + ends for n in sizes[1]], placement)]
@@ -53,7 +53,9 @@ def test_forces_are_the_derivative_of_the_energy(d, placement):
         assert found == pytest.approx(np.sum(force * direction), rel=1e-6)
 
 
-@pytest.mark.parametrize("placement, wanted", [("nodes", (0.0199, 0.0995, 0.283)), ("cells", (0.0207, 0.122, 0.489))])
+@pytest.mark.parametrize(
+    "placement, wanted", [("vertices", (0.0199, 0.0995, 0.283)), ("cells", (0.0207, 0.122, 0.489))]
+)
 def test_pressure_against_overlap(placement, wanted):
     sim = simulated(bars(n=10, wide=6, placement=placement))
     h, width = 0.1, 0.6
@@ -110,7 +112,7 @@ def test_a_shared_motion_rubs_nothing_and_a_slip_rubs_with_kept_momenta():
 
 def test_one_layer_and_bodies_in_one_another_are_refused():
     thick = block("thick", (0.0, 0.0), (4.0, 1.0), [16, 4], "cells")
-    for count, placement in ((16, "cells"), (17, "nodes")):
+    for count, placement in ((16, "cells"), (17, "vertices")):
         layer = block("layer", (0.0, 1.0), (4.0, 1.25), [count, 1], placement)
         with pytest.raises(SolverError, match="at least two layers of particles, found one in layer"):
             simulated(tables(thick, layer))

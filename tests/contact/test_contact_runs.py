@@ -36,7 +36,7 @@ def test_bars_exchange_their_velocities():
     assert (columns["right"][-1] - columns["left"][-1]) / v == pytest.approx(0.93, abs=0.02)
     assert np.abs(columns["together"]).max() < 1e-13 * v
     start = columns["kinetic"][0]
-    assert np.abs(columns["balance"]).max() < 1.5e-3 * start
+    assert np.abs(columns["energy_error"]).max() < 1.5e-3 * start
     pressed = columns["time"][columns["contact_energy"] > 1e-8 * start]
     assert (pressed[-1] - pressed[0]) * SPEED / 2.0 == pytest.approx(1.0, abs=0.03)
     assert columns["contact_energy"].max() > 0.01 * start and abs(columns["contact_energy"][-1]) < 1e-12 * start
@@ -59,7 +59,7 @@ def test_momenta_are_kept_with_friction_and_its_dissipation_never_negative(comm)
     lost, start = columns["friction_dissipation"], columns["kinetic"][0]
     assert lost[-1] > 1e-3 * start and np.diff(lost).min() > -1e-12 * start
     assert columns["stick_energy"].max() > 1e-5 * start and abs(columns["stick_energy"][-1]) < 1e-12 * start
-    assert np.abs(columns["balance"]).max() < 1e-3 * start
+    assert np.abs(columns["energy_error"]).max() < 1e-3 * start
 
 
 def far_apart() -> dict:

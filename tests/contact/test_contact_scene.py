@@ -109,4 +109,4 @@ def test_scenes_that_are_shown_run(name):
     scene = load_scene(Path(__file__).parents[2] / "runs" / f"{name}.toml", [])
     sim, record = Simulation(MPI.COMM_SELF, scene), Record()
     sim.run(None, [record], Limits(3))
-    assert sim.clock.step == 3 and np.isfinite(record.columns()["balance"]).all()
+    assert sim.clock.step == 3 and np.isfinite(record.columns()["energy_error"]).all()

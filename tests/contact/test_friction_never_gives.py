@@ -44,4 +44,4 @@ def test_discs_that_rub_and_part_keep_their_balance():
     found = record.columns()
     took, energy = found["friction_dissipation"], found["kinetic"][0]
     assert took[-1] > 0.03 * energy and np.diff(took).min() >= 0.0
-    assert np.abs(found["balance"]).max() < 4e-4 * energy
+    assert np.abs(found["energy_error"]).max() < 4e-4 * energy

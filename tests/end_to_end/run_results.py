@@ -11,7 +11,14 @@ from parsolid.output import vtkhdf
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.output.history import read_history
 
-ENERGIES = ("kinetic", "stored", "dissipation_internal", "dissipation_numerical", "work_external", "balance")
+ENERGIES = (
+    "kinetic",
+    "strain_energy",
+    "material_dissipation",
+    "numerical_dissipation",
+    "external_work",
+    "energy_error",
+)
 
 
 def history(folder: Path) -> dict[str, np.ndarray]:

@@ -33,7 +33,7 @@ def scene_of(material: str, method: str = "tlsph", **more):
     body = {
         "shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},
         "particles": [8, 8],
-        "placement": "cells" if method == "mpm" else "nodes",
+        "placement": "cells" if method == "mpm" else "vertices",
         "velocity": ["2*Y", "0.5*X*X"],
         "material": STATED[material] | {"density": 1000.0} | more,
     }

@@ -34,10 +34,10 @@ def test_each_body_is_what_it_is_alone(comm):
         assert np.all(shift == 64 * number) and list(found) == list(wanted)
         different = [one for one in wanted if found[one].tobytes() != wanted[one].tobytes()]
         assert not different, f"{name}: {different}"
-    for column in ("kinetic", "stored", "dissipation_internal", "work_external", "balance"):
+    for column in ("kinetic", "strain_energy", "material_dissipation", "external_work", "energy_error"):
         scale = 1e-12 * rows["kinetic"].max()
         np.testing.assert_allclose(rows[column], sums[column], rtol=0.0, atol=scale, err_msg=column)
-    assert abs(rows["stored"][-1]) > 1e-4 * rows["kinetic"][0]
+    assert abs(rows["strain_energy"][-1]) > 1e-4 * rows["kinetic"][0]
 
 
 PAIR = ("soft", "metal")
@@ -106,6 +106,6 @@ def test_a_restart_on_other_ranks_deals_each_system_out_anew(comm, shared_path):
     assert all(min(comm.allgather(system.owned)) >= 64 // comm.size - 8 for system in sim.systems)
     steps = follow(sim, Record(), 5)
     whole = follow(Simulation(single, scene), Record(), 12)
-    for name in ("kinetic", "stored", "balance"):
+    for name in ("kinetic", "strain_energy", "energy_error"):
         scale = 1e-9 * np.abs(whole["kinetic"]).max()
         np.testing.assert_allclose(steps[name], whole[name][7:], rtol=0.0, atol=scale, err_msg=name)

@@ -80,7 +80,7 @@ def test_a_wall_takes_what_momentum_lacks_and_works_by_its_velocity(speed):
     np.testing.assert_allclose([0.0, told], missing, atol=1e-9 * missing[1])
     row = sim.energy_row()
     assert row["wall.work"] == pytest.approx(speed * missing[1], rel=1e-9)
-    assert row["work_external"] == pytest.approx(row["wall.work"] + row["load.work"], rel=1e-9)
+    assert row["external_work"] == pytest.approx(row["wall.work"] + row["load.work"], rel=1e-9)
 
 
 def test_the_work_of_a_load_is_its_force_along_its_way():

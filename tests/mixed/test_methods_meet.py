@@ -31,7 +31,7 @@ def bars(first: str, second: str, **rest) -> dict:
         nodes, sign = name == "sph", 1.0 - 2.0 * number
         lower = [-1.0 - 0.5 * h, 0.0] if number == 0 else [0.0, 0.0]
         box = {"lower": lower, "upper": [lower[0] + 1.0, 5 * h]}
-        kind = {"placement": "nodes" if nodes else "cells", "particles": [25 + nodes, 5 + nodes]}
+        kind = {"placement": "vertices" if nodes else "cells", "particles": [25 + nodes, 5 + nodes]}
         speed = [sign * 0.5 * CLOSING, 0.0]
         body = {"name": "ab"[number], "shape": {"box": box}, "velocity": speed, "method": name}
         body |= {"material": METAL if name == "flow" else SOLID}
@@ -62,7 +62,7 @@ def test_points_that_are_pressed_from_the_start_take_no_energy_in_their_first_st
         box[end][0] += 0.52 / 25
     columns = follow(Simulation(MPI.COMM_SELF, parse_scene(data)), Record(), 3)
     assert np.ptp(columns["contact_energy"]) > 0.02 * columns["kinetic"][0]
-    assert np.abs(columns["balance"]).max() < 1e-3 * columns["kinetic"][0]
+    assert np.abs(columns["energy_error"]).max() < 1e-3 * columns["kinetic"][0]
 
 
 # restitution and the largest residual of the energy over what there was, at 25 spacings, as measured
@@ -77,7 +77,7 @@ def test_bars_of_two_methods_exchange_their_velocities(first, second, restitutio
     start, end, energy = found["momenta"][0], found["momenta"][-1], found["kinetic"][0]
     assert end[0] == pytest.approx(-restitution * start[0], rel=0.01) and end[1] == pytest.approx(-end[0], rel=1e-9)
     assert np.abs(found["momenta"].sum(axis=1)).max() < 1e-12 * np.abs(start).max()
-    assert np.abs(found["balance"]).max() < residual * energy
+    assert np.abs(found["energy_error"]).max() < residual * energy
     # they touch for 2 L/c, and not before the gap is closed
     touching = found["time"][found["contact_energy"] > 1e-9 * energy]
     assert touching[0] * CLOSING * 25 == pytest.approx(0.5, abs=0.05)
@@ -98,7 +98,7 @@ def test_on_any_ranks_and_after_a_restart_bars_move_alike(comm, shared_path):
     sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
     again = follow(sim, Record(momenta))
     assert whole["contact_energy"][-1] > 1e-3 * whole["kinetic"][0]
-    for name in ("time", "kinetic", "stored", "contact_energy", "balance", "momenta"):
+    for name in ("time", "kinetic", "strain_energy", "contact_energy", "energy_error", "momenta"):
         scale = 1e-9 * (1.0 if name == "time" else np.abs(whole["momenta" if name == "momenta" else "kinetic"]).max())
         np.testing.assert_allclose(spread[name], whole[name], rtol=0.0, atol=scale, err_msg=name)
         np.testing.assert_allclose(again[name], whole[name][-len(again[name]) :], rtol=0.0, atol=scale, err_msg=name)
@@ -130,5 +130,5 @@ def test_points_that_stay_pressed_do_not_give_way_for_ever():
     found = follow(Simulation(MPI.COMM_SELF, parse_scene(data)), Record(pressing))
     early, late = ((found["time"] * SPEED > begin) & (found["time"] * SPEED < begin + 6.0) for begin in (14.0, 30.0))
     assert found["force"][late].mean() > 0.97 * found["force"][early].mean() > 0.0
-    lost = found["dissipation_numerical"]
-    assert lost[late].mean() - lost[early].mean() < 0.05 * found["stored"].max()
+    lost = found["numerical_dissipation"]
+    assert lost[late].mean() - lost[early].mean() < 0.05 * found["strain_energy"].max()

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from parsolid.api.check_advice import scene_advice
 from parsolid.collective import SolverError
 from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
-from parsolid.simulation.energy_balance import EnergyLimits
+from parsolid.simulation.energy_check import EnergyLimits
 from parsolid.simulation.ledger import names_of_terms, terms_of
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import contents
@@ -127,8 +127,8 @@ REFUSED = {
         "bodies.0.temperature: expected no such key with this method, found 300.0",
     ),
     "placement": (
-        lambda data: data["bodies"][1].update(placement="nodes"),
-        "bodies.1.placement: expected 'cells' with this method, found 'nodes'",
+        lambda data: data["bodies"][1].update(placement="vertices"),
+        "bodies.1.placement: expected 'cells' with this method, found 'vertices'",
     ),
     "settings in view of the bodies": (
         lambda data: (

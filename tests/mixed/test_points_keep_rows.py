@@ -24,7 +24,7 @@ def test_lists_hold_for_many_steps_and_ranks_do_not_matter(comm):
     sims = [Simulation(one, scene) for one in (comm.Split(comm.rank), comm)]
     whole, spread = (follow(sim, Record(momenta), STEPS) for sim in sims)
     assert whole["contact_energy"].max() > 1e-3 * 25.0 * (3.0 * CLOSING) ** 2
-    for name in ("kinetic", "stored", "contact_energy", "balance", "momenta"):
+    for name in ("kinetic", "strain_energy", "contact_energy", "energy_error", "momenta"):
         scale = np.abs(whole["momenta" if name == "momenta" else "kinetic"]).max()
         np.testing.assert_allclose(spread[name], whole[name], rtol=0.0, atol=1e-11 * scale, err_msg=name)
     # at the looks of the storage's order alone, and where lists are used up

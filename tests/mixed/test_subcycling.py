@@ -39,10 +39,10 @@ def test_the_ledger_closes_and_the_motion_is_that_of_the_least_step():
     assert several["common"][1:, 1].min() == 6.0 and many > 5 * few
     energy = plain["kinetic"][0]
     assert several["tie_energy"].max() > 1e-5 * energy
-    assert np.abs(several["balance"]).max() < 0.002 * energy
+    assert np.abs(several["energy_error"]).max() < 0.002 * energy
     momenta = np.abs(several["motion"] - several["motion"][0])
     assert momenta[:, :2].max() < 1e-12 * np.abs(several["motion"]).max()
-    assert several["stored"][-1] == pytest.approx(plain["stored"][-1], rel=0.05)
+    assert several["strain_energy"][-1] == pytest.approx(plain["strain_energy"][-1], rel=0.05)
 
 
 def test_on_any_ranks_and_after_a_restart_systems_take_the_same_steps(comm, shared_path):
@@ -56,10 +56,10 @@ def test_on_any_ranks_and_after_a_restart_systems_take_the_same_steps(comm, shar
     for found, wanted in zip(again.simulation.systems, plain.simulation.systems):
         kept = wanted.particles.checkpointed()
         assert all(np.array_equal(values, kept[name]) for name, values in found.particles.checkpointed().items())
-    for name in ("kinetic", "stored", "tie_energy", "balance", "motion", "common"):
+    for name in ("kinetic", "strain_energy", "tie_energy", "energy_error", "motion", "common"):
         scale = np.abs(whole[name]).max() if name in ("motion", "common") else whole["kinetic"][0]
         # the stored energy is a difference of numbers of the size of E V, in steps of their last place
-        rounding = np.finfo(float).eps * STIFF * VOLUME if name in ("stored", "balance") else 0.0
+        rounding = np.finfo(float).eps * STIFF * VOLUME if name in ("strain_energy", "energy_error") else 0.0
         np.testing.assert_allclose(rows[name], whole[name], rtol=0.0, atol=1e-12 * scale + rounding, err_msg=name)
 
 
@@ -89,7 +89,7 @@ def test_what_impulses_of_contact_and_tools_give_to_several_steps_is_told(method
     data |= {"contact": [{"bodies": ["soft", "stiff"], "friction": 0.3}]} | ({"tools": [wall]} if tool else {})
     found = follow(Simulation(MPI.COMM_SELF, parse_scene(data)), Record(), policy=TimeSteps)
     assert found["contact_energy"].max() > 0.05 * found["kinetic"][0]
-    assert np.abs(found["balance"]).max() < 1e-3 * found["kinetic"][0]
+    assert np.abs(found["energy_error"]).max() < 1e-3 * found["kinetic"][0]
 
 
 def test_a_script_may_go_on_after_any_step(comm):

@@ -89,13 +89,13 @@ def test_on_any_ranks_and_after_a_restart_tied_blocks_move_alike(comm, shared_pa
     late = follow(other, Record(motion), steps - steps // 2, TimeSteps)
     energy = np.abs(whole["kinetic"]).max()
     assert whole["tie_energy"].max() > 1e-6 * energy
-    for name in ("kinetic", "stored", "tie_energy", "balance", "motion"):
+    for name in ("kinetic", "strain_energy", "tie_energy", "energy_error", "motion"):
         scale = np.abs(whole["motion"]).max() if name == "motion" else energy
         np.testing.assert_allclose(rows[name], whole[name], rtol=0.0, atol=1e-12 * scale, err_msg=name)
         np.testing.assert_allclose(late[name], whole[name][steps // 2 :], rtol=0.0, atol=1e-9 * scale, err_msg=name)
     drift = np.abs(whole["motion"] - whole["motion"][0])
     assert drift[:, :2].max() < 1e-12 * np.abs(whole["motion"]).max()
-    assert np.abs(whole["balance"]).max() < 0.02 * energy
+    assert np.abs(whole["energy_error"]).max() < 0.02 * energy
 
 
 def test_check_names_tied_bodies_and_refuses_what_cannot_be_tied():

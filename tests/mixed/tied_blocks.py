@@ -21,7 +21,7 @@ def blocks(first: str, second: str, **rest) -> dict:
         nodes, lower = name == "sph", [float(number), 0.0]
         box = {"lower": lower, "upper": [lower[0] + 8 * h, 8 * h]}
         body = {"name": "ab"[number], "shape": {"box": box}, "particles": [8 + nodes, 8 + nodes], "method": name}
-        body |= {"placement": "nodes" if nodes else "cells", "material": COPPER if name == "flow" else RUBBER}
+        body |= {"placement": "vertices" if nodes else "cells", "material": COPPER if name == "flow" else RUBBER}
         bodies.append(body | {"velocity": ["20*X*Y", "-5*X + 10*Y*Y"]})
     methods = [{"name": name} | METHODS[name] for name in dict.fromkeys((first, second))]
     data = {"dimension": 2, "end_time": 0.05, "methods": methods, "bodies": bodies}

@@ -46,6 +46,6 @@ def test_what_contact_loses_is_booked(comm, case, order, balance, least_loss, la
     _, columns = run_to_end(case(order=order), comm)
     energy = columns["kinetic"][0]
     assert columns["kinetic"].min() < 0.2 * energy
-    assert abs(columns["balance"][-1]) < balance * energy and np.abs(columns["balance"]).max() < 0.03 * energy
-    assert least_loss <= columns["dissipation_numerical"][-1] / energy <= largest_loss
-    assert columns["kinetic"][-1] + columns["stored"][-1] < (1.0 + balance) * energy
+    assert abs(columns["energy_error"][-1]) < balance * energy and np.abs(columns["energy_error"]).max() < 0.03 * energy
+    assert least_loss <= columns["numerical_dissipation"][-1] / energy <= largest_loss
+    assert columns["kinetic"][-1] + columns["strain_energy"][-1] < (1.0 + balance) * energy

@@ -47,12 +47,12 @@ def test_what_fails_does_not_depend_on_the_ranks_and_its_energy_is_accounted_for
     assert told["failed_mass"] == pytest.approx(mass * (damage >= 1.0).mean(), rel=1e-9)
     # released energy is never negative, and the balance closes
     assert np.diff(one["failure_dissipation"]).min() >= 0.0 < one["failure_dissipation"][-1]
-    assert np.abs(one["balance"]).max() < 4e-3 * energy
+    assert np.abs(one["energy_error"]).max() < 4e-3 * energy
     if after == "delete":
         gone = single.systems[0].measure("deleted_mass")[1][0]
         left = single.systems[0].mass[: single.systems[0].owned].sum()
         assert gone > 0.2 * mass and gone + left == pytest.approx(mass, rel=1e-12)
-        assert one["deleted_kinetic"][-1] > 0.2 * energy and one["deleted_stored"][-1] > 0.0
+        assert one["deleted_kinetic"][-1] > 0.2 * energy and one["deleted_internal_energy"][-1] > 0.0
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -146,9 +146,9 @@ def test_tools_let_go_of_what_is_deleted(method):
     data["method"] = METHODS[method] or data["method"] | {"transfer": "flip"}
     sim, rows = run_steps(data, 60)
     given = rows["kinetic"][0]
-    assert sim.systems[0].measure("deleted_mass")[1][0] > 0.0 and rows["deleted_stored"][-1] > 0.0
+    assert sim.systems[0].measure("deleted_mass")[1][0] > 0.0 and rows["deleted_internal_energy"][-1] > 0.0
     # most of what is deleted was pressed by the ball
-    assert np.abs(rows["balance"]).max() < 1e-3 * given
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * given
     # what has no mass shortens no step
     steps = np.diff(rows["time"])
     assert steps.min() > 0.05 * steps.max()

@@ -37,9 +37,9 @@ def test_the_energy_of_a_temperature_is_the_integral_of_the_specific_heat():
 def test_plastic_heat_raises_the_temperature_by_the_integral():
     law = law_of(WARMER | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 2e9}})
     point = PlasticPoint(law)
-    state = point.virgin()
+    state = point.initial_state()
     for shear in np.linspace(0.1, 2.0, 20):
-        state = point.advanced(state, np.eye(3) + shear * np.outer([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), 1e-6)
+        state = point.updated(state, np.eye(3) + shear * np.outer([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), 1e-6)
     assert state.temperature > 850.0
     found = law.internal_energy(state.temperature)
     assert found == pytest.approx(0.9 * state.plastic_work, rel=1e-10)

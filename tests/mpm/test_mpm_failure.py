@@ -119,7 +119,7 @@ def test_the_balance_is_zero_but_for_the_time_integration(comm, order, transfer)
         )
         _, columns = run_to_end(data, comm)
         total = columns["kinetic"][0]
-        assert columns["stored"].max() > 0.5 * total and columns["kinetic"].min() < 0.5 * total
-        assert (columns["dissipation_numerical"][-1] > 0.0) == (transfer == "apic" or order == "usl")
-        swings.append(np.abs(columns["balance"]).max() / total)
+        assert columns["strain_energy"].max() > 0.5 * total and columns["kinetic"].min() < 0.5 * total
+        assert (columns["numerical_dissipation"][-1] > 0.0) == (transfer == "apic" or order == "usl")
+        swings.append(np.abs(columns["energy_error"]).max() / total)
     assert swings[0] < 0.03 and 1.7 < swings[0] / swings[1] < 2.3

@@ -120,7 +120,7 @@ def test_a_face_whose_temperature_rises_takes_the_body_along():
 
 def test_heat_flux_and_sources_are_supplied_whole():
     time, flux, source = 0.5, 1e6, 2e7
-    heated = {"kind": "heat_flux", "plane": "X = 0", "heat_flux": flux}
+    heated = {"kind": "heat-flux", "plane": "X = 0", "heat_flux": flux}
     simulation = slab(time, boundaries=[heated], loads={"heat_source": source})
     _, temperature, capacity = state(simulation)
     height = 2 * LENGTH / CELLS
@@ -129,7 +129,7 @@ def test_heat_flux_and_sources_are_supplied_whole():
     energy = simulation.systems[0].energies()[1]
     row = simulation.ledger.row(WORLD, 0.0, energy)
     assert row["heat_supplied"] == pytest.approx(supplied, rel=1e-10)
-    assert row["stored"] == pytest.approx(supplied, rel=1e-10)
+    assert row["strain_energy"] == pytest.approx(supplied, rel=1e-10)
     # the source alone would raise all temperatures alike
     uniform = HeatedSlab(START, DIFFUSIVITY, LENGTH, gradient=flux / CONDUCTIVITY)
     X = state(simulation)[0]
@@ -140,7 +140,7 @@ def test_heat_flux_and_sources_are_supplied_whole():
 @pytest.mark.parametrize("free, coarse, fine", [((), 6e-3, 1.6e-3), (("X = 0",), 1.1e-2, 5e-3)])
 def test_a_heat_flux_through_a_plane_of_symmetry_and_a_free_surface(free, coarse, fine):
     time, flux = 0.5, 1e6
-    heated = [{"kind": "heat_flux", "plane": "X = 0", "heat_flux": flux}]
+    heated = [{"kind": "heat-flux", "plane": "X = 0", "heat_flux": flux}]
     exact = HeatedSlab(START, DIFFUSIVITY, LENGTH, gradient=flux / CONDUCTIVITY)
     errors = []
     for cells in (10, 20):
@@ -154,7 +154,7 @@ def test_a_heat_flux_through_a_plane_of_symmetry_and_a_free_surface(free, coarse
 
 def test_two_conductivities_beside_a_heated_plane_lose_no_heat():
     """The image of a plane is not known there, which then is a surface like others."""
-    planes = [{"kind": "heat_flux", "plane": "Y = 0", "heat_flux": "1e6*(1 + t)"}, {"kind": "roller", "plane": "Y = 0"}]
+    planes = [{"kind": "heat-flux", "plane": "Y = 0", "heat_flux": "1e6*(1 + t)"}, {"kind": "roller", "plane": "Y = 0"}]
     method = {"motion": False}
     body = {"temperature": START}
     tables = scene([0.0] * 2, [4e-3] * 2, 5e-4, 1e-3, material=MATERIAL, method=method, body=body, boundaries=planes)

@@ -36,9 +36,9 @@ def test_spin_is_kept(method, least, most):
     before = angular_momentum(sim)["spin"]
     columns = follow(sim, Record(angular_momentum), policy=StepsToEnd)
     assert least < columns["spin"][-1] / before - 1.0 < most
-    assert np.abs(columns["balance"]).max() < 2.5e-3 * columns["kinetic"][0]
+    assert np.abs(columns["energy_error"]).max() < 2.5e-3 * columns["kinetic"][0]
     if method["transfer"] == "aflip":
-        assert columns["kinetic"][-1] + columns["stored"][-1] > 0.998 * columns["kinetic"][0]
+        assert columns["kinetic"][-1] + columns["strain_energy"][-1] > 0.998 * columns["kinetic"][0]
 
 
 @pytest.mark.parametrize("order", ["musl", "usl"])
@@ -57,11 +57,11 @@ def test_driven_nodes_add_no_energy(comm, order):
         boundaries=[{"kind": "velocity", "box": everywhere, "velocity": flow}],
     )
     _, columns = run_to_end(data, comm)
-    start, work = columns["kinetic"][0], columns["work_external"][-1]
+    start, work = columns["kinetic"][0], columns["external_work"][-1]
     assert columns["kinetic"][-1] == pytest.approx(start, rel=1e-10)
-    assert abs(columns["balance"][-1]) < 2e-3 * work and abs(columns["dissipation_numerical"][-1]) < 1e-6 * work
+    assert abs(columns["energy_error"][-1]) < 2e-3 * work and abs(columns["numerical_dissipation"][-1]) < 1e-6 * work
     # nothing but the matter takes work
-    assert work == pytest.approx(columns["stored"][-1] - columns["stored"][0], rel=5e-3)
+    assert work == pytest.approx(columns["strain_energy"][-1] - columns["strain_energy"][0], rel=5e-3)
 
 
 def test_flip_has_slopes_beside_driven_nodes_alone(comm):

@@ -81,8 +81,8 @@ class TestHistory:
         path = tmp_path / "history.csv"
         write(path, rows(4))
         before = path.read_bytes()
-        with pytest.raises(OutputError, match="expected the columns .*'stored'.*, found .*'kinetic'"):
-            History(path, ["step", "time", "stored"]).resume(2)
+        with pytest.raises(OutputError, match="expected the columns .*'strain_energy'.*, found .*'kinetic'"):
+            History(path, ["step", "time", "strain_energy"]).resume(2)
         assert path.read_bytes() == before
 
     def test_faults_are_named(self, tmp_path):

@@ -12,13 +12,19 @@ from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Compilations, Progr
 
 pytestmark = pytest.mark.serial
 
-ROW = {"kinetic": 1.5, "stored": 2.0, "dissipation_internal": 0.25, "dissipation_numerical": 0.5, "balance": 1e-6}
+ROW = {
+    "kinetic": 1.5,
+    "strain_energy": 2.0,
+    "material_dissipation": 0.25,
+    "numerical_dissipation": 0.5,
+    "energy_error": 1e-6,
+}
 SUMMARY = {
     "status": "finished",
     "steps": 99,
     "end_time": 0.5,
     "wall_seconds": 12.0,
-    "energy_balance": 1e-5,
+    "energy_error_share": 1e-5,
     "errors": {"u": 0.1},
 }
 
@@ -54,7 +60,7 @@ def test_a_slow_run_tells_every_five_seconds_with_the_time_left(passing_time):
 
 def test_a_restarted_run_tells_its_own_steps_beside_its_seconds():
     log = io.StringIO()
-    Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | {"steps_of_this_call": 40})
+    Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | {"steps_this_run": 40})
     assert "finished: 99 steps to t = 0.5 s, 40 of them since the restart in 12.0 s, energy" in log.getvalue()
     assert "--restart" not in log.getvalue()
     Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | {"status": "interrupted"})
@@ -68,9 +74,18 @@ def test_a_run_of_some_seconds_tells_every_tenth(passing_time):
 
 
 def test_terms_of_a_method_are_told_once_there_is_something_in_them(passing_time):
-    log, row = io.StringIO(), {"kinetic": 2.0, "stored": 1.0, "dissipation_internal": 0.0, "dissipation_numerical": 0.0}
+    log, row = (
+        io.StringIO(),
+        {"kinetic": 2.0, "strain_energy": 1.0, "material_dissipation": 0.0, "numerical_dissipation": 0.0},
+    )
     shown = Progress("Glass", 0.5, 10, NORMAL, log)
-    terms = {"work_external": 3.0, "dissipation_fracture": 0.5, "residual_work": 1e-15, "balance": 0.0, "end.u": 7.0}
+    terms = {
+        "external_work": 3.0,
+        "fracture_dissipation": 0.5,
+        "residual_work": 1e-15,
+        "energy_error": 0.0,
+        "end.u": 7.0,
+    }
     terms |= {"plate.failed_mass": 0.25, "plate.deleted_mass": 0.0}
     for step in range(2):
         passing_time[0] += 10.0

@@ -73,7 +73,7 @@ def gathered(comm, particle_set):
     return {name: np.concatenate(comm.allgather(getattr(particle_set, name))) for name in NAMES}
 
 
-@pytest.mark.parametrize("placement", ["nodes", "cells"])
+@pytest.mark.parametrize("placement", ["vertices", "cells"])
 @pytest.mark.parametrize(("dimension", "kind"), ALL)
 def test_particles_are_those_of_one_rank_and_of_the_imported_file(shared_path, comm, dimension, kind, placement):
     plain, imported = shared_path / f"{kind}.inp", shared_path / f"{kind}.h5"

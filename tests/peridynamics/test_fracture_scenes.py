@@ -29,11 +29,11 @@ def test_creep_fails_within_one_step_of_the_closed_form(shared_path, step, stret
     failure = history["time"][np.argmax(broken)]
     assert broken[-1] and exact <= failure < exact + step
     # the strain is uniform: nothing holds any more, and all that was stored is released
-    stored = history["stored"][np.argmax(broken) - 1]
-    assert abs(history["stored"][-1]) < 1e-12 * stored
-    assert history["dissipation_fracture"][-1] == pytest.approx(stored, rel=0.1)
+    stored = history["strain_energy"][np.argmax(broken) - 1]
+    assert abs(history["strain_energy"][-1]) < 1e-12 * stored
+    assert history["fracture_dissipation"][-1] == pytest.approx(stored, rel=0.1)
     # the trapezoidal rule of the loads' work leaves something open before, the breaking adds no more than a step does
-    assert abs(history["balance"][-1] - history["balance"][np.argmax(broken) - 1]) < 1e-4 * stored
+    assert abs(history["energy_error"][-1] - history["energy_error"][np.argmax(broken) - 1]) < 1e-4 * stored
 
 
 @pytest.mark.long
@@ -43,7 +43,7 @@ def test_kalthoff_winkler_crack_runs_off_at_seventy_degrees(shared_path):
     upward = y > 0.025
     tip = np.nanargmax(np.where(upward, y, np.nan))
     assert 60.0 < math.degrees(math.atan2(y[tip] - 0.025, x[tip] - 0.05)) < 75.0
-    assert np.abs(history["balance"]).max() < 2e-3 * history["work_external"].max()
+    assert np.abs(history["energy_error"]).max() < 2e-3 * history["external_work"].max()
 
 
 @pytest.mark.long

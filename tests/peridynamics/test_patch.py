@@ -10,7 +10,7 @@ E, NU, PULL = 3.0, 0.3, 0.03
 
 @pytest.mark.parametrize("influence", ["constant", "cubic-spline"])
 @pytest.mark.parametrize(("dimension", "plane"), [(1, None), (2, "stress"), (2, "strain"), (3, None)])
-@pytest.mark.parametrize("placement", ["cells", "nodes"])
+@pytest.mark.parametrize("placement", ["cells", "vertices"])
 @pytest.mark.parametrize("bulk", ["relaxing", "elastic"])
 def test_patch(comm, dimension, plane, placement, influence, bulk):
     letters = "XYZ"[:dimension]

@@ -93,7 +93,7 @@ def error(body, displacement):
     return max(body.comm.allgather(float(np.abs(displacement - exact).max(initial=0.0)))) / largest
 
 
-NODES, IRREGULAR = {"placement": "nodes"}, {"jitter": 0.2}
+NODES, IRREGULAR = {"placement": "vertices"}, {"jitter": 0.2}
 CASES = {
     "bar": dict(dimension=1),
     "bar of nodes": dict(dimension=1, filling=NODES),

@@ -8,7 +8,7 @@ import pytest
 from parsolid.particles.agreement import agree
 from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, load_scene, packaged_scene, parse_scene
-from parsolid.scene.validation_errors import told
+from parsolid.scene.validation_errors import describe
 
 DELETED = object()
 
@@ -146,7 +146,7 @@ BROKEN = {
         "bodies.0.particles: expected no such key with a mesh",
     ),
     "sphere on nodes": (
-        {"bodies.0.shape": {"sphere": {"centre": [0.0, 0.0, 0.0], "radius": 1.0}}, "bodies.0.placement": "nodes"},
+        {"bodies.0.shape": {"sphere": {"centre": [0.0, 0.0, 0.0], "radius": 1.0}}, "bodies.0.placement": "vertices"},
         "bodies.0.placement: expected 'cells' for a sphere",
     ),
     "shell thicker than round": (
@@ -445,4 +445,4 @@ def test_ranks_agree(comm):
 
 
 def test_tables_are_told_as_a_scene_states_them():
-    assert told([{"beta": 1.0, "on": True, "at": [0, 1]}]) == "[{ beta = 1.0, on = true, at = [0, 1] }]"
+    assert describe([{"beta": 1.0, "on": True, "at": [0, 1]}]) == "[{ beta = 1.0, on = true, at = [0, 1] }]"

@@ -113,7 +113,7 @@ def test_ranks_have_equal_contiguous_shares(cube, comm):
 
 
 def test_box_areas_sum_to_its_faces(scene_of, comm):
-    for placement in ("nodes", "cells"):
+    for placement in ("vertices", "cells"):
         particle_set = whole(scene_of(3, BOX, particles=[5, 4, 3], placement=placement), comm)
         np.testing.assert_allclose(np.maximum(particle_set["area"], 0.0).sum(axis=0), [3.0, 2.0, 6.0], rtol=1e-14)
         np.testing.assert_allclose(np.minimum(particle_set["area"], 0.0).sum(axis=0), [-3.0, -2.0, -6.0], rtol=1e-14)

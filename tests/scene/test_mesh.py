@@ -79,7 +79,7 @@ def mesh_scene(folder, dimension, points, cells, name="mesh.vtk", **filling):
 KINDS = [(2, "quad"), (2, "triangle"), (3, "hexahedron"), (3, "tetra")]
 
 
-@pytest.mark.parametrize("placement", ["nodes", "cells"])
+@pytest.mark.parametrize("placement", ["vertices", "cells"])
 @pytest.mark.parametrize(("dimension", "kind"), KINDS)
 def test_volume_and_surface(shared_path, comm, dimension, kind, placement):
     points, cells = grid(dimension, 0.2)
@@ -93,7 +93,7 @@ def test_volume_and_surface(shared_path, comm, dimension, kind, placement):
     faces = lengths.prod() / lengths
     np.testing.assert_allclose(comm.allreduce(np.maximum(particle_set.area, 0.0).sum(axis=0)), faces, rtol=1e-12)
     np.testing.assert_allclose(comm.allreduce(np.minimum(particle_set.area, 0.0).sum(axis=0)), -faces, rtol=1e-12)
-    number = len(points) if placement == "nodes" else len(cells)
+    number = len(points) if placement == "vertices" else len(cells)
     assert comm.allreduce(len(particle_set)) == number
     assert len(particle_set) == number * (comm.rank + 1) // comm.size - number * comm.rank // comm.size
 
@@ -116,7 +116,7 @@ def test_spacing(tmp_path):
     points = np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=2)))
     number = np.arange(9).reshape(3, 3)
     cells = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
-    for placement in ("nodes", "cells"):
+    for placement in ("vertices", "cells"):
         body = mesh_scene(tmp_path, 2, points, [("quad", cells)], placement=placement).bodies[0]
         one = filling_of(body, 2)
         np.testing.assert_allclose(one.piece(0, one.count).spacing, 0.5)
@@ -154,7 +154,7 @@ def test_scale(tmp_path):
 
 def test_supports_and_regions(shared_path, comm):
     points, cells = grid(3, 0.2)
-    for placement, number in (("nodes", 6 * 4), ("cells", None)):
+    for placement, number in (("vertices", 6 * 4), ("cells", None)):
         scene = mesh_scene(shared_path, 3, points, [("tetra", split(cells))], f"{comm.rank}.vtk", placement=placement)
         data = scene.resolved() | {"boundaries": [{"kind": "fixed", "plane": "X = 0"}]}
         scene = parse_scene(data)

@@ -60,7 +60,7 @@ def test_sound_scene_and_back(tables, tmp_path):
     [
         (("method", "basis"), "quintic", "method.basis: expected 'linear'"),
         (("method", "cell"), -1.0, "method.cell: expected a number > 0"),
-        (("bodies", 0, "placement"), "nodes", "bodies.0.placement: expected 'cells'"),
+        (("bodies", 0, "placement"), "vertices", "bodies.0.placement: expected 'cells'"),
         (("reference", "exact"), "viscoelastic-plate", "loads.manufactured: expected reference.exact = 'axis-aligned'"),
         (("reference", "parameters"), {"size": 1.0}, "reference.parameters: expected the parameters amplitude"),
         (

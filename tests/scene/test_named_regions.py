@@ -23,10 +23,10 @@ def sums(particle_set, comm, number: int) -> tuple[int, np.ndarray]:
     return comm.allreduce(int(particle_set.regions[:, number].sum())), comm.allreduce(mine.sum(axis=0))
 
 
-@pytest.mark.parametrize("placement", ["nodes", "cells"])
+@pytest.mark.parametrize("placement", ["vertices", "cells"])
 def test_a_side_of_a_box_has_its_area_however_it_is_named(square, comm, placement):
     square["bodies"][0]["placement"] = placement
-    last = 2.0 - (0.0 if placement == "nodes" else 0.2)
+    last = 2.0 - (0.0 if placement == "vertices" else 0.2)
     box = {"box": {"lower": [-1.0, 1.99], "upper": [9.0, 9.0]}}
     regions = [
         {"name": "axis", "plane": "Y = 2"},

@@ -37,7 +37,7 @@ def test_defaults(square):
     assert (method.kernel, method.smoothing, method.dissipation) == ("wendland-c2", 0.85, 1.0)
     assert (method.integrator, method.safety, method.cfl) == ("leapfrog", 0.9, None)
     assert method.reconstruction is True and method.maximum_step is None
-    assert scene.bodies[0].placed_on == "nodes" and scene.bodies[0].material.branches == []
+    assert scene.bodies[0].placed_on == "vertices" and scene.bodies[0].material.branches == []
     assert scene.output.checkpoint_wall == 600.0 and scene.output.history_steps is None
 
 

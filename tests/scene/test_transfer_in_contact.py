@@ -47,7 +47,7 @@ def test_linear_weights_with_slopes_turn_blocks_inside_out_and_the_usual_ones_do
     for body, speed in zip(data["bodies"], ("0.05", "-0.05")):
         body["velocity"] = ["0", speed]
     _, rows = run_to_end(data)
-    assert np.abs(rows["balance"]).max() < 1e-3 * rows["kinetic"][0]
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["kinetic"][0]
     data["method"] |= {"transfer": "aflip", "flip_fraction": 0.99}
     with pytest.raises(RunFailed, match="the Jacobian is not positive"):
         run_to_end(data)

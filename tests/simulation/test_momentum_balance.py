@@ -85,14 +85,17 @@ def test_the_usual_transfer_keeps_a_rigid_rotation(comm):
     sim = simulation(scene, comm)
     columns = follow(sim, Record(lambda one: one.energy_row()))
     assert columns["plastic_work"].max() == 0.0
-    assert sim.momenta.shares()[1] < 1e-3 and sim.balance.verdict(1.0, (), sim.momenta.shares())["trust_code"] is None
+    assert (
+        sim.momenta.shares()[1] < 1e-3
+        and sim.energy_check.verdict(1.0, (), sim.momenta.shares())["energy_check_code"] is None
+    )
 
 
 def test_a_transfer_that_loses_angular_momentum_is_told(comm):
     sim = simulation(spinning({"kind": "mpm", "cell": 0.25, "transfer": "flip"}), comm)
     follow(sim, Record(lambda one: one.energy_row()))
-    verdict = sim.balance.verdict(1.0, (), sim.momenta.shares())
-    assert (verdict["trust"], verdict["trust_code"]) == ("unbalanced", "angular-momentum-lost")
+    verdict = sim.energy_check.verdict(1.0, (), sim.momenta.shares())
+    assert (verdict["energy_check"], verdict["energy_check_code"]) == ("unbalanced", "angular-momentum-lost")
 
 
 @pytest.mark.serial

@@ -62,7 +62,7 @@ def test_a_run_tells_and_is_not_resolved(tmp_path, capsys):
     assert "[one-layer]" in printed and "[cell-below-spacing]" in printed
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert {one["code"] for one in summary["warnings"]} == {"one-layer", "cell-below-spacing"}
-    assert summary["trust"] in ("inapplicable", "unbalanced")
+    assert summary["energy_check"] in ("inapplicable", "unbalanced")
 
 
 @pytest.mark.parametrize(

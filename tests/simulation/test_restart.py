@@ -12,15 +12,15 @@ from parsolid.output.checkpoint import previous_name, read_checkpoint
 from parsolid.output.errors import OutputError
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation import restart as restarts
-from parsolid.simulation.energy_balance import EnergyBalance, EnergyLimits
+from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits
 from parsolid.simulation.ledger import Ledger
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.scene_changes import contents
 
 TERMS = {"crack": 1}
 JUDGED = {"largest": 50.0, "worst": 0.5, "entered": 3.0, "growth": 0.7, "gained": 0.2, "offset": 0.03}
-HEADER = {"initial_energy": 42.0, "energy_balance": JUDGED, "judged_step": 4, "momenta": None, "last_step": 0.02}
-HEADER |= {"jumped": True, "time": 0.3, "step": 7, "stable_step": 0.01, "interactions": ["kept"], "balance": 0.25}
+HEADER = {"initial_energy": 42.0, "energy_error_share": JUDGED, "checked_step": 4, "momenta": None, "last_step": 0.02}
+HEADER |= {"jumped": True, "time": 0.3, "step": 7, "stable_step": 0.01, "interactions": ["kept"], "energy_error": 0.25}
 
 
 def restart(comm, *, rows=None, same=True, allowed=(), values=None, **header) -> Restart:
@@ -37,7 +37,7 @@ def simulation(energies=(0.0, 0.0)) -> SimpleNamespace:
     taken = []
     return SimpleNamespace(
         ledger=Ledger(TERMS),
-        balance=EnergyBalance(EnergyLimits(0.1, 0.2, 0.3)),
+        balance=EnergyCheck(EnergyLimits(0.1, 0.2, 0.3)),
         momenta=None,
         time_steps=SimpleNamespace(),
         clock=SimpleNamespace(),
@@ -53,16 +53,16 @@ def test_every_rank_goes_on_with_its_own_sums(comm):
     assert sim.ledger.values.tolist() == [4.0 * comm.rank + i for i in range(4)]
     assert sim.ledger.initial == 42.0 and sim.taken == ["kept"]
     assert (sim.clock.time, sim.clock.step, sim.stable, sim.time_steps.jumped) == (0.3, 7, 0.01, True)
-    assert sim.judged == 4
+    assert sim.checked_step == 4
     lost = sum(4.0 * rank + 1.0 for rank in range(comm.size))
-    assert sim.balance.state() == JUDGED and sim.balance.lost == lost
+    assert sim.energy_check.state() == JUDGED and sim.energy_check.lost == lost
 
 
 def test_on_other_ranks_the_first_has_the_sums_of_all(comm):
     sim, rows = simulation(), np.array([[1.0, 2.0, 3.0, 4.0], [10.0, 20.0, 30.0, 40.0], [100.0, 200.0, 300.0, 400.0]])
     restart(comm, rows=rows, same=False).apply(sim)
     assert sim.ledger.values.tolist() == ([111.0, 222.0, 333.0, 444.0] if comm.rank == 0 else [0.0] * 4)
-    assert sim.balance.lost == 222.0
+    assert sim.energy_check.lost == 222.0
 
 
 @pytest.mark.parametrize("terms", [3, 5])
@@ -77,11 +77,11 @@ def test_an_allowed_change_is_no_residual_of_the_energy(comm):
     # with its sums, the ledger's balance would be 11 + 6 - 42 and those: now it goes on as it was
     sim, one = simulation((11.0 / comm.size, 6.0 / comm.size)), restart(comm, allowed=("bodies.0.material",))
     one.apply(sim)
-    assert sim.ledger.row(comm, *sim.energies())["balance"] == pytest.approx(0.25, abs=1e-12)
+    assert sim.ledger.row(comm, *sim.energies())["energy_error"] == pytest.approx(0.25, abs=1e-12)
     jump = sim.ledger.initial - 42.0
     assert [note.code for note in one.notes] == ["restart-energy"] and f" {jump:.4g} J" in one.notes[0].text
     # nothing is said of nothing, nor taken where nothing was allowed
-    same = restart(comm, allowed=("x",), balance=sim.ledger.row(comm, *sim.energies())["balance"] + jump)
+    same = restart(comm, allowed=("x",), balance=sim.ledger.row(comm, *sim.energies())["energy_error"] + jump)
     same.apply(sim)
     assert same.notes == [] and sim.ledger.initial == 42.0
     other = restart(comm)
@@ -179,8 +179,8 @@ def test_a_file_is_all_that_a_run_goes_on_from(comm, shared_path, monkeypatch):
         header = read_checkpoint(comm, shared_path / ("whole" if run is whole else "pieces") / "checkpoint.h5")[0]
         assert header["ranks"] == comm.size and header["particles"] == 25 and header["step"] == 5
         # nothing has entered, so that the balance is what is compared with zero
-        assert header["balance"] == run.ledger.row(comm, *run.energies())["balance"]
-        judged = header["energy_balance"]
+        assert header["energy_error"] == run.ledger.row(comm, *run.energies())["energy_error"]
+        judged = header["energy_error_share"]
         assert judged["largest"] >= header["initial_energy"] > judged["worst"] >= 0.0
     # particles of other ranks are dealt out anew
     elsewhere = read_checkpoint(comm, previous_name(file))

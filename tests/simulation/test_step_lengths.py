@@ -21,10 +21,10 @@ def walk(steps: TimeSteps, stable: float, time: float = 0.0) -> list[tuple[float
 @pytest.mark.parametrize("even", [False, True])
 @pytest.mark.parametrize("stable", [0.3, 0.1, 0.07, 0.0333])
 def test_every_landing_is_met_exactly_and_no_step_is_a_sliver(even, stable):
-    landings = [0.1, 1.0 / 3.0, 0.7]
-    steps = walk(TimeSteps(landings, [], 1.0, even), stable)
+    stop_times = [0.1, 1.0 / 3.0, 0.7]
+    steps = walk(TimeSteps(stop_times, [], 1.0, even), stable)
     times = [time for _, time in steps]
-    assert {*landings, 1.0} <= set(times) and times == sorted(set(times)) and times[-1] == 1.0
+    assert {*stop_times, 1.0} <= set(times) and times == sorted(set(times)) and times[-1] == 1.0
     lengths = [step for step, _ in steps]
     assert max(lengths) <= stable * (1.0 + 1e-9) and min(lengths) >= 0.5 * min(stable, 0.1) * (1.0 - 1e-9)
     assert math.fsum(lengths) == pytest.approx(1.0, rel=1e-14)

@@ -63,8 +63,8 @@ def test_energy_closes(integrator, comm):
     data = block((9, 9, 8))
     data["method"]["integrator"] = integrator
     _, rows = run_steps(data, 80, comm)
-    assert rows["stored"].max() > 0.1 * rows["kinetic"][0]
-    assert np.abs(rows["balance"]).max() < 1e-3 * rows["kinetic"][0]
+    assert rows["strain_energy"].max() > 0.1 * rows["kinetic"][0]
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["kinetic"][0]
 
 
 def error_of_bending(part: float) -> float:

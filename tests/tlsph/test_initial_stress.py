@@ -34,7 +34,7 @@ def test_its_energy_is_the_work_of_its_forces(integrator):
         for _ in range(steps):
             sim.take_step(0.2 / steps)
         row = sim.ledger.row(sim.comm, *sim.energies())
-        off.append(abs(row["balance"]) / kinetic)
+        off.append(abs(row["energy_error"]) / kinetic)
     assert off[1] < 5e-4 and off[0] / off[1] > (6.0 if integrator == "ssp-rk3" else 3.5)
 
 

@@ -141,7 +141,7 @@ def test_conservation(shared_path, comm, dimension, kind):
     p, turning = np.stack(rows["p"]), np.stack(rows["l"])
     np.testing.assert_allclose(p - p[0], 0.0, atol=1e-13)
     np.testing.assert_allclose(turning - turning[0], 0.0, atol=1e-13)
-    assert np.abs(rows["balance"]).max() < 1e-4 * rows["kinetic"].max()
+    assert np.abs(rows["energy_error"]).max() < 1e-4 * rows["kinetic"].max()
 
 
 def test_the_same_on_all_ranks(shared_path, comm):
@@ -158,10 +158,10 @@ def test_the_same_on_all_ranks(shared_path, comm):
     )  # fmt: skip
     together, alone = (run_to_end(data, some)[1] for some in (comm, MPI.COMM_SELF))
     assert len(together["time"]) == len(alone["time"]) > 20
-    for name in ("time", "kinetic", "stored", "dissipation_numerical", "work_external"):
+    for name in ("time", "kinetic", "strain_energy", "numerical_dissipation", "external_work"):
         atol = 1e-9 * np.abs(alone[name]).max()
         np.testing.assert_allclose(together[name], alone[name], rtol=0.0, atol=atol, err_msg=name)
-    assert np.abs(alone["balance"]).max() < 1e-4 * alone["kinetic"].max()
+    assert np.abs(alone["energy_error"]).max() < 1e-4 * alone["kinetic"].max()
 
 
 def test_restart_has_the_same_bits(shared_path, comm):

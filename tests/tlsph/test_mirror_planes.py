@@ -142,5 +142,5 @@ def test_what_a_fixed_wall_gives_to_cells_is_booked(comm, dimension, integrator)
         for _ in range(steps):
             sim.take_step(0.3 / steps)
         rows.append(sim.ledger.row(comm, *sim.systems[0].energies()))
-    coarse, fine = (abs(row["balance"]) for row in rows)
-    assert coarse > 3.5 * fine and fine < 0.03 * rows[1]["work_fixed_walls"], rows
+    coarse, fine = (abs(row["energy_error"]) for row in rows)
+    assert coarse > 3.5 * fine and fine < 0.03 * rows[1]["fixed_wall_work"], rows

@@ -75,4 +75,4 @@ def test_a_particle_turned_inside_out_is_not_sound(row):
     assert system.lists.advance_step(0.0)[0]
     system.particles.owned_rows("deformation_gradient")[row, 0] = -1.0
     assert not system.lists.advance_step(0.0)[0]
-    assert system.unsound()[0] == row
+    assert system.first_invalid()[0] == row

@@ -47,15 +47,15 @@ def test_a_rotation_is_exact_in_time_and_its_work_is_booked(method):
     here = X[:, 1] == 0.0
     np.testing.assert_allclose(x[here], [0.5, 0.0] + (X[here] - [0.5, 0.0]) @ turned.T, atol=1e-15)
     np.testing.assert_allclose(x[X[:, 1] > 0.999], X[X[:, 1] > 0.999], atol=1e-15)
-    np.testing.assert_allclose(rows["bottom.work"], rows["work_external"], rtol=1e-12)
-    assert not rows["top.work"].any() and rows["work_external"][-1] > 1e-4
+    np.testing.assert_allclose(rows["bottom.work"], rows["external_work"], rtol=1e-12)
+    assert not rows["top.work"].any() and rows["external_work"][-1] > 1e-4
     # a kink of the angle is landed on: no step has both slopes
     assert {0.1, 0.4} <= set(rows["time"])
-    assert abs(rows["balance"][-1]) < 2e-3 * rows["work_external"][-1]
+    assert abs(rows["energy_error"][-1]) < 2e-3 * rows["external_work"][-1]
     # work is force times motion: the moment by the angle, of which the rest is inertia
     moments = np.array(list(rows["bottom"]))[:, 2]
     angles = 0.3 * np.clip((rows["time"] - 0.1) / 0.3, 0, 1) * rows["time"]
-    assert moments[1:] @ np.diff(angles) == pytest.approx(rows["work_external"][-1], rel=0.05)
+    assert moments[1:] @ np.diff(angles) == pytest.approx(rows["external_work"][-1], rel=0.05)
 
 
 @pytest.mark.parametrize("method", BOTH, ids=str)
@@ -106,7 +106,7 @@ def test_a_skew_roller_is_the_turned_copy_of_an_aligned_one(method, shared_path,
         sim, rows = run_steps(data, 40, comm, more=told("bottom", "side"))
         x, F = gathered(sim, "position", "deformation_gradient")
         forces = np.array([[*rows["bottom"][-1]][:2], [*rows["side"][-1]][:2]])
-        results.append((x @ R, R.T @ F.reshape(-1, 2, 2) @ R, forces @ R, rows["stored"][-1]))
+        results.append((x @ R, R.T @ F.reshape(-1, 2, 2) @ R, forces @ R, rows["strain_energy"][-1]))
     for aligned, skew in zip(*results):
         np.testing.assert_allclose(skew, aligned, rtol=0, atol=1e-9 * np.abs(aligned).max())
     # a roller's force is along its normal
@@ -157,8 +157,8 @@ def test_the_torque_of_a_bushing_is_the_exact_one_at_small_angles(tmp_path):
     for name, sign in (("bore", 1.0), ("out", -1.0)):
         moment = np.array(list(rows[name]))[late, 2].mean()
         assert sign * moment == pytest.approx(exact, rel=0.02)
-    assert rows["work_external"][-1] == pytest.approx(0.5 * exact * angle, rel=0.02)
-    assert rows["bore.work"][-1] == pytest.approx(rows["work_external"][-1], rel=1e-12)
+    assert rows["external_work"][-1] == pytest.approx(0.5 * exact * angle, rel=0.02)
+    assert rows["bore.work"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-12)
 
 
 def test_pressure_in_a_ring_gives_the_displacement_of_lame(tmp_path):
@@ -202,8 +202,8 @@ def test_a_stiff_body_on_springs_swings_with_their_frequency(method):
     omega = np.sqrt(0.7 / 1.1)
     X, x = gathered(sim, "reference_position", "position")
     assert (x - X)[:, 1].mean() == pytest.approx(0.01 / omega * np.sin(2.0 * omega), rel=2e-3)
-    assert abs(rows["balance"][-1]) < 1e-4 * rows["kinetic"][0]
-    assert rows["work_external"][-1] == pytest.approx(-0.5 * 0.7 * (0.01 / omega * np.sin(2 * omega)) ** 2, rel=5e-3)
+    assert abs(rows["energy_error"][-1]) < 1e-4 * rows["kinetic"][0]
+    assert rows["external_work"][-1] == pytest.approx(-0.5 * 0.7 * (0.01 / omega * np.sin(2 * omega)) ** 2, rel=5e-3)
 
 
 def test_weights_of_an_uneven_mesh_close_or_say_what_helps(tmp_path, monkeypatch):

@@ -157,5 +157,5 @@ def test_what_was_not_confirmed_with_weights_of_meshes_has_the_kernel(tmp_path, 
 def test_best_may_be_stated_where_other_methods_have_bodies():
     scene = load_scene(RUNS / "mixed" / "bars.toml", ["methods.0.weights=best"])
     first = scene.systems[0]
-    assert "smoothing" in first.settings.unheard(scene, first.bodies)
+    assert "smoothing" in first.settings.ignored_keys(scene, first.bodies)
     assert "fixed_walls" not in first.settings.energy_terms(scene, first.bodies)

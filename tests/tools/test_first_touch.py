@@ -5,7 +5,7 @@ import pytest
 from tool_scenes import METHODS, SPACING, block, run
 
 from parsolid.contact.tools.touch import Touch
-from parsolid.simulation.energy_balance import EnergyBalance
+from parsolid.simulation.energy_check import EnergyCheck
 from parsolid.simulation.loop import RunFailed
 
 # of the largest energy so far, in every step from the first that touches: 8.4e-2 and more before
@@ -33,9 +33,9 @@ def met(method: str) -> dict:
 
 def off(watch) -> np.ndarray:
     """Balances over the largest energy so far, where there is any."""
-    energies = [np.abs(watch[name]) for name in ("kinetic", "stored", "work_external")]
+    energies = [np.abs(watch[name]) for name in ("kinetic", "strain_energy", "external_work")]
     largest = np.maximum.accumulate(np.max(energies, axis=0))
-    return np.abs(watch["balance"]) / np.where(largest > 0.0, largest, 1.0)
+    return np.abs(watch["energy_error"]) / np.where(largest > 0.0, largest, 1.0)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -61,13 +61,13 @@ def test_forces_that_are_too_large_end_a_run_as_soon_as_the_energy_says_so(monke
         for _ in range(2 if len(rows) > 3 * STEPS else 1):
             right(self, step)
 
-    class Judge(EnergyBalance):
+    class Judge(EnergyCheck):
         def judge(self, row, *more):
             rows.append(row)
-            super().judge(row, *more)
+            super().check(row, *more)
 
     monkeypatch.setattr(Touch, "give", wrong)
-    monkeypatch.setattr("parsolid.simulation.loop.EnergyBalance", Judge)
+    monkeypatch.setattr("parsolid.simulation.loop.EnergyCheck", Judge)
     with pytest.raises(RunFailed, match="the energy balance is off by"):
         run(data)
     watch = {name: np.array([row[name] for row in rows]) for name in rows[0]}

@@ -89,7 +89,7 @@ def test_a_sharp_corner_of_a_mesh_presses(tmp_path, turned):
     _, watch = run(data)
     assert watch["wedge.force_y"].max() > 1e3 and abs(watch["wedge.place_y"][-1] - (0.77 - 0.06)) < 1e-12
     assert np.abs(watch["wedge.force_x"]).max() < 1e-6 * watch["wedge.force_y"].max()
-    assert np.abs(watch["balance"]).max() < 0.03 * watch["work_external"].max()
+    assert np.abs(watch["energy_error"]).max() < 0.03 * watch["external_work"].max()
 
 
 @pytest.mark.parametrize("stiffness", [0.01, 100.0])
@@ -99,7 +99,7 @@ def test_stiffness_from_soft_to_hard(stiffness):
     data |= {"tools": [floor(stiffness=stiffness)]}
     _, watch = run(data)
     assert watch["velocity"][-1, 1] > 0.7
-    assert np.abs(watch["balance"]).max() < (0.05 if stiffness > 1.0 else 0.01) * watch["kinetic"][0]
+    assert np.abs(watch["energy_error"]).max() < (0.05 if stiffness > 1.0 else 0.01) * watch["kinetic"][0]
 
 
 @pytest.mark.parametrize("method", ["ulsph", "mpm"])

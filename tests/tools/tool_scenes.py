@@ -33,7 +33,7 @@ def block(method: str, counts=(10, 5), lower=None, **body) -> dict:
     if settings["kind"] == "mpm" and d == 2:
         settings = settings | {"geometry": "plane-strain"}
     shape = {"box": {"lower": lower, "upper": upper}}
-    particles = [n + (placement == "nodes") for n in counts]
+    particles = [n + (placement == "vertices") for n in counts]
     made = {"name": "block", "shape": shape, "particles": particles, "placement": placement, "material": material}
     return {"dimension": d, "end_time": 1.0, "method": dict(settings), "bodies": [made | body]}
 

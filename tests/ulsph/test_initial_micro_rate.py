@@ -13,7 +13,7 @@ def flowing(rate, material=STEEL, **rest) -> dict:
 
 
 def test_it_is_set_by_place_and_held_where_clamped(comm):
-    clamp = {"kind": "micro_clamped", "box": {"lower": [-1.0, -1.0], "upper": [1.0, 1e-3]}}
+    clamp = {"kind": "micro-hard", "box": {"lower": [-1.0, -1.0], "upper": [1.0, 1e-3]}}
     sim = simulation(flowing("1e6*X", boundaries=[clamp]), comm)
     rows = sim.systems[0].particles.owned_rows
     x, y = rows("position").T

@@ -13,7 +13,7 @@ from parsolid.api.pictures import missing
 from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments
 from parsolid.output.results import Results
 from parsolid.scene import SceneError
-from parsolid.scene.validation_errors import suggestion, told
+from parsolid.scene.validation_errors import describe, suggestion
 
 _VON_MISES = "von_mises_stress"
 _STILL, _MOVING = (".png", ".pdf", ".svg"), (".gif", ".mp4")
@@ -64,15 +64,15 @@ def standard(directory: Path | str) -> list[Path]:
 def _faults(results: Results, options: argparse.Namespace, output: Path, one_file: bool) -> list[str]:
     faults = []
     if len(options.up) != 1:
-        faults.append(f"--up: expected one axis, X, Y or Z, found {told(options.up)}")
+        faults.append(f"--up: expected one axis, X, Y or Z, found {describe(options.up)}")
     if options.times and options.every:
         faults.append("--times, --every: expected one of them, found both")
     if options.single and (one_file or options.animation):
-        faults.append(f"--single: expected a folder as output and no animation, found {told(str(output))}")
+        faults.append(f"--single: expected a folder as output and no animation, found {describe(str(output))}")
     if options.animation and output.suffix.lower() in _STILL:
-        faults.append(f"--animation: expected a name that ends in .gif or .mp4, found {told(output.name)}")
+        faults.append(f"--animation: expected a name that ends in .gif or .mp4, found {describe(output.name)}")
     if any(axis >= results.dimension for axis in options.along[:1]) or len(options.along) > 1:
-        faults.append(f"--along: expected one axis of {results.dimension} dimensions, found {told(options.along)}")
+        faults.append(f"--along: expected one axis of {results.dimension} dimensions, found {describe(options.along)}")
     if (results.dimension == 1 or options.along) and (
         options.animation or output.suffix.lower() in _MOVING or options.single
     ):
@@ -87,13 +87,13 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
             faults.append(f"{name}: expected bodies of {least} dimensions and no --along, found {results.dimension}")
     if not one_file and output.suffix and not output.is_dir():
         endings = ", ".join(_STILL + _MOVING)
-        faults.append(f"--output: expected a folder or a name that ends in {endings}, found {told(output.name)}")
+        faults.append(f"--output: expected a folder or a name that ends in {endings}, found {describe(output.name)}")
     if options.colours is not None:
         from matplotlib import colormaps
 
         if options.colours not in colormaps:
             near = suggestion(options.colours, colormaps)
-            faults.append(f"--colours: expected a colour map of matplotlib, found {told(options.colours)}{near}")
+            faults.append(f"--colours: expected a colour map of matplotlib, found {describe(options.colours)}{near}")
     return faults
 
 
@@ -193,7 +193,7 @@ def bodies_named(results: Results, words: str | None) -> tuple[int, ...] | None:
     found = []
     for word in words.split(","):
         if word not in names and not (word.isdigit() and int(word) < len(names)):
-            raise SceneError([f"--only: expected some of {', '.join(names)}, found {told(word)}"])
+            raise SceneError([f"--only: expected some of {', '.join(names)}, found {describe(word)}"])
         found.append(names.index(word) if word in names else int(word))
     return tuple(found)
 

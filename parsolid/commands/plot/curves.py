@@ -16,12 +16,12 @@ from parsolid.scene.observation import HISTORY_COLUMNS
 DOTS_PER_INCH = 100
 _COLOURS = {
     "kinetic": "#1f77b4",
-    "stored": "#d95f02",
+    "strain_energy": "#d95f02",
     "total": "#222222",
-    "dissipation_internal": "#7570b3",
-    "dissipation_numerical": "#1b9e77",
-    "work_external": "#a6761d",
-    "dissipation_fracture": "#e7298a",
+    "material_dissipation": "#7570b3",
+    "numerical_dissipation": "#1b9e77",
+    "external_work": "#a6761d",
+    "fracture_dissipation": "#e7298a",
     "failure_dissipation": "#e7298a",
     "plastic_work": "#e6ab02",
     "viscous_work": "#66a61e",
@@ -57,27 +57,27 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
     energies, dissipations, balance = figure.subplots(1, 3)
     told = [name for name, values in terms.items() if _largest(values) > _NOTHING * largest]
-    for name in ("kinetic", "stored", "work_external"):
+    for name in ("kinetic", "strain_energy", "external_work"):
         if name in told:
             energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=words_of(name))
-    total = terms["kinetic"] + terms["stored"]
-    if {"kinetic", "stored"} <= set(told):
+    total = terms["kinetic"] + terms["strain_energy"]
+    if {"kinetic", "strain_energy"} <= set(told):
         energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
     for name in (name for name in _WITHIN if name in told and _largest(terms[name]) > _FLAT * largest):
         # columns begin at 0, also where bodies press at the start
         below = np.nanmin(terms[name]) < -_FLAT * largest
         what = _WITHIN[name].replace("stored", "gained") if below else _WITHIN[name]
         energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=what, linewidth=1.0)
-    words = {"dissipation_internal": "internal", "dissipation_numerical": "numerical"}
+    words = {"material_dissipation": "internal", "numerical_dissipation": "numerical"}
     others = _seen([name for name in (*words, *_method_terms(history)) if name in told and name not in _WITHIN], terms)
     spare = iter(_PALETTE[5:])
     for name in _most(others, terms):
         colour = _COLOURS.get(name) or next(spare)
         dissipations.plot(time, terms[name] / unit, color=colour, label=words.get(name, words_of(name)))
-    for axes, names in ((energies, ("kinetic", "stored")), (dissipations, HISTORY_COLUMNS[2:4])):
+    for axes, names in ((energies, ("kinetic", "strain_energy")), (dissipations, HISTORY_COLUMNS[2:4])):
         _add_references(axes, results, names, factor, unit)
         _add_bands(axes, results, names, time, unit, _COLOURS)
-    balance.plot(time, history["balance"] / (largest or 1.0), color="#222222")
+    balance.plot(time, history["energy_error"] / (largest or 1.0), color="#222222")
     energies.set_ylabel(f"energy [{label}]")
     dissipations.set_ylabel(f"dissipated [{label}]")
     balance.set_ylabel("balance / largest energy")
@@ -89,7 +89,7 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
 def _method_terms(history: dict[str, Any]) -> dict[str, Any]:
     """Energy terms of the method itself: they stand between the external work and the balance."""
     columns = list(history)
-    first, last = columns.index("work_external") + 1, columns.index("balance")
+    first, last = columns.index("external_work") + 1, columns.index("energy_error")
     return {name: history[name] for name in columns[first:last]}
 
 

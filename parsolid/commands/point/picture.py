@@ -25,7 +25,7 @@ def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:
             panels[0, 1].plot(columns["time"], columns[name], style, linewidth=1.0, label=words_of(name))
     panels[0, 1].legend(fontsize=7)
     _loop(panels[0, 2], columns)
-    _series(panels[1, 0], columns, "energy density [J/m$^3$]", ("work", "stored", "dissipation", "equilibrium"))
+    _series(panels[1, 0], columns, "energy density [J/m$^3$]", ("work", "strain_energy", "dissipation", "equilibrium"))
     _branches(panels[1, 1], columns)
     _waves(panels[1, 2], columns)
     try:

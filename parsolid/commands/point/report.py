@@ -11,7 +11,7 @@ from parsolid.materials.registry import law_of
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
 from parsolid.point.choice import point_law
-from parsolid.point.driver import drive, tabulate
+from parsolid.point.driver import integrate, tabulate
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import MaterialPoint, load_point
 
@@ -32,7 +32,7 @@ def drive_and_report(options: Any) -> dict[str, Any]:
     began = clock.perf_counter()
     law = point_law(law_of(point.material), **point.conditions)
     try:
-        record = drive(law, point.path, point.end_time, point.longest_step)
+        record = integrate(law, point.path, point.end_time, point.longest_step)
     except PathLost as error:
         from parsolid.simulation.loop import RunFailed
 
@@ -43,14 +43,14 @@ def drive_and_report(options: Any) -> dict[str, Any]:
     summary["picture"] = _picture(point, columns, directory)
     write_summary(directory / SUMMARY, summary | provenance())
     if not options.quiet:
-        print(told(summary, directory), flush=True)
+        print(describe(summary, directory), flush=True)
     return summary
 
 
 def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: float) -> dict[str, Any]:
     """The summary of a point; the energy balance is measured against the largest energy met."""
-    scale = max(np.abs(columns[name]).max() for name in ("stored", "work", "dissipation"))
-    worst = np.abs(columns["balance"]).max()
+    scale = max(np.abs(columns[name]).max() for name in ("strain_energy", "work", "dissipation"))
+    worst = np.abs(columns["energy_error"]).max()
     shown = [name for name in _SHOWN if name in columns]
     return {
         "title": point.title,
@@ -59,10 +59,10 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
         "end_time": point.end_time,
         "rows": len(columns["time"]),
         "wall_time": seconds,
-        "balance_error": worst,
-        "balance_error_relative": worst / scale if scale > 0.0 else 0.0,
-        "stored_at_start": columns["stored"][0],
-        "stored_at_end": columns["stored"][-1],
+        "energy_error": worst,
+        "energy_error_share": worst / scale if scale > 0.0 else 0.0,
+        "stored_at_start": columns["strain_energy"][0],
+        "stored_at_end": columns["strain_energy"][-1],
         "dissipation_at_end": columns["dissipation"][-1],
         "work_at_end": columns["work"][-1],
         **{f"{name}_at_end": columns[name][-1] for name in shown},
@@ -75,7 +75,7 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
     }
 
 
-def told(summary: dict[str, Any], directory: Path) -> str:
+def describe(summary: dict[str, Any], directory: Path) -> str:
     """The summary in a few lines."""
     return "\n".join(
         [
@@ -87,7 +87,7 @@ def told(summary: dict[str, Any], directory: Path) -> str:
                 f"  work {summary['work_at_end']:.6g} = newly stored"
                 f" {summary['stored_at_end'] - summary['stored_at_start']:.6g}"
                 f" + dissipated {summary['dissipation_at_end']:.6g} J/m^3, off by at most"
-                f" {summary['balance_error_relative']:.1e} of the largest"
+                f" {summary['energy_error_share']:.1e} of the largest"
             ),
             (
                 f"  von Mises stress up to {summary['largest_von_mises_stress']:.6g} Pa,"

@@ -11,7 +11,7 @@ from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.forces import Resultant
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, touchable_by
-from parsolid.methods.failure_fields import DELETED_STORED
+from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.leapfrog import taken_by_step_change
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -195,7 +195,7 @@ class RigidTools(Interaction):
         ledger.add_term("friction_dissipation", sum(tool.own.lost for tool in self.tools))
         deleted = sum(touch.deleted for tool in self.tools for touch in tool.touches)
         if deleted > 0.0:
-            ledger.add_term(DELETED_STORED, deleted)
+            ledger.add_term(DELETED_INTERNAL, deleted)
         stored_heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
         if stored_heat:
             ledger.add_term("friction_heat", stored_heat)

@@ -109,7 +109,7 @@ class Reports(ParticleSystem):
             "largest_temperature_over_melting": maximum(comm, float(ratios.max(initial=0.0))),
         }
 
-    def unsound(self) -> tuple[int, str] | None:
+    def first_invalid(self) -> tuple[int, str] | None:
         """The rank's first particle that is inside out, lost, or not a number."""
         points, cells = self.points, self.grid.cells
         rows, jacobian = points.owned_rows, points.jacobian(0, points.owned)

@@ -11,7 +11,7 @@ from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_betwe
 from parsolid.materials.plastic.functions import temperature_rise
 from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import declare_failure, failed_to_delete, note_deleted
-from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED, kept_column
+from parsolid.methods.failure_fields import DELETED_INTERNAL, DELETED_KINETIC, kept_column
 from parsolid.methods.mpm.settings import PLASTIC_STATE
 from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
 from parsolid.particles.container import Particles
@@ -195,7 +195,7 @@ class MaterialPoints(Particles):
         stored = float(self["internal_energy"][rows] @ self.motion[rows, 7])
         kinetic = note_deleted(self, rows, mass, velocity)
         self.without_deleted()
-        return {DELETED_KINETIC: kinetic, DELETED_STORED: stored}
+        return {DELETED_KINETIC: kinetic, DELETED_INTERNAL: stored}
 
     def without_deleted(self) -> None:
         """Give deleted particles no mass and no volume, so that no node knows of them; they go on as tracers."""

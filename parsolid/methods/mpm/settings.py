@@ -54,21 +54,21 @@ class MaterialPoint(MethodSettings):
     system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
     shared_field: ClassVar = True
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
-    boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat_flux", *_LOADS)
+    boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat-flux", *_LOADS)
     reactions: ClassVar = ("velocity", "wall", *_LOADS)
-    evolved: ClassVar = (
+    state_variables: ClassVar = (
         *("velocity", "velocity_slope", "velocity_gradient", "deformation_gradient", "unrotated_deviator"),
         *("temperature", "temperature_slope", "internal_energy", "plastic_strain", "plastic_rise"),
         *("damage", "criterion_damage"),
     )
-    evolved_of_particles: ClassVar = ("deleted_*",)
-    evolved_forces: ClassVar = ("stress_and_volume",)
+    state_of_particles: ClassVar = ("deleted_*",)
+    state_forces: ClassVar = ("stress_and_volume",)
     refused: ClassVar = {
         "antisymmetric": "a grid is folded at planes of symmetry and of rest",
         "rotation": "nodes of a grid do not turn; 'velocity' takes formulas of place and time",
         "displacement": "nodes of a grid have velocities alone",
         "layer": "nodes of a grid have velocities alone",
-        "micro_clamped": "it is for micro-inertia, in ulsph",
+        "micro-hard": "it is for micro-inertia, in ulsph",
     }
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
     declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
@@ -141,7 +141,7 @@ class MaterialPoint(MethodSettings):
         """Particles add all of the nodes' changes to the velocities that they have, and forget nothing."""
         return self.transfer in ("flip", "aflip") and self.flip_fraction == 1.0
 
-    def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+    def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """A grid that is near bodies which are far from the origin, and transfers by what bodies do."""
         return self._usual_origin(scene, bodies) | self._usual_transfer(scene, bodies)
 
@@ -199,8 +199,8 @@ class MaterialPoint(MethodSettings):
         """
         details: list[Any] = []
         for i, body in enumerate(scene.bodies):
-            if body.shape.kind != "mesh" and body.placed_on == "nodes":
-                details.append((("bodies", i, "placement"), "'cells' with this method", "nodes"))
+            if body.shape.kind != "mesh" and body.placed_on == "vertices":
+                details.append((("bodies", i, "placement"), "'cells' with this method", "vertices"))
             if getattr(body.material, "branch_moduli", None):
                 details.append((("bodies", i, "material", "branches"), "none with this method", body.material.branches))
             lower = getattr(body.shape.model, "lower", None)
@@ -220,7 +220,7 @@ class MaterialPoint(MethodSettings):
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind in _LOADS and self.geometry == "axisymmetric":
                 details.append((("boundaries", i, "kind"), "no load on a surface about an axis", boundary.kind))
-            if boundary.kind in ("temperature", "heat_flux") and not conducting:
+            if boundary.kind in ("temperature", "heat-flux") and not conducting:
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
         return details + self._fields_of_no_body(scene) + faults_of_names(scene)
 

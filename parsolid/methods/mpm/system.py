@@ -50,7 +50,7 @@ class MaterialPoint(Reports):
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
         self.conditions = GridConditions(comm, scene, particle_set, points)
         self.loads = self.conditions.loads
-        self.landings = self.loads.times
+        self.stop_times = self.loads.times
         self.reactions = self.loads.reactions
         kinds = [ElasticPlasticSolid if isinstance(law, ElasticPlastic) else HyperelasticSolid for law in points.laws]
         self.solids: dict[Any, Any] = {law: kind(law, points, self.settings) for law, kind in zip(points.laws, kinds)}

@@ -55,7 +55,7 @@ class BondBasedForces(BondForces):
             add_bond_forces(pairs, images, mutual, linear, motion, micromodulus, force)
         return force
 
-    def settle(self, step: float) -> float:
+    def commit(self, step: float) -> float:
         """Nothing dissipates."""
         return 0.0
 

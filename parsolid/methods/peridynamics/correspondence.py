@@ -170,7 +170,7 @@ class CorrespondenceForces(BondForces):
     def internal_force(self, step: float) -> np.ndarray:
         """Force (owned, d) [N] after a step [s] from the settled state to the displacement of the particles."""
         for memory in self.memories:
-            memory.propose(step)
+            memory.trial_step(step)
         return self._evaluate(step)
 
     def _evaluate(self, step: float) -> np.ndarray:
@@ -211,17 +211,17 @@ class CorrespondenceForces(BondForces):
             store_linear_stresses(self.plane, first, last, law, inverse, volume, control, sums, M)
         return self.divergence(field, control, force)
 
-    def settle(self, step: float) -> float:
+    def commit(self, step: float) -> float:
         """End a step [s] at the displacement of the last evaluation; the energy dissipated over it [J]."""
-        lost = sum(memory.settle(step, self.share) for memory in self.memories)
-        return lost + (self.tensors.settle(step, self.bonds.sums) if self.tensors is not None else 0.0)
+        lost = sum(memory.commit(step, self.share) for memory in self.memories)
+        return lost + (self.tensors.commit(step, self.bonds.sums) if self.tensors is not None else 0.0)
 
     def start(self, instantaneous: bool) -> None:
         """Memory and forces of the displacement at time 0: reached in a jump, or held for ever."""
         for memory in self.memories:
             memory.start(partial(self._evaluate_memory, memory, "motion"), instantaneous)
         if self.tensors is not None:
-            self.tensors.settle(0.0, self.bonds.gradients("displacement", "motion"))
+            self.tensors.commit(0.0, self.bonds.gradients("displacement", "motion"))
             if not instantaneous:
                 self.tensors.relax_fully()
         self.resume()
@@ -234,7 +234,7 @@ class CorrespondenceForces(BondForces):
         for memory in self.memories:
             memory.resume()
         if self.tensors is not None:
-            self.tensors.settle(0.0, self.bonds.sums)
+            self.tensors.commit(0.0, self.bonds.sums)
 
     def evaluate_anew(self) -> None:
         """Forces of the settled state and of each part of its memory, after bonds were broken; tensors take what
@@ -243,7 +243,7 @@ class CorrespondenceForces(BondForces):
             memory.evaluate_anew(partial(self._evaluate_memory, memory, "motion"))
         self._evaluate(0.0)
         if self.tensors is not None:
-            self.tensors.settle(0.0, self.bonds.sums)
+            self.tensors.commit(0.0, self.bonds.sums)
 
     # --- stiffness, energy and stress -------------------------------------------------------------------------
 

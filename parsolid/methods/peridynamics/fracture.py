@@ -112,7 +112,7 @@ class Fracture:
             self.damage.cut(self.pending)
             self.pending = None
         self.forces.evaluate_anew()
-        ledger.add_term("dissipation_fracture", stored - self.forces.stored_energy())
+        ledger.add_term("fracture_dissipation", stored - self.forces.stored_energy())
 
     def take_over(self) -> None:
         """Break the bonds of the state of another run; collective.

@@ -91,19 +91,19 @@ class Reports(ParticleSystem):
         # the same on all ranks
         return "maximum", np.full(self.dimension, np.nan) if self.fracture is None else self.fracture.tip()
 
-    def unsound(self) -> tuple[int, str] | None:
+    def first_invalid(self) -> tuple[int, str] | None:
         """The first particle that is inside out or whose velocity is not finite, or the one farthest from balance."""
         if not self.forces.sound:
             jacobian = np.linalg.det(self._tensors("deformation_gradient"))
             index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
             return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
-        return self.solver.unsound()
+        return self.solver.first_invalid()
 
     def warnings(self) -> list[Warned]:
         """Pressures in regions that are too thin for them."""
         return self._warnings
 
-    def doubt(self) -> str | None:
+    def validity_warning(self) -> str | None:
         """Whether more than a little of what has small strain has turned so far that this is strain; collective."""
         G = self._tensors("deformation_gradient")
         angle = np.linalg.norm(G - G.swapaxes(1, 2), axis=(1, 2)) / np.sqrt(8.0)

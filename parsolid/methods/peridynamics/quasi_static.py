@@ -18,10 +18,10 @@ from parsolid.scene.warned import Note
 class QuasiStatic:
     """Takes one rank's particles from balance to balance; all methods are collective.
 
-    jumps, landings, setting: see `velocity_verlet.VelocityVerlet`.
+    jumps, stop_times, setting: see `velocity_verlet.VelocityVerlet`.
     """
 
-    setting, landings = "step", ()
+    setting, stop_times = "step", ()
 
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
@@ -134,7 +134,7 @@ class QuasiStatic:
         before = self.operator.external(time)
         work = self.step_from(before, time, 0.0, ledger, lambda *announced: None)
         # loads do more work than the forces that were out of balance take up: cracks run by it
-        ledger.add_term("dissipation_fracture", work.external - work.internal)
+        ledger.add_term("fracture_dissipation", work.external - work.internal)
         assert self.balance is not None
         return self.balance.reached
 
@@ -169,7 +169,7 @@ class QuasiStatic:
         told = None if coarse is None else coarse.near_incompressibility_note((0.0, self.settings.step))
         return [Note("stiff-volumes", told)] if told else []
 
-    def unsound(self) -> tuple[int, str] | None:
+    def first_invalid(self) -> tuple[int, str] | None:
         """This rank's particle farthest from balance, where the last step found none; and why."""
         if self.balance is None or self.balance.reached or not len(self.balance.residual):
             return None

@@ -63,15 +63,15 @@ class RelaxingDisplacement:
             self.losses = np.array([dissipation_weights(step, tau) for tau in self.times]).reshape(-1, 3)
             self.factor = 1.0 + float(self.ratios @ self.weights[:, 1])
 
-    def propose(self, step: float) -> None:
+    def trial_step(self, step: float) -> None:
         """f after a step [s] to the displacement of the particles."""
         self.begin(step)
         if len(self.ratios):
             u, old = self.particles.storage("displacement"), self._array("settled_displacement")
             q = self._array("branch_displacements")
-            propose(self.particles.owned, self.ratios, self.weights, u, old, q, self.particles.storage(self.field))
+            trial_step(self.particles.owned, self.ratios, self.weights, u, old, q, self.particles.storage(self.field))
 
-    def settle(self, step: float, share: np.ndarray) -> float:
+    def commit(self, step: float, share: np.ndarray) -> float:
         """End a step [s] at the displacement of the particles, where `force` is F(f); the energy dissipated over it
         [J].
 
@@ -81,7 +81,7 @@ class RelaxingDisplacement:
         names = ("settled_displacement", "branch_displacements", "elastic_force", "branch_forces")
         arrays = map(self._array, names)
         u, series = self.particles.storage("displacement"), (self.ratios, self.weights, self.losses)
-        lost: float = settle(self.factor, *series, share, u, self.force, *arrays)
+        lost: float = commit(self.factor, *series, share, u, self.force, *arrays)
         return lost
 
     def compose(self) -> None:
@@ -143,7 +143,7 @@ class RelaxingDisplacement:
 
 # without contraction, so that a state that was put back goes on with the same bits
 @exact
-def propose(count, ratios, weights, new, old, q, field):
+def trial_step(count, ratios, weights, new, old, q, field):
     """Fill field = f after a step to the displacement `new`, to the bits of `compose` after `settle`."""
     d = old.shape[0]
     for i in range(d):
@@ -167,7 +167,7 @@ def compose(count, ratios, displacement, q, field):
 
 
 @exact
-def settle(factor, ratios, weights, losses, share, new, force, old, q, elastic, forces):
+def commit(factor, ratios, weights, losses, share, new, force, old, q, elastic, forces):
     """End a step at the displacement `new`, where F(f) = force; what the branches dissipated over it [J].
 
     factor: 1 + sum gamma_j A_j; weights (branches, 2) = (a, A); losses (branches, 3) of `dissipation_weights`.

@@ -201,20 +201,20 @@ class Peridynamics(MethodSettings):
         "traction",
         "pressure",
     )
-    evolved: ClassVar = ("velocity", "branch_displacements*", "tensor_history")
-    evolved_of_particles: ClassVar = ("broken_bonds",)
+    state_variables: ClassVar = ("velocity", "branch_displacements*", "tensor_history")
+    state_of_particles: ClassVar = ("broken_bonds",)
     pressed: ClassVar = ("where", "box", "ball")
     refused: ClassVar = {
         "antisymmetric": "images of a solid that moves against it are not made",
         "spring": "loads do not depend on the motion",
         "wall": "rigid bodies that others touch are tools",
         "temperature": "the method knows no heat",
-        "heat_flux": "the method knows no heat",
-        "micro_clamped": "it is for micro-inertia, in ulsph",
+        "heat-flux": "the method knows no heat",
+        "micro-hard": "it is for micro-inertia, in ulsph",
     }
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "displacement", "layer", "traction", "pressure")
     pictured_fields: ClassVar = ("damage", "von_mises_stress", "pressure")
-    ledger_terms: ClassVar = {"dissipation_fracture": 1, "kinetic_offset": -1, "residual_work": 0}
+    ledger_terms: ClassVar = {"fracture_dissipation": 1, "kinetic_offset": -1, "residual_work": 0}
     extra_fields: ClassVar = {
         "damage": "scalar",
         "bond_limit": "scalar",
@@ -273,7 +273,7 @@ class Peridynamics(MethodSettings):
         reject(*details)
         return self
 
-    def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+    def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """In contact a softer control unless one is stated: that of beams makes a face a quarter too stiff against what
         varies within a horizon or two. Not where bonds break, for which it is too soft."""
         bonds = any(scene.bodies[i].material.kind == "bond-based" for i in bodies)
@@ -328,7 +328,7 @@ class Peridynamics(MethodSettings):
     def _pressed_on(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Bodies in contact: what control they have, which is for faces, or for bonds that break."""
         names, key = ", ".join(in_contact(scene, bodies)), "method.stabilisation.coefficient"
-        if self.usual(scene, bodies):
+        if self.defaults_for(scene, bodies):
             told = f"{key} = {_PRESSED:g} for all bodies of the method, unless stated, with which faces are as stiff"
             bends = "as they should be and beams of ten particles bend 12 % too far"
             text = f"{names} in contact: {told} {bends}; without contact {self.kind} has 0.35"

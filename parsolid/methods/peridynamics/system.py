@@ -54,7 +54,7 @@ class Peridynamics(Reports):
         self.particles.declare(Field("position", self.dimension, "m", **columns), particle_set.position)
         self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, shown=True, **columns))
         self.solver: Any = (VelocityVerlet if explicit else QuasiStatic)(self, self.settings.solution)
-        self.jumps, self.landings = self.solver.jumps, self.solver.landings
+        self.jumps, self.stop_times = self.solver.jumps, self.solver.stop_times
 
     # --- state -------------------------------------------------------------------------------------------------
 
@@ -130,17 +130,17 @@ class Peridynamics(Reports):
     # --- what the loop asks ------------------------------------------------------------------------------------
 
     @property
-    def news(self) -> bool:  # type: ignore[override]
+    def rebuild_needed(self) -> bool:  # type: ignore[override]
         """Whether this rank has found bonds that fail."""
         return self.fracture is not None and self.fracture.found
 
     @property
-    def news_anywhere(self) -> bool:
+    def rebuild_anywhere(self) -> bool:
         """Whether any rank had found some."""
         return self.fracture is not None and self.fracture.found_anywhere
 
-    @news_anywhere.setter
-    def news_anywhere(self, found: bool) -> None:
+    @rebuild_anywhere.setter
+    def rebuild_anywhere(self, found: bool) -> None:
         if self.fracture is not None:
             self.fracture.found_anywhere = found
 

@@ -168,4 +168,4 @@ class Operator:
         dissipated [J]."""
         self.displacement[:] = displacement
         self.forces.internal_force(step)
-        return float(self.forces.settle(step))
+        return float(self.forces.commit(step))

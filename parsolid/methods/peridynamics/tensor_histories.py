@@ -52,14 +52,14 @@ class TensorHistories:
             given = first, last, kernel_law(law), step_weights(law, step)
             store_stresses(self.plane, *given, inverse, volume, self.history, sums, M)
 
-    def settle(self, step: float, sums: np.ndarray) -> float:
+    def commit(self, step: float, sums: np.ndarray) -> float:
         """Take all histories through a step [s] to the displacement whose gradient has these sums; the energy
         dissipated [J]."""
         self.stored, lost, self.sound, self.growth = 0.0, 0.0, True, 1.0
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
         for first, last, law in self.laws:
             given = first, last, kernel_law(law), step_weights(law, step)
-            stored, loss, sound, waves = settle_histories(
+            stored, loss, sound, waves = commit_histories(
                 self.plane, *given, inverse, volume, self.tributary_volume, self.history, sums
             )
             self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
@@ -91,7 +91,7 @@ def store_stresses(plane, first, last, law, weights, inverse, volume, history, s
 
 
 @exact
-def settle_histories(plane, first, last, law, weights, inverse, volume, tributary_volume, history, sums):
+def commit_histories(plane, first, last, law, weights, inverse, volume, tributary_volume, history, sums):
     """Take histories of particles first..last-1 through a step.
 
     tributary_volume (owned,) [m^3]: on this side of mirror planes. Returns (stored energy after it, dissipated over it

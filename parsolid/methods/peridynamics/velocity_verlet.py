@@ -24,7 +24,7 @@ class VelocityVerlet:
     """Moves one rank's particles; the stable step is that of the instantaneous stiffness of the whole body at rest,
     less where finite strain stiffens it.
 
-    jumps, landings: see `methods.protocol.ParticleSystem`; setting: the key of method.solution whose smaller value
+    jumps, stop_times: see `methods.protocol.ParticleSystem`; setting: the key of method.solution whose smaller value
     makes steps milder; unheld: whether no balance was found because nothing holds a fragment.
     """
 
@@ -33,7 +33,7 @@ class VelocityVerlet:
 
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.Explicit`."""
-        self.body, self.settings, self.landings = body, settings, body.conditions.times
+        self.body, self.settings, self.stop_times = body, settings, body.conditions.times
         self.leapfrog = Leapfrog(body.particles, body.conditions, "internal_force")
         self.largest_eigenvalue: float | None = None
         self.finite = True
@@ -89,7 +89,7 @@ class VelocityVerlet:
         if early:
             announce(self.finite, self.stable_step())
         forces.internal_force(step)
-        dissipated = forces.settle(step)
+        dissipated = forces.commit(step)
         if self.breaks_bonds:
             body.fracture.look()
         if not early:
@@ -112,7 +112,7 @@ class VelocityVerlet:
         """Take it back."""
         self.largest_eigenvalue, self.leapfrog.last_step = state["largest_eigenvalue"], state["last_step"]
 
-    def unsound(self) -> tuple[int, str] | None:
+    def first_invalid(self) -> tuple[int, str] | None:
         """The first particle whose velocity is not finite."""
         bad = ~np.isfinite(self.body.velocity).all(axis=1)
         return (int(np.argmax(bad)), "a number is no longer finite") if bad.any() else None

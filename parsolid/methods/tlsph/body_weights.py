@@ -55,8 +55,8 @@ def no_mesh_weights(scene: Any) -> Detail | None:
         return ("method", "reference"), "'fixed' with weights = \"mesh\"", settings.reference
     for i in meshes:
         body = scene.bodies[i]
-        if body.placed_on != "nodes":
-            return ("bodies", i, "placement"), "'nodes' with weights = \"mesh\"", body.placed_on
+        if body.placed_on != "vertices":
+            return ("bodies", i, "placement"), "'vertices' with weights = \"mesh\"", body.placed_on
         if body.jitter > 0.0:
             return ("bodies", i, "jitter"), 'none with weights = "mesh"', body.jitter
         if body.deformation_gradient is not None:
@@ -93,14 +93,14 @@ def _best(body: Any, dimension: int) -> str:
         if _off_lattice(kind, body, dimension) is None:
             return kind
     uneven = body.jitter > 0.0 or body.shape.kind == "mesh"
-    return "closure" if uneven and body.placed_on == "nodes" else "kernel"
+    return "closure" if uneven and body.placed_on == "vertices" else "kernel"
 
 
 def _off_lattice(kind: str, body: Any, dimension: int) -> str | None:
     """Why a body cannot have weights of a kind, in words."""
     if body.shape.kind not in ON_LATTICES[kind]:
         return f"a {body.shape.kind.replace('_', ' ')}"
-    if body.placed_on != "nodes":
+    if body.placed_on != "vertices":
         return "particles in cells"
     if body.jitter > 0.0:
         return "jitter"
@@ -113,7 +113,9 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
     if wanted not in ON_LATTICES:
         return []
     shapes = " or ".join(shape.replace("_", " ") for shape in ON_LATTICES[wanted])
-    expected = f'for "{wanted}" the nodes of a {shapes} (placement = "nodes"), two or more along each axis, no jitter'
+    expected = (
+        f'for "{wanted}" the nodes of a {shapes} (placement = "vertices"), two or more along each axis, no jitter'
+    )
     try:
         reasons = [_off_lattice(wanted, body, scene.dimension) for body in scene.bodies]
         bonded = [] if any(reasons) else _touching(scene)

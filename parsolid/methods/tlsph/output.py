@@ -42,12 +42,12 @@ class Reports(ParticleSystem):
             stress += self.initial_stress.first_piola_kirchhoff_stress(first, last)
         return stress
 
-    def unsound(self) -> tuple[int, str] | None:
+    def first_invalid(self) -> tuple[int, str] | None:
         """Also a reference that could not be moved."""
         if self.reference is not None and self.reference.fault is not None and self.owned:
             most = int(np.argmin(self.particles.owned_rows("jacobian")))
             return most, f"the reference could not be moved: {self.reference.fault}"
-        return super().unsound()
+        return super().first_invalid()
 
     def advice(self) -> str:
         """What most likely helps when a run goes wrong, by the settings."""

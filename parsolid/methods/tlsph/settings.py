@@ -25,7 +25,7 @@ _OF_WEIGHTS = {"kernel", "smoothing", "weights", "pair_correction"}
 # factor on the dissipation with weights of meshes, which need little, where a scene states none
 MESH_DISSIPATION = 0.1
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
-FIXED_WALLS = "work_fixed_walls"
+FIXED_WALLS = "fixed_wall_work"
 
 
 class TotalLagrangianSPH(MethodSettings):
@@ -40,8 +40,10 @@ class TotalLagrangianSPH(MethodSettings):
         "updated_reference_volume": "scalar",
         "cofactor": "tensor",
     }
-    evolved: ClassVar = (*("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),)
-    evolved_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
+    state_variables: ClassVar = (
+        *("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),
+    )
+    state_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
     materials: ClassVar = ("hyperelastic",)
     boundaries: ClassVar = (
         "fixed",
@@ -59,8 +61,8 @@ class TotalLagrangianSPH(MethodSettings):
         "layer": "a part of a body is held by 'fixed' in a region",
         "wall": "rigid bodies that others touch are tools",
         "temperature": "the method knows no heat",
-        "heat_flux": "the method knows no heat",
-        "micro_clamped": "it is for micro-inertia, in ulsph",
+        "heat-flux": "the method knows no heat",
+        "micro-hard": "it is for micro-inertia, in ulsph",
     }
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
@@ -155,7 +157,7 @@ class TotalLagrangianSPH(MethodSettings):
         images = with_images and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
-    def usual(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+    def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Weights that close where every example of the tables confirms them, with leapfrog: on boxes of eight nodes or
         more along each axis that touch nothing, and on a body from a mesh that meets no other."""
         gentle = {} if "dissipation" in self.model_fields_set else {"dissipation": MESH_DISSIPATION}
@@ -179,7 +181,7 @@ class TotalLagrangianSPH(MethodSettings):
         less = [Note("clamp-edges", f"method.clamp_edges: {told}")] if self.clamp_edges else []
         return self._notes_of_weights(scene, bodies) + less
 
-    def unheard(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
+    def ignored_keys(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
         """What kernels are, where no weights are of one, and what is of meshes alone, where there are none."""
         kinds = weights_of_bodies(self.pair_weights, self._own(scene, bodies))
         of_kernels = () if any(kind in ("kernel", "closure") for kind in kinds) else ("kernel", "smoothing")
@@ -187,7 +189,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Weights, where the scene leaves them to its bodies."""
-        usual = self.usual(scene, bodies)
+        usual = self.defaults_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
         why = f"all bodies are boxes of {RESOLVED} nodes or more along each axis"
         if "dissipation" in usual or usual.get("weights") == "mesh":

@@ -76,7 +76,7 @@ class TotalLagrangianSPH(Reports):
         self.reactions = self.conditions.reactions
         self.leapfrog = None if staged else Leapfrog(self, scene)
         self.staged_step = StagedStep(self, scene) if staged else None
-        self.evaluations, self.landings = (3, ()) if staged else (1, self.conditions.times)
+        self.evaluations, self.stop_times = (3, ()) if staged else (1, self.conditions.times)
         self.initial_stress = initial_stress_of(self, scene)
         self.boxes = box_bodies_of(self, scene)
         self.lists: Any = list_bodies_of(self, scene, particle_set)
@@ -204,13 +204,13 @@ class TotalLagrangianSPH(Reports):
         return float(self.integrator.stable_step())
 
     @property
-    def news(self) -> bool:  # type: ignore[override]
+    def rebuild_needed(self) -> bool:  # type: ignore[override]
         """Whether this rank's particles ask for another reference."""
         return self.reference is not None and self.reference.asks
 
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:
         """See `ParticleSystem`; of a reference that follows where it is moved, collective there."""
-        self.reference_lost = self.reference is not None and not self.reference.follow(self.news_anywhere)
+        self.reference_lost = self.reference is not None and not self.reference.follow(self.rebuild_anywhere)
         if not self.reference_lost:
             self.integrator.advance_positions(time, step, ledger)
 

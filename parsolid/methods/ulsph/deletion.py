@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.methods.failed_matter import failed_to_delete, note_deleted
-from parsolid.methods.failure_fields import DELETED_KINETIC, DELETED_STORED
+from parsolid.methods.failure_fields import DELETED_INTERNAL, DELETED_KINETIC
 
 # of the mass that stays, so that sums over neighbours are divided by something
 _LEFT = 1e-12
@@ -61,7 +61,7 @@ class Deletion:
             self.hold()
             self.system.conditions.forget_masses()
             left = self.system.energies()
-            self._energies = {DELETED_KINETIC: kinetic - left[0], DELETED_STORED: stored - left[1]}
+            self._energies = {DELETED_KINETIC: kinetic - left[0], DELETED_INTERNAL: stored - left[1]}
         else:
             self.hold()
 

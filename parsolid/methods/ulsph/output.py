@@ -68,7 +68,7 @@ class Reports(ParticleSystem):
             return "minimum", (rows("position") - half).min(axis=0, initial=np.inf)
         return "maximum", (rows("position") + half).max(axis=0, initial=-np.inf)
 
-    def unsound(self) -> tuple[int, str] | None:
+    def first_invalid(self) -> tuple[int, str] | None:
         """The rank's first particle that is not sound, and what is wrong with it."""
         rows = self.particles.owned_rows
         density, finite = rows("density"), np.isfinite(rows("velocity")).all(axis=1)

@@ -37,15 +37,15 @@ class UpdatedLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "traction", "spring")
-    boundaries: ClassVar = (*reactions, "micro_clamped", "temperature")
+    boundaries: ClassVar = (*reactions, "micro-hard", "temperature")
     strained: ClassVar = False
-    evolved: ClassVar = (
+    state_variables: ClassVar = (
         *("velocity", "density", "deviator", "temperature", "energy", "plastic_strain", "damage", "criterion_damage"),
         *("micro_rate", "micro_stress", "micro_curl", "micro_gradient"),
         *("energetic_flux", "dissipative_flux", "heat_flux"),
     )
-    evolved_of_particles: ClassVar = ("deleted_*",)
-    evolved_forces: ClassVar = (
+    state_of_particles: ClassVar = ("deleted_*",)
+    state_forces: ClassVar = (
         *("pair_*", "force", "viscous_force", "viscous_heat", "correction", "micro_curl", "micro_gradient"),
     )
     refused: ClassVar = {
@@ -53,7 +53,7 @@ class UpdatedLagrangianSPH(MethodSettings):
         "displacement": "motion is prescribed as a velocity or a rotation",
         "layer": "a part of a body is held by 'fixed' in a region",
         "pressure": "a present area needs a deformation gradient; 'traction' is per reference area",
-        "heat_flux": "heat comes through planes of a temperature",
+        "heat-flux": "heat comes through planes of a temperature",
     }
     declared_fields: ClassVar = (*STATE, *MICRO_STATE, DAMAGE)
     extra_fields: ClassVar = {
@@ -135,8 +135,8 @@ class UpdatedLagrangianSPH(MethodSettings):
         """Particles on the surface; what has no effect: contact of one body, heat of no viscosity."""
         details: list[Detail] = []
         for i, body in enumerate(scene.bodies):
-            if body.shape.kind != "mesh" and body.placed_on == "nodes":
-                details.append((("bodies", i, "placement"), "'cells' with this method", "nodes"))
+            if body.shape.kind != "mesh" and body.placed_on == "vertices":
+                details.append((("bodies", i, "placement"), "'cells' with this method", "vertices"))
             parts = getattr(body.material, "parts", {})
             here, other = ("bodies", i, "material"), [key for key in _OF_THE_GRID if parts.get(key)]
             details += [((*here, key), "no such key with this method", parts[key]) for key in other]
@@ -149,7 +149,7 @@ class UpdatedLagrangianSPH(MethodSettings):
             details.append((("method", "viscous_heating"), "no such key: elastic-plastic laws always take it up", True))
         micro = any(body.material.kind == "micro-inertia" for body in scene.bodies)
         for i, boundary in enumerate(scene.boundaries):
-            if boundary.kind == "micro_clamped" and not micro:
+            if boundary.kind == "micro-hard" and not micro:
                 details.append((("boundaries", i, "kind"), "a body with micro-inertia", boundary.kind))
         return details + self._of_no_body(scene, kinds) + faults_of_names(scene)
 

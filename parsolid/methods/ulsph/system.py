@@ -40,7 +40,7 @@ from parsolid.particles.initial_fields import (
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
 from parsolid.scene import Scene
-from parsolid.scene.boundaries.micro import MicroClamped
+from parsolid.scene.boundaries.micro import MicroHard
 
 # norm of the correction of gradients above which it is scaled down: 10 fails at 600 m/s
 _MOST_CORRECTION = 6.0
@@ -87,7 +87,7 @@ class UpdatedLagrangianSPH(Reports):
         declare_particles(particles, density * particle_set.volume, length)
         self.conditions = Conditions(comm, scene, particle_set, particles)
         self.kicks = Kicks(self)
-        self.reactions, self.landings = self.conditions.reactions, self.conditions.times
+        self.reactions, self.stop_times = self.conditions.reactions, self.conditions.times
         self._declare_state(comm, scene, particle_set, density)
         self.temperatures = Temperatures(comm, scene, particle_set, particles, self.solids)
         self.deletion = Deletion(self) if "deleted_mass" in particles else None
@@ -117,7 +117,7 @@ class UpdatedLagrangianSPH(Reports):
         particles.owned_rows("sound_speed")[:] = speeds[particles.law_of_body[particle_set.body]]
         if maximum(comm, int(particle_set.body.max(initial=0))) > 0:
             particles.declare(Field("contact_body", 1, "1", **kept), particle_set.body.astype(float))
-        clamped = [selected(scene, one, particle_set, comm) for _, one in self.conditions.of(MicroClamped)]
+        clamped = [selected(scene, one, particle_set, comm) for _, one in self.conditions.of(MicroHard)]
         if clamped:
             free = ~np.logical_or.reduce(clamped)
             particles.declare(Field("micro_free", 1, "1", checkpointed=True, layout=Columns()), free.astype(float))
@@ -178,7 +178,7 @@ class UpdatedLagrangianSPH(Reports):
 
     def rebuild_expired_list(self, time: float) -> None:
         """Make the list anew where a rank has found it used up; collective then."""
-        if self.news_anywhere:
+        if self.rebuild_anywhere:
             with self.deletion.announced() if self.deletion is not None else nullcontext():
                 self.pairs.rebuild(time)
             self.neighbours.follow()
@@ -186,7 +186,7 @@ class UpdatedLagrangianSPH(Reports):
     def check_list(self, time: float, step: float) -> None:
         """Whether the list will be used up by the next step, or particles are to be deleted."""
         due = self.deletion is not None and self.deletion.due
-        self.time, self.news = time, self.pairs.expires(time, self.substeps * step) or due
+        self.time, self.rebuild_needed = time, self.pairs.expires(time, self.substeps * step) or due
 
     def drift(self, first: int, last: int, step: float) -> None:
         """Move particles first..last-1; ghosts move as their owners do."""
@@ -231,14 +231,14 @@ class UpdatedLagrangianSPH(Reports):
 
     def state(self) -> dict[str, Any]:
         """The list, whether it is used up, and viscous heat to come; collective."""
-        news = anywhere(self.comm, self.news)
+        rebuild_needed = anywhere(self.comm, self.rebuild_needed)
         heat = self.kicks.viscous_heat.state()
-        kept = {"pairs": self.pairs.state(), "time": self.time, "news": news, "viscous_heat": heat}
+        kept = {"pairs": self.pairs.state(), "time": self.time, "rebuild_needed": rebuild_needed, "viscous_heat": heat}
         return kept | {"last_step": self.kicks.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
-        self.checkpoint, self.time, self.news = state, state["time"], state["news"]
+        self.checkpoint, self.time, self.rebuild_needed = state, state["time"], state["rebuild_needed"]
         self.kicks.leapfrog.last_step = state["last_step"]
         self.kicks.viscous_heat.set_state(self.comm, state["viscous_heat"])
 

@@ -104,7 +104,7 @@ def jitter_offsets(body: FilledShape, identifier: np.ndarray, movable: np.ndarra
 
 def lines_of(body: FilledShape) -> list[Line]:
     """The lines of a lattice within the bounds of a body's shape."""
-    nodes, (lower, upper) = body.placed_on == "nodes", body.shape.model.bounds()
+    nodes, (lower, upper) = body.placed_on == "vertices", body.shape.model.bounds()
     return [Line(low, high, count, nodes) for low, high, count in zip(lower, upper, body.numbers())]
 
 

@@ -27,7 +27,7 @@ class ShellFilling(Lattice):
         self.body = body
         self.dimension = dimension
         self.axis, self.origin = shape.normal, np.array(shape.origin, float)
-        nodes = body.placed_on == "nodes"
+        nodes = body.placed_on == "vertices"
         inner, outer = shape.radius - 0.5 * shape.thickness, shape.radius + 0.5 * shape.thickness
         start, end = np.radians(shape.angles)
         numbers = body.numbers()

@@ -51,7 +51,7 @@ class MeshFilling:
             raise SceneError([f"expected a mesh that does not lie in itself, found {found}"])
         # of the particles first .. first + n - 1 in the order of the mesh
         self.rows: dict[str, np.ndarray] = {}
-        if body.placed_on == "nodes":
+        if body.placed_on == "vertices":
             self._on_nodes(volumes)
         else:
             self._in_elements(volumes)
@@ -105,7 +105,7 @@ class MeshFilling:
         """Find the particles in regions, and what of their surface is; before `scatter`. Collective."""
         member = Membership(self.mesh, known, self.edge)
         inside = member.facets(self.facets)
-        if self.body.placed_on == "nodes":
+        if self.body.placed_on == "vertices":
             vectors, held = self._surfaces_on_nodes(inside, len(known))[self._used], member.nodes()[self._used]
         else:
             vectors = np.zeros((len(self.mesh.local.numbers), len(known), self.mesh.points.shape[1]))

@@ -7,7 +7,7 @@ from parsolid.scene.boundaries.prescribed import RegionCondition
 
 
 @boundary_kind
-class MicroClamped(RegionCondition):
+class MicroHard(RegionCondition):
     """No plastic flow: v^p = 0 in a region; surfaces without it are micro-free (no micro-traction)."""
 
-    kind: Literal["micro_clamped"]
+    kind: Literal["micro-hard"]

@@ -38,7 +38,7 @@ class HeatFlux(Condition):
     """Heat [W/m^2] into a body through a plane that bounds it; planes without any condition are insulated."""
 
     on_particles: ClassVar[bool] = False
-    kind: Literal["heat_flux"]
+    kind: Literal["heat-flux"]
     plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
     body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")

@@ -23,7 +23,7 @@ SETTINGS = (
     *("bodies.0.material.branches=[]", f"end_time={END}", f"output.fields_times=[0, {END}]"),
     *(f"output.history_interval={INTERVAL / 2}", "reference.series=reference/column_b0.json"),
 )
-COLUMNS = {"K": "kinetic", "W": "stored", "twist_C": "tiptwist"}
+COLUMNS = {"K": "kinetic", "W": "strain_energy", "twist_C": "tiptwist"}
 
 
 def history(folder: Path, nodes: int) -> dict[str, np.ndarray]:

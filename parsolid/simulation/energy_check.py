@@ -1,6 +1,6 @@
 """Whether energy is kept: the ledger's balance against the largest energy a run has shown, and what its end says.
 
-A run's end has one word of trust for every method, see `EnergyBalance.verdict`.
+A run's end has one word of trust for every method, see `EnergyCheck.verdict`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,14 +25,14 @@ _STEPS_TO_COME = 32
 _MOMENTUM = 0.01
 
 # words of trust, the last counts most; and the codes of what speaks against a run
-WORDS = ("resolved", "dissipative", "inapplicable", "unbalanced")
+WORDS = ("ok", "dissipative", "inapplicable", "unbalanced")
 ENERGY_UNACCOUNTED, ENERGY_GIVEN, LONG_STEP = "energy-unaccounted", "energy-given", "long-step"
 MOMENTUM_LOST, ANGULAR_MOMENTUM_LOST = "momentum-lost", "angular-momentum-lost"
 BEYOND_THE_METHOD = "beyond-the-method"
 NUMERICAL_DISSIPATION, ARTIFICIAL_VISCOSITY = "numerical-dissipation", "artificial-viscosity"
 
 
-# of `EnergyBalance`, what a restart goes on with
+# of `EnergyCheck`, what a restart goes on with
 _STATE = ("largest", "worst", "growth", "entered", "gained", "offset")
 
 
@@ -57,7 +57,7 @@ class EnergyLimits(NamedTuple):
         return cls(*(min(values) for values in zip(*([getattr(one, key) for key in cls._fields] for one in settings))))
 
 
-class EnergyBalance:
+class EnergyCheck:
     """Judges rows of the ledger.
 
     A body that a tool touches for the first time, a support that starts or a load that rises has little energy as yet,
@@ -86,23 +86,23 @@ class EnergyBalance:
         at time 0 [J]; steps: since the row before, None if the last was a jump of no length; work: that from outside in
         the last of them [J]."""
         before = self.largest
-        self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "stored", "work_external")))
+        self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "strain_energy", "external_work")))
         if steps is not None:
             # what was there at the start has not gone in, nor what comes from nowhere
-            brought = self.largest - max(before, abs(initial)) - abs(row["balance"])
+            brought = self.largest - max(before, abs(initial)) - abs(row["energy_error"])
             forgotten = self.growth * float(np.exp(-steps / _STEPS_TO_COME))
             self.growth = max(forgotten, abs(work), brought / max(steps, 1))
         # an equilibrium that was not reached may close the balance all the same: conjugate gradients always do
-        self.worst = max(abs(row["balance"]), row.get("residual_work", 0.0), self.worst)
-        self.lost, self.viscous = row["dissipation_numerical"], sum(row[name] for name in self.viscous_terms)
+        self.worst = max(abs(row["energy_error"]), row.get("residual_work", 0.0), self.worst)
+        self.lost, self.viscous = row["numerical_dissipation"], sum(row[name] for name in self.viscous_terms)
         # where numerical dissipation is what closes the balance, that is all there is to see of what comes from nowhere
         self.gained = max(self.gained, -self.lost)
         self.offset = max(self.offset, *(abs(row[name]) for name in row if name.startswith(KINETIC_OFFSET)), 0.0)
-        self.entered = max(self.entered, initial + row["work_external"])
+        self.entered = max(self.entered, initial + row["external_work"])
         measure = self.largest + _STEPS_TO_COME * self.growth
         allowed = self.limits.balance_limit * measure + _ROUND_OFF * scale + np.finfo(float).tiny
-        if not (abs(row["balance"]) <= allowed < np.inf):
-            self.broken = row["balance"]
+        if not (abs(row["energy_error"]) <= allowed < np.inf):
+            self.broken = row["energy_error"]
 
     def state(self) -> dict[str, float]:
         """What a restart goes on with, as JSON has it."""
@@ -134,7 +134,7 @@ class EnergyBalance:
         reason; doubts: why methods do not apply; momenta: shares of linear and angular momentum lost; warnings: of the
         scene, see `representation`.
 
-        "resolved" says that energy and momentum are accounted for and that little of the energy went into the scheme
+        "ok" says that energy and momentum are accounted for and that little of the energy went into the scheme
         and its artificial viscosity: an answer needs that, but is not right by that alone.
         """
         balance, gained, offset = (self.relative(one, scale) or 0.0 for one in (self.worst, self.gained, self.offset))
@@ -147,20 +147,20 @@ class EnergyBalance:
             reason = f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme"
             reason += f", {gained:.2g} given by it" if gained > _TOLD else ""
             reason += f", {viscous:.2g} in artificial viscosity" if viscous else ""
-        verdict = max(findings, key=lambda one: WORDS.index(one.word)) if findings else Finding("resolved", "", reason)
+        verdict = max(findings, key=lambda one: WORDS.index(one.word)) if findings else Finding("ok", "", reason)
         return {
-            "energy_balance_largest": balance,
-            "energy_given_by_scheme": gained,
+            "energy_error_share_largest": balance,
+            "spurious_energy_gain": gained,
             "kinetic_offset_largest": offset,
-            "dissipation_numerical": self.lost,
-            "dissipation_numerical_share": share,
+            "numerical_dissipation": self.lost,
+            "numerical_dissipation_share": share,
             **({"artificial_viscosity_share": viscous} if self.viscous_terms else {}),
             "momentum_lost_share": momenta[0],
             "angular_momentum_lost_share": momenta[1],
-            "trust": verdict.word,
+            "energy_check": verdict.word,
             "trust_code": verdict.code or None,
-            "trust_reason": verdict.reason,
-            "trust_findings": [one._asdict() for one in findings],
+            "energy_check_reason": verdict.reason,
+            "energy_check_findings": [one._asdict() for one in findings],
         }
 
     def _findings(

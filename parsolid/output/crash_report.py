@@ -13,14 +13,14 @@ PATIENCE = 3.0
 
 
 @dataclass
-class Whereabouts:
+class Context:
     """folder: of the results, None before there is one; checkpoint: the last one; job: the same number on all ranks."""
 
     folder: Path | None = None
     checkpoint: str | None = None
     job: int = 0
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """The last checkpoint, in words, or nothing outside of a run."""
         if self.folder is None:
             return ""
@@ -28,7 +28,7 @@ class Whereabouts:
 
 
 # of this process
-HERE = Whereabouts()
+CONTEXT = Context()
 
 
 def report(error: BaseException) -> str | None:
@@ -40,8 +40,8 @@ def report(error: BaseException) -> str | None:
     reason = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(":")
     told = f"expected no error, found {reason[:300]}"
     folders = (Path.cwd(), Path(tempfile.gettempdir()))
-    files = [HERE.folder / NAME] if HERE.folder else []
-    for path in [*files, *(folder / f"parsolid-{HERE.job}-{NAME}" for folder in folders)]:
+    files = [CONTEXT.folder / NAME] if CONTEXT.folder else []
+    for path in [*files, *(folder / f"parsolid-{CONTEXT.job}-{NAME}" for folder in folders)]:
         try:
             with open(path, "x", encoding="utf-8") as file:
                 file.write(text)
@@ -52,5 +52,5 @@ def report(error: BaseException) -> str | None:
             return None
         except OSError:
             continue  # a full disk or a folder that is not ours: the next one
-        return f"{told}; the traceback is in {path}{HERE.told()}"
-    return f"{told}; its traceback could be written nowhere{HERE.told()}"
+        return f"{told}; the traceback is in {path}{CONTEXT.describe()}"
+    return f"{told}; its traceback could be written nowhere{CONTEXT.describe()}"
