@@ -125,8 +125,33 @@ def table(path: Path) -> dict[str, np.ndarray]:
     with path.open() as file:
         rows = list(csv.reader(file))
     columns = dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
-    former = [columns.pop(name) for name in ("leapfrog_oscillation", "contact_oscillation") if name in columns]
-    return columns | ({"kinetic_offset": sum(former)} if former else {})
+    return present_names(columns)
+
+
+# names of columns before 0.2 -> present ones; of several with one present name the sum
+FORMER = {
+    "dissipation_internal": "material_dissipation",
+    "dissipation_numerical": "numerical_dissipation",
+    "dissipation_fracture": "fracture_dissipation",
+    "work_external": "external_work",
+    "work_fixed_walls": "fixed_wall_work",
+    "deleted_stored": "deleted_internal_energy",
+    "stored": "stored_energy",
+    "strain_energy": "stored_energy",
+    "internal_energy": "stored_energy",
+    "balance": "energy_error",
+    "leapfrog_oscillation": "kinetic_offset",
+    "contact_oscillation": "kinetic_offset",
+}
+
+
+def present_names(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Columns of a history of any version by one set of names, one for what is stored, with heat in it or without."""
+    result: dict[str, np.ndarray] = {}
+    for name, values in columns.items():
+        present = FORMER.get(name, name)
+        result[present] = result[present] + values if present in result else values
+    return result
 
 
 def scales(columns: dict[str, np.ndarray]) -> dict[str, float]:

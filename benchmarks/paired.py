@@ -70,7 +70,13 @@ def run(
 def nanoseconds(summary: dict) -> float:
     """Processor time of rank 0 a particle and step, times the ranks, without the first step."""
     spent = summary["loop_processor_seconds"] - summary["first_step_processor_seconds"]
-    return 1e9 * spent * summary["ranks"] / summary["particles"] / (summary["steps_of_this_call"] - 1)
+    return (
+        1e9
+        * spent
+        * summary["ranks"]
+        / summary["particles"]
+        / ((summary.get("steps_this_run") or summary["steps_this_run"]) - 1)
+    )
 
 
 def compare(old: Path, new: Path, names: list[str], pairs: int) -> None:

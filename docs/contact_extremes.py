@@ -112,8 +112,8 @@ def outcome(name: str, tables: Tables) -> None:
     found: Any = [np.round(means_of(simulation, system)[:2], 5).tolist() for system in range(len(simulation.systems))]
     print(
         f"{name}: {simulation.clock.step} steps, balance {off(columns):.1e} (at the end "
-        f"{abs(columns['energy_error'][-1]) / columns['kinetic'].max():.1e}), contact energy up to {deepest:.2g} of the "
-        f"kinetic and {pressed[-1] / columns['kinetic'].max():.1g} at the end, velocities {found}, "
+        f"{abs(columns['energy_error'][-1]) / columns['kinetic'].max():.1e}), contact energy up to {deepest:.2g} of "
+        f"the kinetic and {pressed[-1] / columns['kinetic'].max():.1g} at the end, velocities {found}, "
         f".01 c = {0.01 * SPEED:.4g}",
         flush=True,
     )

@@ -19,7 +19,7 @@ METAL = material(kind="elastic-plastic") | {"specific_heat": 1.0, "taylor_quinne
 GRAVITY, FRICTION = 2e-4, 0.3
 # settings, material, where particles are
 METHODS: dict[str, tuple[Tables, Tables, str]] = {
-    "tlsph, nodes": (LEAPFROG, material(), "nodes"),
+    "tlsph, nodes": (LEAPFROG, material(), "vertices"),
     "tlsph, cells": (LEAPFROG, material(), "cells"),
     "tlsph, stages": ({"kind": "tlsph"}, material(), "cells"),
     "peridynamics": (BONDS, material(kind="linear-elastic"), "cells"),

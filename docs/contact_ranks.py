@@ -67,7 +67,11 @@ def mixed() -> Tables:
         points = [[-3.0, 9.4, 0.0], [8.0, 8.8, 0.0], [8.0, 12.0, 0.0], [-3.0, 12.0, 0.0]]
         meshio.Mesh(points, [("line", [[0, 1], [1, 2], [2, 3], [3, 0]])]).write(file)
     comm.Barrier()
-    boxes = {"soft": ([0.0, 0.0], "nodes", v), "bonds": ([0.3, 3.0], "cells", 0.0), "points": ([0.1, 6.0], "cells", -v)}
+    boxes = {
+        "soft": ([0.0, 0.0], "vertices", v),
+        "bonds": ([0.3, 3.0], "cells", 0.0),
+        "points": ([0.1, 6.0], "cells", -v),
+    }
     bodies = [
         block(name, low, [low[0] + 4.0, low[1] + 3.0], 1.0, placement, velocity=[push, -v * i])
         | {"method": name, "material": material(kind="linear-elastic" if name == "bonds" else "neo-hookean")}

@@ -59,7 +59,7 @@ def stack() -> None:
         mean = float((columns[name][late] * spans).sum() / spans.sum())
         print(f"force under {name}: {mean / weight:.4f} of the weight above")
     print(
-        f"balance {np.abs(columns['energy_error']).max() / columns['strain_energy'].max():.1e} of the largest stored energy",
+        f"balance {np.abs(columns['energy_error']).max() / columns['strain_energy'].max():.1e} of the largest stored",
         flush=True,
     )
 

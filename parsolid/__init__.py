@@ -4,7 +4,7 @@ import os
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # a rank is single-threaded: threads of a BLAS, once woken by one long product, spin on the cores of other ranks
 for _library in ("OPENBLAS", "MKL", "BLIS", "OMP"):

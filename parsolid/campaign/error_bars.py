@@ -34,6 +34,7 @@ from parsolid.output.errors import together
 from parsolid.output.history import History as HistoryFile
 from parsolid.output.summary import write_summary
 from parsolid.scene import Scene
+from parsolid.scene.observation import STORED_ENERGY
 from parsolid.simulation.loop import Limits
 from parsolid.splines import cubic_spline
 
@@ -181,7 +182,7 @@ def error_table(
             # the run's particle is not where the probe is requested
             bars[name].parts["place"] = part = largest_in_window(on_times(apart, name, times), times, scene.end_time)
             bars[name].error = bars[name].error + SAFETY * part
-        if name in ("kinetic", "strain_energy") and "numerical_dissipation" in columns:
+        if name in ("kinetic", *STORED_ENERGY) and "numerical_dissipation" in columns:
             # what the scheme has taken of both
             bars[name].parts["dissipation"] = np.abs(columns["numerical_dissipation"])
         bars[name].phase, bars[name].amplitude = phase_and_amplitude(series, bars[name].used)
@@ -247,7 +248,7 @@ def shown_columns(table: ErrorTable, scene: Scene) -> list[str]:
     """The columns of the last lines: of probes and reactions but for rounding, or the energies where there are none."""
     known = [name for name in table.bars if "." in name]
     if not known:
-        return [name for name in ("kinetic", "strain_energy") if name in table.bars]
+        return [name for name in ("kinetic", *STORED_ENERGY) if name in table.bars]
     largest = {name: float(np.abs(table.values[name]).max(initial=0.0)) for name in known}
     alike: dict[str, float] = {}
     for name, value in largest.items():

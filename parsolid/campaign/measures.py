@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.campaign.runner import Record
+from parsolid.scene.observation import stored_energy
 
 # name -> (heading in a table, format, what it is)
 MEASURES = {
@@ -19,9 +20,9 @@ MEASURES = {
     "mean_step": ("mean dt [s]", ".3g", "simulated time over steps [s]"),
     "smallest_step": ("least dt [s]", ".3g", "smallest step at a row of the history [s]"),
     "peak_memory_bytes_per_rank": ("MiB a rank", ".0f", "most memory a rank had [B]"),
-    "energy_drift": ("energy drift", ".1e", "largest |energy balance| over the largest energy"),
+    "energy_drift": ("energy drift", ".1e", "largest |energy error| over the largest energy"),
     "numerical_dissipation": ("D_num/E0", ".3g", "numerical dissipation at the end over the energy at the start"),
-    "material_dissipation": ("D_int/E0", ".3g", "viscous dissipation at the end over the energy at the start"),
+    "material_dissipation": ("D_int/E0", ".3g", "dissipation of the material at the end over the energy at the start"),
     "largest_fall": (
         "largest fall of D/E0",
         ".1e",
@@ -64,7 +65,7 @@ def energies_of(history: dict[str, np.ndarray]) -> dict[str, Any]:
     """What the ledger's columns (rows,) [J] say: drift, dissipations over the energy at the start, and their falls."""
     if not len(history.get("time", ())):
         return {}
-    energy = np.abs([history[name] for name in ("kinetic", "strain_energy", "external_work")])
+    energy = np.abs([history[name] for name in ("kinetic", stored_energy(history), "external_work")])
     largest, start = energy.max(), energy[:, 0].sum()
     # a body at rest at the start has the largest energy for a scale
     scale = start or largest

@@ -6,6 +6,7 @@ motion less smooth, or a value that of the particle nearest to a point, lowers t
 
 from typing import Any
 
+from parsolid.scene.observation import ENERGIES
 from parsolid.simulation.ledger import terms_of
 
 ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION, MICRO = (
@@ -38,14 +39,7 @@ _OF_INTEGRALS = ("momentum", "work", "mass", "energy", "entropy", "dissipation")
 
 def kind_of(column: str, scene: Any) -> str:
     """What a column of the history is."""
-    if column in {
-        "kinetic",
-        "strain_energy",
-        "material_dissipation",
-        "numerical_dissipation",
-        "external_work",
-        *terms_of(scene),
-    }:
+    if column in ENERGIES or column in terms_of(scene):
         return ENERGY
     name, _, quantity = column.partition(".")
     probe = next((one for one in scene.probes if one.name == name), None)

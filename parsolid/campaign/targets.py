@@ -15,7 +15,8 @@ from parsolid.collective import SolverError
 from parsolid.exit_status import DONE, NOT_REACHED, TO_BE_CONTINUED
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.boundaries.condition import reaction_columns
-from parsolid.simulation.ledger import Ledger, terms_of
+from parsolid.scene.validation_errors import suggestion
+from parsolid.simulation.ledger import ledger_of
 
 # spacings over that of the scene at which levels may begin, the coarsest of which coarser ones can be made
 _STARTS = (2.25, 1.5, 1.0)
@@ -43,7 +44,9 @@ class Target:
             meant = f" (did you mean {words[0]}={''.join(words[1:])}?)" if len(words) > 1 else ""
             raise SceneError([f"target: expected a column and its bar, as in tip.twist=2%{meant}, found {text!r}"])
         if column not in columns:
-            raise SceneError([f"target: expected one of {', '.join(columns)}, found {column!r}"])
+            raise SceneError(
+                [f"target: expected one of {', '.join(columns)}, found {column!r}{suggestion(column, columns)}"]
+            )
         try:
             bar = float(size.removesuffix("%"))
         except ValueError:
@@ -184,7 +187,7 @@ def run_to_targets(campaign: Campaign, scene: Scene, requested: list[str], limit
 
 def columns_of(scene: Scene) -> list[str]:
     """Columns of the history that can have a bar, as far as the scene tells them."""
-    columns = [*Ledger(terms_of(scene)).columns]
+    columns = [*ledger_of(scene).columns]
     columns += [column for probe in scene.probes for column in probe.columns(scene.dimension)]
     for one in scene.boundaries:
         columns += reaction_columns(one.reports, scene.dimension) if one.reports is not None else []

@@ -17,8 +17,9 @@ class Interaction:
 
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off in any case.
     terms: the energy terms it adds to the ledger, with their signs, see `simulation.ledger.Ledger`.
-    rebuild_needed: whether this rank has found, by the end of a step, what all ranks must act on at the step after the next one,
-    such as lists used up; it travels with the minimum of the next step. rebuild_anywhere: whether any rank had.
+    rebuild_needed: whether this rank has found, by the end of a step, what all ranks must act on at the step after the
+    next one, such as lists used up; it travels with the minimum of the next step. rebuild_anywhere: whether any
+    rank had.
     """
 
     terms: Mapping[str, int] = {}
@@ -30,7 +31,7 @@ class Interaction:
         """Forces of the state at hand, at time 0 or at that of a restart [s], added as in a step; collective."""
 
     def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Before systems advance by a step [s] from a time [s], of length 0 too; collective where `rebuild_anywhere`."""
+        """Before systems advance by a step [s] from a time [s], of length 0 too; collective if `rebuild_anywhere`."""
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the positions at the end of a step [s] at a time [s]; sets `rebuild_needed`.

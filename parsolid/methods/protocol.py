@@ -59,8 +59,8 @@ class ParticleSystem:
     a ghost from this rank's particles [m], where neighbours stand along lines and fill no ball.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
-    rebuild_needed: whether this rank has found what all ranks must act on at the next step, as it is when a step is announced;
-    rebuild_anywhere: whether any rank had, told before the next step.
+    rebuild_needed: whether this rank has found what all ranks must act on at the next step, as it is when a step is
+    announced; rebuild_anywhere: whether any rank had, told before the next step.
     reactions: of conditions that report their force.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
     ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.error_indicator`.

@@ -39,11 +39,6 @@ UNITS = {
 # columns of the ledger, whose names leave out what they are of
 _LEDGER = {
     "kinetic": "kinetic energy",
-    "strain_energy": "stored energy",
-    "material_dissipation": "internal dissipation",
-    "numerical_dissipation": "numerical dissipation",
-    "fracture_dissipation": "fracture energy",
-    "external_work": "external work",
     "micro_kinetic": "micro-kinetic energy",
 }
 _PERSONS = {"mises": "Mises", "piola kirchhoff": "Piola-Kirchhoff"}

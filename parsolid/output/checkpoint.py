@@ -1,6 +1,6 @@
 """Checkpoints: everything a run needs to go on, in one HDF5 file that is whole at every instant.
 
-Layout (format version 3):
+Layout (format version 4):
 
     /                      attributes format, version, complete (1 once everything is on the disk)
     /header                JSON text: what is not an array
@@ -27,7 +27,7 @@ from parsolid.output.errors import OutputError, together, words
 from parsolid.output.slabs import CHECKED_VERSIONS, SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
 
 FORMAT = "parsolid checkpoint"
-VERSION = 3
+VERSION = 4
 DEFAULT_NAME = "checkpoint.h5"
 Header = dict[str, Any]
 Fields = dict[str, np.ndarray]

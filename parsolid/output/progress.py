@@ -7,6 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from parsolid.scene.observation import DISSIPATIONS, stored_energy
+
 if TYPE_CHECKING:
     from rich.live import Live
 
@@ -19,16 +21,10 @@ _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
 _COMPILING_SECONDS = 5.0
 
-_WORDS_OF_TERMS = {
-    "fracture_dissipation": "fracture",
-    "kinetic_offset": "kinetic offset of the steps",
-    "fixed_wall_work": "from fixed walls",
-}
-
 # of probes that a scene has of them, with their units: told once there is something
 _OF_FAILURE = {"failed_mass": "kg", "deleted_mass": "kg"}
 
-Told = tuple[float, int, float]
+Moment = tuple[float, int, float]
 
 
 class Progress:
@@ -42,8 +38,8 @@ class Progress:
         self._end_time, self._particles, self._level = end_time, particles, level
         self._stream = stream or sys.stdout
         # (reading of the clock [s], step, time [s]) of the first step, and of the last that was told
-        self._first: Told | None = None
-        self._last: Told = (0.0, 0, 0.0)
+        self._first: Moment | None = None
+        self._last: Moment = (0.0, 0, 0.0)
         # the step that the run started from
         self._before = 0
         self._bar: Live | None = None
@@ -92,15 +88,15 @@ class Progress:
             text += f", {_short(loop)} of it in the steps"
         if (rate := summary.get("particle_steps_per_second_per_rank")) is not None:
             text += f", {rate:.3g} particle-steps/s a rank"
-        if (balance := summary.get("energy_error_share")) is not None:
-            text += f", energy balance {balance:.1e}"
+        if (error := summary.get("energy_error_share")) is not None:
+            text += f", energy error {error:.1e}"
         self._say(text)
         if summary.get("status") == "interrupted":
             self._say("to go on from here: the same command with --restart, on any number of ranks")
         if "phases" in summary:
             self._say(_shares(summary))
         if "energy_check" in summary:
-            self._say(f"{summary['energy_check']}: {summary['energy_check_reason']}")
+            self._say(f"energy check {summary['energy_check']}: {summary['energy_check_reason']}")
         for name, value in (summary.get("errors") or {}).items():
             self._say(f"error {name}: {value:.3g}" if isinstance(value, float) else f"error {name}: {value}")
 
@@ -112,8 +108,8 @@ class Progress:
         tenths, tenths_before = (int(moment / (share * self._end_time) + 1e-9) for moment in (time, self._last[2]))
         return since >= seconds or (since >= _LEAST_SECONDS and tenths > tenths_before) or time >= self._end_time
 
-    def _words(self, first: Told, told: Told, step_size: float, row: dict[str, float]) -> list[str]:
-        (began, _, first_time), (now, step, time) = first, told
+    def _words(self, first: Moment, last: Moment, step_size: float, row: dict[str, float]) -> list[str]:
+        (began, _, first_time), (now, step, time) = first, last
         rate = self._particles * (step - self._last[1]) / max(now - self._last[0], 1e-9)
         parts = [f"dt {step_size:.2e} s"]
         # after the first step nothing is known of what is left
@@ -126,17 +122,18 @@ class Progress:
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
         """What a history row tells, in words: the terms that its method has, too, once there is something in them."""
-        energies = {"kinetic": row["kinetic"], "strain_energy": row["strain_energy"]}
+        stored = stored_energy(row)
+        energies = {"kinetic": row["kinetic"], stored.replace("_", " "): row[stored]}
         columns = list(row)
-        # between the work and the balance stand the terms of the methods
+        # between the work and the error stand the terms of the methods
         bounded = "external_work" in row and "energy_error" in row
         own = columns[columns.index("external_work") + 1 : columns.index("energy_error")] if bounded else []
-        terms = {"dissipated": row["material_dissipation"], "lost in the scheme": row["numerical_dissipation"]}
-        terms |= {_WORDS_OF_TERMS.get(name, name.replace("_", " ")): row[name] for name in own}
+        terms = {name.replace("_", " "): row[name] for name in DISSIPATIONS}
+        terms |= {name.replace("_", " "): row[name] for name in own}
         least = 1e-12 * max(map(abs, [*energies.values(), *terms.values()]))
         energies |= {name: value for name, value in terms.items() if abs(value) > least}
         if self._level == VERBOSE:
-            energies["energy_error"] = row["energy_error"]
+            energies["energy error"] = row["energy_error"]
         return energies
 
     def _start_bar(self, columns: int) -> None:
@@ -252,8 +249,8 @@ def _shares(summary: dict[str, Any]) -> str:
     whole = max(sum(seconds.values()), 1e-9)
     shares = [f"{name} {100.0 * value / whole:.0f} %" for name, value in seconds.items() if value > 0.005 * whole]
     imbalance = summary.get("load_imbalance")
-    busiest = f"; busiest rank {imbalance:.2f} of the mean" if imbalance and summary["ranks"] > 1 else ""
-    return f"time: {', '.join(shares)}{busiest}"
+    balance = f"; load imbalance {imbalance:.2f}" if imbalance and summary["ranks"] > 1 else ""
+    return f"time: {', '.join(shares)}{balance}"
 
 
 def _short(seconds: float) -> str:

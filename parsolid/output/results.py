@@ -18,6 +18,8 @@ from parsolid.output.history import read_history
 from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
 from parsolid.scene.methods import context_of
+from parsolid.scene.observation import DISSIPATIONS, HISTORY_COLUMNS
+from parsolid.scene.renamed import RENAMED
 from parsolid.scene.sound_part import LeftOut, sound_part
 from parsolid.scene.validation_errors import describe, suggestion
 
@@ -109,6 +111,9 @@ class Results:
             found = read_history(self.directory / "history.csv")
         except OutputError as error:
             raise SceneError([f"{self.directory}: expected a run's history, found: {error}"]) from None
+        if old := [name for name in found if name in RENAMED]:
+            expected = f"a history of parsolid 0.2 or later, found one of an earlier version ({', '.join(old)})"
+            raise SceneError([f"{self.directory}: expected {expected}"])
         return _Columns({name: np.array(values) for name, values in found.items()})
 
     @cached_property
@@ -275,9 +280,7 @@ class Results:
         Raises SceneError for a name that is no column.
         """
         history = self.columns
-        names = columns or tuple(
-            name for name in ("kinetic", "strain_energy", "external_work", "energy_error") if name in history
-        )
+        names = columns or tuple(name for name in HISTORY_COLUMNS if name in history and name not in DISSIPATIONS)
         drawn = [(name, history[name]) for name in names]
         if axes is None:
             from matplotlib import pyplot

@@ -1,7 +1,7 @@
 """Which particles act on one another: pair lists of a rank's particles, its ghosts and mirror images.
 
 Rows of particles are the owned ones, then ghosts of other ranks, then mirror images. An image is a row of its own, so
-that sweeps know nothing of reflections; `MirrorImages.fill` and its companions give it what its original has.
+that sweeps know nothing of reflections; `MirrorImages.fill` and those beside it give it what its original has.
 """
 
 from typing import Any, NamedTuple

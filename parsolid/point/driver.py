@@ -76,9 +76,8 @@ def tabulate(law: PointLaw, record: Record, directions: np.ndarray) -> dict[str,
         "work": np.array(record.work),
         "dissipation": np.array(record.dissipation),
     }
-    columns["energy_error"] = (
-        columns["work"] - columns["dissipation"] - (columns["strain_energy"] - columns["strain_energy"][0])
-    )
+    stored = columns["strain_energy"]
+    columns["energy_error"] = columns["work"] - columns["dissipation"] - (stored - stored[0])
     return columns | law.columns(record.states, directions)
 
 

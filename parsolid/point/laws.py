@@ -113,7 +113,7 @@ class MaxwellPoint(PointLaw):
             for c, name in enumerate(names):
                 if c // 3 <= c % 3:
                     result[f"{branch}A_{name[-2:]}"] = tensors[:, alpha, c // 3, c % 3]
-            result[f"{branch}stored"], result[f"{branch}dissipation_rate"] = stored[:, alpha], rates[:, alpha]
+            result[f"{branch}strain_energy"], result[f"{branch}dissipation_rate"] = stored[:, alpha], rates[:, alpha]
         viscous = self._branch_sum(A)
         along = [acoustics.wave_moduli(self.law, F, N / np.linalg.norm(N), viscous) for N in directions]
         extreme = acoustics.extreme_moduli(self.law, F, viscous)

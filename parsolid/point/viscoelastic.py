@@ -62,7 +62,7 @@ class PronyPoint(PointLaw):
             result |= {
                 f"{branch}strain_{name}": np.array([s.branches[j, c] for s in states]) for c, name in enumerate(_NAMES)
             }
-            result[f"{branch}stored"], result[f"{branch}dissipation_rate"] = stored[:, j], rates[:, j]
+            result[f"{branch}strain_energy"], result[f"{branch}dissipation_rate"] = stored[:, j], rates[:, j]
         units = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
         along = np.moveaxis(self._acoustic_moduli(states, units.reshape(-1, 3)), 1, 0)
         moduli = self._acoustic_moduli(states, _spiral(_DIRECTIONS) if self.solid.finite else np.eye(3)[:1])

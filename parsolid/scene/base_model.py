@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from parsolid.materials.declaration import Phrase
+from parsolid.scene.renamed import RENAMED
 from parsolid.scene.validation_errors import NOTHING, describe, suggestion
 
 AXES = ("X", "Y", "Z")
@@ -246,7 +247,9 @@ def check_kind(
     if stated is NOTHING:
         reject((("kind",), f"one of {known}", NOTHING), code="missing")
     if stated not in list(kinds):
-        reject((("kind",), f"one of {known}{suggestion(stated, of_method)}", stated), code="choice")
+        # an old word's new one, whether or not this method knows it
+        near = suggestion(stated, kinds if str(stated) in RENAMED else of_method)
+        reject((("kind",), f"one of {known}{near}", stated), code="choice")
     whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
     reason = f" ({stated}: {why})" if why else ""
     reject((("kind",), f"one of {known}, which the method {whose} knows{reason}", stated), code="method")

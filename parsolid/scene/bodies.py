@@ -57,7 +57,8 @@ class FilledShape(SceneModel):
     )
     placement: Placement | None = Field(
         None,
-        description='"nodes": on the boundary too, with trapezoid volumes (of a perforated box at the corners of its '
+        description='"vertices": on the boundary too, with trapezoid volumes (of a perforated box at the corners of '
+        "its"
         'cells); "cells": in the middle of equal cells',
     )
     jitter: float = Field(
@@ -101,7 +102,7 @@ class FilledShape(SceneModel):
             details.append(((), "exactly one of particles, spacing", Phrase("none")))
         if self.shape.kind in _CUT and self.shape.kind not in _WITH_CORNERS and self.placement == "vertices":
             details.append(
-                (("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "nodes")
+                (("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "vertices")
             )
         reject(*details)
         return self

@@ -187,7 +187,7 @@ def _reference_details(scene: Scene, incomplete: bool) -> list[Finding]:
         return []
     key = "final" if scene.reference.final is not None else "columns"
     terms = [name for system in scene.systems for name in system.settings.ledger_terms]
-    met = energy_terms(scene.contact, scene.tools, [body.material.kind for body in scene.bodies])
+    met = energy_terms(scene.contact, scene.tools, [body.material for body in scene.bodies])
     known = [*HISTORY_COLUMNS, *terms, *met, *(TIE_TERMS if scene.tie else ())]
     for name in (one.reports for one in scene.boundaries if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, scene.dimension)]

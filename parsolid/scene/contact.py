@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Finding, NotNegative, SceneModel
 from parsolid.scene.method_settings import KINETIC_OFFSET
+from parsolid.scene.observation import holds_heat
 from parsolid.scene.validation_errors import suggestion
 
 # what contact and tools add to the ledger: parts of what is stored, and what friction takes; and the kinetic offset of
@@ -64,11 +65,11 @@ class BodyPair(NamedTuple):
 
 
 def energy_terms(contacts: Any, tools: Any, materials: list[Any]) -> dict[str, int]:
-    """What contacts and tools of a scene with these kinds of materials add to the ledger."""
+    """What contacts and tools of a scene with these materials add to the ledger."""
     forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
     terms = (CONTACT_TERMS if forces or tools else {}) | (TOOL_TERMS if tools else {}) | (GRID_TERMS if grid else {})
     rubs = any(one.friction for one in (*forces, *grid, *tools))
-    warms = rubs and "elastic-plastic" in materials
+    warms = rubs and any(map(holds_heat, materials))
     return terms | (FRICTION_HEAT if warms else {})
 
 

@@ -93,7 +93,8 @@ def model_of(declared: Declared) -> type[DeclaredModel]:
         fields["kind"] = (Literal[declared.kind], Field())
     fields |= {n: _field(t, p) for n, (t, p) in parameters_of(declared).items() if not isinstance(p, OfMaterial)}
     base = _BASES.get(role or "", DeclaredModel)
-    made: Any = create_model(declared.__name__, __base__=base, __module__=__name__, __doc__=declared.__doc__, **fields)
+    make: Any = create_model
+    made = make(declared.__name__, __base__=base, __module__=__name__, __doc__=declared.__doc__, **fields)
     made.declared = declared
     if "law" in fields:
         made.kind = declared.kind

@@ -32,8 +32,8 @@ class MethodSettings(SceneModel):
     together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
     they share, so that those which do not need systems of their own; strained: whether stress is that of a
     displacement or deformation gradient, which a start may have; initial_stress_refused: why a start has no stress of
-    its own, None where it may; evolved: names (* for any end) of declared fields that, with the places, are the state
-    that another run may go on from; state_of_particles: those that only the very same particles may take;
+    its own, None where it may; state_variables: names (* for any end) of declared fields that, with the places, are
+    the state that another run may go on from; state_of_particles: those that only the very same particles may take;
     state_forces: what these, if they are all, take besides, and what others find anew; contact_variables: what contact
     and tools keep with particles, which the same particles take where results have it.
     """

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Container, Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -14,14 +15,28 @@ from parsolid.scene.named_regions import RegionName
 from parsolid.scene.probes import ShownField
 from parsolid.scene.shapes import ExistingFile
 
-HISTORY_COLUMNS = (
-    "kinetic",
-    "strain_energy",
-    "material_dissipation",
-    "numerical_dissipation",
-    "external_work",
-    "energy_error",
-)
+# what bodies store is called internal energy where the energy of a law holds heat
+STRAIN_ENERGY, INTERNAL_ENERGY = "strain_energy", "internal_energy"
+DISSIPATIONS = ("material_dissipation", "numerical_dissipation")
+_WITH_HEAT = ("elastic-plastic",)
+STORED_ENERGY = (STRAIN_ENERGY, INTERNAL_ENERGY)
+ENERGIES = ("kinetic", *STORED_ENERGY, *DISSIPATIONS, "external_work")
+HISTORY_COLUMNS = (*ENERGIES, "energy_error")
+
+
+def holds_heat(material: Any) -> bool:
+    """Whether the stored energy of a material holds heat and plastic work."""
+    return getattr(material, "kind", None) in _WITH_HEAT
+
+
+def stored_column(materials: Iterable[Any]) -> str:
+    """The column of the history for what bodies of these materials store."""
+    return INTERNAL_ENERGY if any(map(holds_heat, materials)) else STRAIN_ENERGY
+
+
+def stored_energy(columns: Container[str]) -> str:
+    """The column of a history, or of a row of one, for what bodies store."""
+    return INTERNAL_ENERGY if INTERNAL_ENERGY in columns else STRAIN_ENERGY
 
 
 class Output(SceneModel):

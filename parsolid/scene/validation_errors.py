@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from parsolid.materials.declaration import Phrase
+from parsolid.scene.renamed import RENAMED
 
 
 class Fault(str):
@@ -78,8 +79,11 @@ def _inline(value: Any) -> str:
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:
-    """A did-you-mean for a misspelt word, empty when none of the known ones is near."""
-    near = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.6)
+    """A did-you-mean for a misspelt word, or what an old one is called now; empty when no known one is near."""
+    known = list(known)
+    if new := [repr(name) for name in RENAMED.get(str(word), ()) if name in known]:
+        return f" (now called {' or '.join(new)})"
+    near = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 

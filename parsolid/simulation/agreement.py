@@ -14,8 +14,8 @@ from parsolid.simulation.subcycling import Subcycling
 class StepAgreement:
     """What all ranks agree on with one non-blocking minimum a step.
 
-    That is the stable step, requests of ranks (to stop, to write an output whose wall time is over) and the rebuild_needed of
-    systems and interactions. A step is negative when any rank has found its state unsound.
+    That is the stable step, requests of ranks (to stop, to write an output whose wall time is over) and whether systems
+    and interactions have found that lists are used up. A step is negative when any rank has found its state unsound.
 
     unsound: whether a system or interaction of this rank has lost its state; nothing but a failed run follows.
     """
@@ -71,16 +71,16 @@ class StepAgreement:
 
     def _begin(self, stable: Sequence[float], allowed: float, of_systems: Sequence[float]) -> None:
         requests = (-request for request in self._requests)
-        rebuild_needed = (-float(part.rebuild_needed) for part in self._parts)
+        rebuilds = (-float(part.rebuild_needed) for part in self._parts)
         told = self.subcycling.told(of_systems)
-        self._minimum.begin((min(stable), allowed, *requests, *rebuild_needed, *told))
+        self._minimum.begin((min(stable), allowed, *requests, *rebuilds, *told))
 
     def result(self) -> tuple[float, list[bool]]:
-        """The step [s] that all ranks agree on, and which requests any rank had; tells parts of rebuild_needed. Collective."""
+        """The step [s] that all ranks agree on, which requests any rank had; sets `rebuild_anywhere`. Collective."""
         stable, allowed, *rest = self._minimum.result()
         first, last = len(self._requests), len(self._requests) + len(self._parts)
-        for part, rebuild_needed in zip(self._parts, rest[first:last]):
-            part.rebuild_anywhere = rebuild_needed < 0.0
+        for part, rebuild in zip(self._parts, rest[first:last]):
+            part.rebuild_anywhere = rebuild < 0.0
         if not self._resumed:
             stable = self.subcycling.agreed(stable, rest[last:])
         self._resumed = False

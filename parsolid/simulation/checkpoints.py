@@ -63,7 +63,7 @@ def header_of(
 
     Collective.
     """
-    systems, balance = enumerate(simulation.systems), simulation.energy_check
+    systems = enumerate(simulation.systems)
     return {
         "ranks": simulation.comm.size,
         "particles": simulation.particles,
@@ -79,7 +79,7 @@ def header_of(
         "initial_energy": simulation.ledger.initial,
         "energy_error": simulation.ledger.row(simulation.comm, *simulation.energies())["energy_error"],
         "checked_step": simulation.checked_step,
-        "energy_error_share": balance.state(),
+        "energy_check": simulation.energy_check.state(),
         "momenta": None if simulation.momenta is None else simulation.momenta.state(),
         "probes": probes,
         "errors": errors,

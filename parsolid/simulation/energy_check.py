@@ -1,6 +1,6 @@
-"""Whether energy is kept: the ledger's balance against the largest energy a run has shown, and what its end says.
+"""Whether energy is kept: the error of the ledger against the largest energy of a run, and what a run's end says.
 
-A run's end has one word of trust for every method, see `EnergyCheck.verdict`.
+The check has one word for every method, see `EnergyCheck.verdict`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.scene.method_settings import KINETIC_OFFSET
+from parsolid.scene.observation import stored_energy
 from parsolid.scene.warned import Warned
 
 # of the largest energy, by how much leapfrog's kinetic energy may differ from the one that is conserved
@@ -24,7 +25,7 @@ _STEPS_TO_COME = 32
 # of the sum of their particles' parts, what of momenta may be lost where nothing acts from outside
 _MOMENTUM = 0.01
 
-# words of trust, the last counts most; and the codes of what speaks against a run
+# words of the check, the last counts most; and the codes of what speaks against a run
 WORDS = ("ok", "dissipative", "inapplicable", "unbalanced")
 ENERGY_UNACCOUNTED, ENERGY_GIVEN, LONG_STEP = "energy-unaccounted", "energy-given", "long-step"
 MOMENTUM_LOST, ANGULAR_MOMENTUM_LOST = "momentum-lost", "angular-momentum-lost"
@@ -37,7 +38,7 @@ _STATE = ("largest", "worst", "growth", "entered", "gained", "offset")
 
 
 class Finding(NamedTuple):
-    """What speaks against a run: the word of trust it leaves, a code, the reason in words."""
+    """What speaks against a run: the word that the check then has, a code, the reason in words."""
 
     word: str
     code: str
@@ -58,7 +59,7 @@ class EnergyLimits(NamedTuple):
 
 
 class EnergyCheck:
-    """Judges rows of the ledger.
+    """Checks rows of the ledger.
 
     A body that a tool touches for the first time, a support that starts or a load that rises has little energy as yet,
     of which a step leaves out much. So a balance is measured by what the load is about to bring as well: the most by
@@ -66,10 +67,10 @@ class EnergyCheck:
     What is not accounted for has not been brought by anything, and a jump of the loads is no step.
 
     limits: what the scene allows; largest: the largest kinetic or stored energy or external work so far [J]; worst: the
-    largest |balance| so far [J]; offset: the largest change of leapfrog's kinetic offset [J]; entered: the most energy
-    that has gone in so far, what there was at the start and the external work [J]; lost, viscous: the numerical
+    largest |energy error| so far [J]; offset: the largest change of leapfrog's kinetic offset [J]; entered: the most
+    energy that has gone in so far, what there was at the start and the external work [J]; lost, viscous: the numerical
     dissipation and what artificial viscosity took [J] by the last row; growth: the most that went in within a step of
-    late [J]; broken: the first balance [J] beyond the limit, None while there was none.
+    late [J]; violation: the first energy error [J] beyond the limit, None while there was none.
     """
 
     def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = ()) -> None:
@@ -77,16 +78,16 @@ class EnergyCheck:
         self.limits, self.viscous_terms = limits, viscous_terms
         self.largest = self.worst = self.entered = self.lost = self.viscous = self.growth = self.gained = 0.0
         self.offset = 0.0
-        self.broken: float | None = None
+        self.violation: float | None = None
 
-    def judge(
+    def check(
         self, row: Mapping[str, float], scale: float, initial: float = 0.0, steps: int | None = 1, work: float = 0.0
     ) -> None:
         """Take a row in; scale: the energy [J] of which the balance has the round-off in any case; initial: the energy
         at time 0 [J]; steps: since the row before, None if the last was a jump of no length; work: that from outside in
         the last of them [J]."""
         before = self.largest
-        self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", "strain_energy", "external_work")))
+        self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", stored_energy(row), "external_work")))
         if steps is not None:
             # what was there at the start has not gone in, nor what comes from nowhere
             brought = self.largest - max(before, abs(initial)) - abs(row["energy_error"])
@@ -102,7 +103,7 @@ class EnergyCheck:
         measure = self.largest + _STEPS_TO_COME * self.growth
         allowed = self.limits.balance_limit * measure + _ROUND_OFF * scale + np.finfo(float).tiny
         if not (abs(row["energy_error"]) <= allowed < np.inf):
-            self.broken = row["energy_error"]
+            self.violation = row["energy_error"]
 
     def state(self) -> dict[str, float]:
         """What a restart goes on with, as JSON has it."""
@@ -129,8 +130,8 @@ class EnergyCheck:
         momenta: tuple[float, float] = (0.0, 0.0),
         warnings: Sequence[Warned] = (),
     ) -> dict[str, Any]:
-        """Entries of summary.json: the largest |balance| over the largest energy, numerical dissipation [J] and its
-        share of the energy that went in, that of the artificial viscosity, and a word of trust with its code and
+        """Entries of summary.json: the largest |energy error| over the largest energy, numerical dissipation [J], its
+        share of the energy that went in, that of the artificial viscosity, and the word of the check with its code and
         reason; doubts: why methods do not apply; momenta: shares of linear and angular momentum lost; warnings: of the
         scene, see `representation`.
 
@@ -144,9 +145,9 @@ class EnergyCheck:
         findings = self._findings(balance, gained, offset, share, viscous, doubts, momenta)
         findings += [Finding("inapplicable", one.code, one.text) for one in warnings if one.inapplicable]
         if not findings:
-            reason = f"at most {balance:.2g} of the energy unaccounted for, {share:.2g} lost in the scheme"
-            reason += f", {gained:.2g} given by it" if gained > _TOLD else ""
-            reason += f", {viscous:.2g} in artificial viscosity" if viscous else ""
+            reason = f"error {_percent(balance)}, numerical dissipation {_percent(share)} of the energy"
+            reason += f", spurious gain {_percent(gained)}" if gained > _TOLD else ""
+            reason += f", artificial viscosity {_percent(viscous)}" if viscous else ""
         verdict = max(findings, key=lambda one: WORDS.index(one.word)) if findings else Finding("ok", "", reason)
         return {
             "energy_error_share_largest": balance,
@@ -158,7 +159,7 @@ class EnergyCheck:
             "momentum_lost_share": momenta[0],
             "angular_momentum_lost_share": momenta[1],
             "energy_check": verdict.word,
-            "trust_code": verdict.code or None,
+            "energy_check_code": verdict.code or None,
             "energy_check_reason": verdict.reason,
             "energy_check_findings": [one._asdict() for one in findings],
         }
@@ -176,7 +177,7 @@ class EnergyCheck:
         """Everything that speaks against a run, the first of a word counting most."""
         limits, found = self.limits, []
         allowed = f"(method.balance_warning = {limits.balance_warning:g})"
-        if not balance <= limits.balance_warning or self.broken is not None:
+        if not balance <= limits.balance_warning or self.violation is not None:
             told = f"{balance:.2g} of the largest energy is not accounted for {allowed}"
             found.append(Finding("unbalanced", ENERGY_UNACCOUNTED, told))
         if gained > limits.balance_warning:
@@ -199,3 +200,8 @@ class EnergyCheck:
             code = NUMERICAL_DISSIPATION if own else ARTIFICIAL_VISCOSITY
             found.append(Finding("dissipative", code, told))
         return found
+
+
+def _percent(share: float) -> str:
+    """A share in per cent, with two digits."""
+    return f"{100.0 * share:.2g} %"

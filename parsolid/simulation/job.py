@@ -110,8 +110,8 @@ class Job:
     def summary(self, status: str) -> dict[str, Any]:
         """What summary.json says of the run; collective, the same on all ranks."""
         row = self.history.last_row
-        balance = None if row is None else row["energy_error"]
-        return summary_of(self.simulation, status, balance, self.errors.result())
+        energy_error = None if row is None else row["energy_error"]
+        return summary_of(self.simulation, status, energy_error, self.errors.result())
 
     def close(self) -> None:
         """Close the files, on each rank for itself."""

@@ -8,11 +8,11 @@ import numpy as np
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
 from parsolid.scene.contact import energy_terms
+from parsolid.scene.observation import STRAIN_ENERGY, stored_column
 from parsolid.scene.systems import SystemOfScene
 from parsolid.scene.tie import TIE_TERMS
 
 ACCUMULATED = ("material_dissipation", "numerical_dissipation", "external_work")
-COLUMNS = ("kinetic", "strain_energy", *ACCUMULATED, "energy_error")
 
 
 @dataclass
@@ -21,11 +21,12 @@ class Ledger:
 
     terms: name -> sign in the balance: 1 for energy that has left, -1 for energy supplied, 0 for what is only shown.
     `initial` is the total at time 0, over all ranks; `last_work`: the external work of the last step, over all ranks,
-    by the last `row` [J].
+    by the last `row` [J]; stored: what stored energy is called, see `scene.observation.stored_column`.
     """
 
     terms: dict[str, int] = field(default_factory=dict)
     initial: float | None = None
+    stored: str = STRAIN_ENERGY
 
     def __post_init__(self) -> None:
         self.values = np.zeros(len(ACCUMULATED) + len(self.terms))
@@ -35,7 +36,7 @@ class Ledger:
     @property
     def columns(self) -> list[str]:
         """Names of what `row` gives, in order."""
-        return [*COLUMNS[:-1], *self.terms, COLUMNS[-1]]
+        return ["kinetic", self.stored, *ACCUMULATED, *self.terms, "energy_error"]
 
     def of(self, names: dict[str, str]) -> EnergyLedger:
         """The ledger for a system, whose own terms have these names here."""
@@ -58,20 +59,15 @@ class Ledger:
     def row(self, comm: Any, kinetic: float, stored: float) -> dict[str, float]:
         """The ledger over all ranks from this rank's kinetic and stored energy [J]; collective.
 
-        balance = kinetic + stored + dissipation - external work - initial total, with the method's own terms by their
-        signs: zero but for the time integration.
+        energy_error = kinetic + stored + dissipation - external work - initial total, with the method's own terms by
+        their signs: zero but for the time integration.
         """
         total = np.empty(3 + len(self.values))
         comm.Allreduce(np.concatenate(([kinetic, stored], self.values, [self.values[2] - self._work_before])), total)
         self.last_work = float(total[-1])
         result = dict(zip(self.columns, map(float, total)))
-        energy = (
-            result["kinetic"]
-            + result["strain_energy"]
-            + result["material_dissipation"]
-            + result["numerical_dissipation"]
-        )
-        energy -= result["external_work"]
+        energy = result["kinetic"] + result[self.stored]
+        energy = energy + result["material_dissipation"] + result["numerical_dissipation"] - result["external_work"]
         energy += sum(sign * result[name] for name, sign in self.terms.items())
         if self.initial is None:
             self.initial = energy
@@ -88,6 +84,11 @@ class OfSystem:
     def add_term(self, name: str, energy: float) -> None:
         """Add to one of the method's own terms [J]."""
         self._add_term(self._names.get(name, name), energy)
+
+
+def ledger_of(scene: Scene) -> Ledger:
+    """The empty ledger of a scene."""
+    return Ledger(terms_of(scene), stored=stored_column(body.material for body in scene.bodies))
 
 
 def names_of_terms(scene: Scene) -> list[dict[str, str]]:
@@ -116,8 +117,9 @@ def terms_of(scene: Scene) -> dict[str, int]:
     named = zip(scene.systems, names_of_terms(scene))
     terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
     works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
-    kinds = [getattr(body.material, "kind", None) for body in scene.bodies]
-    met = energy_terms(scene.contact, scene.tools, kinds) | (TIE_TERMS if scene.tie else {})
+    met = energy_terms(scene.contact, scene.tools, [body.material for body in scene.bodies]) | (
+        TIE_TERMS if scene.tie else {}
+    )
     return terms | met | works
 
 

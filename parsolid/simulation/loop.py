@@ -16,7 +16,7 @@ from parsolid.scene import Scene
 from parsolid.simulation.agreement import StepAgreement
 from parsolid.simulation.diagnosis import describe_failure
 from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits
-from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
+from parsolid.simulation.ledger import ledger_of, names_of_terms, viscous_terms_of
 from parsolid.simulation.momentum_balance import MomentumBalance, isolated
 from parsolid.simulation.outputs import Output, Outputs
 from parsolid.simulation.phases import Phases
@@ -73,7 +73,7 @@ class Simulation:
         """
         self.comm, self.scene, self.clock = comm, scene, Clock()
         limits = EnergyLimits.of(system.settings for system in scene.systems)
-        self.ledger, self.balance = Ledger(terms_of(scene)), EnergyCheck(limits, viscous_terms_of(scene))
+        self.ledger, self.energy_check = ledger_of(scene), EnergyCheck(limits, viscous_terms_of(scene))
         if restart:
             restart.check(scene)
         self.systems, self.particle_sets = build_systems(comm, scene, restart)
@@ -89,8 +89,8 @@ class Simulation:
         # systems whose particles have a temperature, and the lowest [K] in the last row
         self._warm = [one for one in self.systems if "temperature" in one.particles]
         self.coldest = inf
-        # step of the last row that was judged
-        self.judged = 0
+        # step of the last row that was checked
+        self.checked_step = 0
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
         # of each system, where any takes several steps in a common one
@@ -288,12 +288,12 @@ class Simulation:
         return sum(part.energy_scale for part in parts)
 
     def energy_row(self) -> dict[str, float]:
-        """The ledger's row [J] of the present state over all ranks; judged before the next step. Collective."""
+        """The ledger's row [J] of the present state over all ranks; checked before the next step. Collective."""
         row = self.ledger.row(self.comm, *self.energies())
-        steps, self.judged = self.clock.step - self.judged, self.clock.step
+        steps, self.checked_step = self.clock.step - self.checked_step, self.clock.step
         jump = steps > 0 and self.clock.step_size == 0.0
         told = None if jump else steps, self.ledger.last_work
-        self.balance.judge(row, self.energy_scale, self.ledger.initial or 0.0, *told)
+        self.energy_check.check(row, self.energy_scale, self.ledger.initial or 0.0, *told)
         if self.momenta is not None:
             self.momenta.look()
         if self._warm:
@@ -313,10 +313,10 @@ class Simulation:
 
     def _check_energy(self) -> None:
         """Raise RunFailed on all ranks when the last row of the ledger is not what it may be."""
-        balance = self.balance
+        check = self.energy_check
         if not self.coldest >= 0.0:
             raise RunFailed(describe_failure(self, f"an absolute temperature has fallen to {self.coldest:.6g} K"))
-        if balance.broken is not None:
-            share, limit = balance.relative(abs(balance.broken), self.energy_scale), balance.limits.balance_limit
-            off = f"the energy balance is off by {balance.broken:.4g} J, {share or 0.0:.2g} of the largest energy"
+        if check.violation is not None:
+            share, limit = check.relative(abs(check.violation), self.energy_scale), check.limits.balance_limit
+            off = f"the energy balance is off by {check.violation:.4g} J, {share or 0.0:.2g} of the largest energy"
             raise RunFailed(describe_failure(self, f"{off} (method.balance_limit = {limit:g})"))

@@ -79,7 +79,7 @@ class Callback(Output):
 
 
 class EnergyCheck(Output):
-    """Judges the energy balance every so many steps, where no history does."""
+    """Checks the energy balance every so many steps, where no history does."""
 
     def __init__(self, every: Cadence = Cadence(steps=32)):
         self.every = every

@@ -13,8 +13,8 @@ import numpy as np
 
 from parsolid.collective import SolverError
 from parsolid.scene import Scene
+from parsolid.scene.observation import HISTORY_COLUMNS
 from parsolid.simulation.history import HistoryOutput
-from parsolid.simulation.ledger import COLUMNS
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Output
@@ -129,6 +129,6 @@ def series_errors(rows: list[Row], file: str, names: dict[str, str]) -> dict[str
     for column, name in names.items():
         wanted = np.asarray(data["series"][name], float)
         found = np.array([row[column] for row in rows])[common]
-        scale = data["E0"] if column in COLUMNS else np.abs(wanted).max()
+        scale = data["E0"] if column in HISTORY_COLUMNS else np.abs(wanted).max()
         errors[column] = float(np.abs(found - cubic_spline(times, wanted, time[common])).max() / scale)
     return errors

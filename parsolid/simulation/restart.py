@@ -33,7 +33,7 @@ _NEEDED = {
     "energy_error",
     "ledger",
     "checked_step",
-    "energy_error_share",
+    "energy_check",
     "momenta",
     "interactions",
     "probes",
@@ -149,7 +149,7 @@ class Restart:
         ledger.initial = header["initial_energy"]
         ledger.values[:] = own_share(self.comm, rows)
         ledger.begin_step()
-        simulation.energy_check.set_state(header["energy_error_share"], float(rows[:, 1].sum()))
+        simulation.energy_check.set_state(header["energy_check"], float(rows[:, 1].sum()))
         if simulation.momenta is not None and header["momenta"] is not None:
             simulation.momenta.set_state(header["momenta"])
         simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header["last_step"]

@@ -12,9 +12,12 @@ from parsolid.simulation.loop import Simulation
 from parsolid.simulation.phases import of_all_ranks
 
 
-def summary_of(simulation: Simulation, status: str, balance: float | None, errors: dict[str, float]) -> dict[str, Any]:
-    """The summary; balance: of the last history row [J]; collective, the same on all ranks."""
+def summary_of(
+    simulation: Simulation, status: str, energy_error: float | None, errors: dict[str, float]
+) -> dict[str, Any]:
+    """The summary; energy_error: of the last history row [J]; collective, the same on all ranks."""
     comm, scene, spent, systems = simulation.comm, simulation.scene, simulation.clock, simulation.systems
+    check = simulation.energy_check
     steps, ranks = spent.step - simulation.first_step, comm.size
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems))
     evaluated = comm.allreduce(sum(system.evaluations * system.directed_pairs for system in systems)) * steps
@@ -47,10 +50,8 @@ def summary_of(simulation: Simulation, status: str, balance: float | None, error
         "particle_steps_per_second_per_rank": simulation.particles * steps / slowest / ranks if steps else None,
         "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
         **of_all_ranks(comm, mine, wall, _work_processor(simulation)),
-        "energy_error_share": None
-        if balance is None
-        else simulation.energy_check.relative(balance, simulation.energy_scale),
-        **simulation.energy_check.verdict(simulation.energy_scale, doubts, momenta, simulation.warnings),
+        "energy_error_share": None if energy_error is None else check.relative(energy_error, simulation.energy_scale),
+        **check.verdict(simulation.energy_scale, doubts, momenta, simulation.warnings),
         "warnings": [{"code": one.code, "text": one.text} for one in simulation.warnings],
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
         **_of_methods(systems),

@@ -24,9 +24,9 @@ Self = TypeVar("Self", bound="TimeSteps")
 class TimeSteps:
     """Chooses steps from the stable ones.
 
-    stop_times, jumps: times [s] at which a step must end, at which a step of length 0 is due; end: the scene's [s]; even:
-    whether steps between two stop_times have one length; longest, floor: the largest step, and the stable step that ends
-    a run [s]; growth: the most that a step is over the one before it.
+    stop_times, jumps: times [s] at which a step must end, at which a step of length 0 is due; end: the scene's [s];
+    even: whether steps between two stop times have one length; longest, floor: the largest step, and the stable step
+    that ends a run [s]; growth: the most that a step is over the one before it.
     """
 
     def __init__(

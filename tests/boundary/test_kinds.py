@@ -162,12 +162,6 @@ def test_two_kinds_of_one_name_are_refused(new_kind):
         new_kind(PRESSURE.replace('Literal["push"]', 'Literal["traction"]'))
 
 
-def test_a_kind_with_another_name_now_is_refused_with_it():
-    data = tables_of("peridynamics", table("pressure", "peridynamics") | {"kind": "surface_pressure"})
-    with pytest.raises(SceneError, match="expected 'pressure', as this kind is called now, found 'surface_pressure'"):
-        parse_scene(data)
-
-
 @pytest.mark.parametrize(("method", "other"), [("tlsph", "peridynamics"), ("peridynamics", "tlsph")])
 def test_a_pressure_where_a_method_knows_none_is_refused(method, other):
     with pytest.raises(SceneError, match=r"boundaries.0.\w+: expected one of .*where.* with this method"):

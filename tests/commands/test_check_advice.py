@@ -49,7 +49,7 @@ def test_few_particles_across_a_beam(comm, kind, placement):
 )
 def test_what_does_not_bend_is_not_told(change, notes):
     """A half of 3 has 5 nodes across, and is but 5 times as long as the whole is thick."""
-    assert len(advice(simulation(beam("tlsph", 3, "nodes", **change)))) == notes
+    assert len(advice(simulation(beam("tlsph", 3, "vertices", **change)))) == notes
 
 
 def test_a_face_that_is_loaded_through_weights_that_do_not_close():

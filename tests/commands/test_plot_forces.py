@@ -68,14 +68,14 @@ def drawn(tmp_path, monkeypatch):
 
 def test_what_contact_stores_is_not_drawn_as_dissipated_and_nothing_as_a_line_of_zeros(drawn):
     assert drawn(write_energies) == {
-        "energy [J]": ["kinetic energy", "stored energy", "kinetic + stored", "stored in contact"],
-        "dissipated [J]": ["internal", "friction dissipation"],
-        "balance / largest energy": [],
+        "energy [J]": ["kinetic energy", "strain energy", "kinetic + strain energy", "contact energy"],
+        "dissipated [J]": ["material dissipation", "friction dissipation"],
+        "energy error / largest energy": [],
     }
 
 
 def test_bodies_that_press_at_the_start_and_part_have_stored_no_less_than_nothing(drawn):
-    assert drawn(write_energies, contact_energy=-5.0)["energy [J]"][-1] == "gained in contact"
+    assert drawn(write_energies, contact_energy=-5.0)["energy [J]"][-1] == "change of contact energy"
 
 
 def test_forces_of_supports_and_tools_have_units_and_idle_supports_no_work(drawn):

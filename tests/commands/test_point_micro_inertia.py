@@ -49,7 +49,7 @@ def test_compression_as_tabled():
     assert run.deviator_norm[at] == pytest.approx([463822042.0, 818376272.0], rel=2e-3)
     assert run.micro_stress[at[0]] == pytest.approx(603477370.0, rel=1e-4)
     # 4e-6 of the work until 40 us
-    assert np.abs(run.balance).max() <= 1.2e-5 * run.work[-1]
+    assert np.abs(run.energy_error).max() <= 1.2e-5 * run.work[-1]
     assert run.von_mises_stress == pytest.approx(np.sqrt(1.5) * run.deviator_norm, rel=1e-10, abs=1.0)
 
 
@@ -61,7 +61,7 @@ def test_load_hold_reverse():
     assert run.deviator_norm[held].max() < run.deviator_norm[run.time <= 3e-5].max()
     assert (np.diff(run.plastic_strain) >= 0.0).all() and run.plastic_strain[-1] > 0.4
     assert run.stress_xy[run.time < 3e-5].max() > 1e9 and run.stress_xy[back].max() < -5e8
-    assert np.abs(run.balance).max() <= 1e-5 * run.work[-1]
+    assert np.abs(run.energy_error).max() <= 1e-5 * run.work[-1]
     # the micro-inertia stores and gives back
     assert run.micro_kinetic_energy.max() > 0.01 * run.work[-1] / 5.0
 
@@ -88,7 +88,7 @@ def test_the_classical_limit_is_stated_by_zeros(point_of):
     run = followed(point_of(HEAD + classical))
     assert run.deviator_norm == pytest.approx(run.micro_stress, rel=1e-14)
     balance = [
-        np.abs(followed(point_of(f"end_time = 2e-5\nsteps = {n}\n{classical}")).balance).max() for n in (100, 200)
+        np.abs(followed(point_of(f"end_time = 2e-5\nsteps = {n}\n{classical}")).energy_error).max() for n in (100, 200)
     ]
     assert balance[1] < 0.6 * balance[0] and balance[1] < 2e-2 * run.work[-1]
 
@@ -97,7 +97,7 @@ def test_pressure_in_a_volumetric_path(point_of):
     """p = K (rho/rho_0 - 1), its work stored."""
     run = followed(point_of(HEAD + STEEL + '[path]\nkind = "volumetric"\njacobian = "1 - 5e3*t"\n'))
     assert run.pressure == pytest.approx(200e9 / (3.0 * 0.42) * (1.0 / run.jacobian - 1.0), rel=1e-12, abs=1.0)
-    assert run.stored == pytest.approx(run.work, rel=1e-9) and run.plastic_strain.max() < 1e-18
+    assert run.strain_energy == pytest.approx(run.work, rel=1e-9) and run.plastic_strain.max() < 1e-18
 
 
 def test_what_the_command_writes_and_says(tmp_path, capsys):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from parsolid.commands.point.report import summarise, tabulate
+from parsolid.commands.point.report import describe, summarise, tabulate
 from parsolid.materials.registry import law_of
 from parsolid.point.choice import point_law
 from parsolid.point.driver import integrate
@@ -69,7 +69,7 @@ def test_adiabatic_and_isothermal_shear(driven):
     # shear at constant volume: the heat given away is the plastic heat
     assert cold.heat_given_away[-1] == pytest.approx(0.9 * cold.dissipation[-1], rel=1e-3)
     for run in (warm, cold):
-        assert np.abs(run.balance).max() <= 3e-3 * run.work[-1]
+        assert np.abs(run.energy_error).max() <= 3e-3 * run.work[-1]
 
 
 def test_heat_of_isothermal_compression(driven):
@@ -99,7 +99,7 @@ def test_examples(name):
     run = followed(load_point(EXAMPLES / f"{name}.toml"))
     assert np.isfinite(run.von_mises_stress).all()
     assert (run.von_mises_stress[1:] <= run.flow_stress[1:] * (1.0 + 1e-2) + 1e6).mean() > 0.5
-    assert np.abs(run.balance).max() <= 1e-3 * run.work.max() and (np.diff(run.plastic_strain) >= 0.0).all()
+    assert np.abs(run.energy_error).max() <= 1e-3 * run.work.max() and (np.diff(run.plastic_strain) >= 0.0).all()
     if name == "plastic_uniaxial_strain":
         # loaded beyond yield, unloaded to yield in tension
         assert run.stress_xx.min() < -10e9 and run.stress_xx[-1] > 0.0
@@ -147,7 +147,7 @@ def test_the_sum_that_is_told_adds_up(driven, tmp_path):
         '[path]\nkind = "simple-shear"\nshear = "1000*t"\n'
     )
     columns = {name: values for name, values in vars(run).items() if name not in ("point", "law")}
-    assert run.stored[0] > 5.0 * run.work[-1] > 0.0
-    line = told(summarise(run.point, columns, 0.0) | {"picture": "none"}, tmp_path).splitlines()[1]
+    assert run.strain_energy[0] > 5.0 * run.work[-1] > 0.0
+    line = describe(summarise(run.point, columns, 0.0) | {"picture": "none"}, tmp_path).splitlines()[1]
     work, stored, dissipated = map(float, re.findall(r"(?:work|stored|dissipated) ([-0-9.e+]+)", line))
     assert work == pytest.approx(stored + dissipated, rel=5e-3) and work == pytest.approx(run.work[-1], rel=1e-5)

@@ -10,15 +10,7 @@ from mpi4py import MPI
 from parsolid.output import vtkhdf
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.output.history import read_history
-
-ENERGIES = (
-    "kinetic",
-    "strain_energy",
-    "material_dissipation",
-    "numerical_dissipation",
-    "external_work",
-    "energy_error",
-)
+from parsolid.scene.observation import HISTORY_COLUMNS
 
 
 def history(folder: Path) -> dict[str, np.ndarray]:
@@ -50,10 +42,10 @@ def natural_scales(columns: dict[str, np.ndarray]) -> dict[str, float]:
     of its greatest one.
     """
     scales = {name: np.abs(values).max() for name, values in columns.items()}
-    energy = max(scales[name] for name in ENERGIES)
+    energy = max(scales[name] for name in HISTORY_COLUMNS if name in scales)
     for name in columns:
         # heat that only moves within bodies is supplied but for rounding, in any of several systems
-        if name in ENERGIES or name.startswith("heat_supplied"):
+        if name in HISTORY_COLUMNS or name.startswith("heat_supplied"):
             scales[name] = max(scales[name], 1e-3 * energy)
         elif "." in name:
             family = [other for other in columns if other.rpartition("_")[0] == name.rpartition("_")[0] != ""]

@@ -20,7 +20,7 @@ def test_a_hot_bar_is_free_of_stress(comm):
     rows = sim.systems[0].particles.owned_rows
     np.testing.assert_array_equal(rows("position"), rows("reference_position")[:, :2])
     np.testing.assert_array_equal(rows("temperature"), 1235.0)
-    assert np.abs(columns["energy_error"]).max() == 0.0 and (columns["strain_energy"] == 0.0).all()
+    assert np.abs(columns["energy_error"]).max() == 0.0 and (columns["internal_energy"] == 0.0).all()
 
 
 def test_heating_at_constant_volume_is_a_pressure(comm):

@@ -129,7 +129,7 @@ def test_heat_flux_and_sources_are_supplied_whole():
     energy = simulation.systems[0].energies()[1]
     row = simulation.ledger.row(WORLD, 0.0, energy)
     assert row["heat_supplied"] == pytest.approx(supplied, rel=1e-10)
-    assert row["strain_energy"] == pytest.approx(supplied, rel=1e-10)
+    assert row["internal_energy"] == pytest.approx(supplied, rel=1e-10)
     # the source alone would raise all temperatures alike
     uniform = HeatedSlab(START, DIFFUSIVITY, LENGTH, gradient=flux / CONDUCTIVITY)
     X = state(simulation)[0]

@@ -53,9 +53,9 @@ def test_a_slow_run_tells_every_five_seconds_with_the_time_left(passing_time):
     assert lines[0] == "Punch: 10 particles, to t = 0.5 s"
     assert len(lines) == 1 + 20 + 2
     assert lines[5].startswith("step      25  t 1.2500e-01 s  25.0 %  dt 5.00e-03 s  ETA 0:01:15")
-    assert "kinetic 1.500e+00 J  stored 2.000e+00 J  dissipated 2.500e-01 J  lost in the scheme 5.000e-01 J" in lines[5]
+    assert "kinetic 1.500e+00 J  strain energy 2.000e+00 J  material dissipation 2.500e-01 J" in lines[5]
     assert lines[5].endswith("1.00e+01 particle-steps/s")
-    assert lines[-2:] == ["finished: 99 steps to t = 0.5 s in 12.0 s, energy balance 1.0e-05", "error u: 0.1"]
+    assert lines[-2:] == ["finished: 99 steps to t = 0.5 s in 12.0 s, energy error 1.0e-05", "error u: 0.1"]
 
 
 def test_a_restarted_run_tells_its_own_steps_beside_its_seconds():
@@ -91,8 +91,8 @@ def test_terms_of_a_method_are_told_once_there_is_something_in_them(passing_time
         passing_time[0] += 10.0
         shown.update(step, 0.1 * step, 0.1, row | terms)
     line = log.getvalue().splitlines()[1]
-    assert "stored 1.000e+00 J  fracture 5.000e-01 J" in line
-    assert "residual" not in line and "end" not in line and "dissipated" not in line
+    assert "strain energy 1.000e+00 J  fracture dissipation 5.000e-01 J" in line
+    assert "residual" not in line and "end" not in line and "material" not in line
     assert "failed mass 2.500e-01 kg" in line and "deleted" not in line
 
 
@@ -100,7 +100,7 @@ def test_verbose_says_more_and_quiet_nothing(passing_time):
     log, silence = io.StringIO(), io.StringIO()
     follow(VERBOSE, log, passing_time, 1.0)
     follow(QUIET, silence, passing_time, 1.0)
-    assert len(log.getvalue().splitlines()) == 1 + 100 + 2 and "balance 1.000e-06 J" in log.getvalue()
+    assert len(log.getvalue().splitlines()) == 1 + 100 + 2 and "energy error 1.000e-06 J" in log.getvalue()
     assert silence.getvalue() == ""
 
 
@@ -171,5 +171,5 @@ def test_the_first_step_says_nothing_of_the_time_left(passing_time):
 
 def test_shares_of_the_time_leave_out_what_took_none_of_it():
     told = {"phases": {"forces": 3.0, "set_up": 1.0, "idle": 0.0}, "ranks": 2, "load_imbalance": 1.25}
-    assert progress._shares(told) == "time: forces 75 %, set up 25 %; busiest rank 1.25 of the mean"
+    assert progress._shares(told) == "time: forces 75 %, set up 25 %; load imbalance 1.25"
     assert progress._shares(told | {"ranks": 1}) == "time: forces 75 %, set up 25 %"

@@ -300,17 +300,6 @@ def _forces(sim) -> np.ndarray:
     return np.concatenate(sim.comm.allgather(found["T"] + found["D"]))[order]
 
 
-def test_the_former_key_still_closes_the_weights(comm):
-    def scene(**method):
-        data = tables([9, 8], method=method)
-        data["bodies"][0]["jitter"] = 0.2
-        return simulation(data, comm).systems[0].lists.near
-
-    former, new, kernel = scene(pair_correction="closure"), scene(weights="closure"), scene()
-    assert np.array_equal(former.inner.weight, new.inner.weight)
-    assert not np.array_equal(kernel.inner.weight, new.inner.weight)
-
-
 def _with(data, **body):
     data["bodies"][0] |= body
     return data
@@ -378,9 +367,6 @@ def test_what_only_the_particles_tell_is_refused(comm):
         simulation(data, comm)
 
 
-@pytest.mark.parametrize(
-    "method", [{"reference": "updated", "update_every": 5}, {"pair_correction": "closure"}], ids=["updated", "two keys"]
-)
-def test_weights_that_another_key_excludes_are_refused(method):
+def test_weights_that_an_updated_reference_excludes_are_refused():
     with pytest.raises(SceneError, match="expected .* found"):
-        parse_scene(tables([9, 9], method={"weights": "cells"} | method))
+        parse_scene(tables([9, 9], method={"weights": "cells", "reference": "updated", "update_every": 5}))

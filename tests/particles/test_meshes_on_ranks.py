@@ -97,8 +97,8 @@ def test_elements_go_to_the_ranks_of_their_nodes(shared_path, comm, dimension, k
     if comm.rank == 0:
         write(path, dimension, kind)
     comm.Barrier()
-    body = scene_of(path, dimension, "nodes").bodies[0]
-    count = len(generate(scene_of(path, dimension, "nodes"), MPI.COMM_SELF))
+    body = scene_of(path, dimension, "vertices").bodies[0]
+    count = len(generate(scene_of(path, dimension, "vertices"), MPI.COMM_SELF))
     rank_of = np.random.default_rng(5).integers(0, comm.size, count)
     alone = elements_around(MPI.COMM_SELF, body, dimension, 7 + np.arange(count))
     mine = elements_around(comm, body, dimension, 7 + np.flatnonzero(rank_of == comm.rank))
@@ -133,7 +133,7 @@ def test_one_rank_reads_the_whole_of_it(imported):
 def refused(comm, path, dimension=3):
     """The key and what is said of a file, the same on all ranks."""
     with pytest.raises(SceneError) as caught:
-        generate(scene_of(path, dimension, "nodes"), comm)
+        generate(scene_of(path, dimension, "vertices"), comm)
     told = comm.allgather(caught.value.faults)
     assert all(faults == told[0] for faults in told) and len(told[0]) == 1
     key, _, text = told[0][0].partition(": ")

@@ -49,7 +49,7 @@ def test_nodes_are_the_corners_of_the_kept_cells_and_no_others(dimension, centre
     shape = {"lower": [0.0] * dimension, "upper": [1.2, 0.9, 0.7][:dimension], "centre": centre[:dimension]}
     particles = np.array([12, 9, 7][:dimension])
     cells = filling_of(body(dimension, perforated_box={**shape, "radius": 0.33}), dimension)
-    table = body(dimension, "nodes", perforated_box={**shape, "radius": 0.33})
+    table = body(dimension, "vertices", perforated_box={**shape, "radius": 0.33})
     nodes = filling_of(table.model_copy(update={"particles": (particles + 1).tolist()}), dimension)
     found = [nodes.piece(0, 37), nodes.piece(37, nodes.count)]
     position, volume, area = (
@@ -72,4 +72,4 @@ def test_nodes_are_the_corners_of_the_kept_cells_and_no_others(dimension, centre
 def test_a_direction_without_cells_is_refused():
     with pytest.raises(SceneError, match=r"^bodies.0: expected two nodes or more along each .* found \[12, 1\]$"):
         data = {"lower": [0.0, 0.0], "upper": [1.2, 0.9], "centre": [0.6, 0.4], "radius": 0.2}
-        body(2, "nodes", particles=[12, 1], perforated_box=data)
+        body(2, "vertices", particles=[12, 1], perforated_box=data)

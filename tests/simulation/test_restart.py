@@ -19,7 +19,7 @@ from parsolid.simulation.scene_changes import contents
 
 TERMS = {"crack": 1}
 JUDGED = {"largest": 50.0, "worst": 0.5, "entered": 3.0, "growth": 0.7, "gained": 0.2, "offset": 0.03}
-HEADER = {"initial_energy": 42.0, "energy_error_share": JUDGED, "checked_step": 4, "momenta": None, "last_step": 0.02}
+HEADER = {"initial_energy": 42.0, "energy_check": JUDGED, "checked_step": 4, "momenta": None, "last_step": 0.02}
 HEADER |= {"jumped": True, "time": 0.3, "step": 7, "stable_step": 0.01, "interactions": ["kept"], "energy_error": 0.25}
 
 
@@ -37,7 +37,7 @@ def simulation(energies=(0.0, 0.0)) -> SimpleNamespace:
     taken = []
     return SimpleNamespace(
         ledger=Ledger(TERMS),
-        balance=EnergyCheck(EnergyLimits(0.1, 0.2, 0.3)),
+        energy_check=EnergyCheck(EnergyLimits(0.1, 0.2, 0.3)),
         momenta=None,
         time_steps=SimpleNamespace(),
         clock=SimpleNamespace(),
@@ -81,7 +81,7 @@ def test_an_allowed_change_is_no_residual_of_the_energy(comm):
     jump = sim.ledger.initial - 42.0
     assert [note.code for note in one.notes] == ["restart-energy"] and f" {jump:.4g} J" in one.notes[0].text
     # nothing is said of nothing, nor taken where nothing was allowed
-    same = restart(comm, allowed=("x",), balance=sim.ledger.row(comm, *sim.energies())["energy_error"] + jump)
+    same = restart(comm, allowed=("x",), energy_error=sim.ledger.row(comm, *sim.energies())["energy_error"] + jump)
     same.apply(sim)
     assert same.notes == [] and sim.ledger.initial == 42.0
     other = restart(comm)
@@ -180,7 +180,7 @@ def test_a_file_is_all_that_a_run_goes_on_from(comm, shared_path, monkeypatch):
         assert header["ranks"] == comm.size and header["particles"] == 25 and header["step"] == 5
         # nothing has entered, so that the balance is what is compared with zero
         assert header["energy_error"] == run.ledger.row(comm, *run.energies())["energy_error"]
-        judged = header["energy_error_share"]
+        judged = header["energy_check"]
         assert judged["largest"] >= header["initial_energy"] > judged["worst"] >= 0.0
     # particles of other ranks are dealt out anew
     elsewhere = read_checkpoint(comm, previous_name(file))

@@ -229,10 +229,7 @@ REFUSED = {
     "no way to update": ({"reference": "updated"}, "method.reference: expected one of .*, found 'neither'"),
     "two ways": (EVERY_STEP | {"update_when": 0.1}, "method.reference: expected one of update_every and update_when"),
     "no steps": (EVERY_STEP | {"update_every": 0}, "method.update_every"),
-    "closure": (
-        EVERY_STEP | {"pair_correction": "closure"},
-        "method.pair_correction: expected 'none' with",
-    ),
+    "closure": (EVERY_STEP | {"weights": "closure"}, "method.weights: expected 'kernel' with"),
 }
 
 

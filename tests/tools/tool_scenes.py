@@ -16,7 +16,7 @@ _METAL = {"kind": "elastic-plastic", "specific_heat": 400.0, "taylor_quinney": 0
 SPACING = 0.1
 EXPLICIT = {"kind": "peridynamics", "horizon_ratio": 3.0, "solution": {"kind": "explicit"}}
 METHODS = {
-    "tlsph": ({"kind": "tlsph", "integrator": "leapfrog"}, _HYPER, "nodes"),
+    "tlsph": ({"kind": "tlsph", "integrator": "leapfrog"}, _HYPER, "vertices"),
     "tlsph-cells": ({"kind": "tlsph", "integrator": "leapfrog"}, _HYPER, "cells"),
     "peridynamics": (EXPLICIT, _BONDED, "cells"),
     "ulsph": ({"kind": "ulsph"}, _METAL, "cells"),
@@ -69,6 +69,9 @@ class Watch(Output):
         d = len(momentum)
         row |= {"momentum": together[:d], "mass": together[-1], "angular": together[2 * d : -1]}
         self.rows.append(row | {"velocity": together[:d] / together[-1], "place": together[d : 2 * d] / together[-1]})
+
+    def __contains__(self, name) -> bool:
+        return name in self.rows[0]
 
     def __getitem__(self, name) -> np.ndarray:
         return np.array([row[name] for row in self.rows])

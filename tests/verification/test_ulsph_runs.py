@@ -82,7 +82,7 @@ def at_the_middle(clamped: bool, end: float) -> tuple[float, float]:
 
 
 @pytest.mark.usefixtures("coarser")
-def test_micro_clamped_layer(run):
+def test_micro_hard_layer(run):
     errors, history = run("micro_layer", "end_time=2.5e-6", "reference.times=[2.5e-6]")
     assert errors["plastic_strain@2.5e-06"] < 0.025
     assert errors["micro_stress@2.5e-06"] < 2e-3

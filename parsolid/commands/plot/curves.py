@@ -1,4 +1,4 @@
-"""Curves of a run's history: energies, dissipations, balance, probes, with the reference where the scene has one."""
+"""Curves of a run's history: energies, dissipations, energy error, probes, with the reference where a scene has one."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from parsolid.commands.plot.scales import prefixed
 from parsolid.observables.words import labelled, unit_of, words_of
 from parsolid.output.results import Results
-from parsolid.scene.observation import HISTORY_COLUMNS
+from parsolid.scene.observation import DISSIPATIONS, ENERGIES, stored_energy
 
 DOTS_PER_INCH = 100
 _COLOURS = {
     "kinetic": "#1f77b4",
     "strain_energy": "#d95f02",
+    "internal_energy": "#d95f02",
     "total": "#222222",
     "material_dissipation": "#7570b3",
     "numerical_dissipation": "#1b9e77",
@@ -37,9 +38,9 @@ _PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#7570b3", "#e7298a", "#a6761d", "#
 _MARKERS = "osD^vPX*<"
 # parts of what is stored
 _WITHIN = {
-    "contact_energy": "stored in contact",
-    "stick_energy": "stored in friction's springs",
-    "tie_energy": "stored in ties",
+    "contact_energy": "contact energy",
+    "stick_energy": "energy of friction's springs",
+    "tie_energy": "energy of ties",
 }
 # curves of a panel; a term is told where it is more than this share of the largest energy, and than this of its panel
 _MOST, _NOTHING, _FLAT = 8, 1e-6, 5e-3
@@ -48,46 +49,48 @@ _PANEL = (460, 330)
 
 
 def write_energies(results: Results, path: Path, size: tuple[int, int] | None = None) -> None:
-    """Energies, dissipations and the balance over time, side by side."""
+    """Energies, dissipations and the energy error over time, side by side."""
     history = results.columns
     time, factor = _time_axis(history["time"])
-    terms = {name: history[name] for name in HISTORY_COLUMNS[:-1]} | _method_terms(history)
+    stored = stored_energy(history)
+    terms = {name: history[name] for name in ENERGIES if name in history} | _method_terms(history)
     largest = max((np.nanmax(np.abs(values)) for values in terms.values() if len(values)), default=0.0)
-    unit, label = prefixed("J", largest)
+    unit, prefix = prefixed("J", largest)
     figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
-    energies, dissipations, balance = figure.subplots(1, 3)
+    energies, dissipations, error = figure.subplots(1, 3)
     told = [name for name, values in terms.items() if _largest(values) > _NOTHING * largest]
-    for name in ("kinetic", "strain_energy", "external_work"):
+    for name in ("kinetic", stored, "external_work"):
         if name in told:
             energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=words_of(name))
-    total = terms["kinetic"] + terms["strain_energy"]
-    if {"kinetic", "strain_energy"} <= set(told):
-        energies.plot(time, total / unit, color=_COLOURS["total"], label="kinetic + stored", linewidth=1.0)
+    total = terms["kinetic"] + terms[stored]
+    if {"kinetic", stored} <= set(told):
+        label = f"kinetic + {words_of(stored)}"
+        energies.plot(time, total / unit, color=_COLOURS["total"], label=label, linewidth=1.0)
     for name in (name for name in _WITHIN if name in told and _largest(terms[name]) > _FLAT * largest):
         # columns begin at 0, also where bodies press at the start
         below = np.nanmin(terms[name]) < -_FLAT * largest
-        what = _WITHIN[name].replace("stored", "gained") if below else _WITHIN[name]
+        what = f"change of {_WITHIN[name]}" if below else _WITHIN[name]
         energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=what, linewidth=1.0)
-    words = {"material_dissipation": "internal", "numerical_dissipation": "numerical"}
-    others = _seen([name for name in (*words, *_method_terms(history)) if name in told and name not in _WITHIN], terms)
+    others = [name for name in (*DISSIPATIONS, *_method_terms(history)) if name in told and name not in _WITHIN]
+    others = _seen(others, terms)
     spare = iter(_PALETTE[5:])
     for name in _most(others, terms):
         colour = _COLOURS.get(name) or next(spare)
-        dissipations.plot(time, terms[name] / unit, color=colour, label=words.get(name, words_of(name)))
-    for axes, names in ((energies, ("kinetic", "strain_energy")), (dissipations, HISTORY_COLUMNS[2:4])):
+        dissipations.plot(time, terms[name] / unit, color=colour, label=words_of(name))
+    for axes, names in ((energies, ("kinetic", stored)), (dissipations, DISSIPATIONS)):
         _add_references(axes, results, names, factor, unit)
         _add_bands(axes, results, names, time, unit, _COLOURS)
-    balance.plot(time, history["energy_error"] / (largest or 1.0), color="#222222")
-    energies.set_ylabel(f"energy [{label}]")
-    dissipations.set_ylabel(f"dissipated [{label}]")
-    balance.set_ylabel("balance / largest energy")
-    _finish(figure, (energies, dissipations, balance), prefixed("s", _last(history["time"]))[1])
-    balance.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
+    error.plot(time, history["energy_error"] / (largest or 1.0), color="#222222")
+    energies.set_ylabel(f"energy [{prefix}]")
+    dissipations.set_ylabel(f"dissipated [{prefix}]")
+    error.set_ylabel("energy error / largest energy")
+    _finish(figure, (energies, dissipations, error), prefixed("s", _last(history["time"]))[1])
+    error.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
     figure.savefig(path, dpi=DOTS_PER_INCH)
 
 
 def _method_terms(history: dict[str, Any]) -> dict[str, Any]:
-    """Energy terms of the method itself: they stand between the external work and the balance."""
+    """Energy terms of the method itself: they stand between the external work and the energy error."""
     columns = list(history)
     first, last = columns.index("external_work") + 1, columns.index("energy_error")
     return {name: history[name] for name in columns[first:last]}

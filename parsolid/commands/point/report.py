@@ -48,7 +48,7 @@ def drive_and_report(options: Any) -> dict[str, Any]:
 
 
 def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: float) -> dict[str, Any]:
-    """The summary of a point; the energy balance is measured against the largest energy met."""
+    """The summary of a point; the energy balance is measured by the largest energy met."""
     scale = max(np.abs(columns[name]).max() for name in ("strain_energy", "work", "dissipation"))
     worst = np.abs(columns["energy_error"]).max()
     shown = [name for name in _SHOWN if name in columns]
@@ -61,8 +61,8 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
         "wall_time": seconds,
         "energy_error": worst,
         "energy_error_share": worst / scale if scale > 0.0 else 0.0,
-        "stored_at_start": columns["strain_energy"][0],
-        "stored_at_end": columns["strain_energy"][-1],
+        "strain_energy_at_start": columns["strain_energy"][0],
+        "strain_energy_at_end": columns["strain_energy"][-1],
         "dissipation_at_end": columns["dissipation"][-1],
         "work_at_end": columns["work"][-1],
         **{f"{name}_at_end": columns[name][-1] for name in shown},
@@ -85,7 +85,7 @@ def describe(summary: dict[str, Any], directory: Path) -> str:
             ),
             (
                 f"  work {summary['work_at_end']:.6g} = newly stored"
-                f" {summary['stored_at_end'] - summary['stored_at_start']:.6g}"
+                f" {summary['strain_energy_at_end'] - summary['strain_energy_at_start']:.6g}"
                 f" + dissipated {summary['dissipation_at_end']:.6g} J/m^3, off by at most"
                 f" {summary['energy_error_share']:.1e} of the largest"
             ),

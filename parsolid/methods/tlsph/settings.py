@@ -21,7 +21,7 @@ from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
 from parsolid.scene.warned import Note
 
 # keys of which a scene that states one has chosen its weights
-_OF_WEIGHTS = {"kernel", "smoothing", "weights", "pair_correction"}
+_OF_WEIGHTS = {"kernel", "smoothing", "weights"}
 # factor on the dissipation with weights of meshes, which need little, where a scene states none
 MESH_DISSIPATION = 0.1
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
@@ -110,14 +110,11 @@ class TotalLagrangianSPH(MethodSettings):
         description="part of their volume that nodes of boxes with weights in closed form do without where a fixed "
         "plane meets a free face, for the singular stress there (docs/weights.md)",
     )
-    pair_correction: Literal["none", "closure"] = Field(
-        "none", description='"closure": the former way to say weights = "closure"'
-    )
 
     @property
     def pair_weights(self) -> str:
-        """What `weights` or the former `pair_correction` asks for."""
-        return "closure" if self.pair_correction == "closure" else self.weights or "kernel"
+        """What `weights` asks for."""
+        return self.weights or "kernel"
 
     @model_validator(mode="after")
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
@@ -139,12 +136,8 @@ class TotalLagrangianSPH(MethodSettings):
             reject(
                 (("reference",), "one of update_every and update_when with 'updated'", ", ".join(given) or "neither")
             )
-        elif self.pair_correction != "none":
-            reject((("pair_correction",), "'none' with the reference 'updated'", self.pair_correction))
         elif self.pair_weights != "kernel":
             reject((("weights",), "'kernel' with the reference 'updated'", self.weights))
-        if self.pair_correction == "closure" and self.weights not in (None, "closure"):
-            reject((("pair_correction",), f"weights alone, which is '{self.weights}'", self.pair_correction))
         return self
 
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:

@@ -16,7 +16,7 @@ def union_of_kinds() -> Any:
     """The type of a boundary's table: every file of this folder enters its kinds."""
     for module in iter_modules(__path__):
         import_module(f"{__name__}.{module.name}")
-    kinds = Union[tuple(dict.fromkeys(BOUNDARY_KINDS.values()))]  # noqa: UP007
+    kinds: Any = Union[tuple(dict.fromkeys(BOUNDARY_KINDS.values()))]  # noqa: UP007
     return Annotated[kinds, Field(discriminator="kind"), WrapValidator(of_method)]
 
 

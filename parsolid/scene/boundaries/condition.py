@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 # kind -> the model of its table
 BOUNDARY_KINDS: dict[str, type[Condition]] = {}
-_RENAMED = {"surface_pressure": "pressure"}
 
 
 class Condition(SceneModel):
@@ -194,8 +193,6 @@ def of_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
     """Refuse kinds that the scene's method does not know, or that of the body which a table names."""
     if isinstance(value, dict):
         method, kind = method_of(info, value), value.get("kind")
-        if isinstance(kind, str) and kind in _RENAMED:
-            reject((("kind",), f"{_RENAMED[kind]!r}, as this kind is called now", kind))
         known = [one for one in getattr(method, "boundaries", BOUNDARY_KINDS) if one in BOUNDARY_KINDS]
         why = getattr(method, "refused", {}).get(kind, "") if isinstance(kind, str) else ""
         check_kind(value, info, BOUNDARY_KINDS, known, why)
