@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.scene.base_model import Finding, Plane
+from parsolid.scene.base_model import FaultDetail, Plane
 from parsolid.scene.bodies import Extent
 from parsolid.scene.boundaries.condition import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
@@ -15,10 +15,13 @@ from parsolid.scene.contact import (
     contact_faults,
     energy_terms,
     grid_faults,
+    of_model,
 )
 from parsolid.scene.initial_state import initial_details
+from parsolid.scene.method_settings import named_observables
 from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
+from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
 from parsolid.scene.sound_part import LeftOut
 from parsolid.scene.substeps import substep_faults
@@ -40,6 +43,7 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
     extents = _extents(scene, lacking)
     details = _unfilled_bodies(scene, lacking)
     details += _repeated_names("bodies", scene.bodies, lacking) + _repeated_names("probes", scene.probes, lacking)
+    details += [] if lacking.incomplete else _contact_fields(scene)
     details += _boundary_details(scene, extents, lacking)
     details += clashes(scene.boundaries)
     if len(extents) == len(scene.bodies):
@@ -71,17 +75,17 @@ def _extents(scene: Scene, lacking: LeftOut) -> dict[int, Extent]:
     }
 
 
-def _unfilled_bodies(scene: Scene, lacking: LeftOut) -> list[Finding]:
+def _unfilled_bodies(scene: Scene, lacking: LeftOut) -> list[FaultDetail]:
     """Bodies of which no particles can be made."""
-    details: list[Finding] = []
+    details: list[FaultDetail] = []
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh" and i not in lacking.misplaced:
             details += [(("bodies", i), expected, found) for expected, found in body.lattice_faults()]
     return details
 
 
-def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[Finding]:
-    details: list[Finding] = []
+def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[FaultDetail]:
+    details: list[FaultDetail] = []
     seen: dict[str, int] = {}
     for i, entry in enumerate(entries):
         if entry.name is not None and entry.name in seen:
@@ -100,8 +104,8 @@ def plane_side(plane: Plane, extent: Extent) -> int:
     return 1 if abs(plane.offset - upper) <= tolerance else 0
 
 
-def _boundary_details(scene: Scene, extents: dict[int, Extent], lacking: LeftOut) -> list[Finding]:
-    details: list[Finding] = []
+def _boundary_details(scene: Scene, extents: dict[int, Extent], lacking: LeftOut) -> list[FaultDetail]:
+    details: list[FaultDetail] = []
     for i, boundary in enumerate(scene.boundaries):
         if boundary.body is not None and lacking.body_names is not None and boundary.body not in lacking.body_names:
             expected = f"the name of a body{suggestion(boundary.body, lacking.body_names)}"
@@ -111,7 +115,7 @@ def _boundary_details(scene: Scene, extents: dict[int, Extent], lacking: LeftOut
     return details
 
 
-def unbounded_plane(place: int, boundary: Any, bodies: list[Any], extents: dict[int, Extent]) -> list[Finding]:
+def unbounded_plane(place: int, boundary: Any, bodies: list[Any], extents: dict[int, Extent]) -> list[FaultDetail]:
     """The fault of a support or traction whose plane bounds none of the bodies it is meant for; none where one of them
     is not known."""
     meant = [i for i, body in enumerate(bodies) if boundary.body in (None, body.name)]
@@ -130,8 +134,8 @@ def _away(extent: Extent, at: list[float]) -> float:
     return float(np.linalg.norm(np.maximum(0.0, np.maximum(extent.lower - at, at - extent.upper))))
 
 
-def _distant_probes(scene: Scene, extents: dict[int, Extent]) -> list[Finding]:
-    details: list[Finding] = []
+def _distant_probes(scene: Scene, extents: dict[int, Extent]) -> list[FaultDetail]:
+    details: list[FaultDetail] = []
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
@@ -141,10 +145,11 @@ def _distant_probes(scene: Scene, extents: dict[int, Extent]) -> list[Finding]:
     return details
 
 
-def _fields_elsewhere(scene: Scene, extents: dict[int, Extent]) -> list[Finding]:
+def _fields_elsewhere(scene: Scene, extents: dict[int, Extent]) -> list[FaultDetail]:
     """Fields of probes at bodies whose methods have no such field, where other methods of the scene have it."""
-    kinds = {body: one.settings.field_kinds(scene.dimension) for one in scene.systems for body in one.bodies}
-    details: list[Finding] = []
+    known = [with_components(one.settings.field_kinds(scene.dimension), scene.dimension) for one in scene.systems]
+    kinds = {body: known[number] for number, one in enumerate(scene.systems) for body in one.bodies}
+    details: list[FaultDetail] = []
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
@@ -157,7 +162,16 @@ def _fields_elsewhere(scene: Scene, extents: dict[int, Extent]) -> list[Finding]
     return details
 
 
-def _loads_details(scene: Scene, incomplete: bool) -> list[Finding]:
+def _contact_fields(scene: Scene) -> list[FaultDetail]:
+    """Fields of contact that are asked for where there is none between particles."""
+    if of_model(scene.contact, "kernel"):
+        return []
+    known = with_components(FIELDS_OF_CONTACT, scene.dimension)
+    expected = "a field of a scene with [[contact]] of model 'kernel'"
+    return [(place, expected, name) for place, name in named_observables(scene) if name in known]
+
+
+def _loads_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:
     exact = None if scene.reference is None else scene.reference.exact
     if not scene.loads.manufactured or exact in MANUFACTURED or (scene.reference is None and incomplete):
         return []
@@ -165,14 +179,14 @@ def _loads_details(scene: Scene, incomplete: bool) -> list[Finding]:
     return [(("loads", "manufactured"), expected, NOTHING if exact is None else exact)]
 
 
-def _solution_details(scene: Scene) -> list[Finding]:
+def _solution_details(scene: Scene) -> list[FaultDetail]:
     exact = None if scene.reference is None else scene.reference.exact
     if exact is not None and len(scene.methods or ()) > 1:
         return [(("reference", "exact"), "no such key with several methods", exact)]
     return [] if exact is None else [*solution_faults(exact, scene.bodies[0].material)]
 
 
-def _output_details(scene: Scene) -> list[Finding]:
+def _output_details(scene: Scene) -> list[FaultDetail]:
     stated = [(key, getattr(scene.output, key), most) for key, most in MOST_OUTPUTS.items()]
     return [
         (("output", key), f"at least end_time/{most:g} = {scene.end_time / most:g} s", interval)
@@ -181,7 +195,7 @@ def _output_details(scene: Scene) -> list[Finding]:
     ]
 
 
-def _reference_details(scene: Scene, incomplete: bool) -> list[Finding]:
+def _reference_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:
     """Columns of a reference that the history does not have; incomplete: some may be of entries that are left out."""
     if scene.reference is None:
         return []

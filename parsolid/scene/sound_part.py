@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from parsolid.materials.registry import declared
-from parsolid.scene.base_model import Finding
+from parsolid.scene.base_model import FaultDetail
 from parsolid.scene.declared import model_of
 from parsolid.scene.methods import SETTINGS, settings_class
 from parsolid.scene.model_faults import fault_of_error
@@ -71,7 +71,7 @@ class LeftOut:
             return place[0], self.number(str(place[0]), place[1]), *place[2:]
         return place
 
-    def faults(self, details: list[Finding]) -> list[Fault]:
+    def faults(self, details: list[FaultDetail]) -> list[Fault]:
         """Details of checks between tables as faults of the file."""
         found = []
         for place, expected, value, *code in details:

@@ -5,6 +5,7 @@ from typing import Any
 
 from parsolid.commands.keys.json_schema import schema_of
 from parsolid.scene.base_model import SceneModel
+from parsolid.scene.raw_tables import toml_value
 
 _WORDS = {"number": "a number", "integer": "a whole number", "boolean": "true or false", "string": "a text"}
 _BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
@@ -58,7 +59,7 @@ class Table:
         meaning = schema.get("description", "")
         if not meaning and (name == "kind" or len(tables) == 1):
             meaning = self.meaning if name == "kind" else next(iter(tables.values())).meaning
-        default = None if name in self.needed else as_toml(schema.get("default"))
+        default = None if name in self.needed else _default(schema.get("default"))
         return Key(name, self._words(schema), tables, default, meaning)
 
     def _tables(self, schema: dict[str, Any]) -> "list[tuple[str, Table]]":
@@ -80,7 +81,7 @@ class Table:
         if choices := schema.get("anyOf", schema.get("oneOf")):
             return " or ".join(dict.fromkeys(map(self._words, choices)))
         if "enum" in schema or "const" in schema:
-            return " or ".join(dict.fromkeys(map(as_toml, schema.get("enum", [schema.get("const")]))))
+            return " or ".join(dict.fromkeys(map(toml_value, schema.get("enum", [schema.get("const")]))))
         if schema.get("type") == "array":
             lengths = [f"{words} {schema[key]}" for key, words in _LENGTHS.items() if key in schema]
             many = self._words(schema["items"]).removeprefix("a ")
@@ -91,16 +92,8 @@ class Table:
         return " ".join([_WORDS.get(schema.get("type", ""), "any value"), " and ".join(bounds)]).strip()
 
 
-def as_toml(value: Any) -> str:
-    """A plain value as a scene writes it."""
+def _default(value: Any) -> str:
+    """A default as a scene would state it, in words where it would not."""
     if value is None:
         return "none"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return f'"{value}"'
-    if isinstance(value, dict):
-        return "as its keys" if value else "{}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(as_toml, value))}]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return "as its keys" if isinstance(value, dict) and value else toml_value(value)
