@@ -146,7 +146,9 @@ class Laws:
         self.roles, self.of_method = roles, of_method
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return core_schema.with_info_wrap_validator_function(self._validate, handler(source))
+        # a law that is none of the union states itself, too
+        stated = core_schema.plain_serializer_function_ser_schema(_stated, info_arg=True)
+        return core_schema.with_info_wrap_validator_function(self._validate, handler(source), serialization=stated)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         installed = [registry.declared(role, kind) for role in self.roles for kind in registry.installed_kinds(role)]
@@ -177,6 +179,10 @@ class Laws:
             if value["kind"] in registry.installed_kinds(role):
                 return _law_of_package(role, value, info)
         return handler(value)
+
+
+def _stated(table: DeclaredModel, info: Any) -> dict[str, Any]:
+    return table.model_dump(mode=info.mode, exclude_none=info.exclude_none)
 
 
 def _law_of_package(role: str, value: dict[str, Any], info: ValidationInfo) -> Any:
