@@ -1,6 +1,7 @@
 """Which filling belongs to which shape; a new shape is a model in `scene.shapes` and one entry here."""
 
 import os
+from collections.abc import Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -11,6 +12,7 @@ from parsolid.particles.lattices.perforated import PerforatedFilling
 from parsolid.particles.lattices.perforated_nodes import PerforatedNodes
 from parsolid.particles.lattices.shell import ShellFilling
 from parsolid.particles.meshes.filling import MeshFilling
+from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.scene.bodies import Extent, FilledShape
 
 _FILLINGS: dict[str, Any] = {
@@ -22,13 +24,20 @@ _FILLINGS: dict[str, Any] = {
 }
 
 
-def filling_of(body: FilledShape, dimension: int, comm: MPI.Comm = MPI.COMM_SELF) -> Filling:
-    """The particles of a body, not yet made; collective. Raises SceneError for a mesh that cannot be used."""
+def filling_of(
+    body: FilledShape,
+    dimension: int,
+    comm: MPI.Comm = MPI.COMM_SELF,
+    mesh: MeshSlices | None = None,
+    groups: Sequence[str] = (),
+) -> Filling:
+    """The particles of a body, not yet made; mesh, groups: see `MeshFilling`; collective. Raises SceneError for a mesh
+    that cannot be used."""
     if body.shape.kind != "mesh":
         nodes_of_cells = body.shape.kind == "perforated_box" and body.placed_on == "vertices"
         made: Filling = (PerforatedNodes if nodes_of_cells else _FILLINGS[body.shape.kind])(body, dimension)
         return made
-    filling = MeshFilling(comm, body, dimension)
+    filling = MeshFilling(comm, body, dimension, mesh, groups)
     _EXTENTS[_key(body, dimension)] = Extent(filling.lower, filling.upper, filling.coarsest)
     return filling
 
@@ -49,4 +58,4 @@ def extent_of(body: FilledShape, dimension: int) -> Extent:
 def _key(body: FilledShape, dimension: int) -> tuple[Any, ...]:
     """What the extent of a mesh follows from."""
     model, state = body.shape.model, os.stat(body.shape.model.file)
-    return model.file, model.scale, body.placed_on, dimension, state.st_mtime_ns, state.st_size
+    return *model.of_whole, model.group, body.placed_on, dimension, state.st_mtime_ns, state.st_size

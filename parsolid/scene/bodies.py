@@ -11,7 +11,7 @@ from parsolid.scene.base_model import Name, OnRestart, Positive, SceneModel, dim
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.grading import graded_shares
 from parsolid.scene.materials import Material
-from parsolid.scene.shapes import Shape
+from parsolid.scene.shapes import BodyShape
 from parsolid.scene.validation_errors import NOTHING
 
 Placement = Literal["vertices", "cells"]
@@ -44,7 +44,7 @@ class FilledShape(SceneModel):
         ("name", "shape", "particles", "spacing", "placement", "jitter", "seed"), OnRestart.FIXED
     )
     name: Name | None = Field(None, description="by which other tables call the body")
-    shape: Shape
+    shape: BodyShape
     particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = Field(
         None,
         description="number of particles along each of the shape's own directions: X, Y, Z of a box and of the "
@@ -57,8 +57,7 @@ class FilledShape(SceneModel):
     )
     placement: Placement | None = Field(
         None,
-        description='"vertices": on the boundary too, with trapezoid volumes (of a perforated box at the corners of '
-        "its"
+        description='"vertices": on the boundary too, with trapezoid volumes (of a perforated box at corners of its '
         'cells); "cells": in the middle of equal cells',
     )
     jitter: float = Field(
