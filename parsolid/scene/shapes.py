@@ -289,4 +289,4 @@ def _as_mesh(value: Any) -> Any:
     return {"mesh": value} if isinstance(value, dict) and "file" in value else value
 
 
-BodyShape = Annotated[Shape, BeforeValidator(_as_mesh)]
+BodyShape = Annotated[Shape, BeforeValidator(_as_mesh, json_schema_input_type=Shape | BodyMesh)]

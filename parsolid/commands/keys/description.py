@@ -55,7 +55,10 @@ class Table:
         return {name: self._key(name, schema) for name, schema in self.schema.get("properties", {}).items()}
 
     def _key(self, name: str, schema: dict[str, Any]) -> Key:
-        tables = dict(self._tables(schema))
+        # of several tables without kinds the first: others are short for it
+        tables: dict[str, Table] = {}
+        for kind, table in self._tables(schema):
+            tables.setdefault(kind, table)
         meaning = schema.get("description", "")
         if not meaning and (name == "kind" or len(tables) == 1):
             meaning = self.meaning if name == "kind" else next(iter(tables.values())).meaning
