@@ -175,8 +175,7 @@ class Leapfrog:
 
     def open_step(self, time: float, step: float) -> None:
         """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
-        self.conditions.begin_step(step)
-        self.conditions.impose_mean(time, step)
+        self.conditions.begin_with_mean(time, step)
         self.opening = self._half_kick(True, time, step)
 
     def place(self, time: float, step: float) -> None:
