@@ -76,7 +76,7 @@ class BoxBodies(StepBound):
                 box, sweeps.scratch(box), block.solid, step, self.dimension, self.signals, block.branches(step),
                 block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces,
+                sweeps.G, sweeps.P, sweeps.Z, block.leapfrog_tiles, block.A, block.branch_sum, sweeps.x, *forces,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + lost
             stable = min(stable, self.step_of(block, signal))

@@ -8,6 +8,7 @@ from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_wei
 from parsolid.methods.tlsph.point_update import Branches, make_tile
 from parsolid.methods.tlsph.tile_fields import (
     PLACES,
+    LeapfrogTiles,
     make_branch_tiles,
     make_tiles,
     stored_energy,
@@ -59,8 +60,8 @@ def declare_fields(particles: Particles, particle_set: Any, branches: int, stage
 class LawBlock:
     """Particles first .. last - 1 of a rank, which share one law; its branches, and tiles for its kernels.
 
-    law: with all its parts; solid: without branches, as kernels take it. A, branch_sum: tiles, None without branches;
-    push: a tile of an updated reference.
+    law: with all its parts; solid: without branches, as kernels take it. tiles, leapfrog_tiles: all, and those of a step
+    of leapfrog; A, branch_sum: those of branches, None without; push: one of an updated reference.
     """
 
     def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
@@ -71,6 +72,7 @@ class LawBlock:
         self._relaxation_times = self.times.tolist()
         self.dimension = particles.owned_rows("position").shape[1]
         self.tiles, self.places = make_tiles(), PLACES[self.dimension]
+        self.leapfrog_tiles = LeapfrogTiles(*(getattr(self.tiles, name) for name in LeapfrogTiles._fields))
         self.A, self.branch_sum = make_branch_tiles(len(self.moduli))
         self.push = make_tile(9)
         self._none = self._branches((), (), ())
