@@ -60,8 +60,8 @@ def declare_fields(particles: Particles, particle_set: Any, branches: int, stage
 class LawBlock:
     """Particles first .. last - 1 of a rank, which share one law; its branches, and tiles for its kernels.
 
-    law: with all its parts; solid: without branches, as kernels take it. tiles, leapfrog_tiles: all, and those of a step
-    of leapfrog; A, branch_sum: those of branches, None without; push: one of an updated reference.
+    law: with all its parts; solid: without branches, as kernels take it. tiles, leapfrog_tiles: all, and those that a
+    step of leapfrog needs; A, branch_sum: those of branches, None without; push: one of an updated reference.
     """
 
     def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
