@@ -60,19 +60,6 @@ class Tiles(NamedTuple):
     initial: np.ndarray
 
 
-class LeapfrogTiles(NamedTuple):
-    """Those that a step of leapfrog needs; to hand over an array costs as much as ten particles."""
-
-    F: np.ndarray
-    J: np.ndarray
-    G: np.ndarray
-    P: np.ndarray
-    impedance: np.ndarray
-    signal: np.ndarray
-    lost: np.ndarray
-    initial: np.ndarray
-
-
 def make_tiles() -> Tiles:
     """Tiles of sound particles."""
     numbers, two, symmetric = {"J", "J_start", "signal", "lost"}, {"impedance", "bound"}, {"fast", "slow"}
