@@ -227,7 +227,7 @@ class Leapfrog:
         self.shared.share(result)
         return result
 
-    def _arrays(self) -> tuple[np.ndarray | None, ...]:
+    def _arrays(self) -> tuple[Any, ...]:
         """Velocities, forces, masses of whole particles, their parts on this side of mirror planes, and forces of
         contact, as kernels take them."""
         storage, of = self.particles.storage, self.particles.owned_rows
