@@ -61,7 +61,7 @@ class TotalLagrangianSPH(Reports):
         declare_fields(self.particles, particle_set, self.branches, staged)
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
         of_groups = [law_of_group[group] for group in sorted(law_of_group)]
-        declare_plastic(self.particles, self.dimension, of_groups, self.settings.dissipation > 0.0)
+        declare_plastic(self.particles, self.dimension, of_groups, self.settings.dissipation != 0.0)
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
         of_law = {ElasticPlastic: PlasticBlock}
         self.blocks = [of_law.get(type(one[2]), LawBlock)(self.particles, *one) for one in found]
