@@ -10,11 +10,11 @@ from parsolid.boundary.forces import jumps_of
 from parsolid.boundary.kernels import add_modes, put
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.regions import selected
 from parsolid.particles.selection import Selection
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.prescribed import MotionCondition
 from parsolid.scene.load_histories import LoadHistory
-from parsolid.scene.regions import selected
 from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.schema import Scene
 from parsolid.scene.separated import Separated
