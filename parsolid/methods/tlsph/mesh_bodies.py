@@ -15,6 +15,7 @@ from parsolid.boundary.conditions import HALF
 from parsolid.boundary.mirror_planes import symmetry_planes
 from parsolid.collective import anywhere, minimum, raise_together
 from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods.tlsph.list_bodies import ListBodies, clear_rows
 from parsolid.methods.tlsph.list_update import add_forces
@@ -36,6 +37,8 @@ from parsolid.particles.meshes.slices import mesh_key
 
 # part of the largest stable step that method.safety = 1 means, and iterations that find the highest frequency
 _SAFETY, _ITERATIONS = 0.9, 30
+# of the stabiliser where a law flows: with more of the elastic modulus it would bear what the flow does not, and lock
+_SHARE_IN_FLOW = 0.01
 # figures of the frequency that count, rounded up, so that rounding on other ranks changes no step
 _FIGURES = 3
 
@@ -159,7 +162,8 @@ class MeshBodies(ListBodies):
         self.particles.declare(Field("stabiliser_stress", d * d, "Pa", layout=Columns(), carried=False))
         self.stabiliser = np.zeros(self.last)
         for block in blocks:
-            self.stabiliser[block.first : block.last] = part * elastic_moduli(block.law)[0]
+            share = _SHARE_IN_FLOW if isinstance(block.law, ElasticPlastic) else 1.0
+            self.stabiliser[block.first : block.last] = share * part * elastic_moduli(block.law)[0]
         stress = self.particles.owned_rows("stabiliser_stress")
         stress[: self.last] = -self.stabiliser[:, None] * np.eye(d).ravel()
 
@@ -332,7 +336,7 @@ class MeshBodies(ListBodies):
         self._record.start()
         self._record.finish()
         for pairs in near.lists:
-            add_forces(d, pairs, 0, near.owned, None, self.record, None, None, self.force)
+            add_forces(d, pairs, 0, near.owned, None, self.record, None, None, self.force, None)
         self._add_own_forces()
         forces = self.force[: self.last, :d].copy()
         clear_rows(0, near.rows, self.force)

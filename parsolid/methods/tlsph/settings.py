@@ -6,6 +6,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from parsolid.materials.declaration import Phrase
+from parsolid.methods.failure_fields import DAMAGE
+from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body, flowing
 from parsolid.methods.tlsph.body_weights import (
     ON_LATTICES,
     RESOLVED,
@@ -17,6 +19,7 @@ from parsolid.methods.tlsph.body_weights import (
 from parsolid.pairs.smoothing import kernel_names
 from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
+from parsolid.scene.failure import faults_of_names
 from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
 from parsolid.scene.warned import Note
 
@@ -42,9 +45,19 @@ class TotalLagrangianSPH(MethodSettings):
     }
     state_variables: ClassVar = (
         *("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),
+        *("plastic_metric_inverse", "plastic_strain", "internal_energy", "temperature", "damage", "criterion_damage"),
     )
-    state_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
-    materials: ClassVar = ("hyperelastic",)
+    state_forces: ClassVar = (
+        *("stress_force", "dissipative_force", "excess_wall_force", "acting_stress", "riemann_heat"),
+    )
+    declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
+    extra_quantities: ClassVar = {
+        "maximum_temperature": "scalar",
+        "maximum_plastic_strain": "scalar",
+        "maximum_damage": "scalar",
+        "failed_mass": "scalar",
+    }
+    materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = (
         "fixed",
         "roller",
@@ -154,6 +167,8 @@ class TotalLagrangianSPH(MethodSettings):
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
         if self.integrator == "leapfrog":
             terms[KINETIC_OFFSET] = -1
+        if any(scene.bodies[i].material.kind == "elastic-plastic" for i in bodies):
+            terms |= {"plastic_work": 0, "riemann_heat": 0}
         kinds = weights_of_bodies(self.pair_weights, self._own(scene, bodies))
         with_images = any(kind not in (*ON_LATTICES, "mesh") for kind in kinds)
         images = with_images and any(one.plane is not None for one in planes)
@@ -243,10 +258,31 @@ class TotalLagrangianSPH(MethodSettings):
         if self.integrator == "ssp-rk3" and _meets(scene):
             expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
-        faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+        faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene) + self._plastic_faults(scene)
         refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
         faults += [refused] if refused is not None else []
         return faults + self._edge_faults(scene)
+
+    def _plastic_faults(self, scene: Any) -> list[Detail]:
+        """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""
+        faults, plastic = fields_of_no_body(scene) + faults_of_names(scene), flowing(scene)
+        if plastic and self.integrator == "ssp-rk3":
+            expected = "'leapfrog' with elastic-plastic bodies, whose flow is found once a step"
+            faults.append((("method", "integrator"), expected, self.integrator))
+        for i in plastic:
+            material, here = scene.bodies[i].material, ("bodies", i, "material")
+            for key in ("conductivity", "conductivity_tensor"):
+                if getattr(material, key) is not None:
+                    expected = "no such key: the method conducts no heat"
+                    faults.append(((*here, key), expected, getattr(material, key)))
+            if material.failure is not None and material.failure.after == "delete":
+                expected = "'pressure': neighbours of a reference configuration stay neighbours"
+                faults.append(((*here, "failure", "after"), expected, "delete"))
+        for i, state in enumerate(scene.initial):
+            meant = {state.body} if state.body is not None else {body.name for body in scene.bodies}
+            if state.of("stress") is not None and meant & {scene.bodies[k].name for k in plastic}:
+                faults.append((("initial", i, "stress"), "no such key of bodies that flow", Phrase("it")))
+        return faults
 
     def _edge_faults(self, scene: Any) -> list[Detail]:
         """Edges of clamps where no box has weights in closed form."""
