@@ -66,6 +66,7 @@ NOTES = {
         "shape and size of a mesh's elements, and which of them set the step", "better elements there"
     ),
     "part-size": Code("how large a part from a mesh is", "`shape.mesh.scale` where it should be another size"),
+    "lost-waves": Code("a law whose waves grow at strains of 0.3", "another law, where strain is not small"),
     "mesh-scale": Code("a mesh so large for its waves that it may be in millimetres", "`shape.mesh.scale = 1e-3`"),
     "no-interaction": Code("bodies of two methods that are close without contact or tie", "`[[contact]]` or `[[tie]]`"),
     "other-method": Code("results of another method, of which some fields alone are taken", "name the fields"),
