@@ -169,14 +169,15 @@ class Leapfrog:
         self.opening = self.closing = KickEnergies(0.0, 0.0, 0.0, 0.0)
         # of the last step, None where nothing acts between bodies; the energy [J] that it gave beyond its work
         self.impulse: ImpulseAtEnd | None = None
+        # particles that move as one, see `tlsph.shared_nodes`; their internal forces are shared already
+        self.shared: Any = None
         self.given = 0.0
         # length [s] of the step before the present one, 0 at the start and after a jump of the loads
         self.last_step = 0.0
 
     def open_step(self, time: float, step: float) -> None:
         """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
-        self.conditions.begin_step(step)
-        self.conditions.impose_mean(time, step)
+        self.conditions.begin_with_mean(time, step)
         self.opening = self._half_kick(True, time, step)
 
     def place(self, time: float, step: float) -> None:
@@ -187,6 +188,8 @@ class Leapfrog:
     def close_step(self, time: float, step: float, substeps: int = 1) -> None:
         """Closing half kick of a step [s] that ends at a time [s]; substeps: of the system in a common one."""
         if EXTERNAL_IMPULSE in self.particles:
+            if self.shared is not None:
+                self.shared.share(self.particles.owned_rows(EXTERNAL_IMPULSE).T)
             self.impulse = ImpulseAtEnd(self.particles, substeps * step)
         self.closing = self._half_kick(False, time, step)
         if self.impulse is not None:
@@ -207,16 +210,29 @@ class Leapfrog:
 
     def _half_kick(self, opening: bool, time: float, step: float) -> KickEnergies:
         particles, conditions = self.particles, self.conditions
-        storage = particles.storage
-        force, damping = storage(self._force), None if self._damping is None else storage(self._damping)
-        interaction = storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
+        velocity, force, damping, mass, share, interaction = particles.kept(("arrays of kicks", self), self._arrays)
         external = conditions.external_force(time, force, damping, before_jump=not opening)
         if not opening:
             conditions.observe(0.5 * step)
-        arrays = storage("velocity"), force, damping, *self._inertia(), external, interaction, conditions.free
+        if self.shared is not None:
+            external, interaction = self._shared(external), self._shared(interaction)
+        arrays = velocity, force, damping, mass, share, external, interaction, conditions.free
         return KickEnergies(*kick(particles.owned, opening, 0.5 * step, *arrays))
 
-    def _inertia(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """Masses of whole particles and their parts on this side of mirror planes, as kernels take them."""
-        of = self.particles.owned_rows
-        return of("mass"), of("share") if "share" in self.particles else None
+    def _shared(self, force: np.ndarray | None) -> np.ndarray | None:
+        """A force (d, n) of which particles that move as one have their shares; collective."""
+        if force is None:
+            return None
+        result = force.copy()
+        self.shared.share(result)
+        return result
+
+    def _arrays(self) -> tuple[Any, ...]:
+        """Velocities, forces, masses of whole particles, their parts on this side of mirror planes, and forces of
+        contact, as kernels take them."""
+        storage, of = self.particles.storage, self.particles.owned_rows
+        return (
+            *(storage("velocity"), storage(self._force), None if self._damping is None else storage(self._damping)),
+            *(of("mass"), of("share") if "share" in self.particles else None),
+            storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in self.particles else None,
+        )

@@ -1,4 +1,4 @@
-"""Bodies of different methods that are bonded where they touch at the start, as a scene states it."""
+"""Bodies that no method bonds and that are tied where they touch at the start, as a scene states it."""
 
 from typing import Annotated, Any
 
@@ -13,15 +13,16 @@ TIE_TERMS = {"tie_energy": 0}
 
 
 class Tie(SceneModel):
-    """Two bodies of different methods whose faces touch at the start and stay together.
-
-    bodies      names of two bodies
-    stiffness   factor on the least M/h of the two bodies, M = lambda + 2 mu: the faces part by h/stiffness times the
-                strain of the softer one
-    """
+    """Two bodies of different methods, or from meshes, whose faces touch at the start and stay together."""
 
     bodies: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(description="names of two bodies")
-    stiffness: float = Field(4.0, gt=0.0, le=1e4, description="factor on the least M/h of the two bodies")
+    stiffness: float = Field(
+        4.0,
+        gt=0.0,
+        le=1e4,
+        description="factor on the least M/h of the two bodies, M = lambda + 2 mu: the faces part by h/stiffness "
+        "times the strain of the softer one",
+    )
 
 
 def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:
@@ -57,7 +58,8 @@ def tie_faults(scene: Any) -> list[FaultDetail]:
         if (first, second) in contact:
             faults.append((place, "a pair without contact", one.bodies))
         for system in scene.systems:
-            if {first, second} <= set(system.bodies):
+            bonding = dict(zip(system.bodies, system.settings.bonding(scene, system.bodies)))
+            if {first, second} <= set(system.bodies) and bonding[first] and bonding[second]:
                 expected = "bodies of two methods (those of one are bonded where they touch)"
                 faults.append((place, expected, one.bodies))
             refused = system.settings.contact_refused(scene.part(system))

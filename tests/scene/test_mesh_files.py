@@ -10,6 +10,7 @@ from parsolid.particles.meshes.membership import Membership
 from parsolid.particles.meshes.slices import read_slices
 from parsolid.particles.meshes.topology import refuse_repeated
 from parsolid.scene.named_regions import Region
+from parsolid.scene.shapes import MeshFile
 from parsolid.scene.validation_errors import SceneError
 
 N = 4
@@ -53,7 +54,7 @@ def gmsh_41(path, groups, curves, z=lambda i: 0.0, surface=("plate",)):
 
 def held(path, name, dimension=2):
     """Numbers, from 1, of the nodes in a group."""
-    mesh = read_slices(MPI.COMM_SELF, path, 1.0, dimension)
+    mesh = read_slices(MPI.COMM_SELF, MeshFile.model_construct(file=path, scale=1.0), dimension)
     member = Membership(mesh, {name: Region.model_construct(name=name, group=name)}, np.zeros(len(mesh.nodes)))
     return set((1 + np.flatnonzero(member.nodes())).tolist())
 
@@ -75,6 +76,22 @@ def test_a_curve_in_two_groups_is_in_both(tmp_path):
     path = gmsh_41(tmp_path / "m.msh", groups, [(LEFT, ["outer", "held"]), (LOWER, ["outer"])])
     assert held(path, "held") == nodes_of(LEFT)
     assert held(path, "outer") == nodes_of(LEFT, LOWER)
+
+
+def test_groups_within_groups_and_lines_in_either_direction(tmp_path):
+    groups = {"a": (1, 1), "b b": (1, 2), "Säule": (1, 3), "plate": (2, 4)}
+    turned, right = [line[::-1] for line in LEFT], [(N + a, N + b) for a, b in zip(range(0, 9, N), range(N, 13, N))]
+    curves = [(turned, ["a", "b b", "Säule"]), (LOWER, ["b b", "Säule"]), (right, ["Säule"])]
+    path = gmsh_41(tmp_path / "m.msh", groups, curves)
+    assert held(path, "a") == nodes_of(LEFT) and held(path, "b b") == nodes_of(LEFT, LOWER)
+    assert held(path, "Säule") == nodes_of(LEFT, LOWER, right)
+
+
+def test_groups_of_points_of_parts_of_the_plate_and_in_turns(tmp_path):
+    blocks = [(15, 5, [(1,), (4,)]), (1, 7, LEFT[:1]), (1, 8, LOWER), (1, 7, LEFT[1:])]
+    path = gmsh_22(tmp_path / "m.msh", [*blocks, (2, 2, TRIANGLES[:8]), (2, 3, TRIANGLES[8:])])
+    wanted = {"5": {1, 4}, "7": nodes_of(LEFT), "8": nodes_of(LOWER), "2": nodes_of(TRIANGLES[:8])}
+    assert {name: held(path, name) for name in wanted} == wanted
 
 
 def test_rounding_out_of_the_plane_is_no_third_dimension(tmp_path):
@@ -115,7 +132,7 @@ def test_a_number_of_groups_of_two_dimensions_is_no_name(tmp_path):
 def test_an_element_in_two_blocks_is_refused(tmp_path):
     path = gmsh_22(tmp_path / "m.msh", [(2, 1, TRIANGLES), (1, 2, LEFT), (2, 3, TRIANGLES[:1])])
     with pytest.raises(SceneError):
-        refuse_repeated(read_slices(MPI.COMM_SELF, path, 1.0, 2))
+        refuse_repeated(read_slices(MPI.COMM_SELF, MeshFile.model_construct(file=path, scale=1.0), 2))
 
 
 NODES = [f"{i}, {x!r}, {y!r}, 0." for i, (x, y) in enumerate(SQUARE, 1)]
@@ -163,6 +180,15 @@ def test_nodes_in_two_sections_and_sets_in_two_blocks(tmp_path):
     points, _, groups, _ = read_mesh(abaqus(tmp_path / "m.inp", *nodes, *blocks), 2)
     np.testing.assert_array_equal(points, np.array(SQUARE))
     assert groups.elements["all"].tolist() == list(range(len(TRIANGLES)))
+
+
+def test_sets_of_abaqus_in_steps_of_sets_and_in_any_case(tmp_path):
+    lines = ["*NODE , NSET = All", *NODES, "*ELEMENT , TYPE = cps3, ELSET=Plate", *ELEMENTS, "** a comment"]
+    lines += ["*nset , nset = Left, generate", "1, 13, 4", "*Nset, nset=a", "2,", "3", "*Nset, nset=both", "Left, a"]
+    path = abaqus(tmp_path / "m.inp", *lines, "*Elset, elset=s, generate", "1, 5, 2")
+    wanted = {"All": set(range(1, 17)), "Left": {1, 5, 9, 13}, "both": {1, 2, 3, 5, 9, 13}}
+    wanted["s"] = nodes_of([TRIANGLES[0], TRIANGLES[2], TRIANGLES[4]])
+    assert {name: held(path, name) for name in wanted} == wanted
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from parsolid.materials.declaration import Phrase
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.fillings import extent_of
 from parsolid.scene.base_model import Detail
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.validation_errors import SceneError
 
 # shapes whose particles stand on no lattice
@@ -25,15 +24,16 @@ def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
 
     "mesh" is for bodies from meshes, and others have "kernel" beside them.
 
-    "best" is "fourth-order" for nodes of boxes, "cells" for those of perforated boxes, "closure" for other uneven
-    nodes, and "kernel" for the rest and for all bodies that touch, unless all of them are closed.
+    "best" is "mesh" for nodes of meshes, "fourth-order" for those of boxes, "cells" for those of perforated boxes,
+    "closure" for other uneven nodes, and "kernel" for the rest and for all bodies that touch, unless all of them are
+    closed. Nothing but shared nodes bonds bodies with the weights of their mesh.
     """
     if wanted == "mesh":
         return ["mesh" if body.shape.kind == "mesh" else "kernel" for body in scene.bodies]
     if wanted != "best":
         return [wanted] * len(scene.bodies)
-    result = [_best(body, scene.dimension) for body in scene.bodies]
-    bonded = _touching(scene)
+    result = [_best(i, scene) for i in range(len(scene.bodies))]
+    bonded = _touching(scene, meshes_of(result))
     for i, others in enumerate(bonded):
         if others and not all(result[j] == "closure" for j in _reached(i, bonded)):
             result[i] = "kernel"
@@ -47,39 +47,44 @@ def meshes_of(kinds: Sequence[str]) -> list[int]:
 
 def no_mesh_weights(scene: Any) -> Detail | None:
     """Why the bodies from meshes cannot have the weights of their mesh: (location, expected, found), or None."""
-    settings, meshes = scene.method, [i for i, body in enumerate(scene.bodies) if body.shape.kind == "mesh"]
+    meshes = [i for i, body in enumerate(scene.bodies) if body.shape.kind == "mesh"]
     if not meshes:
         return ("method", "weights"), 'a body from a mesh for "mesh"', Phrase("none")
+    return next((fault for fault in (_no_mesh_weights_of(i, scene) for i in meshes) if fault is not None), None)
+
+
+def _no_mesh_weights_of(i: int, scene: Any) -> Detail | None:
+    """The same of one body from a mesh."""
+    settings, body = scene.method, scene.bodies[i]
     if settings.integrator != "leapfrog":
         return ("method", "integrator"), "'leapfrog' with weights = \"mesh\"", settings.integrator
     if settings.reference != "fixed":
         return ("method", "reference"), "'fixed' with weights = \"mesh\"", settings.reference
-    for i in meshes:
-        body = scene.bodies[i]
-        if body.placed_on != "vertices":
-            return ("bodies", i, "placement"), "'vertices' with weights = \"mesh\"", body.placed_on
-        if body.jitter > 0.0:
-            return ("bodies", i, "jitter"), 'none with weights = "mesh"', body.jitter
-        if body.deformation_gradient is not None:
-            found = Phrase("a deformation gradient that is not that of a displacement")
-            return ("bodies", i, "deformation_gradient"), 'no such key with weights = "mesh"', found
-    for i, state in enumerate(scene.initial):
+    if body.placed_on != "vertices":
+        return ("bodies", i, "placement"), "'vertices' with weights = \"mesh\"", body.placed_on
+    if body.jitter > 0.0:
+        return ("bodies", i, "jitter"), 'none with weights = "mesh"', body.jitter
+    if body.deformation_gradient is not None:
+        found = Phrase("a deformation gradient that is not that of a displacement")
+        return ("bodies", i, "deformation_gradient"), 'no such key with weights = "mesh"', found
+    for number, state in enumerate(scene.initial):
         for key in ("deformation_gradient", "stress", "results"):
             if getattr(state, key, None) is not None:
-                return ("initial", i, key), 'no such key with weights = "mesh"', Phrase("one")
+                return ("initial", number, key), 'no such key with weights = "mesh"', Phrase("one")
     return None
 
 
 def all_resolved_boxes(scene: Any, bodies: Iterable[int]) -> bool:
     """Whether all of these bodies are nodes of boxes that touch no other, with `RESOLVED` or more along every axis."""
     try:
-        if any(kind != "fourth-order" for kind in weights_of_bodies("best", scene)):
+        kinds = weights_of_bodies("best", scene)
+        if any(kinds[i] != "fourth-order" for i in bodies):
             return False
-        fillings: list[Any] = [filling_of(scene.bodies[i], scene.dimension) for i in bodies]
+        numbers = [number for i in bodies for number in scene.bodies[i].numbers()]
     except SceneError:
         # told where the body is
         return False
-    return min(line.count for one in fillings for line in one.lines) >= RESOLVED
+    return min(numbers) >= RESOLVED
 
 
 def weights_are_rounded(scene: Any) -> bool:
@@ -89,10 +94,13 @@ def weights_are_rounded(scene: Any) -> bool:
     return scene.method.integrator == "leapfrog" and scene.method.reference == "fixed" and not uneven
 
 
-def _best(body: Any, dimension: int) -> str:
+def _best(number: int, scene: Any) -> str:
+    body = scene.bodies[number]
     for kind in ("fourth-order", "cells"):
-        if _off_lattice(kind, body, dimension) is None:
+        if _off_lattice(kind, body, scene.dimension) is None:
             return kind
+    if body.shape.kind == "mesh" and _no_mesh_weights_of(number, scene) is None:
+        return "mesh"
     uneven = body.jitter > 0.0 or body.shape.kind == "mesh"
     return "closure" if uneven and body.placed_on == "vertices" else "kernel"
 
@@ -105,7 +113,7 @@ def _off_lattice(kind: str, body: Any, dimension: int) -> str | None:
         return "particles in cells"
     if body.jitter > 0.0:
         return "jitter"
-    counts = [line.count for line in filling_of(body, dimension).lines]  # type: ignore[attr-defined]
+    counts = body.numbers()
     return f"particles = {counts}" if min(counts) < 2 else None
 
 
@@ -131,17 +139,20 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
     return [(("method", "weights"), expected, Phrase(", ".join(touching)))] if touching else []
 
 
-def _touching(scene: Any) -> list[list[int]]:
-    """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there."""
-    if len(scene.bodies) < 2:
-        return [[]]
-    extents = [extent_of(body, scene.dimension) for body in scene.bodies]
+def _touching(scene: Any, without: Sequence[int] = ()) -> list[list[int]]:
+    """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there;
+    without: numbers of bodies that no kernel bonds, which are not looked at."""
+    if len(scene.bodies) - len(without) < 2:
+        return [[] for _ in scene.bodies]
+    extents = [None if i in without else extent_of(body, scene.dimension) for i, body in enumerate(scene.bodies)]
     support = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing
     apart = scene.unbonded
     result: list[list[int]] = []
     for i, one in enumerate(extents):
         result.append([])
         for j, other in enumerate(extents):
+            if one is None or other is None:
+                continue
             gap = np.maximum(np.maximum(other.lower - one.upper, one.lower - other.upper), 0.0)
             bonded = i != j and (apart is None or not apart[i, j])
             if bonded and np.linalg.norm(gap) < support * max(one.coarsest, other.coarsest):

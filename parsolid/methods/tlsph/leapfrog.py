@@ -9,6 +9,7 @@ T and D are state: D belongs to v', so that a new evaluation from v gives other 
 their mean over the step, which kicks do not change. As grad is linear in v, F stays grad x by the same operator.
 """
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,11 @@ class StepBound:
         found: tuple[float, ...] = self.system.leapfrog.signals
         return found
 
+    @property
+    def last_step(self) -> float:
+        """Length [s] of the step before the present one."""
+        return float(self.system.leapfrog.kicks.last_step)
+
     def step_of(self, block: Any, signal: float) -> float:
         """Largest step [s] for a signal [sqrt(Pa)] of the particles of a block."""
         return float(self.system.leapfrog.step_of(block.law.density, signal))
@@ -69,7 +75,7 @@ class Leapfrog:
         system, settings = self.system, self.system.settings
         pressure, shear = wave_weights(system.dimension, settings.smoothing)
         # D grows with the factor on it; without any, waves alone would allow more
-        most = max(1.0, settings.dissipation)
+        most = max(1.0, settings.dissipation_of("kernel"))
         if not system.lattice_bodies:
             return (pressure, shear) * 3, settings.safety / most
         signals = [one.signal_speed(settings) for one in system.lattice_bodies]
@@ -82,7 +88,7 @@ class Leapfrog:
 
     def step_of(self, density: float, signal: float) -> float:
         """Largest step [s] for a signal [sqrt(Pa)] of particles of a density [kg/m^3]."""
-        return float(self.safety * self.system.spacing * np.sqrt(density) / signal) if signal > 0.0 else 0.0
+        return float(self.safety * self.system.spacing * sqrt(density) / signal) if signal > 0.0 else 0.0
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in their present state."""
@@ -117,6 +123,8 @@ class Leapfrog:
         sound, dissipated = self.find_forces(step, announce)
         self.kicks.close_step(time + step, step, self.system.substeps)
         self.kicks.book(step, ledger, dissipated, KINETIC_OFFSET)
+        for block in self.system.plastic_blocks:
+            block.book(ledger)
         if self.system.fixed_walls is not None:
             self.system.fixed_walls.book(ledger)
         return sound

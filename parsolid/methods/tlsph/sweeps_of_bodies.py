@@ -16,6 +16,7 @@ from parsolid.pairs.cell_weights import NodesOfCells
 from parsolid.pairs.closure import surface_area
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.smoothing import smoothing_kernel
+from parsolid.particles.meshes.slices import mesh_key
 
 
 def groups_of(laws: list[Any], boxes: list[int], meshes: list[int]) -> np.ndarray:
@@ -58,7 +59,8 @@ def list_bodies_of(system: Any, scene: Any, particle_set: Any) -> ListBodies | N
         system.comm, any(isotropic_shear_modulus(block.law) is None for block in system.blocks)
     )
     waves = 0
-    if settings.dissipation > 0.0:
+    factor = settings.dissipation_of("kernel")
+    if factor > 0.0:
         waves = 1 if system.staged_step is None else 3 if directional else 2
     cells: Any = None
     if any(one.cells is not None for one in system.lattice_bodies):
@@ -66,7 +68,7 @@ def list_bodies_of(system: Any, scene: Any, particle_set: Any) -> ListBodies | N
         found: Any = [(one.body, np.flatnonzero(particle_set.body == one.body), one.cells) for one in meant]
         cells = NodesOfCells.of(particle_set.spacing[rows], found)
     rounded = weights_are_rounded(scene) and surface is None and not system.lattice_bodies
-    kernel, factor = smoothing_kernel(settings.kernel), float(settings.dissipation)
+    kernel = smoothing_kernel(settings.kernel)
     weights = ListWeights(kernel, factor, waves >= 2, surface, cells, rounded)
     blocks = [block for block in system.blocks if block.last <= rows.stop]
     return ListBodies(system, blocks, weights, waves, scene.unbonded)
@@ -80,7 +82,7 @@ def mesh_bodies_of(system: Any, scene: Any, particle_set: Any) -> MeshBodies | N
     raise_together(system.comm, _bonded_mesh(system, scene, particle_set, numbers))
     body = system.particles.owned_rows("body")
     blocks = [block for block in system.blocks if body[block.first] in numbers]
-    bodies = MeshBodies(system, blocks, 1 if system.settings.dissipation > 0.0 else 0)
+    bodies = MeshBodies(system, blocks, 1 if system.settings.dissipation_of("mesh") > 0.0 else 0)
     bodies.find_pairs(scene, particle_set, numbers)
     return bodies
 
@@ -99,17 +101,27 @@ def _bonded_mesh(system: Any, scene: Any, particle_set: Any, numbers: list[int])
         bounds[number] = np.concatenate([X.min(axis=0), -X.max(axis=0), [-spacing.max()]])
     bounds = minimum(system.comm, bounds)
     support = smoothing_kernel(system.settings.kernel).support * system.settings.smoothing
+    names, tied = [body.name for body in scene.bodies], [set(one.bodies) for one in scene.tie]
     for i in numbers:
         for j in range(count):
             gap = np.maximum(bounds[i, :d] + bounds[j, d : 2 * d], bounds[j, :d] + bounds[i, d : 2 * d])
             reach = -support * min(bounds[i, -1], bounds[j, -1])
             apart = i == j or (scene.unbonded is not None and scene.unbonded[i, j])
+            apart = apart or {names[i], names[j]} in tied or _one_mesh(scene.bodies[i], scene.bodies[j])
             if not apart and np.linalg.norm(np.maximum(gap, 0.0)) < reach:
                 return (
                     'method.weights: expected for "mesh" bodies apart from others, or in contact or tied, as those '
                     f"that touch are bonded by a kernel, found bodies.{i} and bodies.{j}"
                 )
     return None
+
+
+def _one_mesh(one: Any, other: Any) -> bool:
+    """Whether bodies are of one mesh, of which they share nodes where they touch."""
+    meshes = one.shape.kind == other.shape.kind == "mesh"
+    return bool(
+        meshes and mesh_key(one) == mesh_key(other) and None not in (one.shape.model.group, other.shape.model.group)
+    )
 
 
 def smoothing_of(system: Any, particle_set: Any) -> Any:
