@@ -1,4 +1,4 @@
-"""A soft bar bonded to a stiff one: rounding of the stiff one's strain energy is no imbalance of the soft one's load."""
+"""A soft bar bonded to a stiff one: rounding of the stiff one's energy is no imbalance of the soft one's load."""
 
 import pytest
 from solids import Record, follow, simulation, tables
