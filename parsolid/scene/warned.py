@@ -18,7 +18,6 @@ CODES = {
     "few-layers": "a slender body with few particles across, and how stiff it is",
     "loaded-faces": "loaded faces with weights of a kernel, which bear unevenly",
     "mesh-scale": "a mesh so large for its waves that it may be in millimetres",
-    "no-interaction": "bodies of two methods that are close without contact or tie",
     "other-method": "results of another method, of which some fields alone are taken",
     "restart-change": "a key that differs from that of the checkpoint",
     "restart-energy": "energy that allowed changes have given to the state of a restart",
@@ -30,7 +29,7 @@ CODES = {
     "transfer-in-contact": "the transfer of `mpm` bodies in contact",
     "uneven-particles": "uneven particles with weights of a kernel",
     "uneven-traction": "uneven particles under a traction",
-    "unnoticed-meeting": "bodies on a collision course that nothing lets meet",
+    "undeclared-contact": "bodies that meet, or will, though no contact names them",
     "unstable-transfer": "a transfer that is unstable with its basis",
 }
 

@@ -19,6 +19,9 @@ from parsolid.scene.warned import Note
 
 Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
 
+# nodes of the stencil of a point along an axis
+_NODES_ACROSS = {"linear": 2, "ugimp": 3, "quadratic-spline": 3, "cubic-spline": 4}
+
 # what particles of elastic-plastic laws carry, and a scene may name
 _kept = partial(ParticleField, checkpointed=True, layout=Columns())
 PLASTIC_STATE = (
@@ -166,6 +169,14 @@ class MaterialPoint(MethodSettings):
         """Slopes are of the transfer that bodies in contact have unless it is stated."""
         told = "; method.transfer = 'apic', or 'aflip' in contact, has it unless another is stated, 'flip' does without"
         return told if name == "velocity_slope" else ""
+
+    def reach(self, spacing: np.ndarray) -> np.ndarray:
+        """Where points have nodes in common."""
+        return np.full(len(spacing), _NODES_ACROSS[self.basis] * self.cell)
+
+    def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
+        """Where they act on one another."""
+        return np.maximum(self.reach(spacing), spacing)
 
     def largest_spacing(self) -> float | None:
         """A point a cell and direction."""

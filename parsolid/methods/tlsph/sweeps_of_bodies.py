@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.pair_search import close_boxes
 from parsolid.collective import anywhere, minimum, raise_together
 from parsolid.materials.blocks import block_numbers
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
@@ -87,9 +88,9 @@ def mesh_bodies_of(system: Any, scene: Any, particle_set: Any) -> MeshBodies | N
 
 def _bonded_mesh(system: Any, scene: Any, particle_set: Any, numbers: list[int]) -> str | None:
     """The fault of a body with the weights of its mesh within a kernel's reach of another one, by their bounding
-    boxes, where no contact keeps them apart: it would not be bonded to it as others are. Collective."""
+    boxes, to which a scene bonds it: it would not be bonded to it as others are. Collective."""
     count, d = len(scene.bodies), system.dimension
-    if count == 1:
+    if not scene.bond:
         return None
     # lower bounds and the negative upper ones and coarsest spacings of each body
     bounds = np.full((count, 2 * d + 1), np.inf)
@@ -98,17 +99,15 @@ def _bonded_mesh(system: Any, scene: Any, particle_set: Any, numbers: list[int])
         X, spacing = particle_set.position[here], particle_set.spacing[here]
         bounds[number] = np.concatenate([X.min(axis=0), -X.max(axis=0), [-spacing.max()]])
     bounds = minimum(system.comm, bounds)
-    support = smoothing_kernel(system.settings.kernel).support * system.settings.smoothing
-    for i in numbers:
-        for j in range(count):
-            gap = np.maximum(bounds[i, :d] + bounds[j, d : 2 * d], bounds[j, :d] + bounds[i, d : 2 * d])
-            reach = -support * min(bounds[i, -1], bounds[j, -1])
-            apart = i == j or (scene.unbonded is not None and scene.unbonded[i, j])
-            if not apart and np.linalg.norm(np.maximum(gap, 0.0)) < reach:
-                return (
-                    'method.weights: expected for "mesh" bodies apart from others, or in contact or tied, as those '
-                    f"that touch are bonded by a kernel, found bodies.{i} and bodies.{j}"
-                )
+    reach = -smoothing_kernel(system.settings.kernel).support * system.settings.smoothing * bounds[:, -1]
+    lower, upper, bonded = bounds[:, :d], -bounds[:, d : 2 * d], scene.bonded
+    for i, j in sorted(np.transpose(close_boxes(lower, upper, 2.0 * reach)).tolist()):
+        gap = np.maximum(np.maximum(lower[j] - upper[i], lower[i] - upper[j]), 0.0)
+        if not {i, j}.isdisjoint(numbers) and bonded.has(i, j) and np.linalg.norm(gap) < max(reach[i], reach[j]):
+            return (
+                'method.weights: expected for "mesh" bodies without a bond, as a kernel bonds those that touch, found '
+                f"bodies.{i} and bodies.{j}"
+            )
     return None
 
 
