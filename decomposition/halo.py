@@ -10,6 +10,8 @@ from .timer import COMMUNICATION
 
 # ranks up to which all know the boxes of all: a table of 6 kB, faster than asking a directory
 _FEW = 64
+# by which ghosts should reach farther than pairs whose distances are rounded in another way
+REACH_MARGIN = 1.0 + 1e-9
 
 
 @njit(cache=True)

@@ -65,7 +65,10 @@ def draw_sweep(row: Any, study: Path, series: str, places: dict[str, str]) -> No
 def draw_speeds(row: Any, study: Path) -> None:
     """Largest |S|, mean gamma and greatest temperature over the impact speed."""
     histories = [history_of(study, f"impact-speed-{speed}-m-s") for speed in SPEEDS]
-    largest = np.array([history["largest.maximum_deviator_norm"].max() for history in histories]) / 1e9
+    largest = (
+        np.array([np.sqrt(2.0 / 3.0) * history["largest.maximum_von_mises_stress"].max() for history in histories])
+        / 1e9
+    )
     row[0].loglog(SPEEDS, largest, "o", label="largest")
     slope = largest[0] / SPEEDS[0]
     row[0].loglog(SPEEDS, slope * np.array(SPEEDS), "k:", label=f"{1e3 * slope:.1f} MPa per m/s")

@@ -1,12 +1,14 @@
-"""python -m tests.mutation [ROOM...] --number 40: mutants drawn at random, and whether the tests of their file fail.
+"""python -m tests.mutation [PACKAGE...] --number 10: places of the program changed at random, and whether tests fail.
 
-Mutants are made by cosmic-ray's operators (`pip install cosmic-ray`), so no hand chooses them. cosmic-ray's own runner
-starts the tests anew for each, which loads numba and MPI for seconds; here they are loaded once, and every mutant is
-tested in a child of that process, on a copy of the program. Rooms of plain loops run with kernels in Python mode
-(`NUMBA_DISABLE_JIT`). A mutant that is not caught is printed with its line; status 1 when there was one.
+A mutant changes one place: an operator, a comparison, a number by 1 %, a sign, `min` for `max`, a statement left out.
+The tests of its file (`TESTS`) run with it in a copy of the program, in a child of a process that has loaded numba and
+MPI once. Most run with kernels in Python mode (NUMBA_DISABLE_JIT); where kernels are compiled, those of modules that do
+not use the changed file are kept from one mutant to the next. A mutant that is not caught is printed with its line;
+status 1 when there was one. `--at FILE:LINE` tries all mutants of one line.
 """
 
 import argparse
+import ast
 import os
 import random
 import shutil
@@ -15,205 +17,461 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
+
+from parsolid.kernel_cache import WITHOUT_KERNELS
 
 ROOT = Path(__file__).parents[1]
-OPERATORS = (
-    *("ReplaceBinaryOperator_" + one for one in ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "Mod_Mul", "Pow_Mul")),
-    *("ReplaceBinaryOperator_" + one for one in ("FloorDiv_Mul", "BitAnd_BitOr")),
-    *("ReplaceComparisonOperator_" + one for one in ("Eq_NotEq", "NotEq_Eq", "Lt_LtE", "LtE_Lt", "Gt_GtE", "GtE_Gt")),
-    *("ReplaceComparisonOperator_" + one for one in ("Lt_Gt", "Gt_Lt", "Is_IsNot", "IsNot_Is")),
-    *("ReplaceUnaryOperator_" + one for one in ("USub_UAdd", "Delete_Not")),
-    *("AddNot", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "ReplaceAndWithOr", "ReplaceOrWithAnd"),
-    *("ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "NumberReplacer", "ZeroIterationForLoop"),
-)
-# file or folder -> tests of it; the longest name that fits counts
-PLAIN, WHOLE = "plain loops", "kernels"
-_RESTART = "tests/simulation/test_restart.py tests/simulation/test_scene_changes.py tests/output/test_damage.py"
-_PROBES = (
-    "tests/simulation/test_probes.py tests/simulation/test_regions.py tests/simulation/test_samplers.py "
-    "tests/simulation/test_shown_fields.py tests/boundary/test_reactions.py"
-)
-_BALANCE = "tests/simulation/test_energy_check.py"
-_LAWS = "tests/materials/test_registry.py tests/materials/test_relaxation.py tests/materials/test_prony.py"
-ROOMS: dict[str, tuple[str, dict[str, str]]] = {
-    "decomposition": (
+PLAIN, COMPILED = "kernels in Python mode", "compiled kernels"
+COPIED = ("parsolid", "decomposition", "tests", "runs", "examples", "docs", "benchmarks")
+
+
+def _in(folder: str, *names: str) -> str:
+    return " ".join(f"tests/{folder}/test_{name}.py" for name in names)
+
+
+_FIELDS = _in("output", "checkpoint", "fields")
+_PROBES = _in("simulation", "probes", "regions", "samplers", "shown_fields") + " " + _in("boundary", "reactions")
+_RESTART = _in("simulation", "scene_changes", "restart") + " " + _in("output", "damage")
+_MESHES = _in("scene", "mesh", "mesh_files", "named_regions") + " " + _in("particles", "meshes_on_ranks")
+_SCENES = _in("scene", "all_faults", "faults", "schema", "generation", "named_regions")
+_LAWS = _in("materials", "registry", "hyperelastic", "prony", "relaxation")
+_FLOW = _in("materials", "flow_stress", "registry", "tile_update", "micro_inertia", "micro_inertia_solve")
+# file or folder -> how kernels run and the tests, those that catch most first; the longest name that fits counts
+TESTS: dict[str, tuple[str, str]] = {
+    "decomposition/bisection.py": (PLAIN, _in("decomposition", "bisection", "ends", "grid")),
+    "decomposition/boxes.py": (PLAIN, _in("decomposition", "boxes", "pair_search")),
+    "decomposition/grid.py": (PLAIN, _in("decomposition", "grid")),
+    "decomposition/halo.py": (PLAIN, _in("decomposition", "halo")),
+    "decomposition/measured_load.py": (COMPILED, _in("mixed", "measured_load")),
+    "decomposition/migration.py": (PLAIN, _in("decomposition", "migration", "ends")),
+    "decomposition/occupied.py": (PLAIN, _in("decomposition", "grid")),
+    "decomposition/pair_search.py": (PLAIN, _in("decomposition", "pair_search")),
+    "decomposition/plan.py": (PLAIN, _in("decomposition", "plan", "halo", "migration")),
+    "decomposition/reduction.py": (PLAIN, _in("decomposition", "reduction")),
+    "decomposition/shared_nodes.py": (COMPILED, _in("mpm", "listed_nodes", "grid_steps")),
+    "decomposition/slices.py": (PLAIN, _in("decomposition", "slices")),
+    "parsolid/api": (COMPILED, _in("commands", "check_advice", "forecast") + " " + _in("api", "python_results")),
+    "parsolid/boundary": (COMPILED, _in("boundary", "conditions", "kinds", "images", "slides", "reactions")),
+    "parsolid/campaign": (PLAIN, _in("campaign", "estimate", "coarsening", "probes_of_runs", "pareto", "study")),
+    "parsolid/commands/keys": (PLAIN, _in("commands", "keys", "command_words")),
+    "parsolid/commands/plot": (COMPILED, _in("commands", "plot", "plot_forces", "cut_meshes")),
+    "parsolid/commands/point": (PLAIN, _in("commands", "point")),
+    "parsolid/contact": (COMPILED, _in("contact", "contact_law", "contact_lists", "linear_weights", "contact_scene")),
+    "parsolid/contact/ties.py": (COMPILED, _in("mixed", "ties")),
+    "parsolid/contact/tie_springs.py": (COMPILED, _in("mixed", "ties")),
+    "parsolid/contact/tools": (
+        COMPILED,
+        _in("tools", "rigid_body", "tool_forces", "first_touch", "tool_tables", "free_tools"),
+    ),
+    "parsolid/exact": (
         PLAIN,
-        {
-            f"decomposition/{name}.py": f"tests/decomposition/{tests}"
-            for name, tests in {
-                "bisection": "test_bisection.py tests/decomposition/test_ends.py tests/decomposition/test_grid.py",
-                "plan": "test_plan.py tests/decomposition/test_halo.py tests/decomposition/test_migration.py",
-                "migration": "test_migration.py tests/decomposition/test_ends.py",
-                "halo": "test_halo.py tests/decomposition/test_box_directory.py",
-                "pair_search": "test_pair_search.py",
-                "grid": "test_grid.py",
-                "occupied": "test_grid.py",
-                "reduction": "test_reduction.py",
-            }.items()
-        },
+        _in("exact", "heat", "manufactured", "micro_solutions", "shock", "viscoelastic_solutions"),
     ),
-    "output": (
+    "parsolid/materials/damage": (COMPILED, _in("materials", "fracture", "registry")),
+    "parsolid/materials/failure": (PLAIN, _in("materials", "failure_laws")),
+    "parsolid/materials/hyperelastic": (PLAIN, _LAWS),
+    "parsolid/materials/plastic": (PLAIN, _FLOW),
+    "parsolid/materials/viscoelastic": (PLAIN, _in("materials", "prony", "relaxation", "registry", "interconversion")),
+    "parsolid/methods/mpm": (
+        COMPILED,
+        _in(
+            "mpm",
+            "transfers",
+            "grid_transfers",
+            "grid_weights",
+            "heat_laws",
+            "plastic_update",
+            "grid_heat",
+            "grid_steps",
+            "failed_points",
+            "hot_start",
+            "initial_slopes",
+            "driven_planes",
+            "mpm_heat",
+        ),
+    ),
+    "parsolid/methods/peridynamics": (
+        COMPILED,
+        _in(
+            "peridynamics",
+            "patch",
+            "bond_forces",
+            "bond_damage",
+            "correspondence",
+            "fragments",
+            "peridynamic_loads",
+            "quasi_static",
+        ),
+    ),
+    "parsolid/methods/tlsph": (
+        COMPILED,
+        _in(
+            "tlsph",
+            "point_update",
+            "reference_force",
+            "leapfrog",
+            "clamp_edges",
+            "time_step",
+            "loads",
+            "initial_stress",
+        ),
+    ),
+    "parsolid/methods/tlsph/updated_reference.py": (COMPILED, _in("tlsph", "updated_reference")),
+    "parsolid/methods/tlsph/mesh_bodies.py": (COMPILED, _in("tlsph", "mesh_weights")),
+    "parsolid/methods/ulsph": (
+        COMPILED,
+        _in("ulsph", "adjoint", "elastic_plastic_update", "elastic_plastic", "initial_micro_rate", "viscous_heat"),
+    ),
+    "parsolid/observables": (COMPILED, _PROBES),
+    "parsolid/output": (PLAIN, _FIELDS),
+    "parsolid/output/checkpoint.py": (PLAIN, _in("output", "checkpoint", "damage")),
+    "parsolid/output/checksums.py": (PLAIN, _in("output", "damage")),
+    "parsolid/output/directory.py": (PLAIN, _in("output", "directory")),
+    "parsolid/output/field_sums.py": (PLAIN, _in("output", "field_sums")),
+    "parsolid/output/history.py": (PLAIN, _in("output", "history")),
+    "parsolid/output/lock.py": (PLAIN, _in("output", "lock")),
+    "parsolid/output/progress.py": (PLAIN, _in("output", "progress")),
+    "parsolid/output/results.py": (COMPILED, _in("api", "python_results")),
+    "parsolid/output/summary.py": (PLAIN, _in("output", "summary")),
+    "parsolid/pairs": (
+        COMPILED,
+        _in("pairs", "pair_list", "pair_correction", "pair_engine", "verlet_list", "smoothing"),
+    ),
+    "parsolid/pairs/box_on_rank.py": (PLAIN, _in("pairs", "box_sweeps")),
+    "parsolid/pairs/box_planes.py": (PLAIN, _in("pairs", "box_sweeps")),
+    "parsolid/pairs/box_sweeps.py": (PLAIN, _in("pairs", "box_sweeps")),
+    "parsolid/pairs/box_stable_step.py": (COMPILED, _in("tlsph", "box_stable_step")),
+    "parsolid/pairs/box_weights.py": (PLAIN, _in("pairs", "box_weights", "box_sweeps")),
+    "parsolid/pairs/lattice_convolution.py": (COMPILED, _in("pairs", "lattice_convolution")),
+    "parsolid/particles": (
         PLAIN,
-        {
-            "parsolid/output/checkpoint.py": "tests/output/test_checkpoint.py tests/output/test_damage.py",
-            "parsolid/output/checksums.py": "tests/output/test_damage.py",
-            "parsolid/output/slabs.py": "tests/output/test_checkpoint.py tests/output/test_fields.py",
-            "parsolid/output/blocks.py": "tests/output/test_checkpoint.py tests/output/test_fields.py",
-            "parsolid/output/numbering.py": "tests/output/test_checkpoint.py tests/output/test_fields.py",
-            "parsolid/output/packing.py": "tests/output/test_checkpoint.py tests/output/test_fields.py",
-            "parsolid/output/vtkhdf.py": "tests/output/test_fields.py",
-            "parsolid/output/fields.py": "tests/output/test_fields.py",
-            "parsolid/output/history.py": "tests/output/test_history.py",
-            "parsolid/output/directory.py": "tests/output/test_directory.py",
-            "parsolid/output/lock.py": "tests/output/test_lock.py",
-            "parsolid/output/summary.py": "tests/output/test_summary.py",
-            "parsolid/output/progress.py": "tests/output/test_progress.py",
-        },
+        _in("particles", "container", "extents", "machine") + " " + _in("scene", "overlap", "generation"),
     ),
-    "ledger": (
-        WHOLE,
-        {
-            "parsolid/simulation/energy_check.py": _BALANCE,
-            "parsolid/simulation/ledger.py": "tests/simulation/test_ledger.py",
-        },
+    "parsolid/particles/meshes": (PLAIN, _MESHES),
+    "parsolid/point": (
+        PLAIN,
+        _in("commands", "point_plastic", "point_micro_inertia", "point_viscoelastic", "point"),
     ),
-    "restart": (
-        WHOLE,
-        {"parsolid/simulation/scene_changes.py": _RESTART, "parsolid/simulation/restart.py": _RESTART},
+    "parsolid/scene": (PLAIN, _SCENES),
+    "parsolid/scene/csv_table.py": (PLAIN, _in("scene", "csv_table", "time_functions")),
+    "parsolid/scene/formula_terms.py": (PLAIN, _in("scene", "formulas", "time_functions")),
+    "parsolid/scene/formulas.py": (PLAIN, _in("scene", "formulas", "time_functions")),
+    "parsolid/scene/inside.py": (PLAIN, _in("scene", "overlap")),
+    "parsolid/scene/load_histories.py": (PLAIN, _in("scene", "time_functions", "csv_table")),
+    "parsolid/scene/perforated.py": (PLAIN, _in("scene", "perforated")),
+    "parsolid/scene/perforated_nodes.py": (PLAIN, _in("scene", "perforated")),
+    "parsolid/simulation": (
+        COMPILED,
+        _in(
+            "simulation",
+            "systems",
+            "outputs",
+            "step_lengths",
+            "phases",
+            "starting_state",
+            "state_of_results",
+            "wall_time",
+        ),
     ),
-    "probes": (WHOLE, {"parsolid/simulation/probes.py": _PROBES, "parsolid/observables": _PROBES}),
-    "boundary": (WHOLE, {"parsolid/boundary": "tests/boundary"}),
-    "laws": (
-        WHOLE,
-        {
-            "parsolid/materials/hyperelastic": "tests/materials/test_registry.py tests/materials/test_hyperelastic.py",
-            "parsolid/materials/viscoelastic": _LAWS + " tests/materials/test_interconversion.py",
-            "parsolid/materials/plastic": "tests/materials/test_flow_stress.py tests/materials/test_registry.py "
-            "tests/materials/test_micro_inertia.py tests/materials/test_micro_inertia_solve.py",
-            "parsolid/materials/failure": "tests/materials/test_failure_laws.py",
-            "parsolid/materials/damage": "tests/materials/test_fracture.py tests/materials/test_registry.py",
-        },
-    ),
+    "parsolid/simulation/energy_check.py": (PLAIN, _in("simulation", "energy_check")),
+    "parsolid/simulation/error_indicator.py": (COMPILED, _in("simulation", "error_indicator")),
+    "parsolid/simulation/ledger.py": (PLAIN, _in("simulation", "ledger")),
+    "parsolid/simulation/momentum_balance.py": (COMPILED, _in("simulation", "momentum_balance")),
+    "parsolid/simulation/observables.py": (COMPILED, _PROBES),
+    "parsolid/simulation/probes.py": (COMPILED, _PROBES),
+    "parsolid/simulation/reference.py": (PLAIN, _in("scene", "reference_series")),
+    "parsolid/simulation/representation.py": (COMPILED, _in("simulation", "representation")),
+    "parsolid/simulation/restart.py": (COMPILED, _RESTART),
+    "parsolid/simulation/scene_changes.py": (PLAIN, _RESTART),
+    "parsolid/solvers": (PLAIN, _in("solvers", "solvers", "two_level")),
+    "parsolid/splines.py": (PLAIN, _in("simulation", "splines")),
+    "parsolid/tensors.py": (PLAIN, _in("kernels", "tensors")),
+    "parsolid/elementary.py": (COMPILED, _in("kernels", "elementary")),
 }
 
 
-def files_of(tests_of: dict[str, str]) -> dict[str, str]:
-    """Every file of a room, and its tests."""
-    found = {}
-    for place, tests in tests_of.items():
-        path = ROOT / place
-        files = [path] if path.suffix else sorted(path.glob("*.py"))
-        found |= {str(file.relative_to(ROOT)): tests for file in files if file.exists()}
+# --- mutants --------------------------------------------------------------------------------------------------------
+
+
+class Mutant(NamedTuple):
+    """Characters start..end of a file of the program, replaced by others."""
+
+    file: str
+    line: int
+    start: int
+    end: int
+    new: str
+
+
+_BINARY: dict[type, tuple[str, str]] = {
+    ast.Add: ("+", "-"),
+    ast.Sub: ("-", "+"),
+    ast.Mult: ("*", "/"),
+    ast.Div: ("/", "*"),
+    ast.Pow: ("**", "*"),
+    ast.FloorDiv: ("//", "*"),
+    ast.Mod: ("%", "*"),
+    ast.BitAnd: ("&", "|"),
+    ast.BitOr: ("|", "&"),
+}
+_COMPARED: dict[type, tuple[str, str]] = {
+    ast.Lt: ("<", ">="),
+    ast.LtE: ("<=", ">"),
+    ast.Gt: (">", "<="),
+    ast.GtE: (">=", "<"),
+    ast.Eq: ("==", "!="),
+    ast.NotEq: ("!=", "=="),
+    ast.Is: ("is", "is not"),
+    ast.IsNot: ("is not", "is"),
+    ast.In: ("in", "not in"),
+    ast.NotIn: ("not in", "in"),
+}
+_EXTREMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"}
+# a change of numbers beyond these by 1 % is none: round-off, and "never"
+_LEAST, _MOST = 1e-6, 1e8
+
+
+@cache
+def text_of(file: str) -> str:
+    """As it was when it was first asked for."""
+    return (ROOT / file).read_text()
+
+
+def mutants_of(file: str) -> list[Mutant]:
+    """All mutants of a file, in its order."""
+    text = text_of(file)
+    starts = [0]
+    for line in text.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+
+    def place(line: int, column: int) -> int:
+        # columns of `ast` are bytes
+        whole = text[starts[line - 1] : starts[line]].encode()
+        return starts[line - 1] + len(whole[:column].decode())
+
+    found = []
+    for first, last, new in _changes(ast.parse(text)):
+        start, end = place(*first), place(*last)
+        if isinstance(new, tuple):
+            at = text.find(new[0], start, end)
+            if at < 0:
+                continue
+            start, end, new = at, at + len(new[0]), new[1]
+        if text[start:end] != new:
+            found.append(Mutant(file, text.count("\n", 0, start) + 1, start, end, new))
+    return sorted(set(found))
+
+
+def _changes(tree: ast.AST) -> Iterator[tuple]:
+    """(first and last place, what is put there, or what is replaced there by what)."""
+    for node in _mutable(tree):
+        whole = _place(node) if hasattr(node, "lineno") else ()
+        if isinstance(node, ast.BinOp) and type(node.op) in _BINARY and not _is_text(node.left, node.right):
+            yield _end(node.left), _begin(node.right), _BINARY[type(node.op)]
+        elif isinstance(node, ast.AugAssign) and type(node.op) in _BINARY and not _is_text(node.value):
+            yield _end(node.target), _begin(node.value), _BINARY[type(node.op)]
+        elif isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            for left, right, operation in zip(sides, sides[1:], node.ops):
+                yield _end(left), _begin(right), _COMPARED[type(operation)]
+        elif isinstance(node, ast.BoolOp):
+            words = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
+            yield _end(node.values[0]), _begin(node.values[1]), words
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not):
+            yield whole[0], _begin(node.operand), ("-", "") if isinstance(node.op, ast.USub) else ("not ", "")
+        elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
+            yield *whole, str(not node.value)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+            yield from ((*whole, new) for new in _other(node.value))
+        elif isinstance(node, ast.Call) and (name := _called(node.func)) in _EXTREMES:
+            yield *_place(node.func), (name, _EXTREMES[name])
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
+            yield *whole, "pass"
+        elif isinstance(node, ast.If | ast.While | ast.IfExp) and isinstance(node.test, ast.Name | ast.Attribute):
+            yield *_place(node.test), f"(not {ast.unparse(node.test)})"
+
+
+def _mutable(node: ast.AST) -> Iterator[ast.AST]:
+    """Nodes but those of annotations, texts, messages of errors and sizes of buffers."""
+    if isinstance(node, ast.Call) and _called(node.func) == "empty":
+        return
+    yield node
+    for name, value in ast.iter_fields(node):
+        if name not in ("annotation", "returns") and not isinstance(value, ast.Raise | ast.JoinedStr):
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST) and not isinstance(child, ast.Raise | ast.JoinedStr | ast.Assert):
+                    yield from _mutable(child)
+
+
+def _begin(node: ast.AST) -> tuple[int, int]:
+    return node.lineno, node.col_offset
+
+
+def _end(node: ast.AST) -> tuple[int, int]:
+    return node.end_lineno, node.end_col_offset
+
+
+def _place(node: ast.AST) -> tuple[tuple[int, int], tuple[int, int]]:
+    return _begin(node), _end(node)
+
+
+def _called(function: ast.AST) -> str:
+    return function.id if isinstance(function, ast.Name) else getattr(function, "attr", "")
+
+
+def _is_text(*nodes: ast.AST) -> bool:
+    """Whether one is a text, or a union of types."""
+    return any(
+        isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str | None))
+        for node in nodes
+    )
+
+
+def _other(value: float) -> list[str]:
+    if isinstance(value, int):
+        return [str(value + 1)]
+    if value == 0.0:
+        return ["0.01"]
+    return [repr(1.01 * value)] if _LEAST <= abs(value) <= _MOST else []
+
+
+def mutated(mutant: Mutant) -> tuple[str, str, str]:
+    """The text of the file with the change; the changed line before and after."""
+    text = text_of(mutant.file)
+    new = text[: mutant.start] + mutant.new + text[mutant.end :]
+    before, after = (whole.splitlines()[mutant.line - 1].strip() for whole in (text, new))
+    return new, before, after
+
+
+# --- tests of a mutant ----------------------------------------------------------------------------------------------
+
+
+def tests_of(file: str) -> tuple[str, str] | None:
+    """How kernels run in the tests of a file, and the tests: of the longest name in `TESTS` that fits."""
+    fitting = [name for name in TESTS if file == name or file.startswith(name.rstrip("/") + "/")]
+    return TESTS[max(fitting, key=len)] if fitting else None
+
+
+def modules() -> dict[str, set[str]]:
+    """Every module of the program with the modules that it imports, anywhere in it."""
+    files = [path for package in ("parsolid", "decomposition") for path in (ROOT / package).rglob("*.py")]
+    names = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in files}
+    known, result = set(names.values()), {}
+    for path, name in names.items():
+        imported = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {one.name for one in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+                imported |= {node.module} | {f"{node.module}.{one.name}" for one in node.names}
+        result[name] = imported & known
+    return result
+
+
+def users_of(file: str) -> set[str]:
+    """Modules whose kernels may have code of a file in them."""
+    imports, name = modules(), ".".join(Path(file).with_suffix("").parts).removesuffix(".__init__")
+    # kernels take functions of laws by the law's type
+    law = "parsolid.materials."
+    found = {module for module in imports if module == name or name.startswith(law) <= module.startswith(law)}
+    found = {name} | ({module for module in imports if module.startswith(law)} if name.startswith(law) else set())
+    while more := {module for module, used in imports.items() if used & found} - found:
+        found |= more
     return found
 
 
-def drawn(files: dict[str, str], number: int, chance: random.Random) -> list[tuple[str, str, int]]:
-    """So many places (file, operator, occurrence), each as likely as any other."""
-    from cosmic_ray.plugins import get_operator
+class Copy:
+    """A copy of the program in a folder, with kernels of its own."""
 
-    places = []
-    for file in files:
-        tree = _tree(ROOT / file)
-        for name in OPERATORS:
-            operator = get_operator(f"core/{name}")()
-            count = sum(len([*operator.mutation_positions(node)]) for node in _nodes(tree))
-            places += [(file, name, i) for i in range(count)]
-    return chance.sample(places, min(number, len(places)))
+    def __init__(self, folder: Path):
+        self.folder, self.kernels = folder, folder / "kernels"
+        for part in COPIED:
+            shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("results", "__pycache__"))
+        shutil.copy(ROOT / "pyproject.toml", folder)
 
+    def passes(self, tests: str, longest: float) -> bool | None:
+        """Whether tests pass in a child of this process; None when they do not end."""
+        child = os.fork()
+        if child == 0:
+            self._test(tests)
+        end = time.monotonic() + longest
+        while time.monotonic() < end:
+            ended, status = os.waitpid(child, os.WNOHANG)
+            if ended:
+                return status == 0
+            time.sleep(0.02)
+        os.killpg(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        return None
 
-def _tree(path: Path):
-    from cosmic_ray.ast import get_ast_from_path
-
-    return get_ast_from_path(path)
-
-
-def _nodes(node):
-    yield node
-    for child in getattr(node, "children", ()):
-        yield from _nodes(child)
-
-
-def mutant(file: str, operator: str, occurrence: int) -> tuple[str, int, str, str]:
-    """The mutated text, and the first line that differs: its number, before and after."""
-    from cosmic_ray.mutating import mutate_code
-    from cosmic_ray.plugins import get_operator
-
-    text = (ROOT / file).read_text()
-    new = mutate_code(text, get_operator(f"core/{operator}")(), occurrence)
-    lines = zip(text.splitlines(), new.splitlines())
-    return new, *next((i, a.strip(), b.strip()) for i, (a, b) in enumerate(lines, 1) if a != b)
-
-
-def passes(copy: Path, tests: str, longest: float) -> bool | None:
-    """Whether tests pass in a child of this process; None when they do not end."""
-    child = os.fork()
-    if child == 0:
+    def _test(self, tests: str) -> None:
+        """Of the child: run tests and end."""
         os.setsid()
-        null = os.open(os.devnull, os.O_RDWR)
+        report = os.open(self.folder / "report.txt", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         for stream in (0, 1, 2):
-            os.dup2(null, stream)
-        os.chdir(copy)
-        sys.path[:0] = [str(copy)]
-        os.environ["PYTHONPATH"] = str(copy)
+            os.dup2(report, stream)
+        os.chdir(self.folder)
+        sys.path[:0] = [str(self.folder)]
+        os.environ |= {"PYTHONPATH": str(self.folder), "NUMBA_CACHE_DIR": str(self.kernels)}
+        # those of the copy
+        for name in [name for name in sys.modules if name.startswith(("parsolid", "decomposition"))]:
+            del sys.modules[name]
         from mpi4py import MPI
 
         MPI.Init_thread()
+        if "DISABLE_JIT" not in "".join(os.environ):
+            from parsolid import kernel_cache
+
+            # one name whatever the sources: what a change makes out of date is removed by `with_change`
+            kernel_cache.source_digest = lambda: "mutants"
         import pytest
 
-        os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", "-m", "not slow", *tests.split()])))
-    end = time.monotonic() + longest
-    while time.monotonic() < end:
-        ended, status = os.waitpid(child, os.WNOHANG)
-        if ended:
-            return status == 0
-        time.sleep(0.02)
-    os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return None
+        words = ["-q", "-x", "-p", "no:cacheprovider", "-m", "not slow", "-W", "ignore"]
+        os._exit(int(pytest.main([*words, *tests.split()])))
 
+    def with_change(self, mutant: Mutant, text: str, tests: str, longest: float) -> bool | None:
+        """Whether tests pass with another text of a file; None when they do not end."""
+        path, kept = self.folder / mutant.file, self.kernels.with_name("kept")
+        has_kernels = Path(mutant.file).parts[1] not in WITHOUT_KERNELS
+        users = users_of(mutant.file) if has_kernels else set()
+        if self.kernels.exists():
+            shutil.copytree(self.kernels, kept, copy_function=os.link)
+            for kernel in self.kernels.rglob("*.nb[ci]"):
+                if kernel.name.split("-")[1] in users:
+                    kernel.unlink()
+        path.write_text(text)
+        self._forget(path)
+        try:
+            alive = self.passes(tests, longest)
+            return self._passes_together(tests) if alive and mutant.file.startswith("decomposition") else alive
+        finally:
+            path.write_text(text_of(mutant.file))
+            self._forget(path)
+            shutil.rmtree(self.kernels, ignore_errors=True)
+            if kept.exists():
+                kept.rename(self.kernels)
 
-def passes_together(copy: Path, tests: str, ranks: int = 3) -> bool:
-    """Whether tests pass on several ranks, each of which loads the program: for what one rank alone leaves out."""
-    beside = Path(sys.executable).with_name("mpirun")
-    words = ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "not slow", *tests.split()]
-    command = [str(beside) if beside.exists() else "mpirun", "-n", str(ranks), sys.executable, *words]
-    environment = os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
-    try:
-        ended = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=300.0)
-    except subprocess.TimeoutExpired:
-        return False
-    return ended.returncode == 0
+    def _passes_together(self, tests: str, ranks: int = 3) -> bool:
+        """Whether tests pass on several ranks, for what one rank alone leaves out."""
+        beside = Path(sys.executable).with_name("mpirun")
+        words = ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "mpi and not slow", *tests.split()]
+        command = [str(beside) if beside.exists() else "mpirun", "-n", str(ranks), sys.executable, *words]
+        environment = os.environ | {"PYTHONPATH": str(self.folder), "PYTHONDONTWRITEBYTECODE": "1"}
+        try:
+            ended = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, timeout=300.0)
+        except subprocess.TimeoutExpired:
+            return False
+        return ended.returncode == 0
 
-
-def with_change(copy: Path, file: str, text: str, tests: str, longest: float) -> bool | None:
-    """Whether tests pass with another text of a file, which is left there; None when they do not end."""
-    (copy / file).write_text(text)
-    # a file of byte code is as good as its source's time and length, which may be the same
-    for old in (copy / file).parent.glob(f"__pycache__/{Path(file).stem}.*.pyc"):
-        old.unlink()
-    return passes(copy, tests, longest)
-
-
-def attack(copy: Path, files: dict[str, str], chosen: list[tuple[str, str, int]]) -> tuple[int, int]:
-    """How many mutants were tried, and how many survived."""
-    longest: dict[str, float] = {}
-    tried = survived = 0
-    for file, operator, occurrence in chosen:
-        tests = files[file]
-        if tests not in longest:
-            began = time.monotonic()
-            assert passes(copy, tests, 600.0), f"{tests} fail without a change"
-            longest[tests] = 30.0 + 10.0 * (time.monotonic() - began)
-        new, line, before, after = mutant(file, operator, occurrence)
-        alive = with_change(copy, file, new, tests, longest[tests])
-        if alive and file in ROOMS["decomposition"][1]:
-            alive = passes_together(copy, tests)
-        shutil.copy(ROOT / file, copy / file)
-        tried, survived = tried + 1, survived + bool(alive)
-        word = "SURVIVES" if alive else "hangs" if alive is None else "caught"
-        print(f"{word:<9} {file}:{line}: {before} -> {after}", flush=True)
-    return tried, survived
+    @staticmethod
+    def _forget(path: Path) -> None:
+        """Byte code is as good as its source's time and length, which may be the same."""
+        for old in path.parent.glob(f"__pycache__/{path.stem}.*.pyc"):
+            old.unlink()
 
 
 def load() -> None:
@@ -236,37 +494,74 @@ def load() -> None:
     sys.dont_write_bytecode = True
 
 
-def room(name: str, number: int, seed: int) -> int:
-    """Mutants of one room; how many survived."""
+def attack(chosen: list[Mutant]) -> int:
+    """Try mutants whose tests run in the mode of this process; how many survived."""
     load()
-    files = files_of(ROOMS[name][1])
-    chosen = drawn(files, number, random.Random(f"{seed} {name}"))
-    # by file: its tests stay in the caches of the machine
-    chosen.sort()
+    longest: dict[str, float] = {}
+    survived = 0
     with tempfile.TemporaryDirectory() as folder:
-        for part in ("parsolid", "decomposition", "tests", "runs", "examples", "docs"):
-            shutil.copytree(ROOT / part, Path(folder) / part)
-        shutil.copy(ROOT / "pyproject.toml", folder)
-        tried, survived = attack(Path(folder), files, chosen)
-    print(f"{name}: {tried - survived} of {tried} caught (seed {seed})", flush=True)
+        copy = Copy(Path(folder))
+        for mutant in chosen:
+            _, tests = tests_of(mutant.file)
+            if tests not in longest:
+                began = time.monotonic()
+                sound = copy.passes(tests, 600.0)
+                longest[tests] = 30.0 + 10.0 * (time.monotonic() - began) if sound else 0.0
+                if not sound:
+                    report = (copy.folder / "report.txt").read_text()
+                    print(f"{tests} do not pass without a change:\n{report[-2000:]}", flush=True)
+            if not longest[tests]:
+                continue
+            began = time.monotonic()
+            text, before, after = mutated(mutant)
+            alive = copy.with_change(mutant, text, tests, longest[tests])
+            survived += bool(alive)
+            word = "SURVIVES" if alive else "hangs" if alive is None else "caught"
+            seconds = time.monotonic() - began
+            print(f"{word:<9} {seconds:5.1f} s  {mutant.file}:{mutant.line}: {before} -> {after}", flush=True)
     return survived
 
 
+# --- the draw -------------------------------------------------------------------------------------------------------
+
+
+def packages() -> dict[str, list[str]]:
+    """Files with tests by package: two levels of the program, three of the methods."""
+    found: dict[str, list[str]] = {}
+    for path in sorted(path for package in ("parsolid", "decomposition") for path in (ROOT / package).rglob("*.py")):
+        file = str(path.relative_to(ROOT))
+        depth = 3 if file.startswith("parsolid/methods/") else 2 if file.startswith("parsolid/") else 1
+        if tests_of(file) is not None:
+            found.setdefault("/".join(Path(file).parent.parts[:depth]), []).append(file)
+    return found
+
+
+def drawn(files: list[str], number: int, chance: random.Random) -> list[Mutant]:
+    """So many mutants, each place as likely as any other."""
+    places = [mutant for file in files for mutant in mutants_of(file)]
+    return sorted(chance.sample(places, min(number, len(places))))
+
+
 def main() -> int:
-    """Each room in a process of its own, for kernels are in Python mode or not."""
+    """Mutants of each mode of kernels in a process of its own."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
-    parser.add_argument("rooms", nargs="*", choices=[[], *ROOMS], default=[])
-    parser.add_argument("--number", type=int, default=40, help="mutants a room")
+    parser.add_argument("packages", nargs="*", help="such as parsolid/contact; all unless given")
+    parser.add_argument("--number", type=int, default=10, help="mutants a package")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--here", action="store_true", help="in this process, which has the mode that is needed")
+    parser.add_argument("--at", metavar="FILE:LINE", action="append", default=[], help="all mutants of one line")
+    parser.add_argument("--mode", choices=(PLAIN, COMPILED), help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.here:
-        return max(int(room(name, options.number, options.seed) > 0) for name in options.rooms)
+    chosen = [mutant for at in options.at for mutant in mutants_of(at.split(":")[0]) if at.endswith(f":{mutant.line}")]
+    for package, files in packages().items() if not options.at else ():
+        if not options.packages or package in options.packages:
+            chosen += drawn(files, options.number, random.Random(f"{options.seed} {package}"))
+    if options.mode:
+        return min(1, attack([mutant for mutant in chosen if tests_of(mutant.file)[0] == options.mode]))
     status = 0
-    for name in options.rooms or ROOMS:
-        mode = {"NUMBA_DISABLE_JIT": "1"} if ROOMS[name][0] == PLAIN else {}
-        words = [name, "--number", str(options.number), "--seed", str(options.seed), "--here"]
-        status |= subprocess.run([sys.executable, "-m", "tests.mutation", *words], env=os.environ | mode).returncode
+    for mode in sorted({tests_of(mutant.file)[0] for mutant in chosen}):
+        environment = os.environ | ({"NUMBA_DISABLE_JIT": "1"} if mode == PLAIN else {})
+        command = [sys.executable, "-m", "tests.mutation", *sys.argv[1:], "--mode", mode]
+        status |= subprocess.run(command, env=environment).returncode
     return status
 
 

@@ -11,11 +11,12 @@ from typing import Any
 
 from parsolid.campaign.measures import MEASURES
 from parsolid.campaign.runner import Launched, Record
-from parsolid.campaign.study_file import Series, Setting, Study, toml_value
+from parsolid.campaign.study_file import Series, Setting, Study
 from parsolid.campaign.variants import digest_of
 from parsolid.exact import SOLUTIONS
 from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError, load_scene
+from parsolid.scene.raw_tables import toml_value
 from parsolid.scene.validation_errors import suggestion
 from parsolid.sources import source_digest
 

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, reject
 from parsolid.scene.model_faults import faults_of_errors
-from parsolid.scene.raw_tables import read_tables
+from parsolid.scene.raw_tables import read_tables, toml_value
 from parsolid.scene.shapes import ExistingFile
 from parsolid.scene.validation_errors import SceneError
 
@@ -135,16 +135,3 @@ def load_study(path: str | Path) -> Study:
         return Study.model_validate(data, context={"folder": str(path.resolve().parent), "dimension": None})
     except ValidationError as error:
         raise SceneError(dict.fromkeys(faults_of_errors(error, data, Study))) from None
-
-
-def toml_value(value: Any) -> str:
-    """A value as inline TOML, so that it can stand behind --set key="""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in value.items()) + " }"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    return repr(value)

@@ -56,7 +56,7 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
     notes = [Note("bodies", f"bodies {how}: {which}") for how, which in told.items() if which.count]
     if blind.count:
         then = "the run ends there" if scene.undeclared_contact != "warn" else "their methods do there what they do"
-        notes.append(Note("undeclared-contact", f"on a collision course without [[contact]]; {then}: {blind}"))
+        notes.append(Note("collision-course", f"on a collision course without [[contact]]; {then}: {blind}"))
     return notes
 
 

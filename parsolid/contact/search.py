@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from decomposition.halo import Halo
+from decomposition.halo import REACH_MARGIN, Halo
 from decomposition.pair_search import ClosePairs
 from parsolid.contact.bodies import ContactLaw, reflections, shares_of
 from parsolid.contact.broad_phase import BroadPhase
@@ -14,8 +14,6 @@ from parsolid.contact.self_contact import SelfContact
 from parsolid.contact.time_step import SEEN
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
-
-_HAIR = 1.0 + 1e-9
 
 
 @kernel
@@ -116,7 +114,7 @@ class Search:
         self.pair = np.concatenate([np.zeros(0, np.int64), *(one.pair for one in self.segments)])
         place, share = self.gathered("position"), self._shares()
         reach = float(reaches[boxes.near].max(initial=0.0))
-        halo = Halo(self.comm, place, reach * _HAIR if reach > 0.0 else 1.0)
+        halo = Halo(self.comm, place, reach * REACH_MARGIN if reach > 0.0 else 1.0)
         d, volume = place.shape[1], self.gathered("volume") / share
         of_law: Any = constants(volume, share)
         skin, identifier = boxes.skin[self.pair], self.gathered("identifier").astype(np.int64)

@@ -79,7 +79,17 @@ class Rows:
         values = self.of_method(name)
         if values is not None:
             return values
-        return FIELDS[name](self)
+        return FIELDS[name](self) if name in FIELDS else self._component(name)
+
+    def _component(self, name: str) -> np.ndarray:
+        """(n,) of a vector or tensor, by its name in the history."""
+        field, _, axes = name.rpartition("_")
+        if not field or not axes or set(axes) - set("xyz"):
+            raise KeyError(name)
+        values, place = self(field), ["xyz".index(axis) for axis in axes]
+        if values.ndim != 1 + len(place) or max(place) >= values.shape[-1]:
+            raise KeyError(name)
+        return np.asarray(values[:, place[0]] if len(place) == 1 else values[:, place[0], place[1]])
 
 
 def field_of(system: System, name: str, first: int = 0, last: int | None = None) -> np.ndarray | None:

@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from decomposition.bisection import bisect
-from decomposition.halo import Halo
+from decomposition.halo import REACH_MARGIN, Halo
 from decomposition.measured_load import MeasuredLoad
 from decomposition.migration import migrate
 from decomposition.pair_search import ClosePairs, checked_bounds, strips_of
@@ -26,8 +26,6 @@ _MOST_BUILDS, _LOOKS = 16, 4
 _DISORDER, _FAR = 0.1, 64
 # of so many bodies all pairs are followed, of more those nearer than so many reaches
 _FEW_BODIES, _FAR_BODIES = 64, 4.0
-# ghosts reach this much farther than pairs, whose distances are rounded in another way
-_HAIR = 1.0 + 1e-9
 
 
 class Pairs(NamedTuple):
@@ -218,7 +216,7 @@ class VerletList:
         """Ghosts and pairs of the listed positions; collective."""
         particles = self.particles
         points = np.ascontiguousarray(particles.owned_rows("listed_position"))
-        self.halo = Halo(self.comm, points, self.reach * _HAIR)
+        self.halo = Halo(self.comm, points, self.reach * REACH_MARGIN)
         particles.attach(self.halo)
         half_reach = 0.5 * self.support * (1.0 + self.skin) * particles.owned_rows("smoothing_length")
         whole = self.halo.with_ghosts(np.column_stack((points, half_reach, particles.owned_rows("body"))))
@@ -243,7 +241,7 @@ class VerletList:
         """Pairs of owned particles with images behind mirror planes of particles at positions (rows, d), and those
         images."""
         particles, sources, codes, images = ([np.zeros(0, np.int64)] for _ in range(4))
-        reach, found = np.full(positions.shape[1], self.reach * _HAIR), 0
+        reach, found = np.full(positions.shape[1], self.reach * REACH_MARGIN), 0
         for code, receivers, givers, places in images_near(positions, body, self.owned, self.codes, reach):
             start, image = self._search.across(positions[receivers], radius[receivers], places, radius[givers])
             used, number = np.unique(image, return_inverse=True)

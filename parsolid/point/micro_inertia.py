@@ -91,9 +91,10 @@ class MicroInertiaPoint(PointLaw):
 
     def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         """Waves are elastic and the same in all directions."""
-        names = {"tau": "deviator_norm", "rate": "plastic_strain_rate", "stress": "micro_stress"}
+        names = {"rate": "plastic_strain_rate", "stress": "micro_stress"}
         names |= {"gamma": "plastic_strain", "temperature": "temperature", "heat": "heat_given_away"}
         result = {name: np.array([getattr(state, key) for state in states]) for key, name in names.items()}
+        result["von_mises_stress"] = np.sqrt(1.5) * np.array([state.tau for state in states])
         law, J = self.law, np.linalg.det(self.deformations(states))
         mu = np.full(len(states), law.shear_modulus)
         modulus = law.bulk_modulus / J + 4.0 / 3.0 * mu

@@ -43,7 +43,7 @@ def mismatch(expected: str, found: object, code: str = "refused") -> PydanticCus
 
 # place of a fault in the tables of a scene, what was expected, what was found; and a code where that is not "refused"
 Detail = tuple[tuple[str | int, ...], str, object]
-Finding = Detail | tuple[tuple[str | int, ...], str, object, str]
+FaultDetail = Detail | tuple[tuple[str | int, ...], str, object, str]
 
 
 def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused") -> None:

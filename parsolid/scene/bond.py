@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, field_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Finding, SceneModel, mismatch
+from parsolid.scene.base_model import FaultDetail, SceneModel, mismatch
 from parsolid.scene.contact import BodyPairs
 from parsolid.scene.validation_errors import suggestion
 
@@ -51,9 +51,9 @@ def bonded_pairs(scene: Any) -> BodyPairs:
     return BodyPairs(groups.values(), contact)
 
 
-def bond_faults(scene: Any) -> list[Finding]:
+def bond_faults(scene: Any) -> list[FaultDetail]:
     """Bonds of bodies that are not there or of several methods, and pairs that another table names."""
-    names, faults = [body.name for body in scene.bodies], list[Finding]()
+    names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     number = {name: k for k, name in enumerate(names) if name is not None}
     several, contact = len(scene.methods or ()) > 1, {} if scene.unbonded is None else scene.unbonded.tables
     earlier = defaultdict[int, set[int]](set)

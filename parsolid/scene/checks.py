@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Finding, Plane
+from parsolid.scene.base_model import FaultDetail, Plane
 from parsolid.scene.bond import bond_faults
 from parsolid.scene.boundaries.condition import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
@@ -16,12 +16,15 @@ from parsolid.scene.contact import (
     contact_faults,
     energy_terms,
     grid_faults,
+    of_model,
 )
 from parsolid.scene.fillings import filling_of
 from parsolid.scene.initial_state import initial_details
 from parsolid.scene.lattice import Filling
+from parsolid.scene.method_settings import named_observables
 from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
+from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
 from parsolid.scene.sound_part import LeftOut
 from parsolid.scene.substeps import substep_faults
@@ -42,6 +45,7 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
     lacking = LeftOut.nothing(scene.resolved()) if left_out is None else left_out
     fillings, details = _fillings(scene, lacking)
     details += _repeated_names("bodies", scene.bodies, lacking) + _repeated_names("probes", scene.probes, lacking)
+    details += [] if lacking.incomplete else _contact_fields(scene)
     details += _empty_bodies(fillings) + _boundary_details(scene, fillings, lacking)
     details += clashes(scene.boundaries)
     if len(fillings) == len(scene.bodies):
@@ -64,10 +68,10 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
     return list(dict.fromkeys(lacking.faults(details)))
 
 
-def _fillings(scene: Scene, lacking: LeftOut) -> tuple[dict[int, Filling], list[Finding]]:
+def _fillings(scene: Scene, lacking: LeftOut) -> tuple[dict[int, Filling], list[FaultDetail]]:
     """The particles of bodies that are where the file would have them, but for meshes, which are not read here."""
     fillings: dict[int, Filling] = {}
-    details: list[Finding] = []
+    details: list[FaultDetail] = []
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh" and i not in lacking.misplaced:
             try:
@@ -78,8 +82,8 @@ def _fillings(scene: Scene, lacking: LeftOut) -> tuple[dict[int, Filling], list[
     return fillings, details
 
 
-def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[Finding]:
-    details: list[Finding] = []
+def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[FaultDetail]:
+    details: list[FaultDetail] = []
     seen: dict[str, int] = {}
     for i, entry in enumerate(entries):
         if entry.name is not None and entry.name in seen:
@@ -89,7 +93,7 @@ def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[Find
     return details
 
 
-def _empty_bodies(fillings: dict[int, Filling]) -> list[Finding]:
+def _empty_bodies(fillings: dict[int, Filling]) -> list[FaultDetail]:
     expected = "a body of at least two particles"
     return [(("bodies", i), expected, filling.count) for i, filling in fillings.items() if filling.count < 2]
 
@@ -103,8 +107,8 @@ def plane_side(plane: Plane, filling: Filling) -> int:
     return 1 if abs(plane.offset - upper) <= tolerance else 0
 
 
-def _boundary_details(scene: Scene, fillings: dict[int, Filling], lacking: LeftOut) -> list[Finding]:
-    details: list[Finding] = []
+def _boundary_details(scene: Scene, fillings: dict[int, Filling], lacking: LeftOut) -> list[FaultDetail]:
+    details: list[FaultDetail] = []
     for i, boundary in enumerate(scene.boundaries):
         if boundary.body is not None and lacking.body_names is not None and boundary.body not in lacking.body_names:
             expected = f"the name of a body{suggestion(boundary.body, lacking.body_names)}"
@@ -114,7 +118,7 @@ def _boundary_details(scene: Scene, fillings: dict[int, Filling], lacking: LeftO
     return details
 
 
-def unbounded_plane(place: int, boundary: Any, bodies: list[Any], fillings: dict[int, Filling]) -> list[Finding]:
+def unbounded_plane(place: int, boundary: Any, bodies: list[Any], fillings: dict[int, Filling]) -> list[FaultDetail]:
     """The fault of a support or traction whose plane bounds none of the bodies it is meant for; none where one of them
     is not known."""
     meant = [i for i, body in enumerate(bodies) if boundary.body in (None, body.name)]
@@ -133,8 +137,8 @@ def _away(filling: Filling, at: list[float]) -> float:
     return float(np.linalg.norm(np.maximum(0.0, np.maximum(filling.lower - at, at - filling.upper))))
 
 
-def _distant_probes(scene: Scene, fillings: dict[int, Filling]) -> list[Finding]:
-    details: list[Finding] = []
+def _distant_probes(scene: Scene, fillings: dict[int, Filling]) -> list[FaultDetail]:
+    details: list[FaultDetail] = []
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
@@ -144,10 +148,11 @@ def _distant_probes(scene: Scene, fillings: dict[int, Filling]) -> list[Finding]
     return details
 
 
-def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[Finding]:
+def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[FaultDetail]:
     """Fields of probes at bodies whose methods have no such field, where other methods of the scene have it."""
-    kinds = {body: one.settings.field_kinds(scene.dimension) for one in scene.systems for body in one.bodies}
-    details: list[Finding] = []
+    known = [with_components(one.settings.field_kinds(scene.dimension), scene.dimension) for one in scene.systems]
+    kinds = {body: known[number] for number, one in enumerate(scene.systems) for body in one.bodies}
+    details: list[FaultDetail] = []
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
@@ -160,7 +165,16 @@ def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[Findin
     return details
 
 
-def _loads_details(scene: Scene, incomplete: bool) -> list[Finding]:
+def _contact_fields(scene: Scene) -> list[FaultDetail]:
+    """Fields of contact that are asked for where there is none between particles."""
+    if of_model(scene.contact, "kernel"):
+        return []
+    known = with_components(FIELDS_OF_CONTACT, scene.dimension)
+    expected = "a field of a scene with [[contact]] of model 'kernel'"
+    return [(place, expected, name) for place, name in named_observables(scene) if name in known]
+
+
+def _loads_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:
     exact = None if scene.reference is None else scene.reference.exact
     if not scene.loads.manufactured or exact in MANUFACTURED or (scene.reference is None and incomplete):
         return []
@@ -168,14 +182,14 @@ def _loads_details(scene: Scene, incomplete: bool) -> list[Finding]:
     return [(("loads", "manufactured"), expected, NOTHING if exact is None else exact)]
 
 
-def _solution_details(scene: Scene) -> list[Finding]:
+def _solution_details(scene: Scene) -> list[FaultDetail]:
     exact = None if scene.reference is None else scene.reference.exact
     if exact is not None and len(scene.methods or ()) > 1:
         return [(("reference", "exact"), "no such key with several methods", exact)]
     return [] if exact is None else [*solution_faults(exact, scene.bodies[0].material)]
 
 
-def _output_details(scene: Scene) -> list[Finding]:
+def _output_details(scene: Scene) -> list[FaultDetail]:
     stated = [(key, getattr(scene.output, key), most) for key, most in MOST_OUTPUTS.items()]
     return [
         (("output", key), f"at least end_time/{most:g} = {scene.end_time / most:g} s", interval)
@@ -184,7 +198,7 @@ def _output_details(scene: Scene) -> list[Finding]:
     ]
 
 
-def _reference_details(scene: Scene, incomplete: bool) -> list[Finding]:
+def _reference_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:
     """Columns of a reference that the history does not have; incomplete: some may be of entries that are left out."""
     if scene.reference is None:
         return []

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Finding, NotNegative, SceneModel
+from parsolid.scene.base_model import FaultDetail, NotNegative, SceneModel
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.observation import holds_heat
 from parsolid.scene.validation_errors import suggestion
@@ -180,9 +180,9 @@ def unbonded(contacts: list[Contact], names: list[str | None]) -> BodyPairs | No
     return found if any(len(one.bodies) > 1 for one in contacts) and found.tables else None
 
 
-def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Finding]:
+def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[FaultDetail]:
     """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
-    faults, sizes, named = list[Finding](), dict[int, int](), defaultdict[str, list[int]](list)
+    faults, sizes, named = list[FaultDetail](), dict[int, int](), defaultdict[str, list[int]](list)
     known = set(names or ())
     for i, one in enumerate(contacts):
         for name in dict.fromkeys(one.bodies):

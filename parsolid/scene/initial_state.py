@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Detail, Finding, NotNegative, SceneModel, dimension_of, reject
+from parsolid.scene.base_model import Detail, FaultDetail, NotNegative, SceneModel, dimension_of, reject
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.named_regions import RegionName
@@ -116,9 +116,9 @@ class InitialState(SceneModel):
         return self._of_results.get(name, getattr(self, name, None))
 
 
-def initial_details(scene: Any) -> list[Finding]:
+def initial_details(scene: Any) -> list[FaultDetail]:
     """Faults of initial states: bodies that are not there, what no method can take."""
-    details: list[Finding] = [*_stress_details(scene)]
+    details: list[FaultDetail] = [*_stress_details(scene)]
     names = [body.name for body in scene.bodies if body.name is not None]
     methods = [plan.settings for plan in scene.systems]
     known = {name for one in methods for name in one.field_kinds(scene.dimension)}

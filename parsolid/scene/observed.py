@@ -20,6 +20,8 @@ FIELDS = {
 # fields that are written unless a scene chooses, and those that no probe takes
 USUAL_FIELDS = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
 NOT_PROBED = ("rank", "error_indicator")
+# of scenes with [[contact]] between particles
+FIELDS_OF_CONTACT = {"contact_force": "vector"}
 # fields of a probe at a particle that need more than the present state
 FIELDS_OF_PROBES = {"twist": "scalar"}
 QUANTITIES = {
@@ -33,4 +35,21 @@ QUANTITIES = {
 
 def probed_fields() -> dict[str, str]:
     """Name -> kind of the fields that probes at a particle take."""
-    return {name: kind for name, kind in FIELDS.items() if name not in NOT_PROBED} | FIELDS_OF_PROBES
+    common = {name: kind for name, kind in FIELDS.items() if name not in NOT_PROBED}
+    return common | FIELDS_OF_CONTACT | FIELDS_OF_PROBES
+
+
+def components_of(name: str, kind: str, dimension: int) -> list[str]:
+    """The history's names of a field's or quantity's components: itself, with _x..., or with _xx, _xy... row by row."""
+    axes = "xyz"[:dimension]
+    if kind == "scalar" or (kind == "rotation" and dimension == 2):
+        return [name]
+    if kind == "tensor":
+        return [f"{name}_{row}{column}" for row in axes for column in axes]
+    return [f"{name}_{axis}" for axis in axes]
+
+
+def with_components(kinds: dict[str, str], dimension: int) -> dict[str, str]:
+    """Name -> kind of fields, and of their components by the history's names of these."""
+    several = [(name, kind) for name, kind in kinds.items() if kind in ("vector", "tensor")]
+    return dict.fromkeys((part for one in several for part in components_of(*one, dimension)), "scalar") | kinds

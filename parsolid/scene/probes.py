@@ -10,13 +10,20 @@ from parsolid.scene.base_model import Point, SceneModel, dimension_of, method_of
 from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import InitialScalar
 from parsolid.scene.named_regions import RegionName
-from parsolid.scene.observed import FIELDS, QUANTITIES, probed_fields
+from parsolid.scene.observed import (
+    FIELDS,
+    FIELDS_OF_CONTACT,
+    QUANTITIES,
+    components_of,
+    probed_fields,
+    with_components,
+)
 from parsolid.scene.validation_errors import NOTHING, suggestion
 
 
-def _known(value: str, common: dict[str, str], own: dict[str, str]) -> str:
-    known = common | own
-    if value not in known:
+def _known(value: str, known: dict[str, str], dimension: int | None = None) -> str:
+    """The name, also that of a component where a dimension is given."""
+    if value not in (known if dimension is None else with_components(known, dimension)):
         raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value, "unknown-name")
     return value
 
@@ -26,19 +33,20 @@ def _field_of(common: Callable[[], dict[str, str]]) -> AfterValidator:
 
     def check(value: str, info: ValidationInfo) -> str:
         method: Any = method_of(info)
-        return value if method is None else _known(value, common(), method.field_kinds(dimension_of(info)))
+        dimension = dimension_of(info)
+        return value if method is None else _known(value, common() | method.field_kinds(dimension), dimension or 3)
 
     return AfterValidator(check)
 
 
 def _known_quantity(value: str, info: ValidationInfo) -> str:
     method: Any = method_of(info)
-    return value if method is None else _known(value, QUANTITIES, method.extra_quantities)
+    return value if method is None else _known(value, QUANTITIES | method.extra_quantities)
 
 
 ProbeField = Annotated[str, _field_of(probed_fields)]
 # with the word for all that a method carries on
-ShownField = Annotated[str, _field_of(lambda: FIELDS | {"state": "state"})]
+ShownField = Annotated[str, _field_of(lambda: FIELDS | FIELDS_OF_CONTACT | {"state": "state"})]
 ProbeQuantity = Annotated[str, AfterValidator(_known_quantity)]
 
 
@@ -47,12 +55,7 @@ def component_names(field: str, dimension: int, kind: str | None = None) -> list
 
     kind: of a field or quantity that not all methods know.
     """
-    axes, kind = "xyz"[:dimension], kind or (probed_fields() | QUANTITIES)[field]
-    if kind == "scalar" or (kind == "rotation" and dimension == 2):
-        return [field]
-    if kind == "tensor":
-        return [f"{field}_{row}{column}" for row in axes for column in axes]
-    return [f"{field}_{axis}" for axis in axes]
+    return components_of(field, kind or (probed_fields() | QUANTITIES)[field], dimension)
 
 
 class Probe(SceneModel):
@@ -62,6 +65,7 @@ class Probe(SceneModel):
     greatest of each component, or their integral over the volume; a quantity is then that of the region.
     With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles:
     the amplitude of a mode w.
+    A component alone is asked for by the name that its column has, such as stress_xx.
     twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
     """
 
@@ -117,7 +121,8 @@ class Probe(SceneModel):
     def _find_kinds(self, info: ValidationInfo) -> "Probe":
         method: Any = method_of(info)
         if method is not None:
-            known = probed_fields() | method.field_kinds(dimension_of(info))
+            dimension = dimension_of(info)
+            known = with_components(probed_fields() | method.field_kinds(dimension), dimension or 3)
             known = known if self.quantity is None else method.extra_quantities
             self._kinds.update({name: known[name] for name in self._watched() if name in known})
         return self

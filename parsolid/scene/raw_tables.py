@@ -6,6 +6,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import tomli_w
+
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import LEAST, MOST, Detail
 from parsolid.scene.validation_errors import Fault, SceneError, describe, fault, key_path
@@ -103,6 +105,22 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
         else:
             place = place[key] if isinstance(place, list) else place.setdefault(key, {})
     return None
+
+
+def toml_value(value: Any) -> str:
+    """A value on one line of TOML, as it can stand behind --set key="""
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_toml_key(key)} = {toml_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, float) and float(short := f"{value:g}") == value:
+        return short
+    return tomli_w.dumps({"v": value}).removeprefix("v = ").removesuffix("\n")
+
+
+def _toml_key(key: str) -> str:
+    """A key, in quotation marks where it needs them."""
+    return tomli_w.dumps({key: 0}).removesuffix(" = 0\n")
 
 
 def override_value(text: str) -> Any:

@@ -23,6 +23,9 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "leapfrog_oscillation": ("kinetic_offset",),
     "contact_oscillation": ("kinetic_offset",),
     "balance": ("energy_error",),
+    # fields and quantities
+    "deviator_norm": ("von_mises_stress",),
+    "maximum_deviator_norm": ("maximum_von_mises_stress",),
     # measures of a study
     "internal_dissipation": ("material_dissipation",),
 }

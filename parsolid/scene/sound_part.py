@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from parsolid.scene.base_model import UNKNOWN, Finding
+from parsolid.scene.base_model import UNKNOWN, FaultDetail
 from parsolid.scene.methods import NamedMethod, settings_class
 from parsolid.scene.model_faults import fault_of_error
 from parsolid.scene.raw_tables import numbers_out_of_range
@@ -70,7 +70,7 @@ class LeftOut:
             return place[0], self.number(str(place[0]), place[1]), *place[2:]
         return place
 
-    def faults(self, details: list[Finding]) -> list[Fault]:
+    def faults(self, details: list[FaultDetail]) -> list[Fault]:
         """Details of checks between tables as faults of the file."""
         found = []
         for place, expected, value, *code in details:

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from parsolid.scene.base_model import Finding, SceneModel
+from parsolid.scene.base_model import FaultDetail, SceneModel
 from parsolid.scene.validation_errors import suggestion
 
 # what a tie adds to the ledger: a part of what is stored; signs as in `simulation.ledger`
@@ -33,10 +33,10 @@ def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:
     return result
 
 
-def tie_faults(scene: Any) -> list[Finding]:
+def tie_faults(scene: Any) -> list[FaultDetail]:
     """Ties of bodies that are not there, that are bonded already, that are in contact, or whose method has no motion
     that impulses could change."""
-    names, faults = [body.name for body in scene.bodies], list[Finding]()
+    names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     for i, one in enumerate(scene.tie):
         unknown = [name for name in one.bodies if name not in names]
         for name in unknown:

@@ -9,7 +9,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import (
     AXES,
     Detail,
-    Finding,
+    FaultDetail,
     NotNegative,
     Point,
     Positive,
@@ -189,9 +189,9 @@ class Tool(SceneModel):
         return [f"{self.name}.{what}{suffix}" for what in _WATCHED for suffix in suffixes[what]]
 
 
-def tool_faults(scene: Any, names: list[str] | None) -> list[Finding]:
+def tool_faults(scene: Any, names: list[str] | None) -> list[FaultDetail]:
     """Faults between the tools of a scene and its other tables; names: of all bodies."""
-    faults: list[Finding] = []
+    faults: list[FaultDetail] = []
     taken = {probe.name for probe in scene.probes}
     for i, tool in enumerate(scene.tools):
         for k, name in enumerate(tool.bodies or ()):

@@ -6,16 +6,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from parsolid.materials.declaration import Phrase
+from parsolid.scene.codes import FAULTS
 from parsolid.scene.renamed import RENAMED
 
 
 class Fault(str):
-    """One line, "key: expected ..., found ...", with its parts; `code` says what kind of fault it is and never changes.
-
-    Codes: unknown-key, missing, type, bound, length, choice (a word that is none of those known), exclusive (keys that
-    exclude one another), formula, file, method (what the method does not know), unknown-name (of a body, a region, a
-    field, a column), repeated, elsewhere (a plane or a point at no body), refused (for another reason, in words).
-    """
+    """One line, "key: expected ..., found ...", with its parts; `code`, one of `codes.FAULTS`, says what kind it is."""
 
     code: str
     key: str
@@ -24,6 +20,8 @@ class Fault(str):
     suggestion: str
 
     def __new__(cls, code: str, key: str, expected: str, found: str, suggestion: str = "") -> "Fault":
+        if code not in FAULTS:
+            raise ValueError(f"code: expected one of {', '.join(FAULTS)}, found {code!r}")
         result = super().__new__(cls, f"{key}: expected {expected}, found {found}{suggestion}")
         result.code, result.key, result.expected = code, key, expected
         result.found, result.suggestion = found, suggestion

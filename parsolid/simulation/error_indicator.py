@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.halo import Halo
+from decomposition.halo import REACH_MARGIN, Halo
 from parsolid.collective import maximum
 from parsolid.observables.declared import field_of
 
 NAME = "error_indicator"
 # neighbours are within so many spacings; pairs that are looked at together
-_REACH, _PAIRS, _HAIR = 2.3, 2_000_000, 1.0 + 1e-9
+_REACH, _PAIRS = 2.3, 2_000_000
 _COMPONENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -31,7 +31,7 @@ def indicate(comm: Any, systems: list[Any]) -> None:
         place, body = np.array(rows("reference_position")[:, :d]), np.array(rows("body"))
         reach = _REACH * float(maximum(comm, np.max(rows("spacing"), initial=0.0)))
         # a hair farther, for distances are rounded in another way
-        everything = Halo(comm, place, reach * _HAIR).with_ghosts(np.column_stack([place, body, values]))
+        everything = Halo(comm, place, reach * REACH_MARGIN).with_ghosts(np.column_stack([place, body, values]))
         fitted = fit_of_neighbours(place, body, everything, reach, d)
         # components off the diagonal count twice
         difference = np.where(np.isfinite(fitted), (fitted - values) ** 2, 0.0) @ (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)

@@ -17,7 +17,7 @@ MOST = 64
 # of second order in it, 4e-3 of the energy at the whole of it (docs/mixed.md)
 _SHARE = 0.25
 # of a step, by which one may be longer than stable
-_HAIR = 1e-9
+_ROUND_OFF = 1e-9
 
 
 class Subcycling:
@@ -68,7 +68,7 @@ class Subcycling:
         """Steps of a system in a common one [s]."""
         wanted = self.wanted[number]
         if wanted == "auto":
-            wanted = max(1, ceil(step / self.stable[number] * (1.0 - _HAIR)))
+            wanted = max(1, ceil(step / self.stable[number] * (1.0 - _ROUND_OFF)))
         count = wanted if step > 0.0 else 1
         self.systems[number].substeps = count
         return count

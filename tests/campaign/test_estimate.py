@@ -1,15 +1,19 @@
 """What differences between resolutions say: orders and errors that are known, series that swing, those of no order."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from parsolid.campaign.error_bars import summary_of_bars
 from parsolid.campaign.estimate import (
     SAFETY,
     SAFETY_DIVERGED,
     SAFETY_NO_ORDER,
+    Bar,
     Series,
+    crossings,
     largest_nearby,
     observed_order,
     phase_and_amplitude,
@@ -103,6 +107,32 @@ def test_the_window_of_the_end_is_as_wide_as_elsewhere(end):
     assert found.values[0][-1] == np.sin(2.0 * end)
     bar = spacing_bar(found, 2.0, 1.0)
     assert bar.error[-1] > 0.0099 and largest_nearby(1.0 - TIMES, TIMES, 0.1)[-1] == pytest.approx(0.2)
+
+
+def test_the_window_does_not_depend_on_the_unit_of_time():
+    values = np.sin(17.0 * TIMES) * TIMES
+    for unit in (1.0, 1e-5):
+        found = largest_nearby(values, unit * TIMES, 0.1025 * unit)
+        np.testing.assert_array_equal(found, largest_nearby(values, TIMES, 0.1025))
+        wanted = [np.abs(values[np.abs(TIMES - t) < 0.1025]).max() for t in TIMES[21:-21]]
+        np.testing.assert_array_equal(found[21:-21], wanted)
+
+
+def test_ripples_do_not_cross_the_mean():
+    swing = np.sin(2.0 * np.pi * 3.0 * TIMES + 0.3)
+    assert crossings(swing) == crossings(7.0 + swing + 0.05 * np.cos(2.0 * np.pi * 60.0 * TIMES)) == 6
+    assert crossings(np.zeros(9)) == 0
+
+
+def test_the_summary_has_the_bars_of_the_end():
+    bar = Bar(np.array([1.0, 3.0, 2.0]), 1.9, 2.0, 1.25, "order 1.9", {"spacing": np.array([4.0, 6.0, 5.0])})
+    table = SimpleNamespace(
+        values={"p.x": np.array([7.0, 9.0, 8.0])}, bars={"p.x": bar}, share=lambda name: 0.25, without={}
+    )
+    scene = SimpleNamespace(systems=[], probes=[], contact=[], tools=[], tie=[], boundaries=[], bodies=[])
+    column = summary_of_bars(table, scene, [], [])["columns"]["p.x"]
+    assert (column["value"], column["error"], column["share"]) == (8.0, 2.0, 0.25)
+    assert column["parts"] == {"spacing": 5.0} and (column["order"], column["order_used"]) == (1.9, 2.0)
 
 
 def test_rows_before_a_jump_are_compared_with_rows_before_it():

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
-from parsolid.campaign.halving import Configuration, plan_of, time_to
+from parsolid.campaign.halving import Configuration, SuccessiveHalving, plan_of, time_to
 from parsolid.campaign.options import Option, options_of
 from parsolid.campaign.pareto import envelope, seconds_for
 from parsolid.campaign.reference import observed_reference
@@ -63,7 +64,28 @@ def test_kernels_are_no_choice_where_all_weights_are_in_closed_form():
     assert "kernel quintic-spline: it changes nothing here" in plan.refused
     assert {"weights kernel", "dissipation 0.3"} <= names(plan)
     together = Option((("weights", "weights", "kernel"), ("kernel", "kernel", "quintic-spline")))
-    assert plan.add(together) is not None
+    added = plan.add(together)
+    assert added is plan.configurations[-1] and added.option is together
+
+
+def test_a_run_that_fails_or_costs_too_much_drops_its_option():
+    def run(variant):
+        message = "it broke" if variant == ("b", 1) else None
+        return VariantRun(SimpleNamespace(lattices=variant), Record("", message=message, processor_seconds=[2.0]))
+
+    plan = SimpleNamespace(variant=lambda option, level: (option.name, level), work=lambda level: 4.0**level)
+    search = SuccessiveHalving(plan, SimpleNamespace(comm=MPI.COMM_SELF, run=run), 1e3, lambda words: None)
+    good, poor, dear = (Configuration(SimpleNamespace(name=name)) for name in "abc")
+    plan.configurations = [good, poor, dear]
+    for one in (good, poor):
+        search.advance(one, 1, "here")
+    assert good.dropped is None and [one.variant.lattices for one in good.runs] == [("a", 0), ("a", 1)]
+    assert poor.dropped is not None and [one.variant.lattices for one in poor.runs] == [("b", 0)]
+    assert search.spent == 6.0
+    # the first level is foretold by the scene's own run
+    search.budget = 7.9
+    search.advance(dear, 1, "here")
+    assert dear.dropped is not None and not dear.runs and search.spent == 6.0
 
 
 def made(option, levels, column="q"):

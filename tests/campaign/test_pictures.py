@@ -59,7 +59,7 @@ def test_the_scene_and_the_envelope_are_among_the_choices_that_are_named():
         ("von_mises_stress", "von Mises stress [Pa]"),
         ("first_piola_kirchhoff_stress_xx", "first Piola-Kirchhoff stress xx [Pa]"),
         ("stress_xy", "stress xy [Pa]"),
-        ("material_dissipation", "internal dissipation"),
+        ("material_dissipation", "material dissipation"),
         ("mode_1.displacement_x", "displacement x, mode 1 [m]"),
         ("rod.upper_bounds_y", "upper bounds y, rod [m]"),
         ("damage", "damage"),

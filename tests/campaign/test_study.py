@@ -15,11 +15,11 @@ from parsolid.campaign.cases import cases_of
 from parsolid.campaign.measures import energies_of, momentum_of
 from parsolid.campaign.runner import Record, not_finite, read_record, wait
 from parsolid.campaign.study import judge
-from parsolid.campaign.study_file import load_study, toml_value
+from parsolid.campaign.study_file import load_study
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.scene import SceneError
-from parsolid.scene.raw_tables import override_value
+from parsolid.scene.raw_tables import override_value, toml_value
 
 pytestmark = pytest.mark.serial
 
@@ -142,7 +142,9 @@ def test_two_runs_that_are_the_same_are_refused(folder):
     assert text == "again: expected a run that differs from the others, found the scene and ranks of block, 9"
 
 
-@pytest.mark.parametrize("value", [1, 0.5, 1e-12, True, 'a "b" \\c', [1, [2.5, "x"]], [{"beta": 1.0, "tau": 0.02}], []])
+@pytest.mark.parametrize(
+    "value", [1, 0.5, 1e-12, True, 'a "b" \\c', [1, [2.5, "x"]], [{"beta": 1.0, "a b": "x\ny"}], []]
+)
 def test_values_stand_behind_set_as_they_are(value):
     assert override_value(toml_value(value)) == value
 

@@ -7,7 +7,6 @@ import numpy as np
 from meeting import SPEED, block, simulated, tables
 from mpi4py import MPI
 
-from decomposition.pair_search import close_boxes
 from parsolid.contact.friction import gap_correction
 from parsolid.contact.report import describe_contacts
 from parsolid.scene import parse_scene
@@ -89,15 +88,3 @@ def test_time_and_memory_grow_with_the_number_of_bodies_and_not_with_its_square(
     assert many_pairs < 4.5 * few_pairs < 200 * 500
     # 4 MB of the table of bodies that are not bonded, a byte a pair, are the only square
     assert many_bytes < 5.0 * few_bytes + 30e6 and seconds < 30.0
-
-
-def test_pairs_of_boxes_are_those_of_all():
-    rng = np.random.default_rng(3)
-    lower = rng.uniform(0.0, 10.0, (300, 3))
-    upper = lower + rng.uniform(0.0, 2.0, (300, 3))
-    for distance in (0.0, 0.3, np.inf):
-        first, second = close_boxes(lower, upper, distance)
-        gap = np.maximum(lower[:, None] - upper, lower - upper[:, None]).max(axis=2)
-        wanted = np.argwhere(np.triu(gap <= distance, 1))
-        order = np.lexsort((second, first))
-        np.testing.assert_array_equal(np.stack((first, second), axis=1)[order], wanted)

@@ -12,6 +12,8 @@ from parsolid.contact.kernel import lattice_colour
 from parsolid.contact.report import describe_contacts
 from parsolid.scene import SceneError, load_scene, parse_scene
 from parsolid.simulation.loop import Limits, Simulation
+from parsolid.simulation.observables import Observables
+from parsolid.simulation.probes import Probes
 
 
 def faults(**change) -> str:
@@ -62,7 +64,7 @@ def test_relations_are_told_and_a_collision_course_is_warned_of(comm):
     assert told[0] == ("bodies", "bodies bonded where they touch: b and c")
     assert told[1] == ("bodies", "bodies apart: a and b, a and c")
     code, text = told[2]
-    assert code == "undeclared-contact" and "a and b (at about t = 1 s)" in text and "b and c" not in text
+    assert code == "collision-course" and "a and b (at about t = 1 s)" in text and "b and c" not in text
 
 
 @pytest.mark.parametrize("contact, words", [("compression", "pressing on one another"), ("welded", "bonded")])
@@ -92,7 +94,7 @@ def test_bodies_on_their_way_to_another_method_are_told(comm):
     del data["method"]
     sim = simulated(data, comm)
     told = describe_contacts(comm, sim.scene, sim.systems)
-    assert [one.code for one in told] == ["bodies", "bodies", "undeclared-contact"]
+    assert [one.code for one in told] == ["bodies", "bodies", "collision-course"]
     assert told[0].text == "bodies bonded where they touch: a and b"
     assert "b and d (at about t = 1.6 s)" in told[2].text and "c and d" in told[2].text
 
@@ -110,3 +112,50 @@ def test_scenes_that_are_shown_run(name):
     sim, record = Simulation(MPI.COMM_SELF, scene), Record()
     sim.run(None, [record], Limits(3))
     assert sim.clock.step == 3 and np.isfinite(record.columns()["energy_error"]).all()
+
+
+def test_forces_of_contact_and_components_are_watched_by_the_names_of_their_columns():
+    low = block("low", (0.0, -1.0), (1.0, 0.0), (4, 4), "cells")
+    top = block("top", (0.0, 0.0), (1.0, 1.0), (4, 4), "cells")
+    whole = {"fields": ["contact_force", "stress"], "where": "low", "statistic": "integral", "name": "whole"}
+    part = whole | {"fields": ["contact_force_y", "stress_xy"], "name": "part"}
+    at = {"at": [0.125, -0.125], "fields": ["contact_force_y", "velocity_x", "contact_force"], "name": "at"}
+    region = {"name": "low", "shape": {"box": {"lower": [0.0, -1.0], "upper": [1.0, 0.0]}}}
+    more = {"probes": [whole, part, at], "regions": [region], "output": {"fields": ["contact_force", "stress_xy"]}}
+    sim = simulated(tables(low, top, **more))
+    rows = sim.systems[0].particles.owned_rows
+    rows("position")[rows("body") == 1, 1] -= 0.1
+    rows("deformation_gradient")[:, 1] = 0.1
+    sim.interactions[0].rebuild(0.0)
+    sim.interactions[0].find_forces(None, held=True)
+    observables = Observables(sim.systems)
+    probes = Probes(MPI.COMM_SELF, sim.scene, observables)
+    found = dict(zip(probes.columns, probes.sample()))
+    force, corner = rows("contact_force"), int(np.argmin(np.abs(rows("position") - at["at"]).sum(axis=1)))
+    here = rows("body") == 0
+    assert force[here, 1].sum() < 0.0
+    assert found["whole.contact_force_y"] == pytest.approx(found["part.contact_force_y"], rel=1e-12)
+    assert found["part.contact_force_y"] == pytest.approx(rows("volume")[here] @ force[here, 1])
+    assert found["at.contact_force_y"] == force[corner, 1] != 0.0 and found["at.velocity_x"] == 0.0
+    assert found["whole.stress_xy"] == pytest.approx(found["part.stress_xy"], rel=1e-12) != 0.0
+    assert observables.written(sim.scene.output.fields) == ["contact_force", "stress_xy"]
+    assert observables.field("stress_xy").shape == (len(force),)
+
+
+@pytest.mark.parametrize("place", ["probes", "output"])
+@pytest.mark.parametrize("name", ["contact_force", "contact_force_x"])
+def test_no_force_of_contact_is_watched_where_there_is_none(place, name):
+    data = tables(block("alone", (0.0, 0.0), (1.0, 1.0), (4, 4), "cells"), contact=[])
+    data[place] = {"fields": [name]} if place == "output" else [{"name": "a", "at": [0.1, 0.1], "fields": [name]}]
+    with pytest.raises(SceneError) as error:
+        parse_scene(data)
+    key = "output.fields.0" if place == "output" else "probes.0.fields.0"
+    assert [fault.key for fault in error.value.faults] == [key]
+
+
+def test_components_that_a_field_does_not_have_are_unknown():
+    data = tables(block("alone", (0.0, 0.0), (1.0, 1.0), (4, 4), "cells"), contact=[])
+    for name in ("stress_xz", "velocity_z", "pressure_x", "stress_x", "velocity_xy"):
+        with pytest.raises(SceneError) as error:
+            parse_scene(data | {"probes": [{"name": "a", "at": [0.1, 0.1], "fields": [name]}]})
+        assert [fault.code for fault in error.value.faults] == ["unknown-name"]

@@ -98,8 +98,6 @@ def test_ties_end_where_particles_are_deleted(comm, method):
 
 @pytest.mark.parametrize(("case", "method"), [(hammered, "mpm"), (hammered, "ulsph"), (torn, "mpm")])
 def test_a_restart_amid_deletion_has_the_same_bits(comm, shared_path, case, method):
-    if method == "ulsph" and comm.size > 1:
-        pytest.skip("last bits differ, without contact too, where particles are about to be deleted")
     scene = parse_scene(case(method))
     deleted = np.diff(followed(case(method), MPI.COMM_SELF)[1]["deleted"])
     whole = run_into(shared_path / "whole", comm, scene).simulation

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from point_sets import KINDS, close, lattice, point_set
 
-from decomposition.pair_search import ClosePairs, half_pairs, stable_order, within_reach
+from decomposition.pair_search import ClosePairs, close_boxes, half_pairs, stable_order, within_reach
 
 # on the lattice, whose spacing is 1 / 8, both reaches equal distances between points: the test must be strict
 REACHES = [0.125, 0.25, 0.3]
@@ -161,3 +161,15 @@ def test_stable_order_of_large_keys():
 def test_wrong_arguments_of_half_pairs_are_named(points, owned, reach, word):
     with pytest.raises(ValueError, match=f"^{word}: expected"):
         half_pairs(points, owned, reach)
+
+
+def test_pairs_of_boxes_are_those_of_all():
+    rng = np.random.default_rng(3)
+    lower = rng.uniform(0.0, 10.0, (300, 3))
+    upper = lower + rng.uniform(0.0, 2.0, (300, 3))
+    for distance in (0.0, 0.3, np.inf):
+        first, second = close_boxes(lower, upper, distance)
+        gap = np.maximum(lower[:, None] - upper, lower - upper[:, None]).max(axis=2)
+        wanted = np.argwhere(np.triu(gap <= distance, 1))
+        order = np.lexsort((second, first))
+        np.testing.assert_array_equal(np.stack((first, second), axis=1)[order], wanted)

@@ -140,7 +140,7 @@ REFUSED = {
     "boundary of a body": (
         lambda data: data["boundaries"].append(ANTISYMMETRIC | {"body": "metal"}),
         (
-            "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat_flux', "
+            "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat-flux', "
             "'traction', 'pressure', 'spring', which the method of the body knows (antisymmetric: a grid is folded at "
             "planes of symmetry and of rest), found 'antisymmetric'"
         ),
@@ -148,7 +148,7 @@ REFUSED = {
     "boundary that a body has no method for": (
         lambda data: data["boundaries"].append(ANTISYMMETRIC),
         (
-            "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat_flux', "
+            "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat-flux', "
             "'traction', 'pressure', 'spring', which the method of bodies.1 knows, or a body for it, found "
             "'antisymmetric'"
         ),

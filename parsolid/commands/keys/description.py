@@ -11,6 +11,7 @@ from pydantic import PlainValidator
 from pydantic.fields import FieldInfo
 
 from parsolid.scene.base_model import ByKind, Plane, SceneModel, TableOr
+from parsolid.scene.raw_tables import toml_value
 
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", dict: "a table of texts"}
 _NAMES = {float: "number", int: "integer", bool: "boolean", str: "string", dict: "object"}
@@ -92,7 +93,7 @@ def _either(parts: list[Value]) -> Value:
 
 
 def _one_of(choices: tuple[Any, ...]) -> Value:
-    return Value(" or ".join(dict.fromkeys(map(as_toml, choices))), {"enum": list(choices)})
+    return Value(" or ".join(dict.fromkeys(map(toml_value, choices))), {"enum": list(choices)})
 
 
 def _list_of(parts: tuple[Any, ...], metadata: list[Any]) -> Value:
@@ -130,18 +131,7 @@ def _default(stated: FieldInfo) -> str | None:
     value = stated.get_default(call_default_factory=True)
     if isinstance(value, SceneModel):
         return "as its keys"
-    return "none" if value is None else as_toml(value)
-
-
-def as_toml(value: Any) -> str:
-    """A plain value as a scene writes it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return f'"{value}"'
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(as_toml, value))}]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return "none" if value is None else toml_value(value)
 
 
 def _documented(model: type, name: str) -> str:

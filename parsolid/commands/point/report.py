@@ -16,7 +16,7 @@ from parsolid.point.laws import PathLost
 from parsolid.point.schema import MaterialPoint, load_point
 
 _SHOWN = (
-    *("deviator_norm", "plastic_strain_rate", "micro_stress"),
+    *("von_mises_stress", "plastic_strain_rate", "micro_stress"),
     *("plastic_strain", "temperature", "heat_given_away"),
 )
 TABLE, PICTURE, SUMMARY = "point.csv", "point.png", "point_summary.json"
@@ -110,7 +110,8 @@ def _plastic(summary: dict[str, Any]) -> list[str]:
     if "micro_stress_at_end" in summary:
         norm, rate, stress = (summary[f"{name}_at_end"] for name in _SHOWN[:3])
         lines.append(
-            f"  |S| {norm:.6g} Pa, plastic strain rate {rate:.6g} 1/s, micro-stress {stress:.6g} Pa at the end"
+            f"  von Mises stress {norm:.6g} Pa, plastic strain rate {rate:.6g} 1/s,"
+            f" micro-stress {stress:.6g} Pa at the end"
         )
     return lines
 

@@ -32,8 +32,8 @@ _DAMPING = {False: 1.0, True: 4.0 / 3.0}
 _THINNEST = 0.2
 # of axes of fourth order, which alone have it
 _FED = "with them method.dissipation would feed waves; more particles change slower, or less of it"
-# a hair more than the offset of the farthest neighbour
-_HAIR = 1.02
+# over the offset of the farthest neighbour
+_WIDENED = 1.02
 _NO_EDGES = "method.clamp_edges: expected 0 unless a fixed plane meets a free face of a box on a lattice, found {:g}"
 # least planes of a rank's part at the end of a box: of fourth order its nodes reach three planes, and stand together
 _END_PLANES = {"fourth-order": 4, "cells": 2}
@@ -54,8 +54,8 @@ class LatticeBody(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """Distance of the farthest neighbour in spacings, and a hair more."""
-        return _HAIR * (REACH if self.fourth_order else 1)
+        """Distance of the farthest neighbour in spacings, and a little more."""
+        return _WIDENED * (REACH if self.fourth_order else 1)
 
     @property
     def frequency(self) -> float:

@@ -2,7 +2,8 @@
 
 Ghosts know masses since the list was made, so particles go in the step after they failed, at whose start all ranks make
 lists anew. The opening kick of that step is still by forces of their whole mass: they go behind it, so that action and
-reaction are both counted. Until then the mass that is due is a negative `deleted_mass`.
+reaction are both counted. Until then the mass that is due is a negative `deleted_mass`. They have drifted for half a
+step when they stop, which their ghosts have not: lists are made anew once more before the next step.
 """
 
 from collections.abc import Iterator
@@ -24,17 +25,21 @@ def _left_of(deleted: np.ndarray) -> np.ndarray:
 
 
 class Deletion:
-    """Of one rank's particles; energies [J] of what has gone are asked for with `take_energies`."""
+    """Of one rank's particles; energies [J] of what has gone are asked for with `take_energies`.
+
+    astray: whether any has gone since lists were made, and ghosts are not where it is.
+    """
 
     def __init__(self, system: Any):
         """system: `system.UpdatedLagrangianSPH`, whose fields are declared."""
         self.system, self.particles = system, system.particles
         self._energies: dict[str, float] = {}
+        self.astray = False
 
     @property
-    def due(self) -> bool:
-        """Whether this rank has failed particles to delete."""
-        return len(failed_to_delete(self.particles, self.system.blocks)) > 0
+    def asks(self) -> bool:
+        """Whether this rank has failed particles to delete, or others have to be told where one has gone."""
+        return self.astray or len(failed_to_delete(self.particles, self.system.blocks)) > 0
 
     @contextmanager
     def announced(self) -> Iterator[None]:
@@ -47,28 +52,30 @@ class Deletion:
         # particles have changed their rows
         mass, deleted = self.particles.owned_rows("mass"), self.particles.owned_rows("deleted_mass")
         mass -= np.minimum(deleted, 0.0)
+        self.astray = False
+
+    def stop(self) -> None:
+        """Before a drift: what has gone stands still, here and in ghosts."""
+        self.particles.owned_rows("velocity")[self.particles.owned_rows("deleted_mass") > 0.0] = 0.0
 
     def carry_out(self) -> None:
-        """Between opening kick and first sweep: what is due goes, and what has gone stands still."""
+        """Between the first drift and the first sweep: what is due goes."""
         of = self.particles.owned_rows
         rows = np.flatnonzero(of("deleted_mass") < 0.0)
         if len(rows):
+            self.astray = True
             kinetic, stored = self.system.energies()
             note_deleted(self.particles, rows, -of("deleted_mass")[rows], of("velocity")[rows].copy())
             # those of its whole mass, whose heat the next state would take up
             for name in ("force", "viscous_force", "viscous_heat", "impulse_power"):
                 of(name)[rows] = 0.0
-            self.hold()
+            self.lighten()
+            self.stop()
             self.system.conditions.forget_masses()
             left = self.system.energies()
             self._energies = {DELETED_KINETIC: kinetic - left[0], DELETED_INTERNAL: stored - left[1]}
         else:
-            self.hold()
-
-    def hold(self) -> None:
-        """Take mass and motion of deleted particles."""
-        self.lighten()
-        self.particles.owned_rows("velocity")[self.particles.owned_rows("deleted_mass") > 0.0] = 0.0
+            self.lighten()
 
     def lighten(self) -> None:
         """Take the mass of deleted particles; also after a restart, whose masses are those of time 0."""

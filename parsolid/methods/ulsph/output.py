@@ -50,10 +50,10 @@ class Reports(ParticleSystem):
         failed = failed_matter.measure(self.particles, mass, name)
         if failed is not None:
             return failed
-        if name == "maximum_deviator_norm":
+        if name == "maximum_von_mises_stress":
             squares = rows("deviator") ** 2
             shears = squares[:, 3:].sum(axis=1)
-            return "maximum", np.array([np.sqrt((squares.sum(axis=1) + shears).max(initial=0.0))])
+            return "maximum", np.array([np.sqrt(1.5 * (squares.sum(axis=1) + shears).max(initial=0.0))])
         if name.startswith("maximum_"):
             return "maximum", np.array([rows(name.removeprefix("maximum_")).max(initial=0.0)])
         if name == "mean_plastic_strain":

@@ -87,7 +87,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",
         "maximum_plastic_strain": "scalar",
-        "maximum_deviator_norm": "scalar",
+        "maximum_von_mises_stress": "scalar",
         "mean_plastic_strain": "scalar",
         "micro_kinetic": "scalar",
         "heat": "scalar",

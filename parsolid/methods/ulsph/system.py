@@ -160,6 +160,8 @@ class UpdatedLagrangianSPH(Reports):
         """Opening half kick, state from the rates in the middle of the step [s], and drift to its end."""
         self.rebuild_expired_list(time)
         self.kicks.open_step(time, step)
+        if self.deletion is not None:
+            self.deletion.stop()
         self.drift(0, self.owned, 0.5 * step)
         self.find_rates(0.5 * step)
         self.material = self.advance_state(time + step, step)
@@ -185,7 +187,7 @@ class UpdatedLagrangianSPH(Reports):
 
     def check_list(self, time: float, step: float) -> None:
         """Whether the list will be used up by the next step, or particles are to be deleted."""
-        due = self.deletion is not None and self.deletion.due
+        due = self.deletion is not None and self.deletion.asks
         self.time, self.rebuild_needed = time, self.pairs.expires(time, self.substeps * step) or due
 
     def drift(self, first: int, last: int, step: float) -> None:
