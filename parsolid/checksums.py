@@ -45,6 +45,20 @@ def digest(data: bytes) -> str:
     return hashlib.blake2b(data, digest_size=16).hexdigest()
 
 
+_SEAL = "# checksum "
+
+
+def sealed(text: str) -> str:
+    """Lines, and a comment with their checksum."""
+    return f"{text}{_SEAL}{digest(text.encode())}\n"
+
+
+def is_as_sealed(text: str) -> bool:
+    """Whether lines are what `sealed` was given; true of lines without its comment."""
+    lines, mark, stated = text.rpartition(_SEAL)
+    return not mark or stated == f"{digest(lines.encode())}\n"
+
+
 def added(comm: MPI.Intracomm, sums: dict[str, int]) -> dict[str, int]:
     """Parts of all ranks, whose names are the same, added modulo 2^64; collective."""
     total = np.array([sums[name] for name in sorted(sums)], np.uint64)

@@ -29,7 +29,7 @@ from parsolid.output.checkpoint import DEFAULT_NAME, find_checkpoint, partial_na
 from parsolid.output.errors import OutputError, together
 from parsolid.output.history import read_history
 from parsolid.output.run_folder import RunFolder
-from parsolid.output.summary import write_summary
+from parsolid.output.summary import read_summary, write_summary
 from parsolid.scene import Scene, SceneError
 from parsolid.simulation.job import FAILED, Job
 from parsolid.simulation.loop import FINISHED, Limits, RunFailed, Simulation
@@ -123,7 +123,7 @@ def read_files(folder: Path) -> tuple[dict[str, Any], History]:
     """Summary and history of a folder, empty where there are none; for one rank. Raises OutputError."""
     summary, history = folder / "summary.json", folder / "history.csv"
     return (
-        json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else {},
+        read_summary(summary) if summary.exists() else {},
         {name: np.array(values) for name, values in read_history(history).items()} if history.exists() else {},
     )
 

@@ -11,10 +11,12 @@ from typing import Any
 import h5py
 import numpy as np
 
+from parsolid.checksums import is_as_sealed
 from parsolid.output.errors import OutputError, words
 from parsolid.output.field_sums import rows_of_step
 from parsolid.output.fields import DEFAULT_NAME
 from parsolid.output.history import read_history
+from parsolid.output.summary import read_summary
 from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
 from parsolid.scene.methods import context_of
@@ -58,13 +60,16 @@ class Results:
         self.fields_path = self.directory / DEFAULT_NAME
         scene = self.directory / "scene.toml"
         try:
-            self.scene: dict[str, Any] = tomllib.loads(scene.read_text(encoding="utf-8"))
+            text = scene.read_text(encoding="utf-8")
+            self.scene: dict[str, Any] = tomllib.loads(text)
         except OSError as error:
             raise SceneError(
                 [f"{self.directory}: expected the folder of a run, found no scene.toml ({words(error)})"]
             ) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SceneError([f"{scene}: expected TOML, found a fault: {error}"]) from None
+        if not is_as_sealed(text):
+            raise SceneError([f"{scene}: damaged: it is not as it was written (checksums differ)"])
         self.dimension = self.scene.get("dimension")
         if self.dimension not in (1, 2, 3):
             raise SceneError([f"{scene}: expected dimension = 1, 2 or 3, found {describe(self.dimension)}"])
@@ -127,13 +132,8 @@ class Results:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """summary.json. Raises OutputError when there is none: the run has not ended."""
-        path = self.directory / "summary.json"
-        try:
-            found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise OutputError(f"cannot read {path}: {words(error) if isinstance(error, OSError) else error}") from error
-        return found
+        """summary.json. Raises OutputError when there is none: the run has not ended; or when it is damaged."""
+        return read_summary(self.directory / "summary.json")
 
     @cached_property
     def errors(self) -> dict[str, np.ndarray]:

@@ -18,23 +18,43 @@ import numpy as np
 from mpi4py import MPI
 
 import parsolid
+from parsolid.checksums import digest
 from parsolid.output.errors import OutputError, words
+
+_CHECKSUM = "checksum"
 
 
 def write_summary(path: Path | str, summary: dict[str, Any]) -> None:
     """Write a summary as JSON, keys in the order given, beside and renamed; for one rank alone.
 
-    numpy values become numbers and lists; what is not finite becomes null, since JSON has no word for it.
+    The last entry is the checksum of the others. numpy values become numbers and lists; what is not finite becomes
+    null, since JSON has no word for it.
     Raises OutputError.
     """
-    path = Path(path)
-    text = json.dumps(_plain(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    path, plain = Path(path), {key: value for key, value in _plain(summary).items() if key != _CHECKSUM}
+    text = _as_json(plain | {_CHECKSUM: digest(_as_json(plain).encode())}) + "\n"
     partial = path.with_name(path.name + ".partial")
     try:
         partial.write_text(text, encoding="utf-8")
         os.replace(partial, path)
     except OSError as error:
         raise OutputError(f"cannot write {path}: {words(error)}") from error
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """The entries of summary.json. Raises OutputError where there is none, or it is not as it was written."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        stated = found.pop(_CHECKSUM, None)
+    except (OSError, ValueError, AttributeError) as error:
+        raise OutputError(f"cannot read {path}: {words(error)}") from error
+    if stated not in (None, digest(_as_json(found).encode())):
+        raise OutputError(f"{path}: damaged: it is not as it was written (checksums differ)")
+    return dict(found)
+
+
+def _as_json(plain: dict[str, Any]) -> str:
+    return json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def peak_memory_bytes(present: bool = False) -> int:

@@ -286,7 +286,7 @@ def test_forces_on_surfaces_are_those_of_present_areas_and_motions(d):
 
 
 def test_heat_through_planes_stays_with_the_particles_at_them(comm):
-    data = tables_of("mpm", table("heat_flux") | {"heat_flux": "1 + Y*t"}) | {"loads": {"heat_source": "X"}}
+    data = tables_of("mpm", table("heat-flux") | {"heat_flux": "1 + Y*t"}) | {"loads": {"heat_source": "X"}}
     scene = parse_scene(data)
     particle_set, spacing = generate(scene, comm), 0.125
     # another surface that looks the same way, one spacing farther, is not meant

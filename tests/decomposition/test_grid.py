@@ -1,11 +1,14 @@
 """Cells, shared nodes and moving particles on any number of ranks, against sums done by one rank with numpy."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from decomposition.bisection import CutTree, cut_cells
 from decomposition.grid import RankGrid
 from decomposition.occupied import Mirror, OccupiedCells, indices_of, words
+from decomposition.shared_nodes import SharedNodes
 
 WIDTH = 3
 
@@ -225,3 +228,16 @@ def test_a_particle_that_is_lost_is_told(comm):
     assert grid.update_cells(particles) == (comm.rank != 0)
     if comm.rank == 0:
         assert 0 not in grid.cells.order[: grid.cells.start[-1]]
+
+
+@pytest.mark.serial
+def test_grids_that_meet_look_as_far_as_the_wider_one():
+    """Ranks whose parts come within the wider stencil, slack included, hear of each other."""
+    asked = []
+    partition = SimpleNamespace(box=lambda rank: [rank], near=lambda box, reach: asked.append(reach) or [1, 0])
+    nodes = SharedNodes.__new__(SharedNodes)
+    nodes.comm, nodes._partitions = SimpleNamespace(rank=0), [partition, partition]
+    for grids in (((3, 0), (2, 2)), ((2, 2), (3, 0))):
+        nodes.grids = tuple(SimpleNamespace(cells=SimpleNamespace(width=w), slack=s) for w, s in grids)
+        assert nodes._near() == [1]
+    assert set(asked) == {6}

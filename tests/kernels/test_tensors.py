@@ -153,3 +153,12 @@ def test_kernels_give_what_python_gives():
             t.contract(t.matmul(t.inverse(a), R), t.general(t.congruence(R, s))), rel=1e-11
         )
         assert found[1, i] == pytest.approx(t.largest_eigenvalue(t.gram(a)), rel=1e-13)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.3, 2.0])
+def test_a_spin_turns_by_cayleys_formula(step):
+    L, one = general_and_symmetric(4)[0], np.eye(3)
+    W = 0.25 * step * (L - L.T)
+    wanted = np.linalg.solve(one - W, one + W)
+    np.testing.assert_allclose(t.spin_rotation(nine(L), step), nine(wanted), atol=1e-14)
+    np.testing.assert_allclose(wanted @ wanted.T, one, atol=1e-14)

@@ -8,6 +8,7 @@ from mpi4py import MPI
 from solids import Record, follow, run_into
 from test_methods_meet import CLOSING, SPEED, bars, momenta
 
+from parsolid.methods.mpm.nodal_contact import FieldPair
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.observation import stored_energy
 from parsolid.simulation.loop import Simulation
@@ -157,3 +158,20 @@ def test_what_no_grid_knows_is_refused(second, contact, method, message):
     data["methods"][0] |= method
     with pytest.raises(SceneError, match=message):
         parse_scene(data)
+
+
+def test_what_friction_holds_sticks_and_what_it_does_not_slides():
+    """Of the nodes' velocities, in an impact without a gap; mass in kg, velocities in m/s."""
+    pair = FieldPair.__new__(FieldPair)
+    pair.normal, pair.active = np.array([[1.0, 0.0]] * 3), np.array([True, True, False])
+    mass, relative = np.array([[2.0, 3.0]] * 3), np.array([[0.5, 0.25], [0.5, -4.0], [0.5, 0.25]])
+    both, pair.friction = 1.2, 0.8
+    pair._find_impulses(mass, relative, np.zeros(3), 1.0)
+    left = relative - pair.impulse / both
+    # closing is lost, the slow one sticks, the fast one is slowed by mu times as much as was pressed
+    np.testing.assert_allclose(left, [[0.0, 0.0], [0.0, -4.0 + 0.8 * 0.5], [0.5, 0.25]], atol=1e-15)
+    lost = 0.5 * both * (relative[:, 1] ** 2 - left[:, 1] ** 2)
+    np.testing.assert_allclose(pair.rubbed, lost, atol=1e-15)
+    # a gap that closes within the step leaves so much of the approach
+    pair._find_impulses(mass, relative, np.full(3, 0.3), 1.0)
+    np.testing.assert_allclose((relative - pair.impulse / both)[:, 0], [0.3, 0.3, 0.5], atol=1e-15)

@@ -67,6 +67,22 @@ def test_forces_are_minus_the_gradient_of_an_energy_that_no_affine_motion_has():
             assert (found[1] - found[0]) / 2e-5 == pytest.approx(force[k, 1], abs=1e-7 * largest)
 
 
+def test_springs_do_not_depend_on_where_bodies_stand():
+    found = []
+    for shift in (np.zeros(2), np.array([-7.0, -5.0]), np.array([4.0, 9.0])):
+        data = blocks("sph", "bonds")
+        for body in data["bodies"]:
+            box = body["shape"]["box"]
+            body["shape"] = {"box": {key: (np.array(box[key]) + shift).tolist() for key in box}}
+            body["velocity"] = [0.0, 0.0]
+        (face,) = Simulation(MPI.COMM_SELF, parse_scene(data)).interactions[0].faces
+        found.append((face.weight, face.springs))
+    for weight, springs in found[1:]:
+        assert len(springs) == len(found[0][1]) > 5
+        np.testing.assert_allclose(weight, found[0][0], atol=1e-9)
+        np.testing.assert_allclose(springs, found[0][1], rtol=1e-9)
+
+
 @pytest.mark.parametrize(("first", "second"), [("bonds", "points"), ("sph", "flow")])
 def test_on_any_ranks_and_after_a_restart_tied_blocks_move_alike(comm, shared_path, first, second):
     single = comm.Split(comm.rank)

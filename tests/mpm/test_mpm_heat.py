@@ -199,3 +199,10 @@ def test_faces_take_up_plastic_heat_alike_on_all_ranks(comm):
     rise = gathered(single, "plastic_rise")[0]
     # what the grid has not spread yet is less than what there is
     assert 0.0 < rise.min() and rise.max() < (wanted - START).max()
+
+
+def test_a_source_that_grows_is_taken_at_the_middle_of_steps():
+    """The rule of the middle is exact for a power that is linear in time."""
+    time, growth = 0.3, 4e7
+    _, temperature, _ = state(slab(time, cells=4, loads={"heat_source": f"{growth}*t"}))
+    np.testing.assert_allclose(temperature - START, 0.5 * growth * time**2 / HEAT_CAPACITY, rtol=1e-9)

@@ -305,3 +305,19 @@ def test_four_quarters_are_a_whole_rod(scene_of, comm):
     kept = (rods["whole"]["position"][:, 1] > 1.0) & (rods["whole"]["position"][:, 2] > 2.0)
     np.testing.assert_allclose(rods["quarter"]["position"], rods["whole"]["position"][kept], atol=1e-12)
     np.testing.assert_allclose(rods["quarter"]["volume"], rods["whole"]["volume"][kept], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "filling, coarsest",
+    [
+        ({"spacing": [0.2, 0.5], "placement": "cells"}, 0.5),
+        ({"spacing": [0.5, 0.2], "placement": "cells"}, 0.5),
+        # of 8 steps each is 4^(1/8) of the one before
+        ({"particles": [9, 9], "grading": [[1.0], [1.0, 4.0]]}, 3.0 * (1.0 - 4.0 ** (-1 / 8)) / (1.0 - 0.25)),
+    ],
+)
+def test_the_coarsest_spacing_is_that_of_the_widest_step(filling, coarsest):
+    body = {"shape": RECTANGLE, "material": MATERIAL} | filling
+    method = {"kind": "tlsph", "weights": "best", "integrator": "leapfrog"}
+    scene = parse_scene({"dimension": 2, "end_time": 1.0, "method": method, "bodies": [body]})
+    assert filling_of(scene.bodies[0], 2).coarsest == pytest.approx(coarsest)

@@ -20,6 +20,7 @@ from solids import (
     tables,
 )
 
+from parsolid.methods.tlsph import updated_reference
 from parsolid.methods.tlsph.updated_reference import smoothed_places
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import RunFailed
@@ -161,6 +162,19 @@ def test_moved_forces_keep_momentum_angular_momentum_and_energy(dimension):
     stored = np.einsum("n,nij,nij", rows("volume"), P, forces["gradient"])
     assert abs(np.sum(T * rows("velocity")) + stored) < 1e-12 * abs(stored)
     assert forces["numerical"] > 0.0
+
+
+def test_one_pass_leaves_nothing_of_what_alternates_inside(monkeypatch):
+    monkeypatch.setattr(updated_reference, "_PASSES", 1)
+    sim = simulation(tables((12, 12), material=SOFT))
+    lists = sim.systems[0].lists
+    X = sim.systems[0].particles.owned_rows("reference_position").copy()
+    index = np.round(X * 11).astype(int)
+    inside = ((index > 3) & (index < 8)).all(axis=1)
+    for signs in (index[:, 0], index[:, 1], index.sum(axis=1)):
+        ripple = 0.01 * (-1.0) ** signs[:, None] * np.array([1.0, 0.5])
+        kept = smoothed_places(lists.near, 0.85, X + ripple, lists.corrections, lists.volume, 1.0) - X
+        assert np.abs(kept[inside]).max() < 1e-12
 
 
 def test_what_alternates_is_left_out_and_what_is_linear_is_kept():

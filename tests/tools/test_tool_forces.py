@@ -5,7 +5,7 @@ import pytest
 
 from parsolid.contact.tools.forces import Approach, Frame, Friction, Nearby, Particles, Resultant, Touched, press
 from parsolid.contact.tools.rigid_body import rotation_matrix, turn
-from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod
+from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod, distance
 from parsolid.contact.tools.surface import make_surface
 
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.3, 0.3) for z in (-0.2, 0.2)])
@@ -70,3 +70,23 @@ def test_friction_sticks_as_a_spring_and_slips_at_its_limit():
 def test_a_box_of_triangles_is_a_box():
     places = np.random.default_rng(1).uniform(-0.8, 0.8, (300, 3))
     assert np.allclose(pressed(BOX, places)[0], pressed(SHAPES["block"], places)[0], atol=1e-9)
+
+
+def test_distances_are_negative_inside_and_those_of_the_surface_outside():
+    third = 3.0**-0.5
+    wanted = [
+        (Ball(0.4), (0.0, 0.0, 0.0), -0.4),
+        (Ball(0.4), (0.3, 0.0, 0.4), 0.1),
+        (HalfSpace(third, third, third), (0.1, 0.2, -0.4), -0.1 * third),
+        (Rod(0.3, 0.25, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), -0.25),
+        (Rod(0.3, 0.25, 0.0, 0.0, 1.0), (0.28, 0.0, 0.1), -0.02),
+        (Rod(0.3, 0.25, 0.0, 0.0, 1.0), (0.6, 0.0, 0.65), 0.5),
+        (Block(0.5, 0.3, 0.2), (0.0, 0.0, 0.15), -0.05),
+        (Block(0.5, 0.3, 0.2), (0.8, 0.7, 0.2), 0.5),
+        (BOX, (0.0, 0.0, 0.15), -0.05),
+        (BOX, (0.8, 0.7, 0.2), 0.5),
+    ]
+    for shape, place, away in wanted:
+        found, *normal = distance(shape, *place, np.inf)
+        assert found == pytest.approx(away, abs=1e-12), (shape, place)
+        assert np.linalg.norm(normal) == pytest.approx(1.0)

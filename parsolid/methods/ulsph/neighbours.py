@@ -58,10 +58,12 @@ class Neighbours:
         smoothing: Any,
         viscosity: sweeps.ArtificialViscosity | None,
         welded: bool,
+        corrected: bool,
     ) -> None:
-        """particles: with all their fields; welded: whether bodies stick together, rather than press on one another."""
+        """particles: with all their fields; welded: whether bodies stick together, rather than press on one another;
+        corrected: whether gradients are, so that pairs in tension may have weights of another distance."""
         self.particles, self.pairs, self.dimension, self.smoothing = particles, pairs, dimension, smoothing
-        self.viscosity, self._pressing = viscosity, None if welded else True
+        self.viscosity, self._pressing, self._holds = viscosity, None if welded else True, corrected
         if dimension == 2:
             self.stride, mass, length = 2, 4, 5
             self._add_rates, self._add_forces = sweeps.add_rates_in_plane, sweeps.add_forces_in_plane
@@ -97,6 +99,10 @@ class Neighbours:
         self._rows_of_flux = np.zeros((rows, 2 * stride)) if self._flux[0] else None
         self.rates, self.flows, self.slopes = np.zeros((n, 4 * stride)), np.zeros((n, 4)), np.zeros((n, 2 * stride))
         self._forces, self._heating = np.zeros((n, 2 * stride)), np.zeros(n)
+        self._holding: np.ndarray | None = None
+        if self._holds:
+            self._holding = np.zeros((rows, 4))
+            self._holding[:known, : self.dimension] = particles["reference_position"][:known]
         if pairs.images is not None:
             self._follow_images(pairs.images, pairs.codes)
         lists = [one for one in (pairs.inner, pairs.outer, pairs.mirror) if one is not None]
@@ -114,6 +120,9 @@ class Neighbours:
         self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
         self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, R
         self._shift[:, stride : stride + d] = T
+        if self._holding is not None:
+            first = self.particles.owned + self.particles.ghosts
+            self._holding[first:, :d] = R * self._holding[images.source, :d] + T
         self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
         for j in range(d):
             self._record_factor[:, stride * j : stride * j + d] = sign * Q[:, j : j + 1] * Q
@@ -146,7 +155,7 @@ class Neighbours:
 
         def add(pairs: Pairs, both: bool) -> None:
             for part, between in self._parts[id(pairs)]:
-                options = (self._pressing, None) if between else (None, flux)
+                options = (self._pressing, None, None) if between else (None, self._holding, flux)
                 self._add_rates(self.smoothing, part, both, *options, motion, record, self.rates, self.flows)
 
         self._sweep(add, "motion", received)
@@ -167,7 +176,7 @@ class Neighbours:
         def add(pairs: Pairs, both: bool) -> None:
             sums = self._forces, self._heating, self.slopes
             for part, between in self._parts[id(pairs)]:
-                options = (self._pressing, None) if between else (None, flux)
+                options = (self._pressing, None, None) if between else (None, self._holding, flux)
                 self._add_forces(self.smoothing, part, both, *options, self.viscosity, motion, record, *sums)
 
         self._sweep(add, "record", received)

@@ -24,7 +24,8 @@ and add to rows of owned particles:
     forces   of stresses F and of the artificial viscosity V: space [F . | V .]; plane [F V]
     heating  q
     slopes   sums of (v^p_b - v^p_a) g and of (T_b - T_a) g: space [micro . | heat .]; plane [micro heat]
-pressing is None but for pairs of two bodies that exert no tension on one another.
+pressing is None but for pairs of two bodies that exert no tension on one another; holding: reference
+positions [X 0] or [X 0 0], None where pairs in tension have the weights of their present distance.
 """
 
 from typing import NamedTuple
@@ -67,6 +68,61 @@ def weight_in_plane(smoothing, h, square):
 
 
 @inlined
+def held_weight(weight, before, nearness, pull_a, pull_b):
+    """Weight of a pair that was stretched: that of its reference distance, `before`, as far as both particles pull.
+
+    In tension, weights that fall as a pair stretches make neighbours part (Swegle, Hicks and Attaway, J. Comput. Phys.
+    116, 1995); those of the reference distance do not fall. pull_a, pull_b: r.P r of both particles, the first
+    positive; nearness: 1 minus the distance over the support, at the last fifth of which a pair lets go.
+    """
+    share = 2.0 * max(min(pull_a, pull_b), 0.0) / (pull_a + abs(pull_b))
+    return weight + share * max(min(5.0 * nearness, 1.0) * before - weight, 0.0)
+
+
+@inlined
+def pull_in_space(record, a, r):
+    """r.P_a r."""
+    u = scale(r[0], load_row(record, a, 0))
+    u = add_scaled(u, r[1], load_row(record, a, 4))
+    return dot(add_scaled(u, r[2], load_row(record, a, 8)), r)
+
+
+@inlined
+def symmetric_in_space(record, a):
+    """P_a of r.P_a r: its symmetric part, 11 22 33 and twice 12 13 23."""
+    u, v, w = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
+    return (u[0], v[1], w[2], u[1] + v[0], u[2] + w[0], v[2] + w[1])
+
+
+@inlined
+def pull_of_symmetric(P, r):
+    """r.P r of `symmetric_in_space`."""
+    return r[0] * (P[0] * r[0] + P[3] * r[1] + P[4] * r[2]) + r[1] * (P[1] * r[1] + P[5] * r[2]) + P[2] * r[2] * r[2]
+
+
+@inlined
+def may_pull_in_space(P):
+    """Whether r.P r may be positive, by the bound tr P/3 + (2/3)^1/2 |dev P| of the largest eigenvalue."""
+    mean = (P[0] + P[1] + P[2]) / 3.0
+    square = (P[0] - mean) ** 2 + (P[1] - mean) ** 2 + (P[2] - mean) ** 2
+    square += 0.5 * (P[3] * P[3] + P[4] * P[4] + P[5] * P[5])
+    return mean > 0.0 or 2.0 * square > 3.0 * mean * mean
+
+
+@inlined
+def may_pull_in_plane(P):
+    """Whether r.P r is positive for any r."""
+    mean, half, shear = 0.5 * (P[0] + P[3]), 0.5 * (P[0] - P[3]), 0.5 * (P[1] + P[2])
+    return mean > 0.0 or half * half + shear * shear > mean * mean
+
+
+@inlined
+def pull_in_plane(P, x, y):
+    """r.P r of r = (x, y)."""
+    return (P[0] * x + P[2] * y) * x + (P[1] * x + P[3] * y) * y
+
+
+@inlined
 def traction_in_space(record, a, b, r):
     """(P_a + P_b) r."""
     u = scale(r[0], add(load_row(record, a, 0), load_row(record, b, 0)))
@@ -75,13 +131,15 @@ def traction_in_space(record, a, b, r):
 
 
 @kernel
-def add_rates_in_space(smoothing, pairs, both, pressing, flux, motion, record, rates, flows):
+def add_rates_in_space(smoothing, pairs, both, pressing, holding, flux, motion, record, rates, flows):
     """Add what pairs have of rates and flows; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
         if start[a] == start[a + 1]:
             continue
         v_a, x_a = load_row(motion, a, 0), load_row(motion, a, 4)
+        P_a = symmetric_in_space(record, a)
+        pulls = holding is not None and may_pull_in_space(P_a)
         sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
         sum_2, sum_3 = load_row(rates, a, 8), load_row(rates, a, 12)
         for k in range(start[a], start[a + 1]):
@@ -95,7 +153,16 @@ def add_rates_in_space(smoothing, pairs, both, pressing, flux, motion, record, r
             dv = subtract(v_b, v_a)
             if pressing is not None and not (dot(dv, r) < 0.0 or dot(traction_in_space(record, a, b, r), r) < 0.0):
                 continue
-            g = scale(v_a[3] * v_b[3] * weight_in_space(smoothing, h, square), r)
+            weight = weight_in_space(smoothing, h, square)
+            if pulls:
+                pull = pull_of_symmetric(P_a, r)
+                if pull > 0.0:
+                    R = subtract(load_row(holding, b, 0), load_row(holding, a, 0))
+                    if dot(R, R) < square:
+                        before = weight_in_space(smoothing, h, dot(R, R))
+                        nearness = 1.0 - square**0.5 / (smoothing.support * h)
+                        weight = held_weight(weight, before, nearness, pull, pull_in_space(record, b, r))
+            g = scale(v_a[3] * v_b[3] * weight, r)
             dv_r = (dv[0], dv[1], dv[2], r[0])
             to_0, to_1, to_2 = scale(g[0], dv_r), scale(g[1], dv_r), scale(g[2], dv_r)
             to_3 = (r[1] * g[1], r[2] * g[2], r[1] * g[2], 0.0)
@@ -119,13 +186,17 @@ def add_rates_in_space(smoothing, pairs, both, pressing, flux, motion, record, r
 
 
 @kernel
-def add_forces_in_space(smoothing, pairs, both, pressing, flux, viscosity, motion, record, forces, heating, slopes):
+def add_forces_in_space(
+    smoothing, pairs, both, pressing, holding, flux, viscosity, motion, record, forces, heating, slopes
+):
     """Add what pairs have of forces, heating and slopes; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
         if start[a] == start[a + 1]:
             continue
         v_a, x_a, N_a = load_row(motion, a, 0), load_row(motion, a, 4), load_row(record, a, 12)
+        P_a = symmetric_in_space(record, a)
+        pulls = holding is not None and may_pull_in_space(P_a)
         sum_F, sum_V, sum_q = load_row(forces, a, 0), load_row(forces, a, 4), heating[a]
         slope_micro, slope_heat = load_row(slopes, a, 0), load_row(slopes, a, 4)
         for k in range(start[a], start[a + 1]):
@@ -136,7 +207,16 @@ def add_forces_in_space(smoothing, pairs, both, pressing, flux, viscosity, motio
             if not square < (smoothing.support * h) ** 2:
                 continue
             v_b, N_b = load_row(motion, b, 0), load_row(record, b, 12)
-            product = v_a[3] * v_b[3] * weight_in_space(smoothing, h, square)
+            weight = weight_in_space(smoothing, h, square)
+            if pulls:
+                pull = pull_of_symmetric(P_a, r)
+                if pull > 0.0:
+                    R = subtract(load_row(holding, b, 0), load_row(holding, a, 0))
+                    if dot(R, R) < square:
+                        before = weight_in_space(smoothing, h, dot(R, R))
+                        nearness = 1.0 - square**0.5 / (smoothing.support * h)
+                        weight = held_weight(weight, before, nearness, pull, pull_in_space(record, b, r))
+            product = v_a[3] * v_b[3] * weight
             g = scale(product, r)
             F = traction_in_space(record, a, b, g)
             if pressing is not None and not dot(F, r) < 0.0:
@@ -173,13 +253,15 @@ def traction_in_plane(record, a, b, x, y):
 
 
 @kernel
-def add_rates_in_plane(smoothing, pairs, both, pressing, flux, motion, record, rates, flows):
+def add_rates_in_plane(smoothing, pairs, both, pressing, holding, flux, motion, record, rates, flows):
     """As `add_rates_in_space`."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
         if start[a] == start[a + 1]:
             continue
         here, m_a, h_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5]
+        P_a = load_row(record, a, 0)
+        pulls = holding is not None and may_pull_in_plane(P_a)
         sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
@@ -192,7 +274,18 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, flux, motion, record, r
                 S = traction_in_plane(record, a, b, x, y)
                 if not (u * x + v * y < 0.0 or S[0] * x + S[1] * y < 0.0):
                     continue
-            product = m_a * motion[b, 4] * weight_in_plane(smoothing, h, square)
+            weight = weight_in_plane(smoothing, h, square)
+            if pulls:
+                pull = pull_in_plane(P_a, x, y)
+                if pull > 0.0:
+                    X, Y = holding[b, 0] - holding[a, 0], holding[b, 1] - holding[a, 1]
+                    if X * X + Y * Y < square:
+                        before = weight_in_plane(smoothing, h, X * X + Y * Y)
+                        nearness = 1.0 - square**0.5 / (smoothing.support * h)
+                        weight = held_weight(
+                            weight, before, nearness, pull, pull_in_plane(load_row(record, b, 0), x, y)
+                        )
+            product = m_a * motion[b, 4] * weight
             g_x, g_y = product * x, product * y
             to_0, to_1 = (u * g_x, v * g_x, u * g_y, v * g_y), (x * g_x, y * g_y, x * g_y, 0.0)
             sum_0, sum_1 = add(sum_0, to_0), add(sum_1, to_1)
@@ -211,13 +304,17 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, flux, motion, record, r
 
 
 @kernel
-def add_forces_in_plane(smoothing, pairs, both, pressing, flux, viscosity, motion, record, forces, heating, slopes):
+def add_forces_in_plane(
+    smoothing, pairs, both, pressing, holding, flux, viscosity, motion, record, forces, heating, slopes
+):
     """As `add_forces_in_space`."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
         if start[a] == start[a + 1]:
             continue
         here, m_a, h_a, N_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5], load_row(record, a, 4)
+        P_a = load_row(record, a, 0)
+        pulls = holding is not None and may_pull_in_plane(P_a)
         sum_F, sum_q, slope = load_row(forces, a, 0), heating[a], load_row(slopes, a, 0)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
@@ -226,7 +323,18 @@ def add_forces_in_plane(smoothing, pairs, both, pressing, flux, viscosity, motio
             square = x * x + y * y
             if not square < (smoothing.support * h) ** 2:
                 continue
-            product, N_b = m_a * motion[b, 4] * weight_in_plane(smoothing, h, square), load_row(record, b, 4)
+            weight = weight_in_plane(smoothing, h, square)
+            if pulls:
+                pull = pull_in_plane(P_a, x, y)
+                if pull > 0.0:
+                    X, Y = holding[b, 0] - holding[a, 0], holding[b, 1] - holding[a, 1]
+                    if X * X + Y * Y < square:
+                        before = weight_in_plane(smoothing, h, X * X + Y * Y)
+                        nearness = 1.0 - square**0.5 / (smoothing.support * h)
+                        weight = held_weight(
+                            weight, before, nearness, pull, pull_in_plane(load_row(record, b, 0), x, y)
+                        )
+            product, N_b = m_a * motion[b, 4] * weight, load_row(record, b, 4)
             g_x, g_y = product * x, product * y
             F_x, F_y = traction_in_plane(record, a, b, g_x, g_y)
             if pressing is not None and not F_x * x + F_y * y < 0.0:

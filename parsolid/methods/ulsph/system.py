@@ -80,7 +80,7 @@ class UpdatedLagrangianSPH(Reports):
         self.laws, law_of_body = block_numbers(laws, np.arange(len(laws)))
         self.solids = [_SOLIDS[type(law)](law) for law in self.laws]
         self.particles = particles = Particles(particle_set.body, law_of_body)
-        declare_generated(particles, particle_set)
+        declare_generated(particles, particle_set, ("reference_position",), reference_position=Columns())
         declare_motion(particles, particle_set.position)
         density = np.array([law.density for law in self.laws])[law_of_body[particle_set.body]]
         length = settings.smoothing * np.prod(particle_set.spacing, axis=1) ** (1.0 / self.dimension)
@@ -100,8 +100,8 @@ class UpdatedLagrangianSPH(Reports):
         skin = (float(settings.skin), self.conditions.codes, float(settings.rebalance))
         self.pairs = VerletList(comm, particles, self.dimension, smoothing.support, *skin)
         self.pairs.unbonded = scene.unbonded
-        welded = settings.contact == "welded"
-        self.neighbours = Neighbours(particles, self.pairs, self.dimension, smoothing, self.viscosity, welded)
+        bonds = settings.contact == "welded", settings.gradient_correction
+        self.neighbours = Neighbours(particles, self.pairs, self.dimension, smoothing, self.viscosity, *bonds)
         self.checkpoint: dict[str, Any] | None = None
         self.whole_mass = float(comm.allreduce(float(self.mass.sum())))
 
@@ -153,6 +153,9 @@ class UpdatedLagrangianSPH(Reports):
         self.neighbours.find_forces()
         self.advance_fluxes(0.0)
         self.kicks.viscous_heat.continues = previous_state.take_forces(self.comm, scene, self)
+        if self.kicks.viscous_heat.continues:
+            # weights of pairs in tension follow the stress
+            self.neighbours.follow()
 
     # --- a step -------------------------------------------------------------------------------------------------
 
