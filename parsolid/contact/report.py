@@ -51,7 +51,7 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
     first, second = close_boxes(*boxes, 0.0)
     moving = [(lower[of], upper[of], velocity[of]) for of in (first, second)]
     for i, j, when in zip(first.tolist(), second.tolist(), meetings(moving[0], moving[1], np.zeros(len(first)))):
-        if when < scene.end_time and not bonded.has(i, j) and not stated.has(i, j):
+        if when < scene.end_time and (i, j) not in near and not stated.has(i, j):
             blind.add(i, j, f" (at about t = {when:.3g} s)")
     notes = [Note("bodies", f"bodies {how}: {which}") for how, which in told.items() if which.count]
     if blind.count:
