@@ -18,6 +18,7 @@ from mpi4py import MPI
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.history import read_history
 from parsolid.scene import dump_scene, parse_scene
+from parsolid.scene.observation import stored_energy
 from parsolid.simulation.checkpoints import header_of
 from parsolid.simulation.loop import Limits, Simulation
 from parsolid.simulation.restart import Restart
@@ -118,7 +119,7 @@ def restarts() -> None:
             continue
         stated = parse_scene(make())
         whole, rows = Simulation(comm, stated), Rows()
-        met = "contact_energy" if "contact_energy" in whole.energy_row() else "strain_energy"
+        met = "contact_energy" if "contact_energy" in whole.energy_row() else whole.ledger.stored
         while (
             not rows.rows or rows.rows[-1][met] < 1e-3 * rows.rows[0]["kinetic"] or rows.rows[-1].get(STUCK, 1.0) <= 0
         ):
@@ -155,7 +156,7 @@ def difference(columns: Tables, alone: Tables) -> str:
         over = np.abs(values).max() if name == "time" else scale
         worst = max(worst, float(np.abs(values[:length] - columns[name][:length]).max() / over))
     met = np.count_nonzero(
-        alone["contact_energy"] if "contact_energy" in alone else np.gradient(alone["strain_energy"])
+        alone["contact_energy"] if "contact_energy" in alone else np.gradient(alone[stored_energy(alone)])
     )
     return f"{worst:.1e} in {len(alone['time'])} steps, {met} of them in contact"
 

@@ -8,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.scene import parse_scene
+from parsolid.scene.observation import stored_energy
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.outputs import Cadence, Output
 
@@ -183,7 +184,7 @@ def patch() -> None:
                 told.append(f"{-here.mean() / p:.2f} ({here.std() / p:.3f})")
             print(
                 f"{name}, {placement}: pressure {p / MODULUS:.4f} M; layers {', '.join(told)}; "
-                f"balance {np.abs(columns['energy_error']).max() / columns['strain_energy'].max():.1e} of stored",
+                f"balance {np.abs(columns['energy_error']).max() / columns[stored_energy(columns)].max():.1e}",
                 flush=True,
             )
 

@@ -19,6 +19,8 @@ import meshio
 import numpy as np
 from contact_tables import POISSON, SPEED, YOUNG, Tables, block, material, run
 
+from parsolid.scene.observation import stored_energy
+
 # of the last contact, over the radius; sides of the boxes in half widths; time of the approach over that of a wave
 # through a box, and rest after it
 FLATNESS, SIDE, SLOW, REST = 0.1, 4.0, 32.0, 8.0
@@ -232,7 +234,7 @@ def pressed(methods: list[str], wanted: float, words: dict[str, Any]) -> str:
         at = np.abs(s - share) < 0.02 if share < 1.0 else s == 1.0
         told.append(f"{force[at].mean() / s[at].mean() - 1.0:+.3f} at a/h {wanted * share**0.5:.1f}")
     width, peak, largest = of_pressure(looking, scene, words)
-    off = np.abs(columns["energy_error"]).max() / columns["strain_energy"].max()
+    off = np.abs(columns["energy_error"]).max() / columns[stored_energy(columns)].max()
     return (
         f"{' on '.join(methods[::-1])} {words or ''}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}; "
         f"half width {width:+.3f}, peak {peak:+.3f}, {'first' if 'grid' in methods else 'largest'} {largest:+.3f}; "

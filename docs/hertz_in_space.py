@@ -18,6 +18,8 @@ import numpy as np
 from contact_tables import POISSON, SPEED, YOUNG, Tables, block, material, run
 from hertz_in_plane import of_contact, of_method, stated
 
+from parsolid.scene.observation import stored_energy
+
 # of the last contact, over the radius; sides of the boxes in half widths; time of the approach over that of a wave
 # through a box, and rest after it
 FLATNESS, SIDE, SLOW, REST = 0.1, 4.0, 16.0, 4.0
@@ -140,7 +142,7 @@ def main() -> None:
         later = (s > 0.2) & (s < 1.0)
         slope, gap = np.polyfit(s[later], force[later] ** (2 / 3), 1)
         told.append(f"{slope**1.5 - 1.0:+.3f} by the slope, as if from {-gap / slope * wanted * FLATNESS:.4f} h on")
-        off = np.abs(columns["energy_error"]).max() / columns["strain_energy"].max()
+        off = np.abs(columns["energy_error"]).max() / columns[stored_energy(columns)].max()
         print(
             f"{method} {words}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}; "
             f"swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}",

@@ -15,13 +15,11 @@ FACE, PULL_BACK = 200.0, 85.27
 
 def overrides(method: str, h: float) -> list[str]:
     """What makes the shipped scene one of spacing h [m], four of them wide."""
-    wide, face = 4.0 * h, 6.5e-3 if method == "ulsph" else 5e-3
-    bodies = range(2 if method == "ulsph" else 1)
-    start = [0.0, 5e-3]
-    ends = [5e-3, 6.5e-3]
-    boxes = [f"bodies.{i}.shape.box={{lower=[{start[i]},0],upper=[{ends[i]},{wide}]}}" for i in bodies]
-    result = [f"bodies.{i}.spacing={h}" for i in bodies] + boxes
-    result += [f"boundaries.1.plane='Y = {wide:.9g}'", f"probes.0.at=[{face - 0.2 * h},{2.0 * h}]"]
+    wide = 4.0 * h
+    boxes = (([0.0, 0], [5e-3, wide]), ([5e-3, 0], [6.5e-3, wide]))
+    result = [f"bodies.{i}.spacing={h}" for i in range(2)]
+    result += [f"bodies.{i}.shape.box={{lower={lower},upper={upper}}}" for i, (lower, upper) in enumerate(boxes)]
+    result += [f"boundaries.1.plane='Y = {wide:.9g}'", f"probes.0.at=[{6.5e-3 - 0.2 * h},{2.0 * h}]"]
     return result + ([f"method.cell={2.0 * h}"] if method == "mpm" else [])
 
 

@@ -92,7 +92,7 @@ class Rows(Output):
     def write(self, simulation: Simulation) -> None:
         """Take a row."""
         row = simulation.energy_row()
-        names = ("kinetic", "strain_energy", "tie_energy", "energy_error")
+        names = ("kinetic", simulation.ledger.stored, "tie_energy", "energy_error")
         self.rows.append((simulation.clock.time, *(row[name] for name in names)))
 
 

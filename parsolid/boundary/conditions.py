@@ -52,6 +52,8 @@ from parsolid.scene.schema import Scene
 # fields (d, n) of particles on which contact, tools or ties act: their force [N] in the present places, and impulses
 # [N s] at the end of a step, on the parts of particles on this side of mirror planes
 EXTERNAL_FORCE, EXTERNAL_IMPULSE = "external_force", "external_impulse"
+# field (n,) of particles of half bodies: the part of a whole one that these are, where they lie on symmetry planes
+HALF = "half_share"
 # positions (d, n) at the start of the common step, where a system takes several steps of its own in it
 COMMON_START = "common_step_start"
 
@@ -68,10 +70,10 @@ class Holder(NamedTuple):
 class Conditions(Loads):
     """All of a scene's boundary conditions and loads on a rank's particles, see also `Loads`.
 
-    planes: mirror planes; codes: every reflection of particles, None without planes; share (n,): the part of each
-    particle of the set on this side of mirror planes; held (n, d) bool: components of the set that supports hold;
-    motion: prescribed components; rollers: inclined ones; holders: conditions that hold components and report their
-    force.
+    planes: mirror planes; ends: those of half bodies, see `Supports`; codes: every reflection of particles, None
+    without planes; share (n,): the part of each particle of the set on this side of mirror planes; held (n, d) bool:
+    components of the set that supports hold; motion: prescribed components; rollers: inclined ones; holders: conditions
+    that hold components and report their force.
     """
 
     def __init__(
@@ -88,7 +90,8 @@ class Conditions(Loads):
         Collective."""
         super().__init__(comm, scene, particle_set, particles, others)
         supports = Supports(comm, scene, self.all, particle_set, without_images, half_bodies)
-        self.planes, self.codes, self.share, self.held = supports.planes, supports.codes, supports.share, supports.held
+        self.planes, self.ends, self.codes = supports.planes, supports.ends, supports.codes
+        self.share, self.held = supports.share, supports.held
         self.rollers: list[InclinedRoller] = inclined_rollers(comm, scene, supports, particle_set, particles)
         self.motion = PrescribedMotion(comm, scene, self.all, particle_set, particles)
         self.holders = self._find_holders()

@@ -30,9 +30,10 @@ def mirror_plane(scene: Scene, one: Support) -> MirrorPlane:
 class Supports:
     """Mirror planes and components at rest; arrays are in the order of the particle set.
 
-    planes: mirror planes; codes: every reflection, None without planes; held (n, d) bool: components at rest; share
-    (n,): the part of a particle on this side of mirror planes; inclined: keys and conditions of rollers and
-    antisymmetric supports in regions with a name, whose surface may have any direction.
+    planes: mirror planes; ends: planes of half bodies, which have no images there; codes: every reflection, None
+    without planes; held (n, d) bool: components at rest; share (n,): the part of a particle on this side of mirror
+    planes; inclined: keys and conditions of rollers and antisymmetric supports in regions with a name, whose surface
+    may have any direction.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Supports:
         when a mirror plane cuts a body. Collective."""
         d = particle_set.position.shape[1]
         self.planes: list[MirrorPlane] = []
+        self.ends: list[MirrorPlane] = []
         self.inclined: list[tuple[str, Support]] = []
         self.held = np.zeros((len(particle_set), d), bool)
         for key, one in conditions:
@@ -66,6 +68,7 @@ class Supports:
                 check_sides(comm, plane, particle_set, key)
                 ends = half_bodies | without_images if plane.kind == "fixed" else half_bodies
                 self.planes += _with_images(plane, ends, len(scene.bodies))
+                self.ends += [replace(plane, body=i) for i in sorted(half_bodies) if plane.body in (None, i)]
                 # cell-centred particles beside the plane move; their images hold them
                 here &= plane.contains(particle_set)
             self.held |= here[:, None] & plane.held(d)

@@ -140,6 +140,7 @@ def options_of(scene: Scene, axes: list[str]) -> Iterator[Option]:
     own = settings.model_dump()
     if settings.kind == "tlsph":
         own["weights"] = settings.pair_weights
+        own["dissipation"] = settings.dissipation_of(settings.pair_weights)
     for axis, (key, values) in AXES[settings.kind].items():
         for value in values:
             if not _same(own.get(key), value):

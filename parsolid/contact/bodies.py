@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.boundary.conditions import HALF
 from parsolid.collective import maximum
 from parsolid.contact.kernel import lattice_colour, norm
 from parsolid.methods.protocol import ParticleSystem
@@ -173,6 +174,7 @@ def _kinds(comm: Any, scene: Scene, systems: list[ParticleSystem], used: set[int
             if body not in used:
                 continue
             modulus, density = system.wave_modulus(local)
+            density *= system.least_mass(local)
             stated = scene.bodies[body]
             # one row of nodes lies in the middle of its layer
             nodal = stated.placed_on == "vertices" and 1 not in (stated.particles or ())
@@ -185,7 +187,8 @@ def _kinds(comm: Any, scene: Scene, systems: list[ParticleSystem], used: set[int
 
 def share_of(particles: Particles, rows: np.ndarray) -> np.ndarray:
     """The parts (k,) of particles on this side of symmetry planes."""
-    return particles.owned_rows("share")[rows] if "share" in particles else np.ones(len(rows))
+    result = particles.owned_rows("share")[rows] if "share" in particles else np.ones(len(rows))
+    return result * particles.owned_rows(HALF)[rows] if HALF in particles else result
 
 
 def shares_of(system: ParticleSystem, rows: np.ndarray, law: ContactLaw) -> np.ndarray:

@@ -14,6 +14,7 @@ from parsolid.pairs.displacement import body_bounds
 from parsolid.particles.touching import TOUCHING, close_pairs, homes, touch
 from parsolid.scene import Scene
 from parsolid.scene.contact import BodyPairs
+from parsolid.scene.shapes import of_one_mesh
 from parsolid.scene.tie import tied_pairs
 
 # steps between looks at where bodies are: at most, and where they are near
@@ -67,8 +68,9 @@ class UndeclaredContact(Interaction):
         self._joined = self._bonded_at_the_start()
 
     def _bonded_at_the_start(self) -> set[tuple[int, int]]:
-        """Bodies that bonds name and that touched at the start, which alone they join; collective."""
-        if not self.scene.bond:
+        """Bodies that bonds name, or of one mesh, and that touched at the start, which alone are joined; collective."""
+        shapes, bonded = [body.shape for body in self.scene.bodies], self.scene.bonded
+        if not self.scene.bond and all(shape.kind != "mesh" for shape in shapes):
             return set()
         count, d = self._spacing.shape
         bounds = np.full((count, 2, d), -np.inf)
@@ -81,8 +83,8 @@ class UndeclaredContact(Interaction):
         settings = [self.systems[number].settings for number in self.home]
         within = [np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, self._spacing)]
         close = close_pairs(boxes, self.home, np.array(within), TOUCHING * self._spacing)
-        bonded = self.scene.bonded
-        close = close.where(np.array([bonded.has(i, j) for i, j in close.bodies.tolist()], bool))
+        joined = [bonded.has(i, j) or of_one_mesh(shapes[i], shapes[j]) for i, j in close.bodies.tolist()]
+        close = close.where(np.array(joined, bool))
         return set(map(tuple, close.bodies[touch(self.comm, close, self._places("reference_position"))[0]].tolist()))
 
     def is_named(self, i: int, j: int) -> bool:

@@ -169,6 +169,8 @@ class Leapfrog:
         self.opening = self.closing = KickEnergies(0.0, 0.0, 0.0, 0.0)
         # of the last step, None where nothing acts between bodies; the energy [J] that it gave beyond its work
         self.impulse: ImpulseAtEnd | None = None
+        # particles that move as one, see `tlsph.shared_nodes`; their internal forces are shared already
+        self.shared: Any = None
         self.given = 0.0
         # length [s] of the step before the present one, 0 at the start and after a jump of the loads
         self.last_step = 0.0
@@ -187,6 +189,8 @@ class Leapfrog:
     def close_step(self, time: float, step: float, substeps: int = 1) -> None:
         """Closing half kick of a step [s] that ends at a time [s]; substeps: of the system in a common one."""
         if EXTERNAL_IMPULSE in self.particles:
+            if self.shared is not None:
+                self.shared.share(self.particles.owned_rows(EXTERNAL_IMPULSE).T)
             self.impulse = ImpulseAtEnd(self.particles, substeps * step)
         self.closing = self._half_kick(False, time, step)
         if self.impulse is not None:
@@ -213,8 +217,18 @@ class Leapfrog:
         external = conditions.external_force(time, force, damping, before_jump=not opening)
         if not opening:
             conditions.observe(0.5 * step)
+        if self.shared is not None:
+            external, interaction = self._shared(external), self._shared(interaction)
         arrays = storage("velocity"), force, damping, *self._inertia(), external, interaction, conditions.free
         return KickEnergies(*kick(particles.owned, opening, 0.5 * step, *arrays))
+
+    def _shared(self, force: np.ndarray | None) -> np.ndarray | None:
+        """A force (d, n) of which particles that move as one have their shares; collective."""
+        if force is None:
+            return None
+        result = force.copy()
+        self.shared.share(result)
+        return result
 
     def _inertia(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Masses of whole particles and their parts on this side of mirror planes, as kernels take them."""

@@ -167,6 +167,10 @@ class ParticleSystem:
         """Planes of symmetry, with the system's numbers of their bodies."""
         return []
 
+    def least_mass(self, body: int) -> float:
+        """Least mass of a particle of a body over that of its volume."""
+        return 1.0
+
     def wave_modulus(self, body: int) -> tuple[float, float]:
         """lambda + 2 mu [Pa] and density [kg/m^3] of one of its bodies, undeformed."""
         raise NotImplementedError

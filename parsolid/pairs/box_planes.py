@@ -334,6 +334,31 @@ def gather(box, scratch, i, c, out, row):
         out[c, to + p] = length * area[node + p] * total
 
 
+@kernel
+def gather_heat(box, scratch, i, v, heat, row):
+    """What the fluxes of their pairs take [W], half of each, of the own nodes of plane i into heat (1, n) from place
+    `row` on. A power is alike in a mirror."""
+    d, first, jump, length = len(box.axes), box.first_node, box.jump, box.length[i]
+    n, place, width = box.last_node - first, place_of(box.motion, i) + first, box.row
+    up = place_of(box.motion, min(i + 1, box.planes - 1)) + first
+    down = place_of(box.motion, max(i - 1, 0)) + first
+    last, rows, nodes = v.shape[1] - 1, box.planes + first, box.planes + (d - 2) * box.nodes + first
+    for p in range(n):
+        power = 0.0
+        for c in range(d):
+            here = v[c, place + p]
+            power += jump[0, 0, i] * scratch.across[(i + 1) % 2 * d + c, p] * (v[c, up + p] - here)
+            power -= jump[0, 1, i] * scratch.across[i % 2 * d + c, p] * (here - v[c, down + p])
+            if d == 3:
+                above, below = v[c, min(place + p + width, last)], v[c, max(place + p - width, 0)]
+                power += jump[0, 0, rows + p] * scratch.between_rows[c, width + p] * (above - here)
+                power -= jump[0, 1, rows + p] * scratch.between_rows[c, p] * (here - below)
+            above, below = v[c, min(place + p + 1, last)], v[c, max(place + p - 1, 0)]
+            power += jump[0, 0, nodes + p] * scratch.in_rows[c, 1 + p] * (above - here)
+            power -= jump[0, 1, nodes + p] * scratch.in_rows[c, p] * (here - below)
+        heat[0, row + p] = 0.5 * length * box.area[first + p] * power
+
+
 # --- forces -------------------------------------------------------------------------------------------------------
 
 
@@ -358,8 +383,9 @@ def stress_forces_in_plane(box, i, P, values, force):
 
 
 @kernel
-def dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissipation):
-    """V D [N] of the own nodes of plane i, into their rows of the field, after those of plane i - 1.
+def dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissipation, heat):
+    """V D [N] of the own nodes of plane i, into their rows of the field, after those of plane i - 1; and what it takes
+    [W] into heat (1, n), None where nobody asks.
 
     Every node gathers the fluxes of its own pairs, so that no result depends on where a box is cut.
     """
@@ -377,15 +403,18 @@ def dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissip
     p, q, flux, begin = max(0, first - 1), min(nodes, last + 1) - 1, scratch.in_rows, planes + (d - 2) * nodes
     to = p - (first - 1)
     fluxes(box, d - 1, i, i, p, q - p, 1, half_step, begin + p, v, x, G, Z, directional, flux, 0, to)
+    row = box.first + (i - box.first_plane) * (last - first)
     for c in range(d):
-        gather(box, scratch, i, c, dissipation, box.first + (i - box.first_plane) * (last - first))
+        gather(box, scratch, i, c, dissipation, row)
+    if heat is not None:
+        gather_heat(box, scratch, i, v, heat, row)
 
 
 @kernel
-def divergence_pass(box, scratch, P, v, x, G, Z, directional, force, dissipation):
+def divergence_pass(box, scratch, P, v, x, G, Z, directional, force, dissipation, heat):
     """Forces V Div P and V D [N] of the own nodes of a box whose windows have all planes, into their rows of the fields
-    (d, n). Z: None without dissipation; directional: see `flux_in_space`."""
+    (d, n), and heat (1, n) [W] or None. Z: None without dissipation; directional: see `flux_in_space`."""
     for i in range(box.first_plane, box.last_plane):
         stress_forces_in_plane(box, i, P, scratch.values, force)
         if Z is not None:
-            dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissipation)
+            dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissipation, heat)

@@ -137,11 +137,12 @@ class BoxSweeps:
             gradient_pass(box, self.scratch(box), self.v, G)
         return G
 
-    def divergence(self, force: np.ndarray, dissipation: np.ndarray) -> None:
-        """Put the forces of the stresses and of the dissipation [N] into fields (d, n) of the particles."""
+    def divergence(self, force: np.ndarray, dissipation: np.ndarray, heat: np.ndarray | None = None) -> None:
+        """Put the forces of the stresses and of the dissipation [N] into fields (d, n) of the particles, and what the
+        latter takes [W] into heat (1, n)."""
         for box in self.here:
             arrays = self.P, self.v, self.x, self.G, self.Z
-            divergence_pass(box, self.scratch(box), *arrays, self.directional, force, dissipation)
+            divergence_pass(box, self.scratch(box), *arrays, self.directional, force, dissipation, heat)
 
     @property
     def bytes_sent(self) -> int:

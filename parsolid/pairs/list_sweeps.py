@@ -102,8 +102,10 @@ def gradient_in_plane(pairs, first, last, motion, record):
 
 
 @kernel
-def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
-    """Add the forces of the pairs in rows first .. last - 1 of a list [N]: T of stresses and D of the dissipation."""
+def divergence_in_space(pairs, first, last, motion, record, fast, slow, force, heat):
+    """Add the forces of the pairs in rows first .. last - 1 of a list [N]: T of stresses and D of the dissipation.
+
+    heat (rows,) [W]: half of what D takes in each pair is added to both particles; None where nobody asks."""
     start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
     for a in range(first, last):
         if start[a] == start[a + 1]:
@@ -146,12 +148,17 @@ def divergence_in_space(pairs, first, last, motion, record, fast, slow, force):
             dissipative = scale(jump_factor, add_scaled(scale(s, u), along, line))
             D = add(D, dissipative)
             store_row(force, b, 4, subtract(load_row(force, b, 4), dissipative))
+            if heat is not None:
+                jump = subtract(load_row(motion, b, 0), v)
+                taken = 0.5 * (dissipative[0] * jump[0] + dissipative[1] * jump[1] + dissipative[2] * jump[2])
+                heat[a] += taken
+                heat[b] += taken
         store_row(force, a, 0, T)
         store_row(force, a, 4, D)
 
 
 @kernel
-def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
+def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force, heat):
     """`divergence_in_space`, in plane strain."""
     start, neighbour, weight, kind = pairs.start, pairs.neighbour, pairs.weight, pairs.kind
     for a in range(first, last):
@@ -191,6 +198,10 @@ def divergence_in_plane(pairs, first, last, motion, record, fast, slow, force):
             pair = (S[0] * g1 + S[2] * g2, S[1] * g1 + S[3] * g2, D1, D2)
             total = add(total, pair)
             store_row(force, b, 0, subtract(load_row(force, b, 0), pair))
+            if heat is not None:
+                taken = 0.5 * (D1 * step[0] + D2 * step[1])
+                heat[a] += taken
+                heat[b] += taken
         store_row(force, a, 0, total)
 
 

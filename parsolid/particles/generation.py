@@ -12,6 +12,7 @@ from parsolid.particles.fillings import filling_of
 from parsolid.particles.marks import mark_lattice
 from parsolid.particles.memory import check_memory
 from parsolid.particles.meshes.filling import MeshFilling
+from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices
 from parsolid.particles.overlap import overlap_faults
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.touching import touching_faults
@@ -24,7 +25,7 @@ from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.regions import NOBODY, Named, nearest_particles, selected
 from parsolid.scene.schema import Scene
-from parsolid.scene.validation_errors import SceneError, fault, key_path, suggestion
+from parsolid.scene.validation_errors import MeshFault, SceneError, fault, key_path, suggestion
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
@@ -56,7 +57,7 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     coarsest = max(filling.coarsest for filling in fillings)
     particle_set = ParticleSet.joined(pieces, scene.dimension, len(known))
     particle_set.meshes = {
-        (filling.body.shape.model.file, filling.body.shape.model.scale): filling.mesh
+        mesh_key(filling.body): filling.whole
         for filling in fillings
         if isinstance(filling, MeshFilling) and filling.body.placed_on == "vertices"
     }
@@ -73,11 +74,26 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
 def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
     fillings: dict[int, Filling] = {}
     faults: list[str] = []
+    meshes: dict[Any, MeshSlices] = {}
+    groups: dict[Any, list[str]] = {}
+    for body in scene.bodies:
+        if body.shape.kind == "mesh" and body.shape.model.group is not None:
+            groups.setdefault(mesh_key(body), []).append(body.shape.model.group)
     for i, body in enumerate(scene.bodies):
         try:
-            fillings[i] = filling_of(body, scene.dimension, comm)
+            if body.shape.kind != "mesh":
+                fillings[i] = filling_of(body, scene.dimension, comm)
+                continue
+            mesh = mesh_key(body)
+            if mesh not in meshes:
+                meshes[mesh] = read_slices(comm, body.shape.model, scene.dimension)
+            fillings[i] = filling_of(body, scene.dimension, comm, meshes[mesh], groups.get(mesh, ()))
         except SceneError as error:
-            faults += [f"{key_path(('bodies', i, 'shape', 'mesh', 'file'))}: {text}" for text in error.faults]
+            place = ("bodies", i, "shape", "mesh")
+            faults += [
+                one.at(place) if isinstance(one, MeshFault) else f"{key_path((*place, 'file'))}: {one}"
+                for one in error.faults
+            ]
     agree(comm, faults)
     for i, filling in fillings.items():
         if filling.count < 2:

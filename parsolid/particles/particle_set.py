@@ -19,7 +19,7 @@ class ParticleSet:
     area       (n, d)       outward boundary area vector [m^2]: one component per direction, zero inside
     regions    (n, r) int64 1 in each of the scene's r regions with a name, else 0; None without any
     surfaces   (n, r d)     outward area vectors [m^2] of what of its boundary is in each of them
-    meshes                  slices of the meshes that they are nodes of, by file and scale, until systems are set up
+    meshes                  slices of the meshes that they are nodes of, by `slices.mesh_key`, until systems are set up
     """
 
     identifier: np.ndarray
@@ -31,7 +31,7 @@ class ParticleSet:
     area: np.ndarray
     regions: np.ndarray | None = None
     surfaces: np.ndarray | None = None
-    meshes: dict[tuple[str, float], Any] = field(default_factory=dict)
+    meshes: dict[tuple[Any, ...], Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.identifier)

@@ -13,6 +13,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bond import ALL
 from parsolid.scene.contact import BodyPairs
 from parsolid.scene.schema import Scene
+from parsolid.scene.shapes import of_one_mesh
 from parsolid.scene.tie import tied_pairs
 from parsolid.scene.validation_errors import Fault
 
@@ -63,7 +64,8 @@ def touching_faults(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> 
     places_of = lambda body: particle_set.position[rows.get(body, slice(0, 0))]  # noqa: E731
     boxed[~boxed] = touch(comm, close.where(~boxed), places_of)[0]
     touching = close.bodies[boxed].tolist()
-    silent = [(i, j) for i, j in touching if not bonded.has(i, j)]
+    shapes = [body.shape for body in scene.bodies]
+    silent = [(i, j) for i, j in touching if not bonded.has(i, j) and not of_one_mesh(shapes[i], shapes[j])]
     joined = [(i, j) for i, j in touching if bonded.has(i, j)]
     fields = [(i, j) for i, j in joined if home[i] != home[j]]
     faults = _without_effect(scene, joined)

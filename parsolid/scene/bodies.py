@@ -8,7 +8,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.materials import Material
-from parsolid.scene.shapes import Shape
+from parsolid.scene.shapes import BodyShape
 from parsolid.scene.validation_errors import NOTHING
 
 Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
@@ -40,7 +40,7 @@ class FilledShape(SceneModel):
         ("name", "shape", "particles", "spacing", "placement", "jitter", "seed"), OnRestart.FIXED
     )
     name: Name | None = Field(None, description="by which other tables call the body")
-    shape: Shape
+    shape: BodyShape
     particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
     spacing: list[Positive] | None = Field(None, json_schema_extra={"or": "number"})
     placement: Placement | None = Field(None, description="'vertices' or 'cells'")

@@ -31,6 +31,10 @@ FAULTS = {
         "`[[contact]]`, `[[tie]]` or `[[bond]]`, see docs/contact.md",
     ),
     "elsewhere": Code("a plane or a point at no body", "check coordinates and units (SI)"),
+    "geometry": Code(
+        "a file of geometry that Gmsh cannot mesh", "install `parsolid[cad]`, state `size`, or mend the file"
+    ),
+    "open-surface": Code("a surface of triangles with edges of one triangle", "close it, or mesh its volume"),
     "refused": Code("what the other keys of the scene exclude, in words", "as the message says what is expected"),
 }
 

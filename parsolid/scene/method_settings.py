@@ -144,6 +144,10 @@ class MethodSettings(SceneModel):
         """The largest particle spacing [m] that the method bears; None where there is no such limit."""
         return None
 
+    def bonding(self, scene: Any, bodies: Iterable[int]) -> list[bool]:
+        """For each of its bodies whether the method bonds it to others where they touch."""
+        return [True for _ in bodies]
+
     def bonded_spacings(self, scene: Any) -> float:
         """By which factor spacings of bodies may differ that the method bonds."""
         return inf

@@ -3,7 +3,7 @@
 import os
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from parsolid.scene.base_model import Point, Positive, SceneModel, dimension_of, mismatch, reject
 from parsolid.scene.validation_errors import NOTHING
@@ -130,6 +130,45 @@ class MeshFile(SceneModel):
     scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 
+def of_one_mesh(one: Any, other: Any) -> bool:
+    """Whether two shapes are groups of one mesh, whose nodes bodies share where they touch."""
+    meshes = one.kind == other.kind == "mesh" and one.model.of_whole == other.model.of_whole
+    return bool(meshes and None not in (one.model.group, other.model.group))
+
+
+class Refinement(SceneModel):
+    """Where elements of geometry are smaller than elsewhere."""
+
+    where: str = Field(description="the name of a face, an edge, a volume or a group of the geometry")
+    size: Positive = Field(description="the length of the elements' edges there [m]")
+
+
+class BodyMesh(MeshFile):
+    """A mesh of which a body has all solid elements, or those of a group. Bodies with groups of one file are bonded
+    where they share nodes. Geometry (STEP, BREP, IGES, .geo, closed STL) is meshed by Gmsh with the sizes here."""
+
+    group: str | None = Field(None, description="the elements of a group of the mesh alone")
+    size: Positive | None = Field(None, description="of geometry: the length of the elements' edges [m]")
+    around: Annotated[int, Field(ge=0, le=360)] | None = Field(
+        None, description="of geometry: elements around a full turn of curved faces, 12 unless given; 0: as size says"
+    )
+    refine: list[Refinement] = Field([], description="of geometry: where elements are smaller")
+
+    @property
+    def of_whole(self) -> tuple[Any, ...]:
+        """What is the same of bodies that have elements of one mesh."""
+        finer = tuple((one.where, one.size) for one in self.refine)
+        return self.file, self.scale, self.size, self.around, finer
+
+    @model_validator(mode="after")
+    def _sizes_of_geometry(self) -> "BodyMesh":
+        if not self.file.lower().endswith((".step", ".stp", ".brep", ".brp", ".iges", ".igs", ".geo", ".stl")):
+            stated = [key for key in ("size", "around", "refine") if key in self.model_fields_set]
+            expected = "no such key but for geometry (STEP, BREP, IGES, .geo, STL), as a mesh has its elements"
+            reject(*(((key,), expected, getattr(self, key)) for key in stated if getattr(self, key)))
+        return self
+
+
 class OneShape(SceneModel):
     """A table with one key of a group, of which `kind` names the one that is given and `model` is its table."""
 
@@ -153,7 +192,7 @@ class Shape(OneShape):
     cylinder: Cylinder | None = None
     cylindrical_shell: CylindricalShell | None = None
     sphere: Sphere | None = None
-    mesh: MeshFile | None = None
+    mesh: BodyMesh | None = Field(None, description="a mesh; shape = { file = ... } is short for it")
 
     @model_validator(mode="after")
     def _fits_dimension(self, info: ValidationInfo) -> "Shape":
@@ -162,3 +201,11 @@ class Shape(OneShape):
         if dimension_of(info) == 2 and self.cylinder is not None:
             reject((("cylinder",), "a 2-D shape (a disc is a sphere)", "cylinder"))
         return self
+
+
+def _as_mesh(value: Any) -> Any:
+    """A table whose keys are those of a mesh, as the shape that it means."""
+    return {"mesh": value} if isinstance(value, dict) and "file" in value else value
+
+
+BodyShape = Annotated[Shape, BeforeValidator(_as_mesh)]

@@ -1,4 +1,4 @@
-"""Bodies of different methods that are bonded where they touch at the start, as a scene states it."""
+"""Bodies that no method bonds and that are tied where they touch at the start, as a scene states it."""
 
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ TIE_TERMS = {"tie_energy": 0}
 
 
 class Tie(SceneModel):
-    """Two bodies of different methods whose faces touch at the start and stay together.
+    """Two bodies of different methods, or from meshes, whose faces touch at the start and stay together.
 
     bodies      names of two bodies
     stiffness   factor on the least M/h of the two bodies, M = lambda + 2 mu: the faces part by h/stiffness times the
@@ -55,7 +55,8 @@ def tie_faults(scene: Any) -> list[FaultDetail]:
         if contact is not None and contact.has(first, second):
             faults.append((place, "a pair without contact", one.bodies))
         for system in scene.systems:
-            if {first, second} <= set(system.bodies):
+            bonding = dict(zip(system.bodies, system.settings.bonding(scene, system.bodies)))
+            if {first, second} <= set(system.bodies) and bonding[first] and bonding[second]:
                 expected = "bodies of two methods (a [[bond]] joins those of one)"
                 faults.append((place, expected, one.bodies))
             refused = system.settings.contact_refused(scene.part(system))

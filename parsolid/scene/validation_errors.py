@@ -31,6 +31,27 @@ class Fault(str):
         return self.code, self.key, self.expected, self.found, self.suggestion
 
 
+class MeshFault(str):
+    """What is wrong with a mesh, "expected ..., found ...", with its parts; key: of the shape that it is about."""
+
+    code: str
+    expected: str
+    found: str
+    key: str
+
+    def __new__(cls, code: str, expected: str, found: str, key: str = "file") -> "MeshFault":
+        result = super().__new__(cls, f"expected {expected}, found {found}")
+        result.code, result.expected, result.found, result.key = code, expected, found, key
+        return result
+
+    def __getnewargs__(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.code, self.expected, self.found, self.key
+
+    def at(self, location: Iterable[object]) -> Fault:
+        """The fault of a scene in which the table of the shape has a location."""
+        return Fault(self.code, key_path((*location, self.key)), self.expected, self.found)
+
+
 class SceneError(Exception):
     """A scene cannot be run; `faults` lists every reason, those of a scene's tables as `Fault`."""
 

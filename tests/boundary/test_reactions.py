@@ -1,9 +1,12 @@
 """Forces that conditions tell, in every method: those of the change of momentum, and with their work in the ledger."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from solids import Record, follow, simulation, tables
 
+from parsolid.boundary.reactions import Reaction
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.time_step import TimeSteps
 
@@ -137,3 +140,23 @@ def test_what_has_no_force_of_its_own_is_refused(method, boundary, message):
     data["boundaries"][0], data["regions"] = boundary | {"name": "foot", "reaction": True}, [HIGH]
     with pytest.raises(SceneError, match=message):
         parse_scene(data)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_moment_is_right_handed_about_its_point(dimension):
+    rng = np.random.default_rng(2)
+    places, forces, about = rng.normal(size=(3, 5)), rng.normal(size=(3, 5)), rng.normal(size=3)
+    if dimension == 2:
+        places[2], forces[2], about[2] = 0.0, 0.0, 0.0
+    reaction = Reaction(SimpleNamespace(reports="held", moment_about=about[:dimension].tolist()), dimension)
+    wanted = sum(np.cross(x - about, f) for x, f in zip(places.T, forces.T))
+    wanted = np.append(forces.sum(axis=1)[:dimension], wanted[2:] if dimension == 2 else wanted)
+    reaction.set(places[:dimension], forces[:dimension], 0.0)
+    np.testing.assert_allclose(reaction.values, wanted, rtol=1e-12)
+    # the mean of a step's impulses
+    booked = {}
+    for part in (0.25, 0.75):
+        reaction.add(places[:dimension], 0.5 * part * forces[:dimension], part)
+    reaction.finish(0.5, SimpleNamespace(add_term=booked.__setitem__))
+    np.testing.assert_allclose(reaction.values, wanted, rtol=1e-12)
+    assert booked == {"held.work": 1.0}

@@ -192,3 +192,14 @@ def test_the_library_states_table_1():
     assert 1.0 / step == pytest.approx(5.03, abs=5e-3)
     # where the wave is slower than diffusion
     assert 1e-9 / laws.heat_time_step(law, 1e-9) == pytest.approx(10.09, abs=5e-3)
+
+
+@pytest.mark.parametrize("reference_rate", [1.0, 40.0])
+def test_the_resistance_is_a_power_of_the_rate_over_the_reference_rate(reference_rate):
+    law = in_numbers(STEEL)._replace(reference_rate=reference_rate, dissipative_length=2e-4, regularisation=3.0)
+    rate, gradient_square, gamma, curl, temperature = 500.0, 1e12, 0.1, 0.0, 350.0
+    d = math.sqrt(rate**2 + (2e-4) ** 2 * gradient_square + 3.0**2)
+    warm = (temperature - law.reference_temperature) / (law.melting_temperature - law.reference_temperature)
+    strength = (law.yield_stress + law.hardening * gamma**law.exponent) * (1.0 - warm**law.thermal_exponent)
+    wanted = strength * (d / reference_rate) ** law.rate_exponent / d
+    assert laws.resistance(law, rate, gradient_square, gamma, curl, temperature) == pytest.approx(wanted, rel=1e-9)

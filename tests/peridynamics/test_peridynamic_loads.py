@@ -4,7 +4,7 @@ ranks.
 
 import numpy as np
 import pytest
-from solids import simulation, tables
+from solids import SOFT, simulation, tables
 
 from parsolid.boundary.conditions import Conditions
 from parsolid.materials.registry import laws_of
@@ -276,3 +276,15 @@ def test_a_pressure_needs_a_region_of_two_horizons(depth, told, comm):
     }
     codes = [one.code for one in simulation(data, comm).warnings]
     assert codes == (["thin-pressure-region"] if told else [])
+
+
+def test_a_body_of_which_all_is_driven_has_the_step_of_a_free_one(comm):
+    everywhere = {"kind": "velocity", "box": {"lower": [-1.0, -1.0], "upper": [3.0, 3.0]}, "velocity": ["0.5", "X"]}
+    data = tables((6, 6), material=SOFT, method={"kind": "peridynamics"})
+    free, driven = (simulation(data | {"boundaries": given}, comm) for given in ([], [everywhere]))
+    step = driven.stable_step()
+    assert step == pytest.approx(free.stable_step(), rel=1e-2)
+    driven.take_step(step)
+    rows = driven.systems[0].particles.owned_rows
+    X = rows("reference_position")[:, :2]
+    np.testing.assert_allclose(rows("position"), X + step * np.stack((np.full(len(X), 0.5), X[:, 0]), 1), atol=1e-12)

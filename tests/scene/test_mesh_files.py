@@ -10,6 +10,7 @@ from parsolid.particles.meshes.membership import Membership
 from parsolid.particles.meshes.slices import read_slices
 from parsolid.particles.meshes.topology import refuse_repeated
 from parsolid.scene.named_regions import Region
+from parsolid.scene.shapes import MeshFile
 from parsolid.scene.validation_errors import SceneError
 
 N = 4
@@ -53,7 +54,7 @@ def gmsh_41(path, groups, curves, z=lambda i: 0.0, surface=("plate",)):
 
 def held(path, name, dimension=2):
     """Numbers, from 1, of the nodes in a group."""
-    mesh = read_slices(MPI.COMM_SELF, path, 1.0, dimension)
+    mesh = read_slices(MPI.COMM_SELF, MeshFile.model_construct(file=path, scale=1.0), dimension)
     member = Membership(mesh, {name: Region.model_construct(name=name, group=name)}, np.zeros(len(mesh.nodes)))
     return set((1 + np.flatnonzero(member.nodes())).tolist())
 
@@ -115,7 +116,7 @@ def test_a_number_of_groups_of_two_dimensions_is_no_name(tmp_path):
 def test_an_element_in_two_blocks_is_refused(tmp_path):
     path = gmsh_22(tmp_path / "m.msh", [(2, 1, TRIANGLES), (1, 2, LEFT), (2, 3, TRIANGLES[:1])])
     with pytest.raises(SceneError):
-        refuse_repeated(read_slices(MPI.COMM_SELF, path, 1.0, 2))
+        refuse_repeated(read_slices(MPI.COMM_SELF, MeshFile.model_construct(file=path, scale=1.0), 2))
 
 
 NODES = [f"{i}, {x!r}, {y!r}, 0." for i, (x, y) in enumerate(SQUARE, 1)]

@@ -39,7 +39,7 @@ def built(dimension, material, method=None, planes=None, body=None, smoothing=1.
 def differences(sim, planes, **options) -> dict[str, float]:
     """Largest differences from the reference, relative to the largest value."""
     method = sim.scene.method
-    given = Options(dissipation=method.dissipation, reconstruct=method.reconstruction, **options)
+    given = Options(dissipation=method.dissipation_of("kernel"), reconstruct=method.reconstruction, **options)
     d, found, wanted = sim.systems[0].dimension, evaluate(sim), reference_of(sim, strains(sim), planes, given)
     pairs = {
         "gradient": (found["gradient"], wanted.gradient[:, :d, :d]),

@@ -11,6 +11,7 @@ from solids import SOFT
 from parsolid.campaign.cases import cases_of
 from parsolid.campaign.study_file import load_study
 from parsolid.campaign.variants import coarse_variants
+from parsolid.methods.tlsph.body_weights import weights_of_bodies
 from parsolid.scene import load_scene, parse_scene
 
 pytestmark = pytest.mark.serial
@@ -126,13 +127,41 @@ def of_mesh(tmp_path, method=None, bodies=1, **body):
     return data
 
 
-def test_a_body_from_a_mesh_has_the_weights_of_its_elements(tmp_path):
-    settings = parse_scene(of_mesh(tmp_path)).method
-    assert (settings.pair_weights, settings.integrator, settings.dissipation) == ("mesh", "leapfrog", 0.1)
-    settings = parse_scene(of_mesh(tmp_path, {"dissipation": 0.5})).method
-    assert (settings.pair_weights, settings.dissipation) == ("mesh", 0.5)
-    settings = parse_scene(of_mesh(tmp_path, {"weights": "mesh"}, 2)).method
-    assert (settings.pair_weights, settings.dissipation) == ("mesh", 0.1)
+def chosen(data):
+    """Weights of the bodies of the only method, its integrator, and the dissipation of bodies from meshes."""
+    settings = parse_scene(data).systems[0].settings
+    scene = parse_scene(parse_scene(data).resolved())
+    assert weights_of_bodies(scene.systems[0].settings.pair_weights, scene) == weights_of_bodies(
+        settings.pair_weights, parse_scene(data)
+    )
+    return weights_of_bodies(settings.pair_weights, scene), settings.integrator, settings.dissipation_of("mesh")
+
+
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_bodies_from_meshes_have_the_weights_of_their_elements(tmp_path, bodies):
+    assert chosen(of_mesh(tmp_path, bodies=bodies)) == (["mesh"] * bodies, "leapfrog", 0.1)
+    assert chosen(of_mesh(tmp_path, {"dissipation": 0.5}, bodies)) == (["mesh"] * bodies, "leapfrog", 0.5)
+    assert chosen(of_mesh(tmp_path, {"weights": "mesh"}, bodies)) == (["mesh"] * bodies, "leapfrog", 0.1)
+    assert chosen(of_mesh(tmp_path, {"weights": "best"}, bodies)) == (["mesh"] * bodies, "leapfrog", 0.1)
+
+
+@pytest.mark.parametrize(("particles", "weights"), [((8, 8), "fourth-order"), ((7, 8), "kernel")])
+def test_boxes_beside_meshes_have_what_they_have_alone(tmp_path, particles, weights):
+    data, beside = of_mesh(tmp_path), tables(particles)["bodies"][0]
+    beside["shape"] = {"box": {"lower": [5.0, 5.0], "upper": [6.0, 6.0]}}
+    data["bodies"].append(beside)
+    assert chosen(data)[0] == ["mesh", weights]
+    data["contact"] = [{"bodies": [one["name"] for one in data["bodies"]]}]
+    assert chosen(data)[0] == ["mesh", "kernel"]
+
+
+def test_meshes_of_one_of_several_methods_have_them_too(tmp_path):
+    data = of_mesh(tmp_path, bodies=2)
+    data["methods"] = [data.pop("method") | {"name": "first"}, {"name": "second", "kind": "peridynamics"}]
+    for body, name in zip(data["bodies"], ("first", "second")):
+        body["method"] = name
+    first = parse_scene(data).systems[0].settings
+    assert first.pair_weights == "mesh"
 
 
 @pytest.mark.parametrize(
@@ -142,8 +171,6 @@ def test_a_body_from_a_mesh_has_the_weights_of_its_elements(tmp_path):
         {"method": {"weights": "kernel"}},
         {"method": {"integrator": "ssp-rk3"}},
         {"method": {"reference": "updated", "update_every": 5}},
-        {"method": {"reconstruction": False}},
-        {"bodies": 2},
         {"placement": "cells"},
         {"jitter": 0.1},
         {"deformation_gradient": [["1.1", "0"], ["0", "1"]]},
@@ -152,7 +179,7 @@ def test_a_body_from_a_mesh_has_the_weights_of_its_elements(tmp_path):
 )
 def test_what_was_not_confirmed_with_weights_of_meshes_has_the_kernel(tmp_path, change):
     settings = parse_scene(of_mesh(tmp_path, **change)).method
-    assert (settings.pair_weights, settings.dissipation) == ("kernel", 1.0)
+    assert (settings.pair_weights, settings.dissipation_of("kernel")) == ("kernel", 1.0)
 
 
 def test_best_may_be_stated_where_other_methods_have_bodies():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from parsolid.contact.friction import gap_correction
 from parsolid.contact.tools.forces import Approach, Frame, Friction, Nearby, Particles, Resultant, Touched, press
 from parsolid.contact.tools.rigid_body import rotation_matrix, turn
 from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod, distance
@@ -90,3 +91,18 @@ def test_distances_are_negative_inside_and_those_of_the_surface_outside():
         found, *normal = distance(shape, *place, np.inf)
         assert found == pytest.approx(away, abs=1e-12), (shape, place)
         assert np.linalg.norm(normal) == pytest.approx(1.0)
+
+
+def test_what_an_impulse_has_besides_acts_along_the_normal():
+    """A particle that has come from a depth to another: by `gap_correction`, away from the shape."""
+    place = np.array([[0.03, 0.0, 0.0]])
+    n, shape = 1, HalfSpace(1.0, 0.0, 0.0)
+    body, touchable = np.zeros(n, np.int64), np.ones(1, bool)
+    for before in (0.02, -0.05, 0.09):
+        level = np.full(n, before)
+        particles = Particles(n, place, np.zeros((n, 3)), body, touchable, np.full(n, 0.1), np.full(n, 3.0), level)
+        touched, frame = Touched.of_size(n), Frame(np.zeros(3), np.eye(3))
+        count, *_ = press(shape, frame, None, 2.0, particles, Approach(0.0, 0.0), True, touched)
+        assert count == 1 and level[0] == pytest.approx(0.07)
+        np.testing.assert_allclose(touched.force[0], [6.0 * 0.07, 0.0, 0.0])
+        np.testing.assert_allclose(touched.correction[0], [6.0 * gap_correction(before, level[0]), 0.0, 0.0])

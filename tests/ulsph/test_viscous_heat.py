@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from parsolid.materials.plastic.tile_update import HEAT
+from parsolid.methods.ulsph.elastic_plastic import viscous_losses
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
+from parsolid.tiles import TILE
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
 
@@ -50,3 +53,20 @@ def test_the_balance_does_not_wait_for_heat_that_is_to_come(steps):
         sim.take_step(sim.stable_step())
         row = sim.energy_row()
         assert row["viscous_heat_to_come"] > 1e-3 * start and abs(row["energy_error"]) < 1e-3 * start
+
+
+@pytest.mark.parametrize("with_contact", [False, True])
+def test_the_loss_of_two_half_kicks_with_an_impulse_between(with_contact):
+    """The closing half kick of a step d, an impulse of contact, the opening one of the next step d', one by one."""
+    rng, before, step, m = np.random.default_rng(1), 0.3, 0.5, 2.0
+    v, V, S, C, change = rng.normal(size=(5, 3))
+    F = V + S + (C if with_contact else 0.0)
+    closed = v + 0.5 * before * F / m
+    opened = closed + change + 0.5 * step * F / m
+    wanted = -0.25 * before * V @ (v + closed) - 0.25 * step * V @ (closed + change + opened)
+    column = [one[:, None] for one in (S, V)]
+    numbers = [np.array([[one]]) for one in (m, -V @ v, V @ change)]
+    tile = np.zeros((HEAT + 1) * TILE)
+    external = C[:, None] if with_contact else None
+    viscous_losses(step, 0.5 * (before + step), numbers[0], *column, numbers[1], numbers[2], external, 0, 1, tile)
+    assert tile[HEAT * TILE] == pytest.approx(wanted, rel=1e-12)

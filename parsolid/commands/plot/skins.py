@@ -93,13 +93,25 @@ def skins_of(bodies: Mapping[int, Any], dimension: int, body: np.ndarray) -> lis
     return skins
 
 
+def _of_group(blocks: list[tuple[str, np.ndarray]], elements: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    """The elements of some numbers, which count over all blocks."""
+    result, first = [], 0
+    for kind, cells in blocks:
+        own = elements[(elements >= first) & (elements < first + len(cells))] - first
+        result.append((kind, cells[own]))
+        first += len(cells)
+    return [one for one in result if len(one[1])]
+
+
 def _patches(filled: Any, dimension: int, count: int) -> tuple[list[np.ndarray] | None, Any, Any, Any]:
     """Faces, cells, lines and elements of a `Skin`."""
     if filled.shape.kind == "mesh":
         if filled.placed_on == "cells":
             return None, None, None, None
         mesh = filled.shape.model
-        points, blocks, *_ = read_mesh(mesh.file, dimension)
+        points, blocks, groups, _ = read_mesh(mesh.file, dimension, mesh)
+        if mesh.group is not None:
+            blocks = _of_group(blocks, groups.elements.get(mesh.group, np.zeros(0, np.int64)))
         used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
         number = np.zeros(len(points), np.int64)
         number[used] = np.arange(len(used))

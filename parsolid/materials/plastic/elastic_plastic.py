@@ -25,6 +25,8 @@ class ElasticPlastic(NamedTuple):
     equation_of_state, shear_modulus, flow_stress, melting (None: never), failure (None: never).
     """
 
+    # laws of other roles have such parts
+    branch_moduli = relaxation_times = None  # type: ignore[misc]
     density: float
     specific_heat: float
     reference_temperature: float

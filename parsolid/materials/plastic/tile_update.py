@@ -31,6 +31,7 @@ pressure, and its volume has to close before pressure comes back. The internal e
 was stored elastically is heat from then on.
 
 A method that carries deformation gradients has rows DEFORMATION*, VELOCITY_GRADIENT, ROTATION and VOLUME_RATE for them.
+The rows METRIC*, STRESS*, LOGARITHMS and WAVES are those of `total_lagrangian`.
 """
 
 import numpy as np
@@ -71,8 +72,9 @@ PRESSURE, MELTING, SHEAR_MODULUS, CAPACITY, SPEED = 21, 22, 23, 24, 25
 INCREMENT, PLASTIC_WORK, RELEASED, ROOM = 26, 27, 28, 29
 DEFORMATION, VELOCITY_GRADIENT, ROTATION, VOLUME_RATE = 30, 39, 48, 57
 # scratch of the return: trial von Mises stress, bracket, last point, slope, whether it still moves; work of the stress
-_TRIAL, _LOW, _HIGH, _OLD, _OLD_RESIDUAL, _SLOPE, MOVES, _WORK, _WORST = 58, 59, 60, 61, 62, 63, 64, 65, 66
-CRITERIA = 67
+TRIAL, _LOW, _HIGH, _OLD, _OLD_RESIDUAL, _SLOPE, MOVES, _WORK, WORST = 58, 59, 60, 61, 62, 63, 64, 65, 66
+METRIC, STRESS, LOGARITHMS, WAVES = 67, 73, 82, 85
+CRITERIA = 91
 # of the return: the residual over the trial stress
 _TOLERANCE, _MOST_STEPS = 1e-10, 80
 
@@ -84,6 +86,7 @@ def new_tile(criteria: int = 0) -> np.ndarray:
     rows[[JACOBIAN, MIDDLE_JACOBIAN, NEW_JACOBIAN, STRENGTH, TEMPERATURE]] = 1.0
     for first in (DEFORMATION, ROTATION):
         rows[[first, first + 4, first + 8]] = 1.0
+    rows[METRIC : METRIC + 3] = 1.0
     return tile
 
 
@@ -128,6 +131,8 @@ def fill_idle(law, tile, count):
             tile[row * TILE + p] = 1.0
         for c in (0, 4, 8):
             tile[(DEFORMATION + c) * TILE + p] = 1.0
+        for c in range(3):
+            tile[(METRIC + c) * TILE + p] = 1.0
 
 
 @inlined
@@ -163,14 +168,14 @@ def flow(law, failure, step, tile):
         twice = 2.0 * tile[SHEAR_MODULUS * TILE + p]
         trial = (s[0] + twice * strain[0], s[1] + twice * strain[1], s[2] + twice * strain[2],
                  s[3] + twice * strain[3], s[4] + twice * strain[4], s[5] + twice * strain[5])  # fmt: skip
-        tile[_TRIAL * TILE + p] = (1.5 * contract_symmetric(trial, trial)) ** 0.5
+        tile[TRIAL * TILE + p] = (1.5 * contract_symmetric(trial, trial)) ** 0.5
         tile[INCREMENT * TILE + p] = 0.0
     if step > 0.0:
         # without time to flow in, a stress above that of slow flow stays
         plastic_increments(law.flow_stress, law.taylor_quinney, step, tile)
     for p in range(TILE):
         s, strain = load_symmetric(tile, DEVIATOR * TILE + p), load_symmetric(tile, STRAIN * TILE + p)
-        mu, trial, increment = tile[SHEAR_MODULUS * TILE + p], tile[_TRIAL * TILE + p], tile[INCREMENT * TILE + p]
+        mu, trial, increment = tile[SHEAR_MODULUS * TILE + p], tile[TRIAL * TILE + p], tile[INCREMENT * TILE + p]
         returned = trial - 3.0 * mu * increment
         factor = returned / trial if increment > 0.0 else 1.0
         work = tile[NEW_JACOBIAN * TILE + p] * returned * increment
@@ -208,7 +213,7 @@ def _linear_increments(flow, taylor_quinney, step, tile):
         mu = tile[SHEAR_MODULUS * TILE + p]
         yielding = flow_stress(flow, tile[PLASTIC_STRAIN * TILE + p], step, temperature, mu, melting)
         slope = flow.hardening if temperature < melting else 0.0
-        tile[INCREMENT * TILE + p] = max((tile[_TRIAL * TILE + p] - yielding) / (3.0 * mu + slope), 0.0)
+        tile[INCREMENT * TILE + p] = max((tile[TRIAL * TILE + p] - yielding) / (3.0 * mu + slope), 0.0)
 
 
 @plastic_increments.otherwise
@@ -216,7 +221,7 @@ def _guarded_increments(flow, taylor_quinney, step, tile):
     # Newton's method with the slope through the last two points, and bisection where it leaves the bracket
     flowing = 0
     for p in range(TILE):
-        trial, mu = tile[_TRIAL * TILE + p], tile[SHEAR_MODULUS * TILE + p]
+        trial, mu = tile[TRIAL * TILE + p], tile[SHEAR_MODULUS * TILE + p]
         yielding = flow_stress(flow, tile[PLASTIC_STRAIN * TILE + p], SLOWEST_RATE, tile[TEMPERATURE * TILE + p], mu,
                                tile[MELTING * TILE + p])  # fmt: skip
         flows = trial > yielding
@@ -233,7 +238,7 @@ def _guarded_increments(flow, taylor_quinney, step, tile):
         halves = iteration > 12 and iteration % 2 == 0
         flowing = 0
         for p in range(TILE):
-            x, trial, mu = tile[INCREMENT * TILE + p], tile[_TRIAL * TILE + p], tile[SHEAR_MODULUS * TILE + p]
+            x, trial, mu = tile[INCREMENT * TILE + p], tile[TRIAL * TILE + p], tile[SHEAR_MODULUS * TILE + p]
             returned = trial - 3.0 * mu * x
             heating = taylor_quinney * tile[NEW_JACOBIAN * TILE + p] / tile[CAPACITY * TILE + p]
             residual = returned - flow_stress(
@@ -296,7 +301,7 @@ def finish_step(law, failure, step, tile):
 
 @law_function
 def advance_damage(criteria, row, step, tile):
-    """Advance the damage of each criterion of a chain, in rows from `row` on; raises _WORST to the largest."""
+    """Advance the damage of each criterion of a chain, in rows from `row` on; raises WORST to the largest."""
 
 
 @advance_damage.of(None)
@@ -326,18 +331,18 @@ def _advance_criterion(criterion, row, step, tile):
         )
         damage = damage_after(criterion, tile[row * TILE + p], tile[STRENGTH * TILE + p], loading)
         tile[row * TILE + p] = damage
-        tile[_WORST * TILE + p] = max(tile[_WORST * TILE + p], damage)
+        tile[WORST * TILE + p] = max(tile[WORST * TILE + p], damage)
 
 
 @kernel
 def _fail(law, failure, step, tile):
     """DAMAGE after a step [s]; where it reaches 1 the deviator and tension go, and what they stored is heat."""
     for p in range(TILE):
-        tile[_WORST * TILE + p] = tile[DAMAGE * TILE + p]
+        tile[WORST * TILE + p] = tile[DAMAGE * TILE + p]
     advance_damage(failure.criteria, CRITERIA, step, tile)
     for p in range(TILE):
         old = tile[DAMAGE * TILE + p]
-        damage = min(tile[_WORST * TILE + p], 1.0) if old < 1.0 else old
+        damage = min(tile[WORST * TILE + p], 1.0) if old < 1.0 else old
         failed, fails = damage >= 1.0, damage >= 1.0 and old < 1.0
         s, strain, J = (
             load_symmetric(tile, DEVIATOR * TILE + p),

@@ -12,8 +12,8 @@ from parsolid.materials.plastic.functions import temperature_rise
 from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import declare_failure, failed_to_delete, note_deleted
 from parsolid.methods.failure_fields import DELETED_INTERNAL, DELETED_KINETIC, kept_column
-from parsolid.methods.mpm.settings import PLASTIC_STATE
 from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
+from parsolid.methods.plastic_fields import PLASTIC_STATE
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.extents import domain_bounds

@@ -1,20 +1,18 @@
 """The material point method as a scene states it."""
 
 from collections.abc import Iterable
-from functools import partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.methods.failure_fields import DAMAGE
-from parsolid.particles.declaration import Columns
-from parsolid.particles.declaration import Field as ParticleField
+from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.fillings import filling_of
-from parsolid.scene.method_settings import MethodSettings, named_observables
+from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.warned import Note
 
 Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
@@ -22,25 +20,10 @@ Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
 # nodes of the stencil of a point along an axis
 _NODES_ACROSS = {"linear": 2, "ugimp": 3, "quadratic-spline": 3, "cubic-spline": 4}
 
-# what particles of elastic-plastic laws carry, and a scene may name
-_kept = partial(ParticleField, checkpointed=True, layout=Columns())
-PLASTIC_STATE = (
-    _kept("plastic_strain", 1, "1"),
-    _kept("internal_energy", 1, "J/m^3"),
-    _kept("temperature", 1, "K"),
-)
 # cells from the grid's origin up to which bodies leave it where it is; a grid ends 2^20 cells from it
 _NEAR_CELLS = 2**16
 # on surfaces
 _LOADS = ("traction", "pressure", "spring")
-# what only elastic-plastic particles carry
-_OF_PLASTICITY = (
-    *(field.name for field in PLASTIC_STATE),
-    "maximum_temperature",
-    "maximum_plastic_strain",
-    "heat",
-    "entropy",
-)
 
 
 class ArtificialViscosity(SceneModel):
@@ -230,13 +213,4 @@ class MaterialPoint(MethodSettings):
                 details.append((("boundaries", i, "kind"), "no load on a surface about an axis", boundary.kind))
             if boundary.kind in ("temperature", "heat-flux") and not conducting:
                 details.append((("boundaries", i, "kind"), "a body with a conductivity", boundary.kind))
-        return details + self._fields_of_no_body(scene) + faults_of_names(scene)
-
-    def _fields_of_no_body(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
-        if any(body.material.kind == "elastic-plastic" for body in scene.bodies):
-            return []
-        return [
-            (place, "something that a body of this scene has", name)
-            for place, name in named_observables(scene)
-            if name in _OF_PLASTICITY
-        ]
+        return details + fields_of_no_body(scene) + faults_of_names(scene)

@@ -50,7 +50,10 @@ class VelocityVerlet:
     def stable_step(self) -> float:
         """Safety times 2/sqrt(lambda_max) [s] of the last settled state; the first call is collective."""
         if self.largest_eigenvalue is None:
-            self.largest_eigenvalue = self._power_iteration()
+            self.largest_eigenvalue = self._power_iteration(self.body.operator.free)
+            if self.largest_eigenvalue == 0.0:
+                # all are driven: the step that they would have if none were
+                self.largest_eigenvalue = self._power_iteration(np.ones_like(self.body.operator.free))
         growth = self.body.forces.growth
         if not growth < _LOST:
             return 0.0
@@ -60,12 +63,10 @@ class VelocityVerlet:
             safety = min(safety, self.settings.damage_safety)
         return safety * 2.0 / sqrt(self.largest_eigenvalue * growth)
 
-    def _power_iteration(self) -> float:
+    def _power_iteration(self, free: np.ndarray) -> float:
         operator = self.body.operator
         start = start_vector(operator.identifier, self.body.dimension)
-        return largest_eigenvalue(
-            operator.comm, lambda x, y: operator.stiffness(x, y, 0.0), start, operator.mass, operator.free
-        )
+        return largest_eigenvalue(operator.comm, lambda x, y: operator.stiffness(x, y, 0.0), start, operator.mass, free)
 
     # --- a step -----------------------------------------------------------------------------------------------
 

@@ -26,15 +26,16 @@ def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
 
     "mesh" is for bodies from meshes, and others have "kernel" beside them.
 
-    "best" is "fourth-order" for nodes of boxes, "cells" for those of perforated boxes, "closure" for other uneven
-    nodes, and "kernel" for the rest and for all bodies that touch, unless all of them are closed.
+    "best" is "mesh" for nodes of meshes, "fourth-order" for those of boxes, "cells" for those of perforated boxes,
+    "closure" for other uneven nodes, and "kernel" for the rest and for all bodies that touch, unless all of them are
+    closed. Nothing but shared nodes bonds bodies with the weights of their mesh.
     """
     if wanted == "mesh":
         return ["mesh" if body.shape.kind == "mesh" else "kernel" for body in scene.bodies]
     if wanted != "best":
         return [wanted] * len(scene.bodies)
-    result = [_best(body, scene.dimension) for body in scene.bodies]
-    bonded = _touching(scene)
+    result = [_best(i, scene) for i in range(len(scene.bodies))]
+    bonded = _touching(scene, meshes_of(result))
     seen: set[int] = set()
     for i, others in enumerate(bonded):
         together = _reached(i, bonded) if others and i not in seen else set()
@@ -51,33 +52,38 @@ def meshes_of(kinds: Sequence[str]) -> list[int]:
 
 def no_mesh_weights(scene: Any) -> Detail | None:
     """Why the bodies from meshes cannot have the weights of their mesh: (location, expected, found), or None."""
-    settings, meshes = scene.method, [i for i, body in enumerate(scene.bodies) if body.shape.kind == "mesh"]
+    meshes = [i for i, body in enumerate(scene.bodies) if body.shape.kind == "mesh"]
     if not meshes:
         return ("method", "weights"), 'a body from a mesh for "mesh"', Phrase("none")
+    return next((fault for fault in (_no_mesh_weights_of(i, scene) for i in meshes) if fault is not None), None)
+
+
+def _no_mesh_weights_of(i: int, scene: Any) -> Detail | None:
+    """The same of one body from a mesh."""
+    settings, body = scene.method, scene.bodies[i]
     if settings.integrator != "leapfrog":
         return ("method", "integrator"), "'leapfrog' with weights = \"mesh\"", settings.integrator
     if settings.reference != "fixed":
         return ("method", "reference"), "'fixed' with weights = \"mesh\"", settings.reference
-    for i in meshes:
-        body = scene.bodies[i]
-        if body.placed_on != "vertices":
-            return ("bodies", i, "placement"), "'vertices' with weights = \"mesh\"", body.placed_on
-        if body.jitter > 0.0:
-            return ("bodies", i, "jitter"), 'none with weights = "mesh"', body.jitter
-        if body.deformation_gradient is not None:
-            found = Phrase("a deformation gradient that is not that of a displacement")
-            return ("bodies", i, "deformation_gradient"), 'no such key with weights = "mesh"', found
-    for i, state in enumerate(scene.initial):
+    if body.placed_on != "vertices":
+        return ("bodies", i, "placement"), "'vertices' with weights = \"mesh\"", body.placed_on
+    if body.jitter > 0.0:
+        return ("bodies", i, "jitter"), 'none with weights = "mesh"', body.jitter
+    if body.deformation_gradient is not None:
+        found = Phrase("a deformation gradient that is not that of a displacement")
+        return ("bodies", i, "deformation_gradient"), 'no such key with weights = "mesh"', found
+    for number, state in enumerate(scene.initial):
         for key in ("deformation_gradient", "stress", "results"):
             if getattr(state, key, None) is not None:
-                return ("initial", i, key), 'no such key with weights = "mesh"', Phrase("one")
+                return ("initial", number, key), 'no such key with weights = "mesh"', Phrase("one")
     return None
 
 
 def all_resolved_boxes(scene: Any, bodies: Iterable[int]) -> bool:
     """Whether all of these bodies are nodes of boxes that touch no other, with `RESOLVED` or more along every axis."""
     try:
-        if any(kind != "fourth-order" for kind in weights_of_bodies("best", scene)):
+        kinds = weights_of_bodies("best", scene)
+        if any(kinds[i] != "fourth-order" for i in bodies):
             return False
         fillings: list[Any] = [filling_of(scene.bodies[i], scene.dimension) for i in bodies]
     except SceneError:
@@ -93,10 +99,13 @@ def weights_are_rounded(scene: Any) -> bool:
     return scene.method.integrator == "leapfrog" and scene.method.reference == "fixed" and not uneven
 
 
-def _best(body: Any, dimension: int) -> str:
+def _best(number: int, scene: Any) -> str:
+    body = scene.bodies[number]
     for kind in ("fourth-order", "cells"):
-        if _off_lattice(kind, body, dimension) is None:
+        if _off_lattice(kind, body, scene.dimension) is None:
             return kind
+    if body.shape.kind == "mesh" and _no_mesh_weights_of(number, scene) is None:
+        return "mesh"
     uneven = body.jitter > 0.0 or body.shape.kind == "mesh"
     return "closure" if uneven and body.placed_on == "vertices" else "kernel"
 
@@ -135,18 +144,21 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
     return [(("method", "weights"), expected, Phrase(", ".join(touching)))] if touching else []
 
 
-def _touching(scene: Any) -> list[list[int]]:
-    """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there."""
+def _touching(scene: Any, without: Sequence[int] = ()) -> list[list[int]]:
+    """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there;
+    without: numbers of bodies that no kernel bonds, which are not looked at."""
     result: list[list[int]] = [[] for _ in scene.bodies]
-    if not scene.bond or len(scene.bodies) < 2:
+    some = np.array([i for i in range(len(scene.bodies)) if i not in set(without)])
+    if not scene.bond or len(some) < 2:
         return result
-    extents = [extent_of(body, scene.dimension) for body in scene.bodies]
+    extents = [extent_of(scene.bodies[i], scene.dimension) for i in some]
     support = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing
     lower, upper = (np.array([getattr(one, end) for one in extents]) for end in ("lower", "upper"))
     reach, bonded = support * np.array([one.coarsest for one in extents]), scene.bonded
-    for i, j in np.transpose(close_boxes(lower, upper, 2.0 * reach)).tolist():
-        gap = np.maximum(np.maximum(lower[j] - upper[i], lower[i] - upper[j]), 0.0)
-        if np.linalg.norm(gap) < max(reach[i], reach[j]) and bonded.has(i, j):
+    for k, m in np.transpose(close_boxes(lower, upper, 2.0 * reach)).tolist():
+        gap = np.maximum(np.maximum(lower[m] - upper[k], lower[k] - upper[m]), 0.0)
+        i, j = int(some[k]), int(some[m])
+        if np.linalg.norm(gap) < max(reach[k], reach[m]) and bonded.has(i, j):
             result[i].append(j)
             result[j].append(i)
     return [sorted(others) for others in result]

@@ -9,6 +9,7 @@ from parsolid.kernels import kernel
 from parsolid.methods.tlsph.box_stages import advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
 from parsolid.methods.tlsph.leapfrog import StepBound
+from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
 from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, store_waves
 from parsolid.pairs.box_on_rank import BoxOnRank
@@ -37,7 +38,7 @@ class BoxBodies(StepBound):
         self.system, self.particles, self.dimension = system, system.particles, system.dimension
         self.nodes = cuts.nodes
         settings = system.settings
-        dissipation, staged = float(settings.dissipation), settings.integrator == "ssp-rk3"
+        dissipation, staged = settings.dissipation_of("kernel"), settings.integrator == "ssp-rk3"
         boxes = []
         for one, nodes, parts in zip(bodies, cuts.nodes, cuts.parts):
             tables = [
@@ -76,9 +77,10 @@ class BoxBodies(StepBound):
                 box, sweeps.scratch(box), block.solid, step, self.dimension, self.signals, block.branches(step),
                 block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces,
+                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces, self._heat,
+                block.plastic(step, self.last_step),
             )  # fmt: skip
-            sound, dissipated = sound and positive, dissipated + lost
+            sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
         self._reduce_edges()
         return sound, dissipated, stable
@@ -118,7 +120,13 @@ class BoxBodies(StepBound):
         if self.sweeps.in_turn:
             return
         self.sweeps.exchange_stress()
-        self.sweeps.divergence(self.particles.storage("stress_force"), self.particles.storage("dissipative_force"))
+        stored = self.particles.storage
+        self.sweeps.divergence(stored("stress_force"), stored("dissipative_force"), self._heat)
+
+    @property
+    def _heat(self) -> np.ndarray | None:
+        """The field of what the dissipation takes, None where it heats nothing."""
+        return self.particles.storage(RIEMANN_HEAT) if RIEMANN_HEAT in self.particles else None
 
     def displacement_gradient(self, result: np.ndarray) -> None:
         """Fill grad u of the nodes of boxes into result (owned, d, d) by the scheme's own operator; collective."""
@@ -200,14 +208,15 @@ def store_numbers(field, row, n, numbers):
 @kernel
 def advance_box(
     box, scratch, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
-    tiles, A, branch_sum, x, force, dissipation,
+    tiles, A, branch_sum, x, force, dissipation, heat, plastic,
 ):  # fmt: skip
     """Leapfrog: state of the nodes of a box after a step [s] with their velocity gradients in its middle.
 
     Fields (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,)
     [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. force,
     dissipation (d, n) [N]: fields of V Div P and V D, which are filled while stresses are in the cache; None where
-    planes of other ranks are needed first. Otherwise as in `list_update.advance_step`, as is what is returned.
+    planes of other ranks are needed first. heat: see `dissipative_forces_in_plane`. Otherwise as in
+    `list_update.advance_step`, as is what is returned.
     """
     values = scratch.values
     row, least, most, dissipated = box.first, np.ones(TILE), np.zeros(TILE), np.zeros(TILE)
@@ -230,7 +239,7 @@ def advance_box(
                 copy_branches_in(A, symmetric, field_A, row, n)
             update_tile(
                 law, step, third, signals, of_branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
-                signal, lost,
+                signal, lost, plastic, row, n,
             )  # fmt: skip
             if initial is not None:
                 copy_in(stress, tensor, initial, row, n)
@@ -247,12 +256,12 @@ def advance_box(
             row += n
         if force is not None:
             if Z is not None and i > 0:
-                dissipative_forces_in_plane(box, scratch, i - 1, v, x, G, Z, None, dissipation)
+                dissipative_forces_in_plane(box, scratch, i - 1, v, x, G, Z, None, dissipation, heat)
             if i >= REACH:
                 stress_forces_in_plane(box, i - REACH, P, values, force)
     if force is not None:
         if Z is not None:
-            dissipative_forces_in_plane(box, scratch, box.last_plane - 1, v, x, G, Z, None, dissipation)
+            dissipative_forces_in_plane(box, scratch, box.last_plane - 1, v, x, G, Z, None, dissipation, heat)
         for i in range(max(0, box.last_plane - REACH), box.last_plane):
             stress_forces_in_plane(box, i, P, values, force)
     sound, lost_energy, greatest = True, 0.0, 0.0

@@ -78,10 +78,10 @@ class LatticeBody(NamedTuple):
         """
         if self.box:
             return BoxWaves(
-                self.axes, self.fourth_order, float(settings.dissipation), settings.reconstruction
+                self.axes, self.fourth_order, settings.dissipation_of("kernel"), settings.reconstruction
             ).signal_speed
         # less dissipation than the usual does not make the step longer
-        most, d = max(1.0, float(settings.dissipation)), len(self.axes)
+        most, d = max(1.0, settings.dissipation_of("kernel")), len(self.axes)
         fast, slow = max(self.damping, _LEAPFROG * self.frequency), self.damping * (d - 1)
         return partial(_weighted, most * fast, most * slow)
 
@@ -219,7 +219,7 @@ def _no_room(body: int, axes: list[Axis]) -> str:
 def _check_grading(body: int, axes: list[Axis], fourth_order: bool, settings: Any, ratio: float) -> None:
     """Raise SolverError where distances change so fast that a node would have no volume, or waves would grow; ratio:
     of the speeds of shear and pressure waves."""
-    fed, dissipation = fourth_order and settings.reconstruction, float(settings.dissipation)
+    fed, dissipation = fourth_order and settings.reconstruction, settings.dissipation_of("kernel")
     for k, axis in enumerate(axes):
         if not axis.places:
             continue

@@ -45,6 +45,11 @@ class StepBound:
         found: tuple[float, ...] = self.system.leapfrog.signals
         return found
 
+    @property
+    def last_step(self) -> float:
+        """Length [s] of the step before the present one."""
+        return float(self.system.leapfrog.kicks.last_step)
+
     def step_of(self, block: Any, signal: float) -> float:
         """Largest step [s] for a signal [sqrt(Pa)] of the particles of a block."""
         return float(self.system.leapfrog.step_of(block.law.density, signal))
@@ -69,7 +74,7 @@ class Leapfrog:
         system, settings = self.system, self.system.settings
         pressure, shear = wave_weights(system.dimension, settings.smoothing)
         # D grows with the factor on it; without any, waves alone would allow more
-        most = max(1.0, settings.dissipation)
+        most = max(1.0, settings.dissipation_of("kernel"))
         if not system.lattice_bodies:
             return (pressure, shear) * 3, settings.safety / most
         signals = [one.signal_speed(settings) for one in system.lattice_bodies]
@@ -117,6 +122,8 @@ class Leapfrog:
         sound, dissipated = self.find_forces(step, announce)
         self.kicks.close_step(time + step, step, self.system.substeps)
         self.kicks.book(step, ledger, dissipated, KINETIC_OFFSET)
+        for block in self.system.plastic_blocks:
+            block.book(ledger)
         if self.system.fixed_walls is not None:
             self.system.fixed_walls.book(ledger)
         return sound

@@ -9,6 +9,7 @@ from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
 from parsolid.methods.tlsph.leapfrog import StepBound
 from parsolid.methods.tlsph.list_stages import advance_stage
 from parsolid.methods.tlsph.list_update import add_forces, advance_step, find_forces
+from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.pairs.list_sweeps import ROWS, gradient_in_plane, gradient_in_space
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
@@ -63,6 +64,7 @@ class ListBodies(StepBound):
         self.force, self.operator = aligned_zeros((*room, at.force)), aligned_zeros((*room, at.operator))
         self.fast = aligned_zeros((*room, at.tensor)) if self.waves >= 2 else None
         self.slow = aligned_zeros((*room, at.tensor)) if self.waves == 3 else None
+        self.heat = aligned_zeros(room) if RIEMANN_HEAT in self.particles else None
         self.motion[: near.rows, at.reference : at.reference + self.dimension] = near.positions
         told = [self.record if self.waves else self.record[:, at.stress :]]
         told += [one for one in (self.fast, self.slow) if one is not None]
@@ -111,8 +113,9 @@ class ListBodies(StepBound):
                 block.solid, step, self.dimension, self.signals, block.branches(step), self.half,
                 block.first, block.last, block.places, *self._fields(block), self.near.inner, self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
+                block.plastic(step, self.last_step),
             )  # fmt: skip
-            sound, dissipated = sound and positive, dissipated + lost
+            sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
         return sound, dissipated, stable
 
@@ -163,14 +166,17 @@ class ListBodies(StepBound):
                 if waves is not None:
                     mirror_waves(near.local, near.images, waves)
         motion = self.motion if self.waves else None
-        rows = motion, self.record, self.fast, self.slow, self.force
+        rows = motion, self.record, self.fast, self.slow, self.force, self.heat
         if len(near.outer.neighbour):
             add_forces(self.dimension, near.outer, 0, near.owned, *rows)
             clear_rows(near.owned, near.rows, self.force)
+            if self.heat is not None:
+                self.heat[near.owned :] = 0.0
         self._add_own_forces()
         T, D = stored("stress_force"), stored("dissipative_force")
+        W = None if self.heat is None else stored(RIEMANN_HEAT)
         for block in self.blocks:
-            find_forces(self.dimension, near.inner, block.first, block.last, *rows, T, D)
+            find_forces(self.dimension, near.inner, block.first, block.last, *rows, T, D, W)
 
     def displacement_gradient(self, result: np.ndarray) -> None:
         """Fill grad u of these particles into result (owned, d, d) by the scheme's own operator; collective."""

@@ -130,7 +130,7 @@ def store_stresses(d, i, n, P, Z, operator, record):
 def advance_step(
     law, step, d, signals, branches, half, first, last, places,
     gradient, jacobian, field_A, volume, push, inverse, initial,
-    pairs, motion, operator, record, tiles, A, branch_sum, push_tile,
+    pairs, motion, operator, record, tiles, A, branch_sum, push_tile, plastic,
 ):  # fmt: skip
     """Leapfrog: state of particles first .. last - 1 after a step [s] with their velocity gradients in its middle, and
     records of the new state.
@@ -138,6 +138,7 @@ def advance_step(
     Arguments as in `point_update.update_tile`; fields (components, n): deformation gradient, jacobian (n,), A of the
     branches, push and inverse of an updated reference, initial stress [Pa]; volume (n,) [m^3]; operator, record:
     rows, see `list_sweeps`. Fields and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
+    plastic: `plastic.PlasticFields` of a law that flows, else None.
 
     Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
     """
@@ -158,7 +159,9 @@ def advance_step(
             copy_in(push_tile, tensor, push, i, n)
         if A is not None:
             copy_branches_in(A, symmetric, field_A, i, n)
-        update_tile(law, step, third, signals, of_branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost)
+        update_tile(
+            law, step, third, signals, of_branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost, plastic, i, n
+        )  # fmt: skip
         if A is not None:
             copy_branches_out(field_A, i, n, A, symmetric)
             for p in range(n):
@@ -177,13 +180,14 @@ def advance_step(
 
 
 @kernel
-def add_forces(d, pairs, first, last, motion, record, fast, slow, force):
-    """Add the forces of the pairs in rows first .. last - 1 of a list; motion: None where nothing dissipates."""
+def add_forces(d, pairs, first, last, motion, record, fast, slow, force, heat):
+    """Add the forces of the pairs in rows first .. last - 1 of a list; motion: None where nothing dissipates; heat: see
+    `divergence_in_space`."""
     if motion is not None:
         if d == 3:
-            divergence_in_space(pairs, first, last, motion, record, fast, slow, force)
+            divergence_in_space(pairs, first, last, motion, record, fast, slow, force, heat)
         else:
-            divergence_in_plane(pairs, first, last, motion, record, fast, slow, force)
+            divergence_in_plane(pairs, first, last, motion, record, fast, slow, force, heat)
     elif d == 3:
         stress_divergence_in_space(pairs, first, last, record, force)
     else:
@@ -191,15 +195,19 @@ def add_forces(d, pairs, first, last, motion, record, fast, slow, force):
 
 
 @kernel
-def find_forces(d, pairs, first, last, motion, record, fast, slow, force, T, D):
-    """Add the forces of the pairs of particles first .. last - 1 and put T and D [N] of these into fields (d, n).
+def find_forces(d, pairs, first, last, motion, record, fast, slow, force, heat, T, D, W):
+    """Add the forces of the pairs of particles first .. last - 1 and put T and D [N] of these into fields (d, n), and
+    what D takes [W] into W (1, n), None where nobody asks.
 
     What the next step gathers in rows begins at zero again. Tile by tile, while rows are in the cache: those of a tile
     are complete, and nobody reads them any more, when their pairs and those of all rows before have been added.
     """
     for i in range(first, last, TILE):
         end = min(i + TILE, last)
-        add_forces(d, pairs, i, end, motion, record, fast, slow, force)
+        add_forces(d, pairs, i, end, motion, record, fast, slow, force, heat)
+        if heat is not None:
+            for a in range(np.uintp(i), np.uintp(end)):
+                W[0, a], heat[a] = heat[a], 0.0
         for a in range(np.uintp(i), np.uintp(end)):
             if d == 3:
                 T[0, a], T[1, a], T[2, a] = force[a, 0], force[a, 1], force[a, 2]

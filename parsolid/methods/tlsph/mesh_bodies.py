@@ -11,11 +11,15 @@ import numpy as np
 
 from decomposition.halo import Halo
 from decomposition.reduction import sums
-from parsolid.collective import anywhere
+from parsolid.boundary.conditions import HALF
+from parsolid.boundary.mirror_planes import symmetry_planes
+from parsolid.collective import anywhere, minimum, raise_together
 from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods.tlsph.list_bodies import ListBodies, clear_rows
 from parsolid.methods.tlsph.list_update import add_forces
+from parsolid.methods.tlsph.shared_nodes import SharedNodes
 from parsolid.pairs.mesh_weights import (
     MeshPairs,
     corrected_volumes,
@@ -28,10 +32,13 @@ from parsolid.pairs.mesh_weights import (
 )
 from parsolid.pairs.pair_list import MirrorImages, PairList, weights_of_pairs
 from parsolid.particles.declaration import Columns, Field
-from parsolid.particles.meshes.around import elements_around
+from parsolid.particles.meshes.around import elements_around, shared_nodes
+from parsolid.particles.meshes.slices import mesh_key
 
 # part of the largest stable step that method.safety = 1 means, and iterations that find the highest frequency
 _SAFETY, _ITERATIONS = 0.9, 30
+# of the stabiliser where a law flows: with more of the elastic modulus it would bear what the flow does not, and lock
+_SHARE_IN_FLOW = 0.01
 # figures of the frequency that count, rounded up, so that rounding on other ranks changes no step
 _FIGURES = 3
 
@@ -53,22 +60,30 @@ class MeshNeighbours:
     """
 
     def __init__(
-        self, comm: Any, elements: Any, extent: float, positions: np.ndarray, identifiers: np.ndarray, factor: float
+        self,
+        comm: Any,
+        elements: Any,
+        extent: float,
+        positions: np.ndarray,
+        identifiers: np.ndarray,
+        factor: float,
+        shared: np.ndarray,
     ) -> None:
         """elements: blocks by identifiers, all around owned particles; extent: the largest distance [m] of two nodes of
-        an element on any rank; positions (owned, d), identifiers (owned,); factor on the dissipation. Collective."""
+        an element on any rank; positions (owned, d), identifiers (owned,); factor on the dissipation; shared (k,
+        bodies): identifiers of particles at nodes that owned ones share. Collective."""
         self.comm, (self.owned, d) = comm, positions.shape
         # a hair more, because distances are found in other arithmetic
         halo = Halo(comm, np.ascontiguousarray(positions), extent * (1.0 + 1e-9))
-        around = np.unique(np.concatenate([np.zeros(0, np.int64), *(cells.ravel() for _, cells in elements)]))
+        around = np.unique(np.concatenate([shared.ravel(), *(cells.ravel() for _, cells in elements)]))
         self.halo = halo = halo.subset(np.isin(halo.with_ghosts(identifiers)[self.owned :], around))
         self.local = self.rows = self.owned + halo.ghosts
         self.positions = halo.with_ghosts(positions)
         none = np.zeros((0, d))
         self.images = MirrorImages(np.zeros(0, np.int64), none, none, none, np.zeros(0))
-        everyone = halo.with_ghosts(identifiers)
-        order = np.argsort(everyone)
-        blocks = [(kind, order[np.searchsorted(everyone, cells, sorter=order)]) for kind, cells in elements]
+        self._everyone = halo.with_ghosts(identifiers)
+        self._order = np.argsort(self._everyone)
+        blocks = [(kind, self.rows_of(cells)) for kind, cells in elements]
         pairs, volume, area = pairs_of_elements(blocks, self.owned, self.positions)
         # rows of other bodies have no pairs
         volume[volume == 0.0] = 1.0
@@ -81,6 +96,12 @@ class MeshNeighbours:
         self.inner, self.outer = (_pair_list(pairs, np.flatnonzero(kept), factor) for kept, _ in parts)
         self.stretch = [pairs.stretch[kept] for kept, _ in parts]
         self.surface = [_surface_pairs(pairs, kept) for _, kept in parts]
+
+    def rows_of(self, identifiers: np.ndarray) -> np.ndarray:
+        """Rows of owned particles and ghosts by their identifiers, -1 where these are negative."""
+        place = np.searchsorted(self._everyone, identifiers, sorter=self._order)
+        place[identifiers < 0] = 0
+        return np.where(identifiers < 0, -1, self._order[place])
 
     @property
     def lists(self) -> tuple[PairList, PairList]:
@@ -107,12 +128,22 @@ def _surface_pairs(pairs: MeshPairs, kept: np.ndarray) -> SurfacePairs:
     return SurfacePairs(_starts(pairs, kept), pairs.neighbour[kept], 0.5 * pairs.surface[kept])
 
 
+def _shared(comm: Any, meshes: list[list[Any]]) -> tuple[np.ndarray, np.ndarray]:
+    """Of meshes with the `ElementsAround` of several bodies each, what `shared_nodes` gives of all; collective."""
+    found = [shared_nodes(comm, bodies) for bodies in meshes]
+    width = max((others.shape[1] for _, others in found), default=1)
+    rows = [np.pad(others, ((0, 0), (0, width - others.shape[1])), constant_values=-1) for _, others in found]
+    own = np.concatenate([np.zeros(0, np.int64), *(one for one, _ in found)])
+    return own, np.concatenate([np.zeros((0, width), np.int64), *rows])
+
+
 class MeshBodies(ListBodies):
     """The nodes of a rank's meshes, with what `ListBodies` offers.
 
     largest_step [s]: of leapfrog at rest, on all ranks; limited: how many nodes of all ranks have less than the whole
-    correction of their masses; of_second_order: kinds of such elements by number of the body; stiffness: c_ab (m,)
-    [N/m] of the pairs of the inner and of the outer list.
+    correction of their masses; least_masses: by number of the body, mass over that of the volume; of_second_order:
+    kinds of such elements by number of the body; stiffness: c_ab (m,) [N/m] of the pairs of the inner and of the outer
+    list; shared: `SharedNodes`, None where there are none.
     """
 
     near: Any
@@ -131,36 +162,60 @@ class MeshBodies(ListBodies):
         self.particles.declare(Field("stabiliser_stress", d * d, "Pa", layout=Columns(), carried=False))
         self.stabiliser = np.zeros(self.last)
         for block in blocks:
-            self.stabiliser[block.first : block.last] = part * elastic_moduli(block.law)[0]
+            share = _SHARE_IN_FLOW if isinstance(block.law, ElasticPlastic) else 1.0
+            self.stabiliser[block.first : block.last] = share * part * elastic_moduli(block.law)[0]
         stress = self.particles.owned_rows("stabiliser_stress")
         stress[: self.last] = -self.stabiliser[:, None] * np.eye(d).ravel()
 
     def find_pairs(self, scene: Any, particle_set: Any, numbers: list[int]) -> None:
         """Pairs, weights, volumes, areas, masses and the largest step; numbers: of the bodies. Collective."""
         comm, of = self.system.comm, self.particles.owned_rows
-        found = {}
+        found, of_meshes = {}, dict[Any, list[Any]]()
         for number in numbers:
             body, own = scene.bodies[number], particle_set.identifier[particle_set.body == number]
-            mesh = particle_set.meshes.get((body.shape.model.file, body.shape.model.scale))
-            found[number] = elements_around(comm, body, self.dimension, own, mesh)
+            found[number] = elements_around(comm, body, self.dimension, own, particle_set.meshes)
+            of_meshes.setdefault(mesh_key(body), []).append(found[number])
         self.of_second_order = {number: one.of_second_order for number, one in found.items() if one.of_second_order}
         elements = [block for one in found.values() for block in one.blocks]
         extent = max(one.extent for one in found.values())
         rows = slice(0, self.last)
         place = np.ascontiguousarray(particle_set.position[rows]), particle_set.identifier[rows]
-        near = MeshNeighbours(comm, elements, extent, *place, float(self.system.settings.dissipation))
+        own, others = _shared(comm, [bodies for bodies in of_meshes.values() if len(bodies) > 1])
+        near = MeshNeighbours(comm, elements, extent, *place, self.system.settings.dissipation_of("mesh"), others)
         self._make_rows(near)
         self.take_corrections(np.eye(self.dimension), near.volume[: near.owned])
+        # of bodies that share nodes the area there is that of facets that are not between them
+        alone = ~np.isin(place[1], own)
         for block in self.blocks:
-            own = slice(block.first, block.last)
-            of("volume")[own] = near.volume[own]
-            of("area")[own] = near.area[own]
-            of("mass")[own] = block.law.density * near.mass_volume[own]
+            here = np.arange(block.first, block.last)
+            of("volume")[here] = near.volume[here]
+            of("mass")[here] = block.law.density * near.mass_volume[here]
+            of("area")[here[alone[here]]] = near.area[here[alone[here]]]
+        self._take_planes(particle_set)
+        self.shared = None
+        if anywhere(comm, bool(len(own))):
+            self.shared = SharedNodes(near.halo, near.rows_of(own), near.rows_of(others), of("mass")[rows])
+        share = near.mass_volume / near.volume[: near.owned]
+        body = of("body")[rows]
+        self.least_masses = {number: minimum(comm, float(share[body == number].min(initial=1.0))) for number in numbers}
         # both particles of a pair are of one body
         rows_of = [np.repeat(np.arange(near.owned), np.diff(pairs.start)) for pairs in near.lists]
         self.stiffness = [self.stabiliser[row] * stretch for row, stretch in zip(rows_of, near.stretch)]
         self.limited = int(sums(comm, np.array([float(near.limited)]))[0])
         self.largest_step = self._largest_step()
+
+    def _take_planes(self, particle_set: Any) -> None:
+        """Of nodes on symmetry planes, where the bodies end: which part of a whole node they are, and their area
+        without that of the plane, as contact and tools need them."""
+        planes = symmetry_planes(self.system.conditions.ends)
+        if not planes:
+            return
+        part = np.ones(len(particle_set))
+        for plane in planes:
+            here = plane.contains(particle_set)
+            part[here] *= 0.5
+            self.particles.owned_rows("area")[here, plane.axis] = 0.0
+        self.particles.declare(Field(HALF, 1, "1"), part)
 
     def begin(self) -> None:
         """Places of ghosts, which the energy of the state needs; collective."""
@@ -169,6 +224,27 @@ class MeshBodies(ListBodies):
         self.motion[: self.last, at.position : at.position + self.dimension] = X("position")[: self.last]
         self._motion.start()
         self._motion.finish()
+
+    def join(self) -> None:
+        """Give what shares a node one place and velocity, with which the state begins; collective. Raises SolverError
+        on all ranks where a condition holds only some of it."""
+        if self.shared is None:
+            return
+        free, apart = self.system.conditions.free, False
+        if free is not None:
+            apart = self.shared.differ(free)
+        fault = (
+            "boundaries: expected conditions that hold all bodies at the nodes that they share, found one for a body"
+        )
+        raise_together(self.system.comm, fault if apart else None)
+        self.shared.move_as_one(self.particles.storage("velocity"), self.particles.storage("position"))
+
+    def find_forces(self) -> None:
+        """Also shared where bodies share nodes."""
+        super().find_forces()
+        if self.shared is not None:
+            stored = self.particles.storage
+            self.shared.share(stored("stress_force"), stored("dissipative_force"))
 
     def stabiliser_energy(self) -> float:
         """beta mu/2 [sum over elements of V |F|^2 - sum over particles of V |F|^2] [J] of this rank; a pair of two
@@ -222,7 +298,7 @@ class MeshBodies(ListBodies):
         frequency = highest_frequency(system.comm, self._linear_forces, self._start(), self._mass())
         figures = 10.0 ** (np.floor(np.log10(frequency)) + 1 - _FIGURES)
         frequency = figures * np.ceil(frequency / figures)
-        return float(_SAFETY * 2.0 / frequency / (1.0 + 0.5 * float(system.settings.dissipation)))
+        return float(_SAFETY * 2.0 / frequency / (1.0 + 0.5 * system.settings.dissipation_of("mesh")))
 
     def _mass(self) -> np.ndarray:
         """(last, 1) [kg], 1 for particles of other bodies."""
@@ -260,7 +336,7 @@ class MeshBodies(ListBodies):
         self._record.start()
         self._record.finish()
         for pairs in near.lists:
-            add_forces(d, pairs, 0, near.owned, None, self.record, None, None, self.force)
+            add_forces(d, pairs, 0, near.owned, None, self.record, None, None, self.force, None)
         self._add_own_forces()
         forces = self.force[: self.last, :d].copy()
         clear_rows(0, near.rows, self.force)

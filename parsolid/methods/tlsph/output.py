@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
+from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
@@ -19,6 +20,7 @@ class Reports(ParticleSystem):
     conditions: Any
     laws: list[Any]
     blocks: list[LawBlock]
+    plastic_blocks: list[Any]
     sweeps: list[Any]
     meshes: Any
     reference: Any
@@ -47,7 +49,26 @@ class Reports(ParticleSystem):
         if self.reference is not None and self.reference.fault is not None and self.owned:
             most = int(np.argmin(self.particles.owned_rows("jacobian")))
             return most, f"the reference could not be moved: {self.reference.fault}"
-        return super().first_invalid()
+        return super().first_invalid() or self._beyond_its_law()
+
+    def _beyond_its_law(self) -> tuple[int, str] | None:
+        """The first particle that is compressed beyond its equation of state."""
+        for block in self.plastic_blocks:
+            room = block.room()
+            if not (room > 0.0).all():
+                index = block.first + int(np.argmin(room))
+                ratio = self.particles.owned_rows("jacobian")[index]
+                return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
+        return None
+
+    def measure(self, name: str) -> tuple[str, np.ndarray]:
+        """See `ParticleSystem`: of plastic flow and of failure."""
+        failed = failed_matter.measure(self.particles, self.mass * self.share, name)
+        if failed is not None:
+            return failed
+        field = name.removeprefix("maximum_")
+        values = self.particles.owned_rows(field) if field in self.particles else np.zeros(0)
+        return "maximum", np.array([values.max(initial=0.0)])
 
     def advice(self) -> str:
         """What most likely helps when a run goes wrong, by the settings."""
@@ -67,6 +88,10 @@ class Reports(ParticleSystem):
         law = self.laws[body]
         shear, lame = elastic_moduli(law)
         return lame + 2.0 * (shear + total_modulus(law.branch_moduli)), law.density
+
+    def least_mass(self, body: int) -> float:
+        """Corrected masses are less than the lumped ones near the surface."""
+        return 1.0 if self.meshes is None else self.meshes.least_masses.get(body, 1.0)
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
@@ -99,8 +124,10 @@ class Reports(ParticleSystem):
         return self.evaluations * sum(bodies.bytes_a_step() for bodies in self.sweeps)
 
     def summary(self) -> dict[str, Any]:
-        """How often the reference was moved, and which weights each body has where a scene leaves the choice."""
+        """How often the reference was moved, which weights each body has where a scene leaves the choice, and what has
+        failed."""
         moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
+        moved |= failed_matter.summary(self.comm, self.particles, self.mass * self.share)
         chosen = self.settings.weights in ("best", "mesh")
         return {**moved, "pair_weights": list(self.body_weights)} if chosen else moved
 
@@ -116,7 +143,7 @@ class Reports(ParticleSystem):
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         """Rollers."""
-        return symmetry_planes(self.conditions.planes)
+        return symmetry_planes([*self.conditions.planes, *self.conditions.ends])
 
     def held_components(self) -> np.ndarray | None:
         """Those of supports and of prescribed velocities."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.materials.hyperelastic.functions import pressure_waves, shear_waves, stress
+from parsolid.materials.law_functions import law_function
 from parsolid.materials.viscoelastic.maxwell import (
     branch_stress,
     branch_waves,
@@ -172,19 +173,27 @@ def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, 
         )
 
 
-@inlined
-def update_tile(law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost):
+@law_function
+def update_tile(
+    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, plastic, row, n
+):
     """Leapfrog: the state of a tile after a step [s] with its velocity gradient G [1/s] in the middle of the step.
 
     law: without branches, see `materials.hyperelastic.functions`. third: 0 in plane strain, else 1. signals: six
     numbers (p1, s1, p2, s2, p3, s3). branches: arrays (moduli, times, weights, losses) of `Branches`; A (branches * 6
     TILE) and the scratch branch_sum (6 TILE) are None for laws without. push (9 TILE): F_r/J_r of an updated reference,
-    or None.
+    or None. plastic: `plastic.PlasticFields` of a law that flows, of which the tile has rows row .. row + n - 1.
 
     Advances F and A. Fills J, P [Pa], impedance (2 TILE): half rho c of pressure and of shear waves [kg/(m^2 s)], the
     root of its mean square over directions; signal: the greatest of the sums p_i sqrt(rho) c_p + s_i sqrt(rho) c_s
     [sqrt(Pa)] over all directions; lost: energy that branches dissipate [J/m^3].
     """
+
+
+@update_tile.otherwise
+def _update_elastic(
+    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, plastic, row, n
+):
     moduli, times, weights, losses = branches
     total = 0.0
     if A is not None:

@@ -7,6 +7,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from parsolid.materials.declaration import Phrase
+from parsolid.methods.failure_fields import DAMAGE
+from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body, flowing
 from parsolid.methods.tlsph.body_weights import (
     ON_LATTICES,
     RESOLVED,
@@ -18,6 +20,7 @@ from parsolid.methods.tlsph.body_weights import (
 from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
+from parsolid.scene.failure import faults_of_names
 from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
 from parsolid.scene.warned import Note
 
@@ -42,9 +45,19 @@ class TotalLagrangianSPH(MethodSettings):
     }
     state_variables: ClassVar = (
         *("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),
+        *("plastic_metric_inverse", "plastic_strain", "internal_energy", "temperature", "damage", "criterion_damage"),
     )
-    state_forces: ClassVar = ("stress_force", "dissipative_force", "excess_wall_force")
-    materials: ClassVar = ("hyperelastic",)
+    state_forces: ClassVar = (
+        *("stress_force", "dissipative_force", "excess_wall_force", "acting_stress", "riemann_heat"),
+    )
+    declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
+    extra_quantities: ClassVar = {
+        "maximum_temperature": "scalar",
+        "maximum_plastic_strain": "scalar",
+        "maximum_damage": "scalar",
+        "failed_mass": "scalar",
+    }
+    materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = (
         "fixed",
         "roller",
@@ -79,8 +92,10 @@ class TotalLagrangianSPH(MethodSettings):
     safety: Positive | None = Field(
         None, description="time step over the largest stable one on a lattice, 0.9 unless given; of leapfrog"
     )
-    dissipation: NotNegative = Field(
-        1.0, description='factor on the Riemann dissipation, 0 = none; 0.1 with weights = "mesh" unless given'
+    dissipation: NotNegative | None = Field(
+        None,
+        description="factor on the Riemann dissipation, 0 = none; 1 unless given, 0.1 for bodies with the weights of "
+        "their mesh",
     )
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
     reference: Literal["fixed", "updated"] = Field(
@@ -92,9 +107,10 @@ class TotalLagrangianSPH(MethodSettings):
     )
     weights: Literal["kernel", "closure", "cells", "fourth-order", "mesh", "best"] | None = Field(
         None,
-        description='pair weights: "kernel" unless given, "best" with leapfrog for boxes of 8 nodes or more along each '
-        'axis that touch nothing; "closure" for irregular particles; "cells" and "fourth-order" in closed form for '
-        'lattices; "mesh": those of the elements of meshes; "best": for each body what fits it',
+        description='pair weights: unless given, with leapfrog "mesh" for bodies from meshes, "best" for boxes of 8 '
+        'nodes or more along each axis that touch nothing, and "kernel" for others; "closure" for irregular particles; '
+        '"cells" and "fourth-order" in closed form for lattices; "mesh": those of the elements of meshes; "best": for '
+        "each body what fits it",
     )
     stabilisation: float = Field(
         0.35,
@@ -115,6 +131,12 @@ class TotalLagrangianSPH(MethodSettings):
     def pair_weights(self) -> str:
         """What `weights` asks for."""
         return self.weights or "kernel"
+
+    def dissipation_of(self, weights: str) -> float:
+        """The factor on the dissipation of bodies with pair weights of a kind."""
+        if self.dissipation is not None:
+            return float(self.dissipation)
+        return MESH_DISSIPATION if weights == "mesh" else 1.0
 
     @model_validator(mode="after")
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
@@ -145,24 +167,28 @@ class TotalLagrangianSPH(MethodSettings):
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
         if self.integrator == "leapfrog":
             terms[KINETIC_OFFSET] = -1
+        if any(scene.bodies[i].material.kind == "elastic-plastic" for i in bodies):
+            terms |= {"plastic_work": 0, "riemann_heat": 0}
         kinds = weights_of_bodies(self.pair_weights, self._own(scene, bodies))
         with_images = any(kind not in (*ON_LATTICES, "mesh") for kind in kinds)
         images = with_images and any(one.plane is not None for one in planes)
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
-        """Weights that close where every example of the tables confirms them, with leapfrog: on boxes of eight nodes or
-        more along each axis that touch nothing, and on a body from a mesh that meets no other."""
-        gentle = {} if "dissipation" in self.model_fields_set else {"dissipation": MESH_DISSIPATION}
-        if self.weights == "mesh" and "weights" in self.model_fields_set:
-            return gentle
-        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
-        others = self.integrator != "leapfrog" or self.reference == "updated" or not self.reconstruction
-        if others or _OF_WEIGHTS & self.model_fields_set or scene.methods is not None or _meets(scene):
+        """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the
+        tables confirms them: of eight nodes or more along each axis that touch nothing."""
+        if self.integrator != "leapfrog" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
-        if len(scene.bodies) == 1 and scene.bodies[0].shape.kind == "mesh":
-            return {"weights": "mesh", **gentle} if no_mesh_weights(scene) is None else {}
-        return {"weights": "best"} if all_resolved_boxes(scene, bodies) else {}
+        own = self._own(scene, bodies)
+        lattices = [i for i, body in enumerate(own.bodies) if body.shape.kind != "mesh"]
+        meshes = len(lattices) < len(own.bodies)
+        if meshes and no_mesh_weights(own) is not None:
+            return {}
+        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
+        apart = self.reconstruction and scene.methods is None and not _meets(scene)
+        if apart and lattices and all_resolved_boxes(own, lattices):
+            return {"weights": "best"}
+        return {"weights": "mesh"} if meshes else {}
 
     def _own(self, scene: Any, bodies: Iterable[int]) -> Any:
         """The scene with this method and its bodies alone."""
@@ -184,14 +210,19 @@ class TotalLagrangianSPH(MethodSettings):
         """Weights, where the scene leaves them to its bodies."""
         usual = self.defaults_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
-        why = f"all bodies are boxes of {RESOLVED} nodes or more along each axis"
-        if "dissipation" in usual or usual.get("weights") == "mesh":
-            why = "the weights are those of a mesh"
+        why = f"all bodies but meshes are boxes of {RESOLVED} nodes or more along each axis"
+        if usual.get("weights") == "mesh":
+            why = "bodies from meshes have those of their elements"
         return [Note("chosen-weights", f"{told} unless stated, as {why}")] if usual else []
 
     def _notes_of_weights(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         loaded = any(one.kind in ("traction", "pressure") for one in scene.boundaries)
-        if not loaded or self.pair_weights != "kernel" or self.reference == "updated" or scene.methods is not None:
+        if (
+            not loaded
+            or self.pair_weights not in ("kernel", "mesh")
+            or self.reference == "updated"
+            or scene.methods is not None
+        ):
             return []
         best = weights_of_bodies("best", scene)
         names = ", ".join(f"bodies.{i}" for i in bodies if best[i] in ON_LATTICES)
@@ -208,6 +239,10 @@ class TotalLagrangianSPH(MethodSettings):
     def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
         """Where they act on one another, if neighbours are found anew."""
         return np.maximum(self.reach(spacing), spacing) if self.reference == "updated" else spacing
+
+    def bonding(self, scene: Any, bodies: Iterable[int]) -> list[bool]:
+        """Not those with the weights of their mesh, which share nodes, are tied or in contact."""
+        return [kind != "mesh" for kind in weights_of_bodies(self.pair_weights, self._own(scene, bodies))]
 
     def bonded_spacings(self, scene: Any) -> float:
         """Kernels reach the second layer of the other body only so far; a long reach bears more."""
@@ -231,10 +266,31 @@ class TotalLagrangianSPH(MethodSettings):
         if self.integrator == "ssp-rk3" and _meets(scene):
             expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
-        faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene)
+        faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene) + self._plastic_faults(scene)
         refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
         faults += [refused] if refused is not None else []
         return faults + self._edge_faults(scene)
+
+    def _plastic_faults(self, scene: Any) -> list[Detail]:
+        """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""
+        faults, plastic = fields_of_no_body(scene) + faults_of_names(scene), flowing(scene)
+        if plastic and self.integrator == "ssp-rk3":
+            expected = "'leapfrog' with elastic-plastic bodies, whose flow is found once a step"
+            faults.append((("method", "integrator"), expected, self.integrator))
+        for i in plastic:
+            material, here = scene.bodies[i].material, ("bodies", i, "material")
+            for key in ("conductivity", "conductivity_tensor"):
+                if getattr(material, key) is not None:
+                    expected = "no such key: the method conducts no heat"
+                    faults.append(((*here, key), expected, getattr(material, key)))
+            if material.failure is not None and material.failure.after == "delete":
+                expected = "'pressure': neighbours of a reference configuration stay neighbours"
+                faults.append(((*here, "failure", "after"), expected, "delete"))
+        for i, state in enumerate(scene.initial):
+            meant = {state.body} if state.body is not None else {body.name for body in scene.bodies}
+            if state.of("stress") is not None and meant & {scene.bodies[k].name for k in plastic}:
+                faults.append((("initial", i, "stress"), "no such key of bodies that flow", Phrase("it")))
+        return faults
 
     def _edge_faults(self, scene: Any) -> list[Detail]:
         """Edges of clamps where no box has weights in closed form."""

@@ -32,7 +32,7 @@ class StagedStep:
             return float(step)
         shear = elastic_moduli(law)[0] + total_modulus(law.branch_moduli)
         pressure, shear = np.sqrt(modulus / law.density), np.sqrt(shear / law.density)
-        largest = largest_staged_step(system.lattice_bodies, pressure, shear, system.settings.dissipation)
+        largest = largest_staged_step(system.lattice_bodies, pressure, shear, system.settings.dissipation_of("kernel"))
         return float(min(step, system.spacing * largest))
 
     def stable_step(self) -> float:

@@ -60,12 +60,14 @@ class LawBlock:
     """Particles first .. last - 1 of a rank, which share one law; its branches, and tiles for its kernels.
 
     law: with all its parts; solid: without branches, as kernels take it. A, branch_sum: tiles, None without branches;
-    push: a tile of an updated reference.
+    push: a tile of an updated reference; sound: whether the law holds in all states of the last step.
     """
+
+    sound = True
 
     def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
         self.particles, self.first, self.last, self.law = particles, first, last, law
-        self.solid = law._replace(branch_moduli=None, relaxation_times=None)
+        self.solid = law if law.branch_moduli is None else law._replace(branch_moduli=None, relaxation_times=None)
         self.moduli = np.array(law.branch_moduli or (), float)
         self.times = np.array(law.relaxation_times or (), float)
         self._relaxation_times = self.times.tolist()
@@ -74,6 +76,10 @@ class LawBlock:
         self.A, self.branch_sum = make_branch_tiles(len(self.moduli))
         self.push = make_tile(9)
         self._none = self._branches((), (), ())
+
+    def plastic(self, step: float, last_step: float) -> Any:
+        """Fields of a law that flows, in a step [s] after one of another length: None."""
+        return None
 
     def branches(self, step: float) -> Branches:
         """Over a step [s] of leapfrog."""

@@ -17,6 +17,7 @@ from parsolid.pairs.cell_weights import NodesOfCells
 from parsolid.pairs.closure import surface_area
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.smoothing import smoothing_kernel
+from parsolid.scene.shapes import of_one_mesh
 
 
 def groups_of(laws: list[Any], boxes: list[int], meshes: list[int]) -> np.ndarray:
@@ -59,7 +60,8 @@ def list_bodies_of(system: Any, scene: Any, particle_set: Any) -> ListBodies | N
         system.comm, any(isotropic_shear_modulus(block.law) is None for block in system.blocks)
     )
     waves = 0
-    if settings.dissipation > 0.0:
+    factor = settings.dissipation_of("kernel")
+    if factor > 0.0:
         waves = 1 if system.staged_step is None else 3 if directional else 2
     cells: Any = None
     if any(one.cells is not None for one in system.lattice_bodies):
@@ -67,7 +69,7 @@ def list_bodies_of(system: Any, scene: Any, particle_set: Any) -> ListBodies | N
         found: Any = [(one.body, np.flatnonzero(particle_set.body == one.body), one.cells) for one in meant]
         cells = NodesOfCells.of(particle_set.spacing[rows], found)
     rounded = weights_are_rounded(scene) and surface is None and not system.lattice_bodies
-    kernel, factor = smoothing_kernel(settings.kernel), float(settings.dissipation)
+    kernel = smoothing_kernel(settings.kernel)
     weights = ListWeights(kernel, factor, waves >= 2, surface, cells, rounded)
     blocks = [block for block in system.blocks if block.last <= rows.stop]
     return ListBodies(system, blocks, weights, waves, scene.unbonded)
@@ -81,7 +83,7 @@ def mesh_bodies_of(system: Any, scene: Any, particle_set: Any) -> MeshBodies | N
     raise_together(system.comm, _bonded_mesh(system, scene, particle_set, numbers))
     body = system.particles.owned_rows("body")
     blocks = [block for block in system.blocks if body[block.first] in numbers]
-    bodies = MeshBodies(system, blocks, 1 if system.settings.dissipation > 0.0 else 0)
+    bodies = MeshBodies(system, blocks, 1 if system.settings.dissipation_of("mesh") > 0.0 else 0)
     bodies.find_pairs(scene, particle_set, numbers)
     return bodies
 
@@ -100,12 +102,13 @@ def _bonded_mesh(system: Any, scene: Any, particle_set: Any, numbers: list[int])
         bounds[number] = np.concatenate([X.min(axis=0), -X.max(axis=0), [-spacing.max()]])
     bounds = minimum(system.comm, bounds)
     reach = -smoothing_kernel(system.settings.kernel).support * system.settings.smoothing * bounds[:, -1]
-    lower, upper, bonded = bounds[:, :d], -bounds[:, d : 2 * d], scene.bonded
+    lower, upper, bonded, bodies = bounds[:, :d], -bounds[:, d : 2 * d], scene.bonded, scene.bodies
     for i, j in sorted(np.transpose(close_boxes(lower, upper, 2.0 * reach)).tolist()):
         gap = np.maximum(np.maximum(lower[j] - upper[i], lower[i] - upper[j]), 0.0)
-        if not {i, j}.isdisjoint(numbers) and bonded.has(i, j) and np.linalg.norm(gap) < max(reach[i], reach[j]):
+        by_kernels = bonded.has(i, j) and not of_one_mesh(bodies[i].shape, bodies[j].shape)
+        if by_kernels and not {i, j}.isdisjoint(numbers) and np.linalg.norm(gap) < max(reach[i], reach[j]):
             return (
-                'method.weights: expected for "mesh" bodies without a bond, as a kernel bonds those that touch, found '
+                'method.weights: expected for "mesh" bodies in contact or tied, as bonds are those of kernels, found '
                 f"bodies.{i} and bodies.{j}"
             )
     return None

@@ -8,6 +8,7 @@ import numpy as np
 from decomposition.boxes import cut_boxes
 from parsolid.boundary.conditions import Conditions
 from parsolid.collective import anywhere, minimum
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.registry import laws_of
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, meshes_of, weights_of_bodies
@@ -16,6 +17,7 @@ from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.output import Reports
+from parsolid.methods.tlsph.plastic import PlasticBlock, begin_plastic, declare_plastic
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
 from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
 from parsolid.methods.tlsph.sweeps_of_bodies import (
@@ -38,7 +40,8 @@ class TotalLagrangianSPH(Reports):
     """The method on one rank.
 
     blocks: ranges of particles that share a law, first those of bodies with pair lists, then every box for itself;
-    branches: most of any law. lists, boxes: `ListBodies` and `BoxBodies`, None where the scene has no such bodies;
+    plastic_blocks: those with laws that flow; branches: most of any law. lists, boxes: `ListBodies` and `BoxBodies`,
+    None where the scene has no such bodies;
     sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
     advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator,
     the other is None.
@@ -57,8 +60,12 @@ class TotalLagrangianSPH(Reports):
         self.branches = max(len(law.branch_moduli or ()) for law in self.laws)
         declare_fields(self.particles, particle_set, self.branches, staged)
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
+        of_groups = [law_of_group[group] for group in sorted(law_of_group)]
+        declare_plastic(self.particles, self.dimension, of_groups, self.settings.dissipation != 0.0)
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
-        self.blocks = [LawBlock(self.particles, *one) for one in found]
+        of_law = {ElasticPlastic: PlasticBlock}
+        self.blocks = [of_law.get(type(one[2]), LawBlock)(self.particles, *one) for one in found]
+        self.plastic_blocks = [block for block in self.blocks if isinstance(block, PlasticBlock)]
         meshes = meshes_of(self.body_weights)
         without_images = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
         self.conditions = Conditions(comm, scene, particle_set, self.particles, without_images, frozenset(meshes))
@@ -81,6 +88,8 @@ class TotalLagrangianSPH(Reports):
         self.boxes = box_bodies_of(self, scene)
         self.lists: Any = list_bodies_of(self, scene, particle_set)
         self.meshes = mesh_bodies_of(self, scene, particle_set)
+        if self.meshes is not None and self.leapfrog is not None:
+            self.leapfrog.kicks.shared = self.meshes.shared
         self.sweeps = [one for one in (self.lists, self.meshes, self.boxes) if one is not None]
         self.fixed_walls = None if self.lists is None else fixed_walls_of(self, self.lists)
         fixed = self.settings.reference == "fixed"
@@ -136,7 +145,9 @@ class TotalLagrangianSPH(Reports):
         if self.initial_stress is not None:
             self.initial_stress.begin(*place)
         if self.meshes is not None:
+            self.meshes.join()
             self.meshes.begin()
+        begin_plastic(scene, self.particles, particle_set, self.plastic_blocks)
         self.complete_strain(derived)
         take_state(self.comm, scene, self, particle_set)
         self.conditions.hold(0.0)

@@ -9,34 +9,40 @@ from mpi4py import MPI
 from decomposition.migration import migrate
 from decomposition.slices import Slices, count_before
 from parsolid.collective import SolverError, anywhere, maximum
-from parsolid.particles.meshes.slices import MeshSlices, read_slices
+from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices, restricted
 from parsolid.scene.validation_errors import SceneError
 
 
 class ElementsAround(NamedTuple):
     """Elements with a node among a rank's particles, (kind, (elements, nodes)) by identifiers of particles; of the
     whole mesh the largest distance [m] of two nodes of an element, and kinds of elements of second order, of which the
-    corners are taken."""
+    corners are taken; of the nodes that this rank keeps of the mesh, identifiers of the particles and the ranks that
+    own them, -1 where the body has none."""
 
     blocks: list[tuple[str, np.ndarray]]
     extent: float
     of_second_order: tuple[str, ...]
+    identifier: np.ndarray
+    rank: np.ndarray
 
 
 def elements_around(
-    comm: Any, body: Any, dimension: int, identifiers: np.ndarray, mesh: MeshSlices | None = None
+    comm: Any, body: Any, dimension: int, identifiers: np.ndarray, meshes: dict[Any, MeshSlices]
 ) -> ElementsAround:
     """The elements of a body's mesh around this rank's particles, those of a kind in the order of the mesh.
 
     body: of a scene, with a mesh as its shape and particles on the nodes; identifiers (n,): of this rank's particles of
-    the body; mesh: the slices where they have been read. Collective. Raises SolverError on all ranks for a mesh that
-    cannot be read or is not that of the particles.
+    the body; meshes: those that have been read, by `mesh_key`, to which that of the body is added. Collective. Raises
+    SolverError on all ranks for a mesh that cannot be read or is not that of the particles.
     """
-    if mesh is None:
-        try:
-            mesh = read_slices(comm, body.shape.model.file, body.shape.model.scale, dimension)
-        except SceneError as error:
-            raise SolverError(f"bodies: {error.faults[0]}") from None
+    try:
+        if mesh_key(body) not in meshes:
+            meshes[mesh_key(body)] = read_slices(comm, body.shape.model, dimension)
+        mesh = meshes[mesh_key(body)]
+        if body.shape.model.group is not None:
+            mesh = restricted(mesh, [body.shape.model.group])
+    except SceneError as error:
+        raise SolverError(f"bodies: {error.faults[0]}") from None
     local = mesh.local
     # nodes of elements are particles, in their order
     used = np.zeros(len(mesh.nodes), bool)
@@ -47,8 +53,10 @@ def elements_around(
     if particles != count or anywhere(comm, bool((owner < 0).any())):
         wanted = f"expected the mesh of the {particles} particles, found {count} nodes in {body.shape.model.file}"
         raise SolverError(f"bodies: {wanted}")
-    number = mesh.nodes.fetch(local.nodes, before + np.cumsum(used) - 1)
-    rank = Slices(comm, count).fetch(number, owner)
+    kept = np.where(used, before + np.cumsum(used) - 1, -1)
+    rank_of = np.full(len(used), -1, np.int64)
+    rank_of[used] = Slices(comm, count).fetch(kept[used], owner)
+    number, rank = mesh.nodes.fetch(local.nodes, kept), mesh.nodes.fetch(local.nodes, rank_of)
     blocks = []
     kinds = np.repeat([kind for kind, _ in local.blocks], [len(cells) for _, cells in local.blocks])
     for kind in dict.fromkeys(kind for kind, _ in local.blocks):
@@ -61,7 +69,20 @@ def elements_around(
         come = migrate(comm, ranks[row, column], {"cells": number[cells[row]], "element": element[row]})
         if len(come["cells"]):
             blocks.append((kind, first + come["cells"][np.argsort(come["element"])]))
-    return ElementsAround(blocks, _extent(mesh), mesh.of_second_order)
+    identifier = np.where(used, first + kept, -1)
+    return ElementsAround(blocks, _extent(mesh), mesh.of_second_order, identifier, rank_of)
+
+
+def shared_nodes(comm: Any, bodies: list[ElementsAround]) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes that several bodies of one mesh have: identifiers (k,) of this rank's particles there, and of all bodies'
+    (k, bodies), -1 where a body has none. Collective."""
+    identifier = np.stack([one.identifier for one in bodies], axis=1)
+    rank = np.stack([one.rank for one in bodies], axis=1)
+    node, body = np.nonzero((identifier >= 0) & ((identifier >= 0).sum(axis=1) > 1)[:, None])
+    rows = {"own": identifier[node, body], "all": identifier[node]}
+    come = migrate(comm, rank[node, body], rows)
+    order = np.argsort(come["own"])
+    return come["own"][order], come["all"][order]
 
 
 def _owners(comm: Any, count: int, numbers: np.ndarray) -> tuple[int, np.ndarray]:

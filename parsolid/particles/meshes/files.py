@@ -9,8 +9,10 @@ import numpy as np
 from parsolid.particles.marks import TOLERANCE
 from parsolid.particles.meshes.abaqus import read_abaqus
 from parsolid.particles.meshes.elements import ELEMENTS, OF_CORNERS
+from parsolid.particles.meshes.geometry import is_geometry, meshed
 from parsolid.particles.meshes.gmsh_text import read_gmsh_text
 from parsolid.particles.meshes.groups import MeshGroups, groups_of
+from parsolid.scene.shapes import BodyMesh
 from parsolid.scene.validation_errors import SceneError
 
 _LESS_THAN_SOLID = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
@@ -39,6 +41,14 @@ def read_with_meshio(path: str) -> Any:
     except (Exception, SystemExit) as error:
         reason = " ".join(printed.getvalue().split()) or f"{type(error).__name__}: {error}"
         raise SceneError([f"expected a mesh that meshio reads, found {path} ({reason}{_remedy(path)})"]) from None
+
+
+def read_file(path: str, dimension: int, stated: Any) -> Any:
+    """A mesh of meshio of any file that is no imported one; geometry is meshed with the sizes of stated,
+    `scene.shapes.BodyMesh`. Raises SceneError for one that cannot be used."""
+    if isinstance(stated, BodyMesh) and is_geometry(path, dimension):
+        return meshed(stated, dimension)
+    return read_with_meshio(path)
 
 
 def dimension_of(mesh: Any) -> int:

@@ -1,6 +1,6 @@
 """Particles from meshes: on nodes or at the centroids of elements, made by all ranks of their slices of the mesh."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,9 @@ from parsolid.collective import maximum, minimum
 from parsolid.particles.meshes.elements import shares_of_nodes
 from parsolid.particles.meshes.inside import Solid
 from parsolid.particles.meshes.membership import Membership
-from parsolid.particles.meshes.slices import in_words, read_slices
+from parsolid.particles.meshes.slices import MeshSlices, in_words, read_slices, restricted
 from parsolid.particles.meshes.topology import (
+    Facets,
     boundary_facets,
     mean_edge,
     refuse_repeated,
@@ -32,11 +33,16 @@ class MeshFilling:
     volume to the power 1/d. mesh: the slices; groups: names of those that the mesh has. See `lattice.Filling`.
     """
 
-    def __init__(self, comm: Any, body: FilledShape, dimension: int) -> None:
-        """Raises SceneError, on all ranks, for meshes that cannot be read, elements that are partly inside out or there
-        twice, and meshes that lie in themselves. Collective."""
+    def __init__(
+        self, comm: Any, body: FilledShape, dimension: int, whole: MeshSlices | None = None, groups: Sequence[str] = ()
+    ) -> None:
+        """whole: the mesh of the file, where it has been read; groups: those that all bodies have of it. Raises
+        SceneError, on all ranks, for meshes that cannot be read, elements that are partly inside out or there twice,
+        and meshes that lie in themselves. Collective."""
         self.comm, self.body = comm, body
-        self.mesh = mesh = read_slices(comm, body.shape.model.file, body.shape.model.scale, dimension)
+        self.whole = read_slices(comm, body.shape.model, dimension) if whole is None else whole
+        group = body.shape.model.group
+        self.mesh = mesh = self.whole if group is None else restricted(self.whole, [group])
         self.groups = sorted(mesh.groups.names)
         volumes = sound_volumes(mesh)
         refuse_repeated(mesh)
@@ -44,6 +50,8 @@ class MeshFilling:
         self.lower = minimum(comm, points.min(axis=0, initial=np.inf))
         self.upper = maximum(comm, points.max(axis=0, initial=-np.inf))
         self.facets, self.edge = boundary_facets(mesh), mean_edge(mesh)
+        # of the facets, those that another body of the mesh has, too, are on no surface
+        self.outer = self.facets if group is None else self._without_neighbours({group, *groups})
         self.solid = Solid(mesh, self.facets)
         count, place = self.solid.within_itself()
         if place is not None:
@@ -64,10 +72,10 @@ class MeshFilling:
         volume, area, movable = np.zeros(total), np.zeros((total, d)), np.ones(total, bool)
         for (_, cells), shares in zip(local.blocks, volumes):
             volume += np.bincount(cells.ravel(), shares.ravel(), minlength=total)
-        for _, nodes, vectors in self.facets:
-            shares = shares_of_nodes(local.points[nodes], vectors)
+        for (_, nodes, _), (_, outer, areas) in zip(self.facets, self.outer):
+            shares = shares_of_nodes(local.points[outer], areas)
             for i in range(d):
-                area[:, i] += np.bincount(nodes.ravel(), shares[:, :, i].ravel(), minlength=total)
+                area[:, i] += np.bincount(outer.ravel(), shares[:, :, i].ravel(), minlength=total)
             movable[nodes] = False
         come = mesh.nodes.deliver(local.nodes, volume=volume, area=area, movable=movable)
         self._used = _marked(len(mesh.nodes), come["number"])
@@ -80,11 +88,25 @@ class MeshFilling:
         }
         self.rows = {name: values[self._used] for name, values in self.rows.items()}
 
+    def _without_neighbours(self, groups: set[str]) -> Facets:
+        """The facets that are on the surface of the elements of all groups, too."""
+        of = self.whole.groups.elements
+        joined = restricted(self.whole, [one for one in sorted(groups) if self.comm.allreduce(len(of.get(one, ())))])
+        of_all = {nodes.shape[1]: joined.local.nodes[nodes] for _, nodes, _ in boundary_facets(joined)}
+        result = []
+        for owner, nodes, vectors in self.facets:
+            own = np.sort(self.mesh.local.nodes[nodes], axis=1)
+            all_rows = np.sort(of_all.get(nodes.shape[1], own[:0]), axis=1)
+            _, number = np.unique(np.concatenate([all_rows, own]), axis=0, return_inverse=True)
+            kept = np.isin(number.ravel()[len(all_rows) :], number.ravel()[: len(all_rows)])
+            result.append((owner[kept], nodes[kept], vectors[kept]))
+        return result
+
     def _in_elements(self, volumes: list[np.ndarray]) -> None:
         points = self.mesh.local.points
         volume = np.concatenate([shares.sum(axis=1) for shares in volumes])
         area = np.zeros((len(volume), points.shape[1]))
-        for owner, _, vectors in self.facets:
+        for owner, _, vectors in self.outer:
             np.add.at(area, owner, vectors)
         self.rows = {
             "position": np.concatenate([points[cells].mean(axis=1) for _, cells in self.mesh.local.blocks]),
@@ -103,13 +125,13 @@ class MeshFilling:
 
     def mark(self, known: Mapping[str, Region]) -> None:
         """Find the particles in regions, and what of their surface is; before `scatter`. Collective."""
-        member = Membership(self.mesh, known, self.edge)
-        inside = member.facets(self.facets)
+        member = Membership(self.mesh, known, self.edge, self.whole)
+        inside = member.facets(self.outer)
         if self.body.placed_on == "vertices":
             vectors, held = self._surfaces_on_nodes(inside, len(known))[self._used], member.nodes()[self._used]
         else:
             vectors = np.zeros((len(self.mesh.local.numbers), len(known), self.mesh.points.shape[1]))
-            for (owner, _, area), chosen in zip(self.facets, inside):
+            for (owner, _, area), chosen in zip(self.outer, inside):
                 np.add.at(vectors, owner, chosen[:, :, None] * area[:, None, :])
             vectors = self._kept_elements({"vectors": vectors})["vectors"]
             held = member.elements(self.rows["position"], self.rows["spacing"])
@@ -119,9 +141,9 @@ class MeshFilling:
     def _surfaces_on_nodes(self, inside: list[np.ndarray], regions: int) -> np.ndarray:
         """Area vectors (own nodes, regions, d) [m^2] of the facets in regions, lumped to their nodes."""
         local = self.mesh.local
-        met = np.unique(np.concatenate([nodes.ravel() for _, nodes, _ in self.facets]))
+        met = np.unique(np.concatenate([nodes.ravel() for _, nodes, _ in self.outer]))
         vectors = np.zeros((len(met), regions, local.points.shape[1]))
-        for (_, nodes, area), chosen in zip(self.facets, inside):
+        for (_, nodes, area), chosen in zip(self.outer, inside):
             places = np.searchsorted(met, nodes)
             for to, share in zip(places.T, shares_of_nodes(local.points[nodes], area).swapaxes(0, 1)):
                 np.add.at(vectors, to, chosen[:, :, None] * share[:, None, :])

@@ -21,7 +21,7 @@ import h5py
 import numpy as np
 
 from parsolid.checksums import digest, sum_of_rows
-from parsolid.particles.meshes.files import MeshOfFile, dimension_of, read_with_meshio, solid_mesh
+from parsolid.particles.meshes.files import MeshOfFile, dimension_of, read_file, read_with_meshio, solid_mesh
 from parsolid.particles.meshes.groups import MeshGroups
 from parsolid.scene.validation_errors import SceneError
 
@@ -68,10 +68,11 @@ def mesh_of(contents: Contents, arrays: dict[str, np.ndarray]) -> MeshOfFile:
     return MeshOfFile(arrays["points"], blocks, groups, tuple(contents.of_second_order))
 
 
-def read_mesh(path: str, dimension: int) -> MeshOfFile:
-    """The whole mesh of any file, on one rank. Raises SceneError for one that cannot be used."""
+def read_mesh(path: str, dimension: int, stated: Any = None) -> MeshOfFile:
+    """The whole mesh of any file, on one rank; stated: see `files.read_file`. Raises SceneError for one that cannot be
+    used."""
     if not is_imported(path):
-        return solid_mesh(read_with_meshio(path), dimension)
+        return solid_mesh(read_file(path, dimension, stated), dimension)
     with ImportedMesh(path, dimension) as imported:
         arrays = {name: imported.rows(name, 0, shape[0]) for name, shape in imported.shapes.items()}
         imported.compare({name: sum_of_rows(array, 0) for name, array in arrays.items()})

@@ -16,15 +16,19 @@ class Membership:
     edge (kept nodes,) [m]: see `topology.mean_edge`, for the tolerance.
     """
 
-    def __init__(self, mesh: MeshSlices, known: Mapping[str, Region], edge: np.ndarray) -> None:
-        """Collective."""
+    def __init__(
+        self, mesh: MeshSlices, known: Mapping[str, Region], edge: np.ndarray, whole: MeshSlices | None = None
+    ) -> None:
+        """whole: the mesh of which a body has a part, where it is not all. Collective."""
+        self.whole = whole or mesh
         self.mesh, self.known, self.tolerance = mesh, known, TOLERANCE * edge
         self.names = sorted(set().union(*(region.groups(known) for region in known.values())))
         # (kept nodes, groups): nodes of a group, of its elements and of its facets
         self.of_nodes = self._nodes_of_groups()
 
     def _nodes_of_groups(self) -> np.ndarray:
-        mesh, groups = self.mesh, self.mesh.groups
+        # nodes that bodies share are in the groups of all of them
+        mesh, groups = self.whole, self.mesh.groups
         result = np.zeros((len(mesh.nodes), len(self.names)), bool)
         if not self.names:
             return result

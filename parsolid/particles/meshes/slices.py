@@ -2,7 +2,8 @@
 rank or by all in slices."""
 
 import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,10 @@ from decomposition.slices import Slices
 from parsolid.checksums import added, sum_of_rows
 from parsolid.collective import anywhere
 from parsolid.particles.agreement import agree
-from parsolid.particles.meshes.files import MeshOfFile, read_with_meshio, solid_mesh
+from parsolid.particles.meshes.files import MeshOfFile, read_file, solid_mesh
 from parsolid.particles.meshes.groups import MeshGroups
 from parsolid.particles.meshes.imported import Contents, ImportedMesh, contents_of, is_imported, mesh_of
-from parsolid.scene.validation_errors import SceneError
+from parsolid.scene.validation_errors import MeshFault, SceneError, suggestion
 
 _READER = 0
 
@@ -53,6 +54,33 @@ class MeshSlices:
     of_second_order: tuple[str, ...]
 
 
+def mesh_key(body: Any) -> tuple[Any, ...]:
+    """What is the same of bodies that have elements of one mesh."""
+    return body.shape.model.of_whole
+
+
+def restricted(mesh: MeshSlices, groups: Sequence[str]) -> MeshSlices:
+    """A mesh with the elements of some groups alone; numbers stay. Raises SceneError on all ranks for one without
+    solid elements. Collective."""
+    kept = np.zeros(len(mesh.elements), bool)
+    for group in groups:
+        own = mesh.groups.elements.get(group, np.zeros(0, np.int64))
+        if not mesh.comm.allreduce(len(own)):
+            known = sorted(mesh.groups.elements)
+            told = ", ".join(map(repr, known)) or "there is none"
+            expected = f"a group of solid elements ({told}){suggestion(group, known)}"
+            raise SceneError([MeshFault("unknown-name", expected, repr(group), "group")])
+        kept[own - mesh.elements.first] = True
+    chosen, local = mesh.elements.fetch(mesh.local.numbers, kept), mesh.local
+    blocks, start = [], 0
+    for kind, cells in local.blocks:
+        blocks.append((kind, cells[chosen[start : start + len(cells)]]))
+        start += len(cells)
+    used, blocks = numbered(blocks)
+    part = LocalMesh(local.nodes[used], local.points[used], blocks, local.numbers[chosen])
+    return replace(mesh, local=part)
+
+
 def numbered(blocks: list[tuple[str, np.ndarray]]) -> tuple[np.ndarray, list[tuple[str, np.ndarray]]]:
     """Nodes (k,), rising, that blocks have, and the blocks by the nodes' places among these."""
     filled = [cells for _, cells in blocks if len(cells)]
@@ -69,13 +97,15 @@ def numbered(blocks: list[tuple[str, np.ndarray]]) -> tuple[np.ndarray, list[tup
     return nodes, [(kind, np.searchsorted(nodes, cells)) for kind, cells in blocks]
 
 
-def read_slices(comm: Any, path: str, scale: float, dimension: int) -> MeshSlices:
-    """Every rank's slices of a mesh file. Raises SceneError, on all ranks, for one that cannot be used. Collective.
+def read_slices(comm: Any, stated: Any, dimension: int) -> MeshSlices:
+    """Every rank's slices of a mesh file, stated: `scene.shapes.MeshFile`. Raises SceneError, on all ranks, for one
+    that cannot be used. Collective.
 
     An imported mesh is read by all, each its slices alone; any other file by one rank, which sends slices on.
     """
+    path, scale = stated.file, stated.scale
     read = _read_imported if _agreed(comm, lambda: is_imported(path)) else _read_and_scatter
-    contents, counts, mesh = read(comm, path, dimension)
+    contents, counts, mesh = read(comm, stated, dimension)
     nodes, elements = Slices(comm, counts[0]), Slices(comm, sum(counts[1:]))
     with np.errstate(over="ignore", invalid="ignore"):
         points = mesh.points * scale
@@ -148,7 +178,9 @@ def _counts(contents: Contents, shapes: dict[str, tuple[int, ...]]) -> list[int]
     return [shapes["points"][0], *(shapes[f"elements/{b}"][0] for b in range(len(contents.kinds)))]
 
 
-def _read_imported(comm: Any, path: str, dimension: int) -> tuple[Contents, list[int], MeshOfFile]:
+def _read_imported(comm: Any, stated: Any, dimension: int) -> tuple[Contents, list[int], MeshOfFile]:
+    path = stated.file
+
     def look() -> tuple[Contents, dict[str, Any]]:
         with ImportedMesh(path, dimension) as imported:
             return imported.contents, imported.shapes
@@ -169,11 +201,13 @@ def _read_imported(comm: Any, path: str, dimension: int) -> tuple[Contents, list
     return contents, _counts(contents, shapes), mesh_of(contents, arrays)
 
 
-def _read_and_scatter(comm: Any, path: str, dimension: int) -> tuple[Contents, list[int], MeshOfFile]:
+def _read_and_scatter(comm: Any, stated: Any, dimension: int) -> tuple[Contents, list[int], MeshOfFile]:
     whole: dict[str, np.ndarray] = {}
 
+    path = stated.file
+
     def read() -> tuple[Contents, dict[str, Any]]:
-        contents, arrays = contents_of(solid_mesh(read_with_meshio(path), dimension), dimension)
+        contents, arrays = contents_of(solid_mesh(read_file(path, dimension, stated), dimension), dimension)
         whole.update(arrays)
         return contents, {name: (array.shape, array.dtype.str) for name, array in arrays.items()}
 

@@ -1,0 +1,249 @@
+"""One step of elastic-plastic solids on a tile of 32 particles, for methods that have deformation gradients F.
+
+    b = F C_p^-1 F^T,   s = 2 mu dev(ln b)/2,   sigma = s - (P - mu d:d) 1,   P = A(J) + gamma E
+
+d = dev(ln b)/2. State are C_p^-1 (METRIC, 1 at first), the equivalent plastic strain, E and T; all of a step follows
+from F, so that it is exactly objective. The flow is isochoric along d and returns the Cauchy deviator to the flow
+stress by the functions of `tile_update`: the elastic logarithmic strains of the new state are those of the trial state
+with d shorter (Simo, Comput. Methods Appl. Mech. Eng. 99 (1992) 61; Weber & Anand, ibid. 79 (1990) 173). mu d:d makes
+J mu d:d the energy of the deviator: without it a closed elastic cycle would take energy.
+
+E is what the forces do that act, (P_0 + P):dF/2 with the stresses P of both ends of the step, and HEAT: in leapfrog it
+is all the energy of a particle. Plastic work and heat are parts of it.
+
+A method loads DEFORMATION (F at the end of the step), VELOCITY_GRADIENT (its change dF in the step), JACOBIAN (of its
+start), METRIC*, STRESS* (first Piola-Kirchhoff), PLASTIC_STRAIN*, ENERGY*, TEMPERATURE*, HEAT, and for laws that fail
+DAMAGE*, STRENGTH and CRITERIA*; then `advance_tile`. Rows with * are replaced; rows that are filled besides:
+
+    NEW_JACOBIAN, DEVIATOR and PRESSURE (Cauchy) [Pa], INCREMENT, PLASTIC_WORK and RELEASED [J/m^3], ROOM,
+    WAVES: symmetric tensor Q, rho0 c^2 <= N.QN of pressure waves along N [Pa]; SHEAR_MODULUS: its part of shear waves
+    is mu/J H^T H, 0 of failed matter
+
+Failed matter has no deviator, and pressure only where it is compressed; what it had stored is heat from then on.
+"""
+
+from parsolid.elementary import exp, log
+from parsolid.kernels import inlined, kernel
+from parsolid.materials.hyperelastic.functions import elastic_moduli, isotropic_shear_modulus
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.functions import (
+    SLOWEST_RATE,
+    cold_pressure,
+    flow_stress,
+    grueneisen_coefficient,
+    isentropic_bulk_modulus,
+    melting_temperature,
+    room_to_compress,
+    shear_modulus,
+    specific_heat,
+    temperature_rise,
+)
+from parsolid.materials.plastic.tile_update import (
+    CAPACITY,
+    CRITERIA,
+    DAMAGE,
+    DEFORMATION,
+    DEVIATOR,
+    ENERGY,
+    HEAT,
+    INCREMENT,
+    JACOBIAN,
+    LOGARITHMS,
+    MELTING,
+    METRIC,
+    NEW_JACOBIAN,
+    PLASTIC_STRAIN,
+    PLASTIC_WORK,
+    PRESSURE,
+    RELEASED,
+    ROOM,
+    ROTATION,
+    SHEAR_MODULUS,
+    STRAIN,
+    STRESS,
+    TEMPERATURE,
+    TRIAL,
+    VELOCITY_GRADIENT,
+    WAVES,
+    WORST,
+    advance_damage,
+    plastic_increments,
+)
+from parsolid.principal import from_principal, principal
+from parsolid.tensors import (
+    add_spherical,
+    cofactor,
+    combine,
+    congruence,
+    contract,
+    contract_symmetric,
+    general,
+    gram,
+    matmul,
+    matmul_transposed,
+    symmetric_part,
+    times,
+    times_symmetric,
+    transpose,
+)
+from parsolid.tiles import TILE, load, load_symmetric, store, store_symmetric, store_vector
+
+
+@isotropic_shear_modulus.of(ElasticPlastic)
+def _no_constant_shear(law):
+    return None
+
+
+@elastic_moduli.of(ElasticPlastic)
+def _moduli_at_rest(law):
+    """mu and lambda [Pa] of the undeformed solid at its reference temperature."""
+    mu = shear_modulus(law.shear_modulus, 1.0, 0.0, law.reference_temperature, melting_temperature(law.melting, 1.0))
+    return mu, isentropic_bulk_modulus(law.equation_of_state, 1.0, 0.0) - 2.0 / 3.0 * mu
+
+
+@inlined
+def advance_tile(law, failure, step, tile):
+    """The state of a tile after a step [s]; a step of 0 finds the stress of the state."""
+    find_trial(law, failure, tile)
+    if step > 0.0:
+        # without time to flow in, a stress above that of slow flow stays
+        plastic_increments(law.flow_stress, law.taylor_quinney, step, tile)
+    find_flow(law, step, tile)
+    if failure is not None:
+        fail(failure, step, tile)
+    find_stress(law, failure, tile)
+
+
+@kernel
+def find_trial(law, failure, tile):
+    """The elastic trial state: LOGARITHMS (d by axes), their axes in ROTATION, DEVIATOR, TRIAL, and what flow depends
+    on, of the volume of the end and the energy of the start of the step. STRAIN: that of the step, by which flow is
+    guessed."""
+    eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
+    for p in range(TILE):
+        F, change = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
+        H = cofactor(F)
+        J = F[0] * H[0] + F[1] * H[1] + F[2] * H[2]
+        values, axes = principal(congruence(F, load_symmetric(tile, METRIC * TILE + p)))
+        l1, l2, l3 = 0.5 * log(values[0]), 0.5 * log(values[1]), 0.5 * log(values[2])
+        mean = (l1 + l2 + l3) / 3.0
+        temperature = tile[TEMPERATURE * TILE + p]
+        pressure = cold_pressure(eos, J) + gamma * tile[ENERGY * TILE + p]
+        melting = melting_temperature(law.melting, J)
+        mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
+        if failure is not None:
+            l1, l2, l3 = _of_whole(tile[DAMAGE * TILE + p], mean, l1, l2, l3)
+        d1, d2, d3 = l1 - mean, l2 - mean, l3 - mean
+        D = times_symmetric(1.0 / J, symmetric_part(matmul_transposed(change, H)))
+        store_symmetric(tile, STRAIN * TILE + p, add_spherical(D, -(D[0] + D[1] + D[2]) / 3.0))
+        store_symmetric(tile, DEVIATOR * TILE + p, from_principal((2.0 * mu * d1, 2.0 * mu * d2, 2.0 * mu * d3), axes))
+        store(tile, ROTATION * TILE + p, axes)
+        store_vector(tile, LOGARITHMS * TILE + p, (d1, d2, d3))
+        tile[TRIAL * TILE + p] = 2.0 * mu * (1.5 * (d1 * d1 + d2 * d2 + d3 * d3)) ** 0.5
+        tile[NEW_JACOBIAN * TILE + p], tile[MELTING * TILE + p], tile[SHEAR_MODULUS * TILE + p] = J, melting, mu
+        tile[CAPACITY * TILE + p] = law.density * specific_heat(law, temperature)
+        tile[INCREMENT * TILE + p] = 0.0
+
+
+@inlined
+def _of_whole(damage, mean, l1, l2, l3):
+    """Logarithms of whole matter; failed matter bears no deviator."""
+    whole = damage < 1.0
+    return l1 if whole else mean, l2 if whole else mean, l3 if whole else mean
+
+
+@kernel
+def find_flow(law, step, tile):
+    """Shorten LOGARITHMS and DEVIATOR by the INCREMENT of plastic strain: PLASTIC_STRAIN, PLASTIC_WORK (of the mean of
+    the flow stress at the start of the step and the stress at its end), PRESSURE without failure, and the TEMPERATURE
+    that belongs to it."""
+    eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
+    for p in range(TILE):
+        x, mu, trial = tile[INCREMENT * TILE + p], tile[SHEAR_MODULUS * TILE + p], tile[TRIAL * TILE + p]
+        temperature, J = tile[TEMPERATURE * TILE + p], tile[NEW_JACOBIAN * TILE + p]
+        returned = trial - 3.0 * mu * x
+        factor = returned / trial if x > 0.0 else 1.0
+        rate = max(x / max(step, 1e-300), SLOWEST_RATE)
+        before = flow_stress(
+            law.flow_stress, tile[PLASTIC_STRAIN * TILE + p], rate, temperature, mu, tile[MELTING * TILE + p]
+        )
+        work = 0.5 * J * x * (before + returned) if x > 0.0 else 0.0
+        for c in range(3):
+            tile[(LOGARITHMS + c) * TILE + p] *= factor
+        for c in range(6):
+            tile[(DEVIATOR + c) * TILE + p] *= factor
+        tile[PLASTIC_STRAIN * TILE + p] += x
+        part, heat = 0.5 * gamma * (J - tile[JACOBIAN * TILE + p]), tile[HEAT * TILE + p]
+        rise = temperature_rise(law, tile[CAPACITY * TILE + p], law.taylor_quinney * work + heat)
+        tile[TEMPERATURE * TILE + p] = (temperature * (1.0 - part) + rise) / (1.0 + part)
+        tile[PLASTIC_WORK * TILE + p], tile[RELEASED * TILE + p] = work, 0.0
+        # what criteria of failure see, of the work of the old stress
+        worked = contract(load(tile, STRESS * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p))
+        tile[PRESSURE * TILE + p] = cold_pressure(eos, J) + gamma * (tile[ENERGY * TILE + p] + worked + heat)
+
+
+@kernel
+def fail(failure, step, tile):
+    """DAMAGE after a step [s]; where it reaches 1 the deviator goes, and what it stored is RELEASED as heat."""
+    for p in range(TILE):
+        tile[WORST * TILE + p] = tile[DAMAGE * TILE + p]
+    advance_damage(failure.criteria, CRITERIA, step, tile)
+    for p in range(TILE):
+        old = tile[DAMAGE * TILE + p]
+        damage = min(tile[WORST * TILE + p], 1.0) if old < 1.0 else old
+        s, mu = load_symmetric(tile, DEVIATOR * TILE + p), tile[SHEAR_MODULUS * TILE + p]
+        stored = tile[NEW_JACOBIAN * TILE + p] * contract_symmetric(s, s) / (4.0 * mu)
+        released = stored if damage >= 1.0 and old < 1.0 else 0.0
+        left = 0.0 if damage >= 1.0 else 1.0
+        for c in range(3):
+            tile[(LOGARITHMS + c) * TILE + p] *= left
+        store_symmetric(tile, DEVIATOR * TILE + p, times_symmetric(left, s))
+        tile[DAMAGE * TILE + p], tile[RELEASED * TILE + p] = damage, released
+        tile[TEMPERATURE * TILE + p] += released / tile[CAPACITY * TILE + p]
+
+
+@kernel
+def find_stress(law, failure, tile):
+    """METRIC, ENERGY, PRESSURE, STRESS, WAVES and ROOM of the end of the step."""
+    eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
+    for p in range(TILE):
+        F, change = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
+        H, J, axes = cofactor(F), tile[NEW_JACOBIAN * TILE + p], load(tile, ROTATION * TILE + p)
+        mu, s = tile[SHEAR_MODULUS * TILE + p], load_symmetric(tile, DEVIATOR * TILE + p)
+        d1, d2, d3 = (
+            tile[LOGARITHMS * TILE + p],
+            tile[(LOGARITHMS + 1) * TILE + p],
+            tile[(LOGARITHMS + 2) * TILE + p],
+        )
+        square = d1 * d1 + d2 * d2 + d3 * d3
+        # C_p^-1 = F^-1 b F^-T with the elastic b of the new state, of determinant J^2
+        size = exp(2.0 / 3.0 * log(J))
+        elastic = (size * exp(2.0 * d1), size * exp(2.0 * d2), size * exp(2.0 * d3))
+        metric = congruence(times(1.0 / J, transpose(H)), from_principal(elastic, axes))
+        flows = tile[INCREMENT * TILE + p] > 0.0
+        if failure is not None:
+            flows = flows or tile[DAMAGE * TILE + p] >= 1.0
+        for c in range(6):
+            at = (METRIC + c) * TILE + p
+            tile[at] = metric[c] if flows else tile[at]
+        # of the deviator, in which the pressure of the equation of state is not
+        P = matmul(general(add_spherical(s, mu * square)), H)
+        a = contract(H, change)
+        worked = 0.5 * contract(load(tile, STRESS * TILE + p), change) + tile[HEAT * TILE + p]
+        worked += tile[ENERGY * TILE + p]
+        cold = cold_pressure(eos, J)
+        energy = (worked + 0.5 * contract(P, change) - 0.5 * cold * a) / (1.0 + 0.5 * gamma * a)
+        pressure = cold + gamma * energy
+        if failure is not None:
+            # a void is open at no pressure, and the forces that act do no other work
+            opened = tile[DAMAGE * TILE + p] >= 1.0 and pressure <= 0.0
+            energy, pressure = worked if opened else energy, 0.0 if opened else pressure
+        q = 2.0 * mu * (1.5 * square) ** 0.5
+        bulk = max(isentropic_bulk_modulus(eos, J, pressure), 0.0)
+        waves = times_symmetric((bulk + 4.0 / 3.0 * mu + 2.0 / 3.0 * q) / J, gram(H))
+        room = room_to_compress(eos, J)
+        store(tile, STRESS * TILE + p, combine(1.0, P, -pressure, H))
+        store_symmetric(tile, WAVES * TILE + p, waves)
+        tile[ENERGY * TILE + p], tile[PRESSURE * TILE + p] = energy, pressure
+        # not a number where the state is none
+        tile[ROOM * TILE + p] = room if room < waves[0] else waves[0]

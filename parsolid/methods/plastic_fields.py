@@ -1,0 +1,36 @@
+"""Names that go with plastic flow: fields that scenes may name, and what bodies without it lack."""
+
+from typing import Any
+
+from parsolid.methods.failure_fields import kept_column
+from parsolid.scene.method_settings import named_observables
+
+# what particles of elastic-plastic laws carry
+PLASTIC_STATE = (
+    kept_column("plastic_strain", 1, "1"),
+    kept_column("internal_energy", 1, "J/m^3"),
+    kept_column("temperature", 1, "K"),
+)
+_OF_PLASTICITY = (
+    *(field.name for field in PLASTIC_STATE),
+    "maximum_temperature",
+    "maximum_plastic_strain",
+    "heat",
+    "entropy",
+)
+
+
+def flowing(scene: Any) -> list[int]:
+    """Numbers of the elastic-plastic bodies of a scene."""
+    return [i for i, body in enumerate(scene.bodies) if body.material.kind == "elastic-plastic"]
+
+
+def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
+    """What is to be shown of plastic flow where no body of a scene flows."""
+    if flowing(scene):
+        return []
+    return [
+        (place, "something that a body of this scene has", name)
+        for place, name in named_observables(scene)
+        if name in _OF_PLASTICITY
+    ]

@@ -1,0 +1,236 @@
+"""Meshes of geometry: files of CAD programs and closed surfaces of triangles, meshed by Gmsh's Python package.
+
+Elements are triangles in the plane and tetrahedra in space. Groups are the file's physical groups, and the names of its
+faces and volumes; a face without a name is "face-N" by its number in the file, an edge in the plane "edge-N", a volume
+"volume-N" (in the plane a surface, "face-N"). The same file and sizes give the same mesh.
+"""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from parsolid.scene.validation_errors import MeshFault, SceneError, suggestion
+
+# what Gmsh reads as geometry; a surface of triangles is one in space alone
+OF_CAD = (".step", ".stp", ".brep", ".brp", ".iges", ".igs", ".geo", ".geo_unrolled")
+OF_SURFACES = (".stl",)
+# elements around a full turn of a curve, unless given, and the least size that curves ask for, over the size
+AROUND, _LEAST = 12, 0.25
+# by how much the size grows per distance from where it is smaller
+_GROWTH = 0.3
+# degrees between facets of a surface of triangles at which there is an edge
+_EDGE = 40.0
+# elements of geometry, by its box, that are refused before they are made
+_MOST = 1e8
+# triangles up to which a surface is one of flat faces
+_FEW = 100
+# distance, as files count, within which faces without a volume are sewn
+_SEWN = 1e-4
+_KINDS = {1: "line", 2: "triangle", 4: "tetra"}
+
+
+def is_geometry(path: str, dimension: int) -> bool:
+    """Whether a file is one that is meshed first."""
+    return path.lower().endswith(OF_CAD + (OF_SURFACES if dimension == 3 else ()))
+
+
+def meshed(stated: Any, dimension: int) -> Any:
+    """The mesh of a file of geometry, as meshio has them, coordinates as in the file; stated: `scene.shapes.BodyMesh`,
+    sizes in m after its scale. Raises SceneError for one that cannot be meshed."""
+    import meshio
+
+    with _gmsh(stated.file) as gmsh:
+        _read(gmsh, stated.file, dimension)
+        names = _names(gmsh, dimension)
+        _set_sizes(gmsh, stated, dimension, names)
+        try:
+            gmsh.model.mesh.generate(dimension)
+        except Exception as error:
+            raise SceneError(
+                [MeshFault("geometry", f"geometry that Gmsh can mesh: {stated.file}", str(error))]
+            ) from None
+        points, blocks, entities = _elements(gmsh, dimension)
+    sets: dict[str, list[Any]] = {}
+    for name, members in names.items():
+        rows = [np.flatnonzero(np.isin(own, members.get(of, []))) for of, own in entities]
+        if any(len(one) for one in rows):
+            sets[name] = rows
+    return meshio.Mesh(points, blocks, cell_sets=sets)
+
+
+@contextmanager
+def _gmsh(path: str) -> Iterator[Any]:
+    """Gmsh's module, with a model of its own."""
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:
+        expected = (
+            "Gmsh's Python package, which meshes geometry (pip install 'parsolid[cad]'), or a file that is a mesh"
+        )
+        raise SceneError([MeshFault("geometry", expected, f"none for {path} ({error})")]) from None
+    own = not gmsh.isInitialized()
+    if own:
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.model.add("parsolid")
+        for option, value in (("General.Terminal", 0), ("General.NumThreads", 1), ("Mesh.OptimizeNetgen", 1)):
+            gmsh.option.setNumber(option, value)
+        yield gmsh
+    finally:
+        gmsh.model.remove()
+        if own:
+            gmsh.finalize()
+
+
+def _read(gmsh: Any, path: str, dimension: int) -> None:
+    """Take a file into the model, with a volume where it is a closed surface. Raises SceneError."""
+    try:
+        with _quiet():
+            gmsh.merge(path)
+            if dimension == 3 and not gmsh.model.getEntities(3) and path.lower().endswith(OF_CAD[:6]):
+                # IGES has faces alone
+                gmsh.model.occ.healShapes(tolerance=_SEWN, sewFaces=True, makeSolids=True)
+                gmsh.model.occ.synchronize()
+    except Exception as error:
+        raise SceneError([MeshFault("geometry", "a file that Gmsh reads", f"{path} ({error})")]) from None
+    if path.lower().endswith(OF_SURFACES):
+        _close(gmsh, path)
+    if not gmsh.model.getEntities(dimension):
+        found = {0: "points", 1: "curves", 2: "surfaces", 3: "volumes"}.get(gmsh.model.getDimension(), "nothing")
+        what = "volumes" if dimension == 3 else "surfaces"
+        raise SceneError([MeshFault("geometry", f"{what} to be meshed in {dimension}-D", f"{found} in {path}")])
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without what OpenCASCADE itself prints."""
+    sys.stdout.flush()
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def _close(gmsh: Any, path: str) -> None:
+    """Make the volume within a surface of triangles. Raises SceneError for one that is not closed."""
+    gmsh.model.mesh.removeDuplicateNodes()
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    _, triangles = gmsh.model.mesh.getElementsByType(2)
+    corners = np.asarray(triangles, np.int64).reshape(-1, 3)
+    edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    different, count = np.unique(edges, axis=0, return_counts=True)
+    wrong = different[count != 2]
+    if len(wrong):
+        place = np.asarray(places).reshape(-1, 3)[np.flatnonzero(np.asarray(tags) == wrong[0, 0])[0]]
+        found = f"{len(wrong)} edges that do not have two triangles, the first at ({_in_words(place)}) in {path}"
+        raise SceneError([MeshFault("open-surface", "a closed surface", found)])
+    # few triangles cannot be cut into patches with coordinates of their own, and need not be
+    gmsh.model.mesh.classifySurfaces(np.radians(_EDGE), True, len(corners) > _FEW, np.pi)
+    gmsh.model.mesh.createGeometry()
+    gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])])
+    gmsh.model.geo.synchronize()
+
+
+def _in_words(place: np.ndarray) -> str:
+    return ", ".join(f"{x:g}" for x in place)
+
+
+def _names(gmsh: Any, dimension: int) -> dict[str, dict[int, list[int]]]:
+    """Numbers of entities by their dimension, of groups and entities by their name."""
+    result: dict[str, dict[int, list[int]]] = {}
+    words = {3: {3: "volume", 2: "face"}, 2: {2: "face", 1: "edge"}}[dimension]
+    for of, word in words.items():
+        for _, number in gmsh.model.getEntities(of):
+            # STEP has names as paths through its assemblies
+            label = gmsh.model.getEntityName(of, number).rsplit("/", 1)[-1]
+            result.setdefault(label or f"{word}-{number}", {}).setdefault(of, []).append(number)
+    for of, group in gmsh.model.getPhysicalGroups():
+        name = gmsh.model.getPhysicalName(of, group) or str(group)
+        result.setdefault(name, {})[of] = list(gmsh.model.getEntitiesForPhysicalGroup(of, group))
+    return result
+
+
+def _set_sizes(gmsh: Any, stated: Any, dimension: int, names: dict[str, dict[int, list[int]]]) -> None:
+    """Sizes of elements: the one for all, smaller ones around curves, and those of `refine`. Raises SceneError for a
+    name that is not there."""
+    own = stated.file.lower().endswith((".geo", ".geo_unrolled"))
+    if stated.size is None and not own:
+        raise SceneError([MeshFault("geometry", "a size of elements [m] for geometry (the key size)", "none")])
+    option = gmsh.option.setNumber
+    finest = [one.size / stated.scale for one in stated.refine]
+    if stated.size is not None:
+        size = stated.size / stated.scale
+        ends = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
+        count = float(np.prod(np.maximum(np.sort(ends[1] - ends[0])[-dimension:] / size, 1.0)))
+        if count > _MOST:
+            sides = " x ".join(f"{side:.4g}" for side in stated.scale * (ends[1] - ends[0]))
+            expected = f"a size for at most {_MOST:g} elements (scale = 1e-3 for millimetres)"
+            found = f"{stated.size:g} m in a part of {sides} m"
+            raise SceneError([MeshFault("geometry", expected, found, "size")])
+        option("Mesh.MeshSizeMax", size)
+        option("Mesh.MeshSizeMin", min([_LEAST * size, *finest]))
+        option("Mesh.MeshSizeFromCurvature", AROUND if stated.around is None else stated.around)
+    fields = []
+    for i, (one, least) in enumerate(zip(stated.refine, finest)):
+        if one.where not in names:
+            known = f"the name of a face or group ({', '.join(map(repr, sorted(names)))}){suggestion(one.where, names)}"
+            raise SceneError([MeshFault("unknown-name", known, repr(one.where), f"refine.{i}.where")])
+        fields.append(_finer_around(gmsh, names[one.where], least, size if stated.size is not None else least * 8.0))
+    if fields:
+        smallest = gmsh.model.mesh.field.add("Min")
+        gmsh.model.mesh.field.setNumbers(smallest, "FieldsList", fields)
+        gmsh.model.mesh.field.setAsBackgroundMesh(smallest)
+
+
+def _finer_around(gmsh: Any, entities: dict[int, list[int]], least: float, size: float) -> int:
+    """A field of sizes that grow with the distance from entities; of a volume, from its surface on, and within it."""
+    field = gmsh.model.mesh.field
+    distance, growing = field.add("Distance"), field.add("Threshold")
+    lists = {0: "PointsList", 1: "CurvesList", 2: "SurfacesList"}
+    flat = {of: numbers for of, numbers in entities.items() if of in lists}
+    if 3 in entities:
+        faces = gmsh.model.getBoundary([(3, number) for number in entities[3]], oriented=False)
+        flat.setdefault(2, []).extend(number for _, number in faces)
+    for of, numbers in flat.items():
+        field.setNumbers(distance, lists[of], numbers)
+    field.setNumber(distance, "Sampling", 100)
+    for key, value in (
+        ("InField", distance),
+        ("SizeMin", least),
+        ("SizeMax", size),
+        ("DistMin", least),
+        ("DistMax", least + max(size - least, 0.0) / _GROWTH),
+    ):
+        field.setNumber(growing, key, value)
+    return int(growing)
+
+
+def _elements(gmsh: Any, dimension: int) -> tuple[np.ndarray, list[Any], list[tuple[int, np.ndarray]]]:
+    """Places (nodes, 3); blocks (kind, (elements, nodes)); of each the dimension and numbers (elements,) of entities.
+
+    Nodes of no element, as those of edges that are no edges of elements, are dropped where particles are made.
+    """
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(tags)
+    ordered, points = np.asarray(tags)[order], np.asarray(places).reshape(-1, 3)[order]
+    blocks, entities = [], []
+    for of in (dimension, dimension - 1):
+        kind, cells, numbers = {1: 1, 2: 2, 3: 4}[of], [], []
+        for _, number in gmsh.model.getEntities(of):
+            kinds, _, nodes = gmsh.model.mesh.getElements(of, number)
+            for found, own in zip(kinds, nodes):
+                if found == kind:
+                    cells.append(np.searchsorted(ordered, own).reshape(-1, of + 1))
+                    numbers.append(np.full(len(cells[-1]), number))
+        if cells:
+            blocks.append((_KINDS[kind], np.concatenate(cells)))
+            entities.append((of, np.concatenate(numbers)))
+    return points, blocks, entities
