@@ -32,7 +32,7 @@ def material(kind: str = "", /, *, trust_code: bool = False, **keys: Any) -> "Ma
     try:
         stated = _Stated.model_validate({"material": table}, context=context).material
     except ValidationError as error:
-        raise SceneError(dict.fromkeys(faults_of_errors(error, {"material": table}, _Stated))) from None
+        raise SceneError(dict.fromkeys(faults_of_errors(error))) from None
     return MaterialLaw(stated, trust_code)
 
 
@@ -82,7 +82,7 @@ class MaterialLaw:
         try:
             point = MaterialPoint.model_validate(data, context=context)
         except ValidationError as error:
-            raise SceneError(dict.fromkeys(faults_of_errors(error, data, MaterialPoint))) from None
+            raise SceneError(dict.fromkeys(faults_of_errors(error))) from None
         law = point_law(law_of(point.material), **point.conditions)
         record = integrate(law, point.path, point.end_time, point.longest_step)
         return tabulate(law, record, np.array(point.output.directions))

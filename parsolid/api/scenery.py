@@ -7,12 +7,13 @@ from mpi4py import MPI
 
 from decomposition.pair_search import within_reach
 from parsolid.particles.generation import generate
+from parsolid.particles.initial_fields import initial_velocity
+from parsolid.particles.regions import selected
 from parsolid.particles.touching import TOUCHING, close_pairs, homes
-from parsolid.scene import Scene, initial_velocity
+from parsolid.scene import Scene
 from parsolid.scene.base_model import AXES
 from parsolid.scene.bond import ALL
 from parsolid.scene.boundaries.condition import Condition
-from parsolid.scene.regions import selected
 
 # instants of a run at which loads that vary are looked at for the largest
 _INSTANTS = 9

@@ -44,9 +44,9 @@ from parsolid.collective import anywhere
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.regions import selected
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.support import Support
-from parsolid.scene.regions import selected
 from parsolid.scene.schema import Scene
 
 # fields (d, n) of particles on which contact, tools or ties act: their force [N] in the present places, and impulses

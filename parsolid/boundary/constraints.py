@@ -11,9 +11,9 @@ from parsolid.boundary.surface import Surface
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.regions import selected
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.support import Support
-from parsolid.scene.regions import selected
 from parsolid.scene.schema import Scene
 
 # a direction whose part that nothing else holds is shorter than this is held already

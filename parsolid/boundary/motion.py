@@ -8,11 +8,11 @@ from mpi4py import MPI
 
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.regions import selected
 from parsolid.particles.selection import Selection
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.prescribed import MotionCondition
 from parsolid.scene.load_histories import LoadHistory
-from parsolid.scene.regions import selected
 from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.schema import Scene
 

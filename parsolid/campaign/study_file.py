@@ -134,4 +134,4 @@ def load_study(path: str | Path) -> Study:
     try:
         return Study.model_validate(data, context={"folder": str(path.resolve().parent), "dimension": None})
     except ValidationError as error:
-        raise SceneError(dict.fromkeys(faults_of_errors(error, data, Study))) from None
+        raise SceneError(dict.fromkeys(faults_of_errors(error))) from None

@@ -74,9 +74,19 @@ def _installed() -> dict[tuple[str, str], Any]:
     return result
 
 
+def own_kinds(role: str) -> list[str]:
+    """Kinds of a role in this package."""
+    return [kind for r, kind in _found() if r == role]
+
+
+def installed_kinds(role: str) -> list[str]:
+    """Further kinds of a role, of other packages."""
+    return [kind for r, kind in _installed() if r == role and (r, kind) not in _found()]
+
+
 def kinds(role: str) -> tuple[str, ...]:
     """Kinds of a role, those of this package first."""
-    return tuple(dict.fromkeys(kind for known in (_found(), _installed()) for r, kind in known if r == role))
+    return (*own_kinds(role), *installed_kinds(role))
 
 
 def declared(role: str, kind: str) -> Declared:

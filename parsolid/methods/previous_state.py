@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import anywhere, raise_together
-from parsolid.scene.initial import meant
+from parsolid.particles.initial_fields import meant
 from parsolid.scene.previous_results import STATE, PreviousField, StepOfResults, methods_of
 
 # between particles, too

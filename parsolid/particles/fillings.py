@@ -1,17 +1,27 @@
-"""The filling of any body, meshes included."""
+"""Which filling belongs to which shape; a new shape is a model in `scene.shapes` and one entry here."""
 
 import os
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
+from parsolid.particles.lattices.clipped import ClippedFilling
+from parsolid.particles.lattices.lattice import BoxFilling, Filling
+from parsolid.particles.lattices.perforated import PerforatedFilling
+from parsolid.particles.lattices.perforated_nodes import PerforatedNodes
+from parsolid.particles.lattices.shell import ShellFilling
 from parsolid.particles.meshes.filling import MeshFilling
 from parsolid.particles.meshes.slices import MeshSlices
-from parsolid.scene.bodies import FilledShape
-from parsolid.scene.fillings import filling_of as lattice_of
-from parsolid.scene.lattice import Filling
+from parsolid.scene.bodies import Extent, FilledShape
+
+_FILLINGS: dict[str, Any] = {
+    "box": BoxFilling,
+    "perforated_box": PerforatedFilling,
+    "cylindrical_shell": ShellFilling,
+    "cylinder": ClippedFilling,
+    "sphere": ClippedFilling,
+}
 
 
 def filling_of(
@@ -24,18 +34,12 @@ def filling_of(
     """The particles of a body, not yet made; mesh, groups: see `MeshFilling`; collective. Raises SceneError for a mesh
     that cannot be used."""
     if body.shape.kind != "mesh":
-        return lattice_of(body, dimension)
+        nodes_of_cells = body.shape.kind == "perforated_box" and body.placed_on == "vertices"
+        made: Filling = (PerforatedNodes if nodes_of_cells else _FILLINGS[body.shape.kind])(body, dimension)
+        return made
     filling = MeshFilling(comm, body, dimension, mesh, groups)
     _EXTENTS[_key(body, dimension)] = Extent(filling.lower, filling.upper, filling.coarsest)
     return filling
-
-
-class Extent(NamedTuple):
-    """Bounds (d,) [m] of a body and its largest particle spacing [m]."""
-
-    lower: np.ndarray
-    upper: np.ndarray
-    coarsest: float
 
 
 # of meshes that have been read: where bodies are asked of one by one, none is read again
@@ -44,9 +48,10 @@ _EXTENTS: dict[tuple[Any, ...], Extent] = {}
 
 def extent_of(body: FilledShape, dimension: int) -> Extent:
     """How far a body reaches. Raises SceneError for a mesh that cannot be used."""
-    if body.shape.kind != "mesh" or _key(body, dimension) not in _EXTENTS:
-        filling = filling_of(body, dimension)
-        return Extent(filling.lower, filling.upper, filling.coarsest)
+    if body.shape.kind != "mesh":
+        return body.extent()
+    if _key(body, dimension) not in _EXTENTS:
+        filling_of(body, dimension)
     return _EXTENTS[_key(body, dimension)]
 
 

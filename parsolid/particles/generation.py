@@ -9,21 +9,22 @@ from mpi4py import MPI
 from decomposition.slices import Slices
 from parsolid.particles.agreement import agree
 from parsolid.particles.fillings import filling_of
+from parsolid.particles.initial_fields import meant
+from parsolid.particles.lattices.lattice import Filling
 from parsolid.particles.marks import mark_lattice
 from parsolid.particles.memory import check_memory
 from parsolid.particles.meshes.filling import MeshFilling
 from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices
 from parsolid.particles.overlap import overlap_faults
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.regions import NOBODY, nearest_particles, particles_of, selected
 from parsolid.particles.touching import touching_faults
 from parsolid.scene.base_model import LEAST, MOST
+from parsolid.scene.bodies import Extent
 from parsolid.scene.checks import unbounded_plane
 from parsolid.scene.formulas import Formula, FormulaVector
-from parsolid.scene.initial import meant
-from parsolid.scene.lattice import Filling
 from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.previous_results import PreviousField
-from parsolid.scene.regions import NOBODY, Named, nearest_particles, selected
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import MeshFault, SceneError, fault, key_path, suggestion
 
@@ -101,8 +102,9 @@ def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
         size = filling.upper - filling.lower
         if not (np.isfinite(size).all() and LEAST < size.min() and np.abs([filling.lower, filling.upper]).max() < MOST):
             faults.append(fault(("bodies", i), f"a body with sides from {LEAST:g} to {MOST:g} m", size.tolist()))
+    extents = {i: Extent(one.lower, one.upper, one.coarsest) for i, one in fillings.items()}
     for i, boundary in enumerate(scene.boundaries):
-        faults += [fault(*detail) for detail in unbounded_plane(i, boundary, scene.bodies, fillings)]
+        faults += [fault(*detail) for detail in unbounded_plane(i, boundary, scene.bodies, extents)]
     agree(comm, faults)
     return list(fillings.values())
 
@@ -151,7 +153,7 @@ def _empty_regions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndar
     masks: list[tuple[tuple[Any, ...], Any]] = [(keys.get(i, ("boundaries", i)), mask) for i, mask in enumerate(chosen)]
     for place, name in named:
         if place[0] != "boundaries":
-            masks.append((place, Named(name).particles(scene, particle_set, comm, np.ones(0, bool))))
+            masks.append((place, particles_of(name, scene, particle_set)))
     count = np.array([mask.sum() for _, mask in masks], np.int64)
     comm.Allreduce(MPI.IN_PLACE, count, op=MPI.SUM)
     return [fault(place, "a region that holds particles", int(n)) for (place, _), n in zip(masks, count) if n == 0]

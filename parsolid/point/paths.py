@@ -13,8 +13,8 @@ from pydantic import Field, PlainSerializer, PlainValidator, field_validator, mo
 from scipy.interpolate import CubicSpline
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import NotNegative, Positive, SceneModel, by_kind, mismatch, reject
-from parsolid.scene.formulas import Formula
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, mismatch, reject
+from parsolid.scene.formulas import FORMULA, Formula
 from parsolid.scene.probes import component_names
 from parsolid.scene.shapes import ExistingFile
 from parsolid.scene.validation_errors import suggestion
@@ -39,8 +39,8 @@ def _in_time_or_free(value: Any) -> Formula | str:
 
 
 _SOURCE = PlainSerializer(lambda formula: formula if isinstance(formula, str) else formula.source)
-TimeFormula = Annotated[Any, PlainValidator(_in_time), _SOURCE]
-TimeFormulaOrFree = Annotated[Any, PlainValidator(_in_time_or_free), _SOURCE]
+TimeFormula = Annotated[Any, PlainValidator(_in_time), _SOURCE, FORMULA]
+TimeFormulaOrFree = Annotated[Any, PlainValidator(_in_time_or_free), _SOURCE, FORMULA]
 
 
 class Path(SceneModel):
@@ -309,4 +309,6 @@ def _numbers(rows: list[Any], column: int, name: str) -> np.ndarray:
     return np.array([float(row[column]) for row in rows])
 
 
-AnyPath: Any = by_kind(Uniaxial, SimpleShear, CyclicShear, Isochoric, Volumetric, Formulas, Table)
+AnyPath = Annotated[
+    Uniaxial | SimpleShear | CyclicShear | Isochoric | Volumetric | Formulas | Table, Field(discriminator="kind")
+]

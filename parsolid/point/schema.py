@@ -137,7 +137,7 @@ def load_point(
         context = {"dimension": 3, "folder": str(path.resolve().parent), "trust_code": trust_code}
         point = MaterialPoint.model_validate(data, context=context)
     except ValidationError as error:
-        raise SceneError(dict.fromkeys([*faults, *faults_of_errors(error, data, MaterialPoint)])) from None
+        raise SceneError(dict.fromkeys([*faults, *faults_of_errors(error)])) from None
     if faults:
         raise SceneError(faults)
     _refuse_collapse(point)

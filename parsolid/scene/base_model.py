@@ -1,11 +1,13 @@
 """What all tables of a scene share: strictness, exclusive keys, a kind that chooses the model, points and planes."""
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from enum import StrEnum
+from itertools import combinations
 from math import isfinite
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from parsolid.materials.declaration import Phrase
@@ -32,13 +34,19 @@ class OnRestart(StrEnum):
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
 
 
-def mismatch(expected: str, found: object, code: str = "refused") -> PydanticCustomError:
-    """The error of a value that is not what its key wants; code: as of `Fault`."""
-    words = describe(found)
-    text = f"expected {expected}, found {words}"
-    return PydanticCustomError("mismatch", "{text}", {"text": text, "expected": expected, "found": words, "code": code})
+_MESSAGE = "expected {expected}, found {found}{suggestion}"
+
+
+def mismatch(
+    expected: str, found: object, code: str = "refused", near: str = "", bounds: dict[str, Any] | None = None
+) -> PydanticCustomError:
+    """The error of a value that is not what its key wants; code: as of `Fault`; near: a suggestion; bounds: of a number
+    that is beyond one."""
+    parts = {"expected": expected, "found": describe(found), "code": code, "suggestion": near}
+    return PydanticCustomError("mismatch", _MESSAGE, (bounds or {}) | parts)
 
 
 # place of a fault in the tables of a scene, what was expected, what was found; and a code where that is not "refused"
@@ -108,31 +116,44 @@ class SceneModel(BaseModel):
     @model_validator(mode="wrap")
     @classmethod
     def _every_fault(cls, value: Any, handler: Any) -> "SceneModel":
-        """Report excluding keys together with the faults of the single keys, not after them."""
+        """Report excluding keys together with the faults of the single keys, not after them; in the project's words."""
         conflicts = cls._conflicts(value) if isinstance(value, dict) else []
         try:
             result = handler(value)
         except ValidationError as error:
-            if not conflicts:
-                raise
-            for found in error.errors(include_url=False):
-                kind: Any = found["type"]
-                if kind == "mismatch":
-                    kind = PydanticCustomError("mismatch", "{text}", found["ctx"])
-                conflicts.append(
-                    InitErrorDetails(type=kind, loc=found["loc"], input=found["input"], ctx=found.get("ctx", {}))
-                )
+            conflicts += [in_words(cls, item, value) for item in error.errors(include_url=False)]
         if conflicts:
             raise ValidationError.from_exception_data(cls.__name__, conflicts)
         return result
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
+        made: dict[str, Any] = handler.resolve_ref_schema(handler(schema))
+        made["description"] = meaning_of(cls)
+        for name, key in made.get("properties", {}).items():
+            # where a table changes a default of its base, the meaning stays
+            fields = (owner.model_fields.get(name) for owner in cls.__mro__ if issubclass(owner, SceneModel))
+            if told := next((one.description for one in fields if one is not None and one.description), None):
+                key.setdefault("description", told)
+        if rules := rules_of_keys(cls, made):
+            made["allOf"] = rules
+        return made
 
-class _Unknown(SceneModel):
-    kind: str = ""
+
+def meaning_of(model: type[BaseModel]) -> str:
+    """What a table is, the first sentences of its docstring."""
+    return " ".join((model.__doc__ or "").split("\n\n")[0].split())
 
 
-# stands where a method or a material is at fault, so that the other tables can be judged
-UNKNOWN = _Unknown()
+def rules_of_keys(model: type[SceneModel], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Rules of a JSON Schema about which keys are there, in place of its list of those that are needed."""
+    if "library" in model.model_fields:
+        # an entry of a library has all that is needed
+        return [{"anyOf": [{"required": schema.pop("required", [])}, {"required": ["kind", "library"]}]}]
+    rules: list[dict[str, Any]] = [{"oneOf": [{"required": [key]} for key in group]} for group in model.exactly_one]
+    for group in model.at_most_one:
+        rules += [{"not": {"required": list(pair)}} for pair in combinations(group, 2)]
+    return rules
 
 
 def kinds_of(model: type[SceneModel]) -> tuple[str, ...]:
@@ -140,97 +161,98 @@ def kinds_of(model: type[SceneModel]) -> tuple[str, ...]:
     return get_args(model.model_fields["kind"].annotation)
 
 
-class ByKind:
-    """Annotation of a field whose table's `kind` chooses one of several models.
-
-    models: those, or them by kind; known: the attribute of a method's settings that lists the kinds which the method
-    knows, "" where all will do.
-    """
-
-    def __init__(
-        self,
-        models: "tuple[type[SceneModel], ...] | Mapping[str, type[SceneModel]]",
-        known: str = "",
-    ) -> None:
-        self.known = known
-        by_kind = models if isinstance(models, Mapping) else {kind: one for one in models for kind in kinds_of(one)}
-        self.models: Any = by_kind
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return core_schema.with_info_plain_validator_function(self._validate)
-
-    @property
-    def instances(self) -> tuple[type, ...]:
-        """What needs no validation any more."""
-        return tuple(self.models.values())
-
-    def tables(self) -> dict[str, type[SceneModel]]:
-        """Every kind and its model, of any method."""
-        return dict(self.models)
-
-    def allowed(self, info: ValidationInfo, table: object = None) -> list[str]:
-        """Kinds that the scene's method knows, or that of the body which a raw table names, in the method's order."""
-        method = method_of(info, table)
-        stated = getattr(method, self.known) if self.known and method else self.models
-        return [kind for kind in stated if kind in self.models]
-
-    def _validate(self, value: Any, info: ValidationInfo) -> Any:
-        # a raw table first: asking what else there may be imports all models
-        if not isinstance(value, dict) and (value is UNKNOWN or isinstance(value, self.instances)):
-            return value
-        if not isinstance(value, dict):
-            raise mismatch("a table", value, "type")
-        result: SceneModel = self.chosen(value, info).model_validate(value, context=info.context)
-        return result
-
-    def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
-        """The model for a raw table; raises ValidationError where it names none."""
-        model = self.choose(value)
-        if model is not None and not self.known:
-            return model
-        allowed = self.allowed(info, value)
-        kinds = ", ".join(map(repr, allowed))
-        if "kind" not in value:
-            reject((("kind",), f"one of {kinds}", NOTHING), code="missing")
-        if model is None:
-            # an old word's new one, whether or not this method knows it
-            near = suggestion(value["kind"], self.models if str(value["kind"]) in RENAMED else allowed)
-            reject((("kind",), f"one of {kinds}{near}", value["kind"]), code="choice")
-        if value["kind"] not in allowed:
-            whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
-            why = getattr(method_of(info, value), "refused", {}).get(value["kind"])
-            reason = f" ({value['kind']}: {why})" if why and self.known == "boundaries" else ""
-            reject((("kind",), f"one of {kinds}, which the method {whose} knows{reason}", value["kind"]), code="method")
-        assert model is not None
-        return model
-
-    def choose(self, table: object) -> type[SceneModel] | None:
-        """The model for a table's kind, None when there is no such kind."""
-        kind = table.get("kind") if isinstance(table, dict) else None
-        found: type[SceneModel] | None = self.models.get(kind) if isinstance(kind, str) else None
-        return found
+def tables_of(annotation: Any) -> dict[str, type[SceneModel]]:
+    """Models of the tables that a type takes, by the kind that each has to name, "" of one that has none."""
+    if isinstance(annotation, FieldInfo):
+        annotation = annotation.annotation
+    if isinstance(annotation, type) and issubclass(annotation, SceneModel):
+        told_apart = "kind" in annotation.model_fields and annotation.model_fields["kind"].is_required()
+        return dict.fromkeys(kinds_of(annotation) if told_apart else ("",), annotation)
+    return {kind: model for part in get_args(annotation) for kind, model in tables_of(part).items()}
 
 
-class TableOr:
-    """The type of a field that holds a model, or one value that stands for none."""
+# error of pydantic -> what it expects, and the code of the fault
+_EXPECTED = {
+    "float_type": ("a number", "type"),
+    "int_type": ("a whole number", "type"),
+    "int_from_float": ("a whole number", "type"),
+    "string_type": ("a text", "type"),
+    "bool_type": ("true or false", "type"),
+    "list_type": ("a list", "type"),
+    "dict_type": ("a table", "type"),
+    "model_type": ("a table", "type"),
+    "model_attributes_type": ("a table", "type"),
+    "finite_number": ("a finite number", "bound"),
+    "greater_than": ("a number > {gt:g}", "bound"),
+    "greater_than_equal": ("a number >= {ge:g}", "bound"),
+    "less_than": ("a number < {lt:g}", "bound"),
+    "less_than_equal": ("a number <= {le:g}", "bound"),
+    "too_short": ("a list of at least {min_length}", "length"),
+    "too_long": ("a list of at most {max_length}", "length"),
+    "literal_error": ("{expected}", "choice"),
+    "union_tag_invalid": ("one of {expected_tags}", "choice"),
+}
 
-    def __init__(self, model: type[SceneModel], none: object) -> None:
-        self.model, self.none = model, none
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return core_schema.with_info_plain_validator_function(self._validate)
+def in_words(model: type[SceneModel], error: Any, table: Any) -> InitErrorDetails:
+    """An error of pydantic in a raw table of a model, with what was expected and found in place of pydantic's words."""
+    place, kind, found, context = error["loc"], error["type"], error["input"], error.get("ctx", {})
+    field = model.model_fields.get(place[0]) if place else None
+    kinds = tables_of(field) if field is not None else {}
+    place = _without_kind(place, table) if kinds.keys() - {""} else place
+    if kind == "mismatch":
+        return InitErrorDetails(type=PydanticCustomError(kind, _MESSAGE, context), loc=place, input=found)
+    description = field.description if field is not None and len(place) == 1 else None
+    expected, code, near, words = description or error["msg"], "refused", "", found
+    if kind == "extra_forbidden":
+        words, near = Phrase(f"the unknown key {place[-1]!r}"), suggestion(place[-1], model.model_fields)
+        expected, code = f"one of {', '.join(model.model_fields)}", "unknown-key"
+    elif kind == "missing":
+        expected, code, words = description or "a value", "missing", NOTHING
+    elif kind == "union_tag_not_found":
+        expected, code, words = f"one of {', '.join(map(repr, kinds))}", "missing", NOTHING
+    elif kind in _EXPECTED:
+        template, code = _EXPECTED[kind]
+        expected = template.format(**context)
+    if kind == "union_tag_invalid":
+        words = found["kind"]
+        expected += suggestion(words, kinds)
+    elif kind == "literal_error":
+        expected += suggestion(found, [word.strip("' ") for word in expected.replace(" or ", ",").split(",")])
+    place = (*place, "kind") if kind.startswith("union_tag") else place
+    return InitErrorDetails(type=mismatch(expected, words, code, near, context), loc=place, input=found)
 
-    def _validate(self, value: Any, info: ValidationInfo) -> Any:
-        if value is self.none or isinstance(value, self.model):
-            return value
-        if not isinstance(value, dict):
-            raise mismatch(f"a table or {describe(self.none).lower()}", value)
-        return self.model.model_validate(value, context=info.context)
+
+def _without_kind(place: tuple[Any, ...], table: Any) -> tuple[Any, ...]:
+    """A place in tables without the kind by which pydantic chose a model for one of them."""
+    depth = next((i for i, key in enumerate(place[1:], 1) if isinstance(key, str)), len(place))
+    try:
+        for key in place[:depth]:
+            table = table[key]
+    except (LookupError, TypeError):
+        # not what the file states
+        return place
+    named = depth < len(place) and isinstance(table, dict) and table.get("kind") == place[depth]
+    return place[:depth] + place[depth + 1 :] if named else place
 
 
-def by_kind(*models: type[SceneModel], known: str = "") -> Any:
-    """The type of a field that holds one of the models; each has a literal field `kind`; known as in `ByKind`."""
-    return Annotated[Any, ByKind(models, known)]
+def check_kind(
+    table: Any, info: ValidationInfo, kinds: Collection[str], of_method: Collection[str], why: str = ""
+) -> None:
+    """Refuse a raw table of a kind that is none of those there are, or of the scene's method, or that of the body which
+    the table names; why: the method's reason."""
+    if not isinstance(table, dict) or table.get("kind") in list(of_method):
+        return
+    stated, known = table.get("kind", NOTHING), ", ".join(map(repr, of_method))
+    if stated is NOTHING:
+        reject((("kind",), f"one of {known}", NOTHING), code="missing")
+    if stated not in list(kinds):
+        # an old word's new one, whether or not this method knows it
+        near = suggestion(stated, kinds if str(stated) in RENAMED else of_method)
+        reject((("kind",), f"one of {known}{near}", stated), code="choice")
+    whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
+    reason = f" ({stated}: {why})" if why else ""
+    reject((("kind",), f"one of {known}, which the method {whose} knows{reason}", stated), code="method")
 
 
 def _components(value: list[Any], info: ValidationInfo) -> list[Any]:
@@ -287,3 +309,7 @@ class Plane:
         return core_schema.with_info_plain_validator_function(
             validate, serialization=core_schema.plain_serializer_function_ser_schema(str)
         )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
+        return {"type": "string", "pattern": r"^\s*[XYZ]\s*=", "title": "a plane such as 'Y = 0'"}

@@ -1,21 +1,26 @@
 """Bodies of a scene: a shape filled with particles, its material, its initial state."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from math import prod
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
+import numpy as np
 from pydantic import Field, ValidationInfo, WrapValidator, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
+from parsolid.scene.base_model import Name, OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
+from parsolid.scene.grading import graded_shares
 from parsolid.scene.materials import Material
 from parsolid.scene.shapes import BodyShape
 from parsolid.scene.validation_errors import NOTHING
 
-Name = Annotated[str, Field(pattern=r"^[^.,\s][^.,]*$", description="a name without '.' and ','")]
 Placement = Literal["vertices", "cells"]
 
 # relative spacings along an axis
 Grading = Annotated[list[Annotated[float, Field(ge=1e-3, le=1e3)]], Field(min_length=1, max_length=3)]
+
+# of a body: more than any machine holds
+MOST_PARTICLES = 10**12
 
 # shapes whose lattice is cut by a surface
 _CUT = ("cylinder", "sphere", "perforated_box")
@@ -23,17 +28,16 @@ _CUT = ("cylinder", "sphere", "perforated_box")
 _WITH_CORNERS = ("perforated_box",)
 
 
-class FilledShape(SceneModel):
-    """A shape and the particles that fill it.
+class Extent(NamedTuple):
+    """Bounds (d,) [m] of a body and its largest particle spacing [m]."""
 
-    particles   number of particles along each of the shape's own directions: X, Y, Z of a box and of the bounding box
-                of a cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)
-    spacing     distance of particles [m] along the same directions, or one for all; rounded so that whole numbers fit
-    placement   "vertices": on the boundary too, with trapezoid volumes (of a perforated box at corners of its cells);
-                "cells": in the middle of equal cells
-    jitter      random offset of each particle as a fraction of the spacing, the same on any number of ranks; particles
-                on the boundary stay
-    """
+    lower: np.ndarray
+    upper: np.ndarray
+    coarsest: float
+
+
+class FilledShape(SceneModel):
+    """A shape and the particles that fill it."""
 
     at_most_one: ClassVar = (("particles", "spacing"),)
     on_restart: ClassVar = dict.fromkeys(
@@ -41,13 +45,31 @@ class FilledShape(SceneModel):
     )
     name: Name | None = Field(None, description="by which other tables call the body")
     shape: BodyShape
-    particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = None
-    spacing: list[Positive] | None = Field(None, json_schema_extra={"or": "number"})
-    placement: Placement | None = Field(None, description="'vertices' or 'cells'")
-    jitter: float = Field(0.0, ge=0.0, lt=0.5)
+    particles: list[Annotated[int, Field(ge=1, le=10**12)]] | None = Field(
+        None,
+        description="number of particles along each of the shape's own directions: X, Y, Z of a box and of the "
+        "bounding box of a cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)",
+    )
+    spacing: list[Positive] | None = Field(
+        None,
+        description="distance of particles [m] along the same directions, or one for all; rounded so that whole "
+        "numbers fit",
+    )
+    placement: Placement | None = Field(
+        None,
+        description='"vertices": on the boundary too, with trapezoid volumes (of a perforated box at corners of its '
+        'cells); "cells": in the middle of equal cells',
+    )
+    jitter: float = Field(
+        0.0,
+        ge=0.0,
+        lt=0.5,
+        description="random offset of each particle as a fraction of the spacing, the same on any number of ranks; "
+        "particles on the boundary stay",
+    )
     seed: int = Field(0, ge=0, description="of the random offsets")
 
-    @field_validator("spacing", mode="before")
+    @field_validator("spacing", mode="before", json_schema_input_type=Positive | list[Positive])
     @classmethod
     def _as_list(cls, value: Any) -> Any:
         return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -88,6 +110,56 @@ class FilledShape(SceneModel):
     def placed_on(self) -> Placement:
         """The placement, with the default of the shape where the scene gives none."""
         return self.placement or ("cells" if self.shape.kind in _CUT else "vertices")
+
+    def numbers(self) -> list[int]:
+        """How many places its lattice has along each of the shape's directions."""
+        if self.particles is not None:
+            return list(self.particles)
+        lengths, spacing = self.shape.model.lengths(), self.spacing or []
+        spacings = spacing if len(spacing) == len(lengths) else spacing * len(lengths)
+        # the upper limit keeps an absurd spacing countable, so that it can be refused
+        intervals = [max(1, round(min(a / b, 2.0 * MOST_PARTICLES))) for a, b in zip(lengths, spacings)]
+        return [number + ends for number, ends in zip(intervals, self._on_ends())]
+
+    def _on_ends(self) -> list[bool]:
+        """Along which directions there are particles at both ends."""
+        shape = self.shape.model
+        closed = [getattr(shape, "closed", False)] + [False] * (len(shape.lengths()) - 1)
+        return [self.placed_on == "vertices" and not one for one in closed]
+
+    def extent(self) -> Extent:
+        """How far it reaches, unless it is a mesh."""
+        lower, upper = map(np.array, self.shape.model.bounds())
+        return Extent(lower, upper, self._largest_spacing())
+
+    def _largest_spacing(self) -> float:
+        """Largest distance [m] of neighbours in its lattice; the whole length of a lone particle."""
+        shape, numbers = self.shape.model, self.numbers()
+        intervals = [n - 1 if ends and n > 1 else n for n, ends in zip(numbers, self._on_ends())]
+        spacings = [length / number for length, number in zip(shape.lengths(), intervals)]
+        if self.shape.kind == "cylindrical_shell":
+            # of the hoops, that of the outermost
+            spacings[0] *= 1.0 + 0.5 * shape.thickness / shape.radius
+        for axis, grading in enumerate(getattr(self, "grading", None) or ()):
+            if len(grading) > 1:
+                steps = np.diff(graded_shares(numbers[axis], tuple(grading)))
+                spacings[axis] *= float(steps.max()) * intervals[axis]
+        return max(spacings)
+
+    def lattice_faults(self) -> list[tuple[str, object]]:
+        """Why no particles can be made of it, too many or fewer than two: (expected, found)."""
+        numbers, holed = self.numbers(), self.shape.kind == "perforated_box"
+        if prod(numbers) > MOST_PARTICLES:
+            return [(f"at most {MOST_PARTICLES:g} particles", Phrase(f"{prod(numbers):g}"))]
+        if holed and self.placed_on == "vertices" and min(numbers) < 2:
+            return [("two nodes or more along each direction of a perforated box", numbers)]
+        few = prod(numbers)
+        if holed and self.placed_on == "vertices":
+            # every cell that is kept has its corners
+            few = 2 * self.shape.model.cells_outside_hole([number - 1 for number in numbers])
+        elif holed:
+            few = self.shape.model.cells_outside_hole(numbers)
+        return [("a body of at least two particles", few)] if few < 2 else []
 
 
 class Body(FilledShape):

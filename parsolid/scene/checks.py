@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import FaultDetail, Plane
+from parsolid.scene.bodies import Extent
 from parsolid.scene.bond import bond_faults
 from parsolid.scene.boundaries.condition import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
@@ -18,9 +18,7 @@ from parsolid.scene.contact import (
     grid_faults,
     of_model,
 )
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.initial_state import initial_details
-from parsolid.scene.lattice import Filling
 from parsolid.scene.method_settings import named_observables
 from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
@@ -31,7 +29,7 @@ from parsolid.scene.substeps import substep_faults
 from parsolid.scene.systems import carriers_of, faults_of_systems
 from parsolid.scene.tie import TIE_TERMS, tie_faults
 from parsolid.scene.tools import still_faults, tool_faults
-from parsolid.scene.validation_errors import NOTHING, Fault, SceneError, suggestion
+from parsolid.scene.validation_errors import NOTHING, Fault, suggestion
 
 # outputs in a run to its end, at most, by the keys of their intervals
 MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint_interval": 10**7}
@@ -43,20 +41,21 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
     What depends on a method or a material that is itself at fault is not told.
     """
     lacking = LeftOut.nothing(scene.resolved()) if left_out is None else left_out
-    fillings, details = _fillings(scene, lacking)
+    extents = _extents(scene, lacking)
+    details = _unfilled_bodies(scene, lacking)
     details += _repeated_names("bodies", scene.bodies, lacking) + _repeated_names("probes", scene.probes, lacking)
     details += [] if lacking.incomplete else _contact_fields(scene)
-    details += _empty_bodies(fillings) + _boundary_details(scene, fillings, lacking)
+    details += _boundary_details(scene, extents, lacking)
     details += clashes(scene.boundaries)
-    if len(fillings) == len(scene.bodies):
-        details += _distant_probes(scene, fillings)
+    if len(extents) == len(scene.bodies):
+        details += _distant_probes(scene, extents)
     details += contact_faults(scene.contact, lacking.body_names) + tool_faults(scene, lacking.body_names)
     details += region_details(scene, lacking.regions, lacking.shape_unknown) + _loads_details(scene, lacking.incomplete)
     if lacking.end_known:
         details += _output_details(scene)
     if lacking.models_known:
-        if len(fillings) == len(scene.bodies):
-            details += _fields_elsewhere(scene, fillings)
+        if len(extents) == len(scene.bodies):
+            details += _fields_elsewhere(scene, extents)
         if lacking.systems_known:
             details += faults_of_systems(scene) + still_faults(scene) + substep_faults(scene)
         if lacking.systems_known and lacking.body_names is not None:
@@ -68,18 +67,22 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
     return list(dict.fromkeys(lacking.faults(details)))
 
 
-def _fillings(scene: Scene, lacking: LeftOut) -> tuple[dict[int, Filling], list[FaultDetail]]:
-    """The particles of bodies that are where the file would have them, but for meshes, which are not read here."""
-    fillings: dict[int, Filling] = {}
+def _extents(scene: Scene, lacking: LeftOut) -> dict[int, Extent]:
+    """How far bodies reach that are where the file would have them, but for meshes, which are not read here."""
+    return {
+        i: body.extent()
+        for i, body in enumerate(scene.bodies)
+        if body.shape.kind != "mesh" and i not in lacking.misplaced
+    }
+
+
+def _unfilled_bodies(scene: Scene, lacking: LeftOut) -> list[FaultDetail]:
+    """Bodies of which no particles can be made."""
     details: list[FaultDetail] = []
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh" and i not in lacking.misplaced:
-            try:
-                fillings[i] = filling_of(body, scene.dimension)
-            except SceneError as error:
-                found = (one for one in error.faults if isinstance(one, Fault))
-                details += [(("bodies", i), one.expected, Phrase(one.found)) for one in found]
-    return fillings, details
+            details += [(("bodies", i), expected, found) for expected, found in body.lattice_faults()]
+    return details
 
 
 def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[FaultDetail]:
@@ -93,62 +96,57 @@ def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[Faul
     return details
 
 
-def _empty_bodies(fillings: dict[int, Filling]) -> list[FaultDetail]:
-    expected = "a body of at least two particles"
-    return [(("bodies", i), expected, filling.count) for i, filling in fillings.items() if filling.count < 2]
-
-
-def plane_side(plane: Plane, filling: Filling) -> int:
+def plane_side(plane: Plane, extent: Extent) -> int:
     """-1 or +1 when the plane is the lower or upper bound of the body, 0 when it bounds it nowhere."""
-    lower, upper = filling.lower[plane.axis], filling.upper[plane.axis]
+    lower, upper = extent.lower[plane.axis], extent.upper[plane.axis]
     tolerance = 1e-9 * max(abs(lower), abs(upper), upper - lower)
     if abs(plane.offset - lower) <= tolerance:
         return -1
     return 1 if abs(plane.offset - upper) <= tolerance else 0
 
 
-def _boundary_details(scene: Scene, fillings: dict[int, Filling], lacking: LeftOut) -> list[FaultDetail]:
+def _boundary_details(scene: Scene, extents: dict[int, Extent], lacking: LeftOut) -> list[FaultDetail]:
     details: list[FaultDetail] = []
     for i, boundary in enumerate(scene.boundaries):
         if boundary.body is not None and lacking.body_names is not None and boundary.body not in lacking.body_names:
             expected = f"the name of a body{suggestion(boundary.body, lacking.body_names)}"
             details.append((("boundaries", i, "body"), expected, boundary.body, "unknown-name"))
         else:
-            details += unbounded_plane(i, boundary, scene.bodies, fillings)
+            details += unbounded_plane(i, boundary, scene.bodies, extents)
     return details
 
 
-def unbounded_plane(place: int, boundary: Any, bodies: list[Any], fillings: dict[int, Filling]) -> list[FaultDetail]:
+def unbounded_plane(place: int, boundary: Any, bodies: list[Any], extents: dict[int, Extent]) -> list[FaultDetail]:
     """The fault of a support or traction whose plane bounds none of the bodies it is meant for; none where one of them
     is not known."""
     meant = [i for i, body in enumerate(bodies) if boundary.body in (None, body.name)]
-    if not boundary.needs_bounding_plane or boundary.plane is None or any(i not in fillings for i in meant):
+    if not boundary.needs_bounding_plane or boundary.plane is None or any(i not in extents for i in meant):
         return []
-    if not meant or any(plane_side(boundary.plane, fillings[i]) for i in meant):
+    if not meant or any(plane_side(boundary.plane, extents[i]) for i in meant):
         return []
     axis = boundary.plane.axis
-    bounds = sorted({float(bound[axis]) for i in meant for bound in (fillings[i].lower, fillings[i].upper)})
+    bounds = sorted({float(bound[axis]) for i in meant for bound in (extents[i].lower, extents[i].upper)})
     expected = f"a plane that bounds a body ({'XYZ'[axis]} = {' or '.join(f'{bound:g}' for bound in bounds)})"
     return [(("boundaries", place, "plane"), expected, str(boundary.plane), "elsewhere")]
 
 
-def _away(filling: Filling, at: list[float]) -> float:
+def _away(extent: Extent, at: list[float]) -> float:
     """Distance [m] of a point from a body's bounds."""
-    return float(np.linalg.norm(np.maximum(0.0, np.maximum(filling.lower - at, at - filling.upper))))
+    return float(np.linalg.norm(np.maximum(0.0, np.maximum(extent.lower - at, at - extent.upper))))
 
 
-def _distant_probes(scene: Scene, fillings: dict[int, Filling]) -> list[FaultDetail]:
+def _distant_probes(scene: Scene, extents: dict[int, Extent]) -> list[FaultDetail]:
     details: list[FaultDetail] = []
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
-        beyond = [_away(filling, probe.at) - filling.coarsest for filling in fillings.values()]
+        beyond = [_away(extent, probe.at) - extent.coarsest for extent in extents.values()]
         if min(beyond) > 0.0:
             details.append((("probes", i, "at"), "a point within one spacing of a body", probe.at, "elsewhere"))
     return details
 
 
-def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[FaultDetail]:
+def _fields_elsewhere(scene: Scene, extents: dict[int, Extent]) -> list[FaultDetail]:
     """Fields of probes at bodies whose methods have no such field, where other methods of the scene have it."""
     known = [with_components(one.settings.field_kinds(scene.dimension), scene.dimension) for one in scene.systems]
     kinds = {body: known[number] for number, one in enumerate(scene.systems) for body in one.bodies}
@@ -156,7 +154,7 @@ def _fields_elsewhere(scene: Scene, fillings: dict[int, Filling]) -> list[FaultD
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
-        distance = {body: _away(filling, probe.at) for body, filling in fillings.items()}
+        distance = {body: _away(extent, probe.at) for body, extent in extents.items()}
         near = [body for body, away in distance.items() if away == min(distance.values())]
         for k, name in enumerate(probe.fields or ()):
             if any(name in each for each in kinds.values()) and not any(name in kinds[body] for body in near):

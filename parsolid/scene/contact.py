@@ -26,20 +26,27 @@ USUAL = {"stiffness": 1.0, "radius": 2.7}
 
 
 class Contact(SceneModel):
-    """Bodies that press on one another and part freely.
-
-    bodies      names: of one body, which may touch itself, or of several, every pair of them
-    model       "kernel": forces between particles; "grid": between bodies of one material point method, on its nodes
-    friction    coefficient of Coulomb's law
-    stiffness   factor alpha on the least M/h of the two bodies, M = lambda + 2 mu; 1 unless given
-    radius      of the kernel that feels the other body, in the larger of the two spacings; 2.7 unless given
-    """
+    """Bodies that press on one another and part freely."""
 
     bodies: Annotated[list[str], Field(min_length=1)] = Field(description="names of bodies")
-    model: Literal["kernel", "grid"] = Field("kernel", description="forces between particles, or blows of grid nodes")
-    friction: NotNegative = 0.0
-    stiffness: float | None = Field(None, gt=0.0, le=1e4, description="factor on the least M/h of the two bodies, 1")
-    radius: float | None = Field(None, ge=2.2, le=8.0, description="of the kernel, in the larger spacing, 2.7")
+    model: Literal["kernel", "grid"] = Field(
+        "kernel",
+        description='"kernel": forces between particles; "grid": between bodies of one material point method, on its '
+        "nodes",
+    )
+    friction: NotNegative = Field(0.0, description="coefficient of Coulomb's law")
+    stiffness: float | None = Field(
+        None,
+        gt=0.0,
+        le=1e4,
+        description="factor alpha on the least M/h of the two bodies, M = lambda + 2 mu; 1 unless given",
+    )
+    radius: float | None = Field(
+        None,
+        ge=2.2,
+        le=8.0,
+        description="of the kernel that feels the other body, in the larger of the two spacings; 2.7 unless given",
+    )
 
     @model_validator(mode="before")
     @classmethod

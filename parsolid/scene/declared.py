@@ -1,17 +1,19 @@
 """Tables of laws, made from what the laws declare (`materials.declaration`): a law's file is all that it takes."""
 
 import os
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from types import FunctionType
-from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, create_model, model_validator
+from pydantic_core import core_schema
 
 from parsolid.materials import registry
 from parsolid.materials.declaration import NEEDED, Declared, OfMaterial, Parameter, built, parameters_of
 from parsolid.materials.registry import LawError
-from parsolid.scene.base_model import ByKind, SceneModel, method_of, reject
+from parsolid.scene.base_model import SceneModel, check_kind, method_of, reject
 from parsolid.scene.validation_errors import NOTHING
 
 
@@ -64,34 +66,45 @@ def _restored(source: tuple[Any, ...], state: dict[Any, Any]) -> DeclaredModel:
     return result
 
 
-# what the tables of a role have in common, and the fields that end them; filled by `scene.materials`
-BASES: dict[str | None, tuple[type[DeclaredModel], dict[str, tuple[Any, Any]]]] = {}
+# what the tables of a role have in common besides what its laws declare
+_BASES: dict[str, type[DeclaredModel]] = {}
+
+
+def table_of(role: str) -> Callable[[type[DeclaredModel]], type[DeclaredModel]]:
+    """Decorator: what tables of a role have in common."""
+
+    def enter(base: type[DeclaredModel]) -> type[DeclaredModel]:
+        _BASES[role] = base
+        return base
+
+    return enter
 
 
 @cache
 def model_of(declared: Declared) -> type[DeclaredModel]:
-    """The model of the table in which a scene states a declared law."""
+    """The model of the table in which a scene states a declared law, or an entry of a list that one has."""
     role = getattr(declared, "role", None)
-    import_module("parsolid.scene.materials")
-    base, more = BASES.get(role, (DeclaredModel, {}))
-    fields: dict[str, tuple[Any, Any]] = {}
-    namespace: dict[str, Any] = {"declared": declared, "__module__": __name__, "__doc__": declared.__doc__}
+    fields: dict[str, Any] = {}
     if hasattr(declared, "source"):
         fields["law"] = (str, Field(description="a file and the class in it, 'my_law.py:MyLaw'"))
-        namespace["kind"] = declared.kind
+        # a file may be of any role
+        import_module("parsolid.scene.materials")
     elif role is not None:
         fields["kind"] = (Literal[declared.kind], Field())
     fields |= {n: _field(t, p) for n, (t, p) in parameters_of(declared).items() if not isinstance(p, OfMaterial)}
-    fields |= more
+    base = _BASES.get(role or "", DeclaredModel)
+    make: Any = create_model
+    made = make(declared.__name__, __base__=base, __module__=__name__, __doc__=declared.__doc__, **fields)
+    made.declared = declared
+    if "law" in fields:
+        made.kind = declared.kind
     for owner in reversed(declared.__mro__):
-        if issubclass(owner, tuple) or owner is object:
-            continue
-        namespace |= {n: v for n, v in vars(owner).items() if isinstance(v, FunctionType | property) or n in _GROUPS}
-    namespace["__annotations__"] = {name: hint for name, (hint, _) in fields.items()}
-    if "kind" in namespace:
-        namespace["__annotations__"]["kind"] = ClassVar[str]
-    made: Any = type(base)
-    return made(declared.__name__, (base,), namespace | {name: value for name, (_, value) in fields.items()})
+        if not issubclass(owner, tuple) and owner is not object:
+            for name, value in vars(owner).items():
+                if isinstance(value, FunctionType | property) or name in _GROUPS:
+                    setattr(made, name, value)
+    result: type[DeclaredModel] = made
+    return result
 
 
 _GROUPS = ("exactly_one", "at_most_one")
@@ -122,82 +135,91 @@ def law_files(scene: Any) -> list[str]:
     return sorted({table.law.rpartition(":")[0] for table in tables if isinstance(getattr(table, "law", None), str)})
 
 
-class ByLaw(ByKind):
-    """Annotation of a field whose table names a law: by its `kind`, or by `law`, a file and a class in it.
+class Laws:
+    """Annotation of a union of the tables of laws: a table may name another one, by its key `law`, a file and a class
+    in it, or by the kind of an installed package; and the scene's method has to take its role.
 
-    roles: those of the laws; known: the attribute of a method's settings that lists the roles which the method takes,
-    "" where all will do.
+    roles: those of the laws; of_method: whether the methods' settings list the roles that they take.
     """
 
-    def __init__(self, roles: tuple[str, ...], known: str = ""):
-        self.roles, self.known = roles, known
-        self.files: dict[str, type[DeclaredModel]] = {}
+    def __init__(self, roles: tuple[str, ...], of_method: bool) -> None:
+        self.roles, self.of_method = roles, of_method
 
-    @property
-    def instances(self) -> tuple[type, ...]:
-        """What needs no validation any more."""
-        return (DeclaredModel,)
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        # a law that is none of the union states itself, too
+        stated = core_schema.plain_serializer_function_ser_schema(_stated, info_arg=True)
+        return core_schema.with_info_wrap_validator_function(self._validate, handler(source), serialization=stated)
 
-    def tables(self) -> dict[str, type[SceneModel]]:
-        """Every kind and its model; laws of files have none before a scene names them."""
-        return {kind: model_of(registry.declared(role, kind)) for role in self.roles for kind in registry.kinds(role)}
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        installed = [registry.declared(role, kind) for role in self.roles for kind in registry.installed_kinds(role)]
+        others = [handler(model_of(law).__pydantic_core_schema__) for law in installed]
+        # of a law of one's own only its file says what it takes
+        own = {
+            "type": "object",
+            "required": ["law"],
+            "properties": {"law": {"type": "string"}},
+            "not": {"required": ["kind"]},
+        }
+        return {"anyOf": [handler(schema), *others, own]}
 
-    def allowed(self, info: ValidationInfo | None, table: object = None) -> list[str]:
-        """Kinds that the scene's method takes."""
-        every = {kind: role for role in self.roles for kind in registry.kinds(role)}
-        return [kind for kind, role in every.items() if self._takes(role, info)]
+    def _taken(self, info: ValidationInfo) -> list[str]:
+        method: Any = method_of(info) if self.of_method else None
+        return [role for role in self.roles if method is None or role in method.materials]
 
-    def _takes(self, role: str, info: ValidationInfo | None) -> bool:
-        method = method_of(info) if info is not None and self.known else None
-        return method is None or role in getattr(method, self.known)
-
-    def choose(self, table: object) -> type[SceneModel] | None:
-        """The model for a table's kind or file; None when there is no such law, or its file has not been loaded."""
-        if not isinstance(table, dict):
-            return None
-        kind = table.get("kind")
-        if not isinstance(kind, str):
-            return self.files.get(table["law"]) if isinstance(table.get("law"), str) else None
+    def _validate(self, value: Any, handler: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, dict):
+            return value if isinstance(value, DeclaredModel) else handler(value)
+        if "law" in value:
+            return _law_of_file(value, self.roles, self._taken(info), info)
+        every, taken = (
+            [kind for role in roles for kind in registry.kinds(role)] for roles in (self.roles, self._taken(info))
+        )
+        check_kind(value, info, every, taken)
         for role in self.roles:
-            if kind in registry.kinds(role):
-                return model_of(registry.declared(role, kind))
-        return None
-
-    def chosen(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
-        """The model for a raw table; raises ValidationError where it names none."""
-        try:
-            return self._of_file(value, info) if "law" in value else super().chosen(value, info)
-        except LawError as error:
-            key = "law" if "law" in value else "kind"
-            reject(((key,), str(error), value[key]))
-            raise
-
-    def _of_file(self, value: dict[str, Any], info: ValidationInfo) -> type[SceneModel]:
-        stated, context = value["law"], info.context or {}
-        if "kind" in value:
-            reject((("kind",), "no such key with law", value["kind"]))
-        file, colon, name = stated.rpartition(":") if isinstance(stated, str) else ("", "", "")
-        if not colon or not file or not name.isidentifier():
-            reject((("law",), "a file and the class in it, such as 'my_law.py:MyLaw'", stated))
-        path = os.path.abspath(os.path.join(context.get("folder", ""), file))
-        declared: Declared
-        if context.get("again"):
-            # as it was when the scene was read first, whatever this rank's disk holds now
-            declared = registry.loaded(path, name)
-        elif context.get("trust_code"):
-            declared = registry.from_text(path, name, registry.text_of(path))
-        else:
-            # what is run is said by who runs it, not by the scene
-            expected = "--trust-code, or trust_code=True from Python (the scene names code that would be run)"
-            reject((("law",), expected, stated))
-        if declared.role not in self.roles or not self._takes(declared.role, info):
-            known = [role for role in self.roles if self._takes(role, info)]
-            reject((("law",), f"a law with the role {' or '.join(map(repr, known)) or NOTHING}", declared.role))
-        value["law"] = f"{path}:{name}"
-        self.files[value["law"]] = model_of(declared)
-        return self.files[value["law"]]
+            if value["kind"] in registry.installed_kinds(role):
+                return _law_of_package(role, value, info)
+        return handler(value)
 
 
-def by_law(*roles: str, known: str = "") -> Any:
-    """The type of a field that holds a law of one of the roles, see `ByLaw`."""
-    return Annotated[Any, ByLaw(roles, known)]
+def _stated(table: DeclaredModel, info: Any) -> dict[str, Any]:
+    return table.model_dump(mode=info.mode, exclude_none=info.exclude_none)
+
+
+def _law_of_package(role: str, value: dict[str, Any], info: ValidationInfo) -> Any:
+    """The table of a law of an installed package."""
+    try:
+        law = registry.declared(role, value["kind"])
+    except LawError as error:
+        reject((("kind",), str(error), value["kind"]))
+    return model_of(law).model_validate(value, context=info.context)
+
+
+def _law_of_file(value: dict[str, Any], roles: tuple[str, ...], taken: list[str], info: ValidationInfo) -> Any:
+    """The table of a law of one's own, whose file is run if that is allowed."""
+    stated, context = value["law"], info.context or {}
+    if "kind" in value:
+        reject((("kind",), "no such key with law", value["kind"]))
+    file, colon, name = stated.rpartition(":") if isinstance(stated, str) else ("", "", "")
+    if not colon or not file or not name.isidentifier():
+        reject((("law",), "a file and the class in it, such as 'my_law.py:MyLaw'", stated))
+    path = os.path.abspath(os.path.join(context.get("folder", ""), file))
+    if not context.get("again") and not context.get("trust_code"):
+        # what is run is said by who runs it, not by the scene
+        expected = "--trust-code, or trust_code=True from Python (the scene names code that would be run)"
+        reject((("law",), expected, stated))
+    try:
+        # again: as it was when the scene was read first, whatever this rank's disk holds now
+        again = context.get("again")
+        law = registry.loaded(path, name) if again else registry.from_text(path, name, registry.text_of(path))
+    except LawError as error:
+        reject((("law",), str(error), stated))
+    if law.role not in taken:
+        reject((("law",), f"a law with the role {' or '.join(map(repr, taken)) or NOTHING}", law.role))
+    return model_of(law).model_validate(value | {"law": f"{path}:{name}"}, context=context)
+
+
+def laws(*roles: str, of_method: bool = False) -> Any:
+    """The type of a field that holds a law of one of the roles, see `Laws`."""
+    models = [model_of(registry.declared(role, kind)) for role in roles for kind in registry.own_kinds(role)]
+    told_apart = [Field(discriminator="kind")] if len(models) > 1 else []
+    return Annotated[Union[tuple(models)], *told_apart, Laws(roles, of_method)]  # noqa: UP007

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field
 
 from parsolid.scene.base_model import OnRestart, Positive, SceneModel
-from parsolid.scene.declared import BASES, by_law
+from parsolid.scene.declared import laws, table_of
 from parsolid.scene.library import LibraryTable, stated_sets
 from parsolid.scene.method_settings import named_observables
 
@@ -24,8 +24,11 @@ QUANTITIES = {
 }
 
 
+@table_of("failure")
 class CriterionTable(LibraryTable):
     """What is not given is that of the library of criteria, if one is named."""
+
+    library: str | None = Field(None, description="a name of parsolid/materials/failure/library.toml")
 
     @classmethod
     def entries(cls) -> dict[str, dict[str, Any]]:
@@ -34,11 +37,7 @@ class CriterionTable(LibraryTable):
         return {key: table for key, table in library().items() if table["kind"] == kind}
 
 
-BASES["failure"] = (
-    CriterionTable,
-    {"library": (str | None, Field(None, description="a name of parsolid/materials/failure/library.toml"))},
-)
-Criterion: Any = by_law("failure")
+Criterion: Any = laws("failure")
 
 
 class Scatter(SceneModel):
@@ -50,16 +49,13 @@ class Scatter(SceneModel):
 
 
 class Failure(SceneModel):
-    """Matter fails by the first of its criteria that is met.
-
-    criteria   each a table with its kind
-    after      failed matter bears pressure alone ("pressure"), or is taken away ("delete")
-    scatter    of what particles withstand
-    """
+    """Matter fails by the first of its criteria that is met."""
 
     criteria: list[Criterion] = Field(min_length=1, description="tables with the key kind")
-    after: Literal["pressure", "delete"] = "pressure"
-    scatter: Scatter | None = None
+    after: Literal["pressure", "delete"] = Field(
+        "pressure", description='failed matter bears pressure alone ("pressure"), or is taken away ("delete")'
+    )
+    scatter: Scatter | None = Field(None, description="of what particles withstand")
 
     def build(self, density: float) -> Any:
         """The NamedTuple in SI units."""

@@ -11,7 +11,7 @@ from copy import copy
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import AfterValidator, PlainSerializer, PlainValidator, ValidationInfo
+from pydantic import AfterValidator, PlainSerializer, PlainValidator, ValidationInfo, WithJsonSchema
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, mismatch
@@ -385,9 +385,12 @@ def _or_free(value: Any, info: ValidationInfo) -> Formula | None:
     return None if value is None or value == "free" else _formula(value, info, time=True)
 
 
+FORMULA = WithJsonSchema({"type": ["string", "number"], "title": "a formula"}, mode="validation")
+
+
 def _vector_of(validate: Any) -> Any:
     """A list of formulas, one per dimension, that becomes a FormulaVector and is written as a list again."""
-    component = Annotated[Any, PlainValidator(validate)]
+    component = Annotated[Any, PlainValidator(validate), FORMULA]
     return Annotated[
         list[component], OnePerDimension, AfterValidator(FormulaVector), PlainSerializer(lambda vector: vector.sources)
     ]
@@ -395,7 +398,7 @@ def _vector_of(validate: Any) -> Any:
 
 def _scalar_of(validate: Any) -> Any:
     """A Formula that is written as the text that it came from."""
-    return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source)]
+    return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source), FORMULA]
 
 
 InitialScalar: Any = _scalar_of(_of_place)

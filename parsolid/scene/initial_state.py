@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Detail, FaultDetail, NotNegative, SceneModel, dimension_of, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Detail, FaultDetail, Name, NotNegative, SceneModel, dimension_of, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.previous_results import TAKEN, PreviousField, steps_of

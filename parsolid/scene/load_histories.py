@@ -73,14 +73,14 @@ class FactorHistory(SceneModel):
 
 
 class Timed(SceneModel):
-    """Keys of a load that changes in time.
+    """Keys of a load that changes in time."""
 
-    history  a factor of its formulas
-    jumps    times [s] at which the formulas themselves jump; quasi-static solutions insert a step of length zero there
-    """
-
-    history: FactorHistory | None = None
-    jumps: list[NotNegative] | None = None
+    history: FactorHistory | None = Field(None, description="a factor of its formulas")
+    jumps: list[NotNegative] | None = Field(
+        None,
+        description="times [s] at which the formulas themselves jump; quasi-static solutions insert a step of length "
+        "zero there",
+    )
 
     @model_validator(mode="after")
     def _rising(self) -> "Timed":

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from parsolid.materials.elastic_constants import ElasticConstants, elastic_constants
-from parsolid.scene import micro_inertia, plasticity, viscoelastic  # noqa: F401 (their tables are entered into BASES)
+from parsolid.scene import micro_inertia, plasticity, viscoelastic  # noqa: F401 (what tables of roles have in common)
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel
-from parsolid.scene.declared import BASES, DeclaredModel, by_law
+from parsolid.scene.declared import DeclaredModel, laws, table_of
 
 
 class Branch(SceneModel):
@@ -22,6 +22,7 @@ class Branch(SceneModel):
     tau: Positive = Field(description="the relaxation time [s]")
 
 
+@table_of("hyperelastic")
 class HyperelasticSolid(DeclaredModel):
     """What every hyperelastic law has: Maxwell branches, and elastic constants of the undeformed state."""
 
@@ -74,5 +75,4 @@ class HyperelasticSolid(DeclaredModel):
         return [(modulus, branch.tau) for modulus, branch in zip(moduli, self.branches) if modulus > 0.0]
 
 
-BASES["hyperelastic"] = (HyperelasticSolid, {"branches": (list[Branch], [])})
-Material: Any = by_law("hyperelastic", "micro-inertia", "prony", "bond-based", "elastic-plastic", known="materials")
+Material: Any = laws("hyperelastic", "micro-inertia", "prony", "bond-based", "elastic-plastic", of_method=True)

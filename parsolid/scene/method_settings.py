@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Detail, OnRestart, Positive, SceneModel, reject
+from parsolid.scene.base_model import Detail, Name, OnRestart, Positive, SceneModel, reject
 from parsolid.scene.warned import Note
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
@@ -74,6 +74,7 @@ class MethodSettings(SceneModel):
         **dict.fromkeys(("kind", "reference", "weights"), OnRestart.FIXED),
     }
     kind: str
+    name: Name | None = Field(None, description="of one of several methods: by which bodies call it")
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
     substeps: Annotated[int, Field(ge=1, le=64)] | Literal["auto"] | None = Field(

@@ -3,116 +3,42 @@
 A scene has one method for all bodies, `[method]`, or several with names, `[[methods]]`, of which each body names one.
 """
 
-import functools
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Annotated, Any
+from typing import Annotated, Any, Union
 
-from pydantic import Field, ValidationInfo, create_model, model_serializer
+from pydantic import Field
 
-from parsolid.scene.base_model import ByKind, SceneModel, kinds_of, mismatch, reject
-from parsolid.scene.bodies import Name, own_method
+from parsolid.scene.base_model import kinds_of
+from parsolid.scene.bodies import own_method
 from parsolid.scene.method_settings import MethodSettings
-from parsolid.scene.validation_errors import NOTHING
 
 
-class _Tables(Mapping[str, type[MethodSettings]]):
-    """Kind -> the class of settings of every method; a new method is a new folder, found here.
-
-    A method's `settings` module is imported when it is asked for by its kind, if that is the folder's name, and all are
-    when anything else is asked: a scene has one method, and tables of all are slow to make.
-    """
-
-    @functools.cached_property
-    def _rooms(self) -> list[str]:
-        return [room.name for room in iter_modules(import_module("parsolid.methods").__path__) if room.ispkg]
-
-    @functools.cached_property
-    def _all(self) -> dict[str, type[MethodSettings]]:
-        return {kind: model for room in self._rooms for kind, model in _settings_in(room).items()}
-
-    def __getitem__(self, kind: str) -> type[MethodSettings]:
-        own = _settings_in(kind) if kind in self._rooms else {}
-        return own[kind] if kind in own else self._all[kind]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._all)
-
-    def __len__(self) -> int:
-        return len(self._all)
+def _found() -> Iterator[type[MethodSettings]]:
+    """The classes that the `settings` module of each folder of methods defines; a new method is a new folder."""
+    for room in iter_modules(import_module("parsolid.methods").__path__):
+        if room.ispkg:
+            module = import_module(f"parsolid.methods.{room.name}.settings")
+            for one in vars(module).values():
+                if isinstance(one, type) and issubclass(one, MethodSettings) and one.__module__ == module.__name__:
+                    yield one
 
 
-@functools.cache
-def _settings_in(room: str) -> dict[str, type[MethodSettings]]:
-    """Kind -> class of what the `settings` module of a method's folder defines."""
-    module = import_module(f"parsolid.methods.{room}.settings")
-    found = [one for one in vars(module).values() if _is_defined_in(one, module.__name__)]
-    return {kind: one for one in found for kind in kinds_of(one)}
-
-
-def _is_defined_in(thing: object, module: str) -> bool:
-    return isinstance(thing, type) and issubclass(thing, MethodSettings) and thing.__module__ == module
-
-
-_SETTINGS = _Tables()
-Method: Any = Annotated[Any, ByKind(_SETTINGS)]
+SETTINGS = {kind: one for one in _found() for kind in kinds_of(one)}
+Method: Any = Annotated[Union[tuple(SETTINGS.values())], Field(discriminator="kind")]  # noqa: UP007
 
 
 def method_kinds() -> tuple[str, ...]:
     """Names of all methods."""
-    return tuple(ByKind(_SETTINGS).models)
+    return tuple(SETTINGS)
 
 
 def settings_class(table: object) -> type[MethodSettings] | None:
     """The class of a raw table's settings; None when it names no method."""
-    kinds: Any = ByKind(_SETTINGS)
-    chosen: type[MethodSettings] | None = kinds.choose(table)
-    return chosen
-
-
-class NamedMethod(SceneModel):
-    """One of several methods of a scene: its name and its settings, which stand in one table."""
-
-    name: Name
-    settings: Any
-
-    @model_serializer
-    def _one_table(self) -> dict[str, Any]:
-        return {"name": self.name} | self.settings.model_dump(exclude_none=True)
-
-
-class _NamedTable(ByKind):
-    """Annotation of a table with the key name and those of a method."""
-
-    @property
-    def instances(self) -> tuple[type, ...]:
-        """What needs no validation any more."""
-        return (NamedMethod,)
-
-    def tables(self) -> dict[str, type[SceneModel]]:
-        """Every method's table with the key name."""
-        name: Any = (Name, Field(description="by which bodies call the method"))
-        return {
-            kind: create_model(f"Named{model.__name__}", __base__=model, __doc__=model.__doc__, name=name)
-            for kind, model in self.models.items()
-        }
-
-    def _validate(self, value: Any, info: ValidationInfo) -> Any:
-        if isinstance(value, NamedMethod):
-            return value
-        if not isinstance(value, dict):
-            raise mismatch("a table", value)
-        if not isinstance(value.get("name"), str):
-            reject(
-                (("name",), "a name without '.' and ',', by which bodies call the method", value.get("name", NOTHING))
-            )
-        settings = super()._validate({key: part for key, part in value.items() if key != "name"}, info)
-        return NamedMethod.model_validate({"name": value["name"], "settings": settings}, context=info.context)
-
-
-NamedMethodTable: Any = Annotated[Any, _NamedTable(_SETTINGS)]
+    kind = table.get("kind") if isinstance(table, dict) else None
+    return SETTINGS.get(kind) if isinstance(kind, str) else None
 
 
 class JoinedMethods:

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import reject
-from parsolid.scene.declared import BASES
+from parsolid.scene.declared import table_of
 from parsolid.scene.library import LibraryTable, stated_sets
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "micro_inertia.toml"
@@ -16,8 +16,11 @@ _STATED = "parsolid.materials.plastic.micro_inertia"
 _ELASTIC = ("youngs_modulus", "poissons_ratio", "shear_modulus", "bulk_modulus")
 
 
+@table_of("micro-inertia")
 class MicroInertiaSolid(LibraryTable):
     """What is not given is that of the library, if one is named; elastic constants are the library's all or none."""
+
+    library: str | None = Field(None, description="a material of the library")
 
     @classmethod
     def entries(cls) -> dict[str, dict[str, Any]]:
@@ -46,9 +49,3 @@ class MicroInertiaSolid(LibraryTable):
 def library() -> dict[str, dict[str, Any]]:
     """Name -> what a set states, without its source."""
     return stated_sets(_LIBRARY)
-
-
-BASES["micro-inertia"] = (
-    MicroInertiaSolid,
-    {"library": (str | None, Field(None, description="a material of the library"))},
-)

@@ -7,8 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo, field_validator, model_validator
 
-from parsolid.scene.base_model import Plane, Point, SceneModel, dimension_of, mismatch, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Plane, Point, SceneModel, dimension_of, mismatch, reject
 from parsolid.scene.formulas import Formula, InitialScalar
 from parsolid.scene.inside import INSIDE
 from parsolid.scene.shapes import Shape
@@ -51,27 +50,32 @@ def _stated(plane: Any) -> Any:
     return plane.model_dump() if isinstance(plane, ObliquePlane) else str(plane)
 
 
-AnyPlane: Any = Annotated[Any, PlainValidator(_plane), PlainSerializer(_stated)]
+AnyPlane: Any = Annotated[
+    Any, PlainValidator(_plane, json_schema_input_type=Plane | ObliquePlane), PlainSerializer(_stated)
+]
 
 
 class Region(SceneModel):
     """A part of space or of a mesh that boundaries, probes, initial states and the output name with `where`.
 
-    group    a group of a mesh: meshio's cell_sets or point_sets, a physical group of Gmsh
-    plane    "Y = 0", or { point = [...], normal = [...] }; side: what is on it, or "above" (beyond it along its
-             normal) or "below" it
-    shape    a shape of the scene's language, but for a mesh: what is inside
-    formula  a comparison in X, Y, Z, such as "X**2 + Y**2 < 0.012**2"; parts are joined by &, | and ~
     all_of, any_of, none_of    names of other regions, or of groups of meshes
     """
 
     exactly_one: ClassVar = (("group", "plane", "shape", "formula", "all_of", "any_of", "none_of"),)
     name: Name
-    group: str | None = None
-    plane: AnyPlane | None = None
+    group: str | None = Field(
+        None, description="a group of a mesh: meshio's cell_sets or point_sets, a physical group of Gmsh"
+    )
+    plane: AnyPlane | None = Field(
+        None,
+        description='"Y = 0", or { point = [...], normal = [...] }; side: what is on it, or "above" (beyond it along '
+        'its normal) or "below" it',
+    )
     side: Literal["on", "above", "below"] | None = Field(None, description="of the plane, on it unless given")
-    shape: Shape | None = None
-    formula: InitialScalar | None = None
+    shape: Shape | None = Field(None, description="a shape of the scene's language, but for a mesh: what is inside")
+    formula: InitialScalar | None = Field(
+        None, description='a comparison in X, Y, Z, such as "X**2 + Y**2 < 0.012**2"; parts are joined by &, | and ~'
+    )
     all_of: Annotated[list[str], Field(min_length=1)] | None = Field(
         None, description="what is in all of these regions"
     )

@@ -12,7 +12,7 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from parsolid.materials.registry import declared
 from parsolid.scene.base_model import reject
-from parsolid.scene.declared import BASES, DeclaredModel, by_law, model_of
+from parsolid.scene.declared import DeclaredModel, laws, model_of, table_of
 from parsolid.scene.failure import Failure
 from parsolid.scene.library import entry, stated_sets
 from parsolid.scene.validation_errors import NOTHING
@@ -20,16 +20,27 @@ from parsolid.scene.validation_errors import NOTHING
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "library.toml"
 
 
-EquationOfState: Any = by_law("equation-of-state")
-ShearModulus: Any = by_law("shear-modulus")
-FlowStress: Any = by_law("flow-stress")
-Melting: Any = by_law("melting")
+EquationOfState: Any = laws("equation-of-state")
+ShearModulus: Any = laws("shear-modulus")
+FlowStress: Any = laws("flow-stress")
+Melting: Any = laws("melting")
 
 
+@table_of("elastic-plastic")
 class ElasticPlasticTable(DeclaredModel):
     """With `library`, what is not given is that of the material library; without, everything but conductivity and
     melting is needed.
     """
+
+    conductivity_tensor: list[FiniteFloat] | None = Field(
+        None, description="xx yy zz xy xz yz [W/(m K)] in axes that turn with the matter"
+    )
+    library: str | None = Field(None, description="a name of parsolid/materials/plastic/library.toml")
+    equation_of_state: EquationOfState | None = Field(None, description="a table: pressure of volume and heat")
+    shear_modulus: ShearModulus | None = Field(None, description="a table: that of pressure and temperature")
+    flow_stress: FlowStress | None = Field(None, description="a table: that of strain, rate and temperature")
+    melting: Melting | None = Field(None, description="a table: the melting temperature under pressure")
+    failure: Failure | None = Field(None, description="a table: when matter fails, and what becomes of it")
 
     @model_validator(mode="after")
     def _complete(self) -> "ElasticPlasticTable":
@@ -99,21 +110,6 @@ class ElasticPlasticTable(DeclaredModel):
         return result
 
 
-BASES["elastic-plastic"] = (
-    ElasticPlasticTable,
-    {
-        "conductivity_tensor": (
-            list[FiniteFloat] | None,
-            Field(None, description="xx yy zz xy xz yz [W/(m K)] in axes that turn with the matter"),
-        ),
-        "library": (str | None, Field(None, description="a name of parsolid/materials/plastic/library.toml")),
-        "equation_of_state": (EquationOfState | None, Field(None, description="a table: pressure of volume and heat")),
-        "shear_modulus": (ShearModulus | None, Field(None, description="a table: that of pressure and temperature")),
-        "flow_stress": (FlowStress | None, Field(None, description="a table: that of strain, rate and temperature")),
-        "melting": (Melting | None, Field(None, description="a table: the melting temperature under pressure")),
-        "failure": (Failure | None, Field(None, description="a table: when matter fails, and what becomes of it")),
-    },
-)
 _SHARED = (
     *("density", "specific_heat", "specific_heat_slope", "reference_temperature", "taylor_quinney"),
     *("conductivity", "conductivity_tensor"),

@@ -6,8 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Point, SceneModel, dimension_of, method_of, mismatch, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Point, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialScalar
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.observed import (

@@ -15,13 +15,14 @@ from parsolid.scene.contact import BodyPairs, Contact, unbonded
 from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.initial_state import InitialState
 from parsolid.scene.loads import Loads
-from parsolid.scene.methods import Method, NamedMethodTable
+from parsolid.scene.methods import Method
 from parsolid.scene.named_regions import Region, all_regions, uses_of_regions
 from parsolid.scene.observation import Output, Reference
 from parsolid.scene.probes import Probe
 from parsolid.scene.systems import SystemOfScene, part_of, systems_of
 from parsolid.scene.tie import Tie
 from parsolid.scene.tools import Tool
+from parsolid.scene.validation_errors import NOTHING
 
 
 class Scene(SceneModel):
@@ -32,11 +33,12 @@ class Scene(SceneModel):
         "undeclared_contact": OnRestart.FREE,
         **dict.fromkeys(("dimension", "initial"), OnRestart.FIXED),
     }
+    exactly_one: ClassVar = (("method", "methods"),)
     title: str = Field("", description="what the run is called")
     dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")
     method: Method = Field(None, description="a table with the key kind")
-    methods: Annotated[list[NamedMethodTable], Field(min_length=1)] | None = Field(
+    methods: Annotated[list[Method], Field(min_length=1)] | None = Field(
         None, description="in place of method: several, with names, of which each body names one"
     )
     bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
@@ -60,16 +62,27 @@ class Scene(SceneModel):
     @classmethod
     def _conflicts(cls, table: dict[str, Any]) -> list[Any]:
         if "method" not in table and "methods" not in table:
-            return [InitErrorDetails(type="missing", loc=("method",), input=table)]
+            error = mismatch("a table with the key kind", NOTHING, "missing")
+            return [InitErrorDetails(type=error, loc=("method",), input=table)]
         if "method" in table and "methods" in table:
             error = mismatch("one of method, methods", Phrase("both"))
             return [InitErrorDetails(type=error, loc=(), input=table)]
         return []
 
+    @field_validator("method")
+    @classmethod
+    def _alone(cls, method: Any) -> Any:
+        if method is not None and method.name is not None:
+            known = ", ".join(key for key in type(method).model_fields if key != "name")
+            reject((("name",), f"one of {known}", Phrase("the unknown key 'name'")), code="unknown-key")
+        return method
+
     @field_validator("methods")
     @classmethod
     def _named_apart(cls, methods: list[Any] | None) -> list[Any] | None:
         names = [one.name for one in methods or ()]
+        wanted = "a name without '.' and ',', by which bodies call the method"
+        reject(*(((i, "name"), wanted, NOTHING) for i, name in enumerate(names) if name is None))
         again = [(i, name) for i, name in enumerate(names) if name in names[:i]]
         reject(*(((i, "name"), f"a name other than that of {names.index(name)}", name) for i, name in again))
         return methods

@@ -1,6 +1,7 @@
 """Shapes of bodies as a scene states them; lengths in m, angles in degrees."""
 
 import os
+from math import ceil, cos, floor, radians, sin
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
@@ -9,6 +10,9 @@ from parsolid.scene.base_model import Point, Positive, SceneModel, dimension_of,
 from parsolid.scene.validation_errors import NOTHING
 
 AxisName = Literal["X", "Y", "Z"]
+
+# lower and upper corner [m] of the box around a shape
+Bounds = tuple[list[float], list[float]]
 
 
 def _existing_file(path: str, info: ValidationInfo) -> str:
@@ -32,7 +36,20 @@ ExistingFile = Annotated[str, AfterValidator(_existing_file)]
 ExistingFolder = Annotated[str, AfterValidator(_existing_folder)]
 
 
-class Box(SceneModel):
+class SolidShape(SceneModel):
+    """A shape that a lattice fills."""
+
+    def bounds(self) -> Bounds:
+        """The box around it."""
+        raise NotImplementedError
+
+    def lengths(self) -> list[float]:
+        """Its lengths [m] along the directions of its lattice."""
+        lower, upper = self.bounds()
+        return [high - low for low, high in zip(lower, upper)]
+
+
+class Box(SolidShape):
     """An axis-aligned box (rectangle in 2-D) from `lower` to `upper`."""
 
     lower: Point = Field(description="the lower corner [m]")
@@ -49,6 +66,10 @@ class Box(SceneModel):
         )
         return self
 
+    def bounds(self) -> Bounds:
+        """Itself."""
+        return [float(place) for place in self.lower], [float(place) for place in self.upper]
+
 
 class PerforatedBox(Box):
     """A box without a round hole (in 3-D: a ball), which may be cut by the box's faces."""
@@ -56,8 +77,24 @@ class PerforatedBox(Box):
     centre: Point = Field(description="the centre of the hole [m]")
     radius: Positive = Field(description="the radius of the hole [m]")
 
+    def cells_outside_hole(self, numbers: list[int]) -> int:
+        """How many of the cells of its lattice have their centres outside the hole, counted as far as two; numbers: of
+        cells along each axis. The two farthest centres decide."""
+        farthest, least_loss = 0.0, float("inf")
+        for low, high, centre, number in zip(self.lower, self.upper, self.centre, numbers):
+            ends = sorted({0, 1, number - 2, number - 1} & set(range(number)))
+            squares = sorted((low + (i + 0.5) / number * (high - low) - centre) ** 2 for i in ends)
+            farthest += squares[-1]
+            if len(squares) > 1:
+                least_loss = min(least_loss, squares[-1] - squares[-2])
+        return sum(square >= self.radius**2 for square in (farthest, farthest - least_loss))
 
-class Cylinder(SceneModel):
+
+# how many planes of symmetry through its axis bound what is kept of a cylinder
+_HALVINGS = {"whole": 0, "half": 1, "quarter": 2}
+
+
+class Cylinder(SolidShape):
     """A solid circular cylinder from the centre `base` of one end along `axis`; 3-D only.
 
     part: "half" or "quarter" keep what is above the base's coordinate along the first or both of the other axes.
@@ -69,8 +106,22 @@ class Cylinder(SceneModel):
     length: Positive = Field(description="the length [m]")
     part: Literal["whole", "half", "quarter"] = Field("whole", description="what is kept of it, for mirror planes")
 
+    @property
+    def halved(self) -> list[int]:
+        """Axes of which what is below the base is not kept."""
+        return [i for i in range(3) if i != "XYZ".index(self.axis)][: _HALVINGS[self.part]]
 
-class CylindricalShell(SceneModel):
+    def bounds(self) -> Bounds:
+        """Around what is kept."""
+        along, lower = "XYZ".index(self.axis), [place - self.radius for place in self.base]
+        upper = [place + self.radius for place in self.base]
+        lower[along], upper[along] = float(self.base[along]), self.base[along] + self.length
+        for i in self.halved:
+            lower[i] = float(self.base[i])
+        return lower, upper
+
+
+class CylindricalShell(SolidShape):
     """A cylindrical shell or a sector of one (a ring sector in 2-D) of mid-surface `radius`.
 
     3-D: `base` is the centre of the lower end, `axis` the direction of `length`. 2-D: `centre` alone.
@@ -94,6 +145,38 @@ class CylindricalShell(SceneModel):
         """Whether the hoop direction closes on itself."""
         return self.angles[1] - self.angles[0] == 360.0
 
+    @property
+    def origin(self) -> list[float]:
+        """The centre, of the lower end in 3-D [m]."""
+        return self.base or self.centre or []
+
+    @property
+    def normal(self) -> int:
+        """The number of the axis around which it is."""
+        return 2 if self.axis is None else "XYZ".index(self.axis)
+
+    def bounds(self) -> Bounds:
+        """Around the ends of the sector and where it crosses an axis."""
+        first, last = self.angles
+        crossings = [90.0 * i for i in range(ceil(first / 90.0), floor(last / 90.0) + 1)]
+        lower, upper = [float(place) for place in self.origin], [float(place) for place in self.origin]
+        for k, function in ((1, cos), (2, sin)):
+            axis = (self.normal + k) % 3
+            reach = [function(radians(angle)) for angle in (first, last, *crossings)]
+            # exactly on the planes of symmetry, as the particles are
+            reach = [0.0 if abs(value) < 1e-15 else value for value in reach]
+            radii = [self.radius + 0.5 * sign * self.thickness for sign in (-1.0, 1.0)]
+            lower[axis] += min(radius * value for radius in radii for value in reach)
+            upper[axis] += max(radius * value for radius in radii for value in reach)
+        if self.length is not None:
+            upper[self.normal] += self.length
+        return lower, upper
+
+    def lengths(self) -> list[float]:
+        """The arc of the mid-surface, in 3-D the length, the thickness."""
+        axial = [] if self.length is None else [self.length]
+        return [self.radius * radians(self.angles[1] - self.angles[0]), *axial, self.thickness]
+
     @field_validator("angles")
     @classmethod
     def _span(cls, angles: list[float]) -> list[float]:
@@ -116,11 +199,15 @@ class CylindricalShell(SceneModel):
         return self
 
 
-class Sphere(SceneModel):
+class Sphere(SolidShape):
     """A solid sphere (a disc in 2-D)."""
 
     centre: Point = Field(description="the centre [m]")
     radius: Positive = Field(description="the radius [m]")
+
+    def bounds(self) -> Bounds:
+        """The box that it touches."""
+        return [place - self.radius for place in self.centre], [place + self.radius for place in self.centre]
 
 
 class MeshFile(SceneModel):
@@ -208,4 +295,4 @@ def _as_mesh(value: Any) -> Any:
     return {"mesh": value} if isinstance(value, dict) and "file" in value else value
 
 
-BodyShape = Annotated[Shape, BeforeValidator(_as_mesh)]
+BodyShape = Annotated[Shape, BeforeValidator(_as_mesh, json_schema_input_type=Shape | BodyMesh)]

@@ -10,8 +10,10 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from parsolid.scene.base_model import UNKNOWN, FaultDetail
-from parsolid.scene.methods import NamedMethod, settings_class
+from parsolid.materials.registry import declared
+from parsolid.scene.base_model import FaultDetail
+from parsolid.scene.declared import model_of
+from parsolid.scene.methods import SETTINGS, settings_class
 from parsolid.scene.model_faults import fault_of_error
 from parsolid.scene.raw_tables import numbers_out_of_range
 from parsolid.scene.schema import Scene
@@ -22,7 +24,6 @@ MOST_PASSES = 8
 # lists of which an entry at fault is left out
 _ENTRIES = ("boundaries", "initial", "contact", "bond", "tie", "tools", "probes")
 Place = tuple[str | int, ...]
-_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number")
 _FORMULAS = ("velocity", "displacement", "deformation_gradient", "temperature", "micro_rate")
 # keys of a body that say where its particles are
 _PLACES = ("shape", "particles", "spacing")
@@ -80,6 +81,18 @@ class LeftOut:
         return found
 
 
+def unknown_method() -> Any:
+    """What stands for a method of which nothing is known, so that other tables can be judged."""
+    kind, settings = next(iter(SETTINGS.items()))
+    return settings.model_construct(kind=kind)
+
+
+def unknown_material() -> Any:
+    """The same of a material."""
+    table: Any = model_of(declared("hyperelastic", "neo-hookean"))
+    return table.model_construct(kind="neo-hookean", density=1.0)
+
+
 def is_within(place: Place, tables: set[Place]) -> bool:
     """Whether a place is in one of some tables, or is one of them."""
     return any(place[: len(one)] == one for one in tables)
@@ -103,12 +116,12 @@ def sound_part(data: dict[str, Any], context: dict[str, Any]) -> tuple[Any, Left
         for item in found:
             place = left_out.stated(item["loc"])
             if not is_within(place, skipped):
-                faults[fault_of_error(item, tables, Scene, place)] = None
+                faults[fault_of_error(item, place)] = None
         if number == 0:
             told = {item["loc"] for item in found}
             out_of_range = [one for one in numbers_out_of_range(data) if not is_within(one[0], told)]
             faults.update((fault(*one, code="bound"), None) for one in out_of_range)
-            found += [{"loc": place, "type": "finite_number", "input": value} for place, _, value in out_of_range]
+            found += [{"loc": place, "ctx": {"code": "bound"}, "input": value} for place, _, value in out_of_range]
         if not found:
             return scene, left_out, list(faults)
         if context["dimension"] is None or not _mend(tables, found, left_out, context):
@@ -133,7 +146,7 @@ def _mend(tables: dict[str, Any], found: list[ErrorDetails], left_out: LeftOut, 
         if place and not isinstance(table, dict | list):
             # it has been mended as a whole
             continue
-        if item["type"] == "extra_forbidden":
+        if item["ctx"]["code"] == "unknown-key":
             table.pop(place[-1], None)
         elif top in _ENTRIES and len(place) > 1:
             dropped.add((top, int(place[1])))
@@ -196,16 +209,16 @@ def _mend_method(tables: dict[str, Any], item: ErrorDetails, left_out: LeftOut) 
         left_out.stand_ins.add(place[: depth + 1])
         left_out.reduced_methods.add(place[:depth])
         # the usual number will do for what others ask of the method
-        left_out.systems_known = left_out.systems_known and item["type"] in _BOUNDS and len(place) == depth + 1
+        left_out.systems_known = left_out.systems_known and item["ctx"]["code"] == "bound" and len(place) == depth + 1
         return
     left_out.models_known = left_out.systems_known = False
     if place[:1] == ("methods",) and len(place) > 1:
         methods = tables["methods"]
         name = methods[place[1]].get("name") if isinstance(methods[place[1]], dict) else None
-        methods[place[1]] = NamedMethod.model_construct(name=str(name), settings=UNKNOWN)
+        methods[place[1]] = unknown_method().model_copy(update={"name": str(name)})
     else:
         tables.pop("methods", None)
-        tables["method"] = UNKNOWN
+        tables["method"] = unknown_method()
 
 
 def _mend_body(bodies: list[Any], item: ErrorDetails, left_out: LeftOut, context: dict[str, Any]) -> None:
@@ -213,7 +226,7 @@ def _mend_body(bodies: list[Any], item: ErrorDetails, left_out: LeftOut, context
     place: tuple[Any, ...] = item["loc"]
     number, key = place[1], place[2] if len(place) > 2 else None
     if not isinstance(bodies[number], dict):
-        bodies[number] = {"material": UNKNOWN}
+        bodies[number] = {"material": unknown_material()}
         left_out.models_known = left_out.systems_known = False
         left_out.stand_ins.add(place[:2])
     body = bodies[number]
@@ -256,12 +269,14 @@ def _mend_material(body: dict[str, Any], item: ErrorDetails, left_out: LeftOut) 
     """A number within its bounds stands for one that is not; of another fault nothing is known of the material."""
     place: tuple[Any, ...] = item["loc"]
     table = place[:3]
-    if item["type"] in _BOUNDS and len(place) > 3 and table not in left_out.stand_ins:
-        bounds = item.get("ctx", {})
-        within = bounds.get("gt", 0.0) + 1.0 if "gt" in bounds else next(iter(bounds.values()), 1.0)
+    if item["ctx"]["code"] == "bound" and len(place) > 3 and table not in left_out.stand_ins:
+        bounds = item["ctx"]
+        within = (
+            bounds.get("gt", 0.0) + 1.0 if "gt" in bounds else bounds.get("ge", bounds.get("le", bounds.get("lt", 1.0)))
+        )
         _table_at(body, place[2:-1])[place[-1]] = float(within)
         left_out.stand_ins.add(place if place[3:] == ("density",) else table)
         return
-    body["material"] = UNKNOWN
+    body["material"] = unknown_material()
     left_out.models_known = left_out.systems_known = False
     left_out.stand_ins.update([table, (*table[:2], "thermal_reference"), (*table[:2], "micro_rate")])

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parsolid.scene.base_model import Detail
 from parsolid.scene.contact import BodyPairs
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
 from parsolid.scene.warned import Note
@@ -37,7 +36,7 @@ def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
         # the only one of a scene need not be named
         own = [body.method or scene.methods[0].name for body in scene.bodies]
         stated = [
-            (one.name, ("methods", i), one.settings, tuple(k for k, name in enumerate(own) if name == one.name))
+            (one.name, ("methods", i), one, tuple(k for k, name in enumerate(own) if name == one.name))
             for i, one in enumerate(scene.methods)
         ]
     result = []
@@ -60,7 +59,7 @@ def resolve_defaults(scene: "Scene") -> "Scene":
             changes["method"] = settings
         else:
             number = int(system.place[1])
-            methods[number] = methods[number].model_copy(update={"settings": settings})
+            methods[number] = settings
             changes["methods"] = methods
     return scene.model_copy(update=changes)
 
@@ -104,7 +103,7 @@ def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:
     if loads.heat_source is not None and "heat_source" not in system.settings.loads:
         loads = loads.model_copy(update={"heat_source": None})
     return {
-        "method": system.settings,
+        "method": system.settings.model_copy(update={"name": None}),
         "methods": None,
         "bodies": [scene.bodies[number] for number in system.bodies],
         "boundaries": [_of_part(scene.boundaries[number], system) for number in boundaries_of(scene, system)],
@@ -153,9 +152,9 @@ def meets(scene: "Scene", boundary: Any, number: int) -> bool:
     body = scene.bodies[number]
     if body.shape.kind == "mesh":
         return True
-    filling = filling_of(body, scene.dimension)
-    slack = _ROUND_OFF * float(abs(filling.upper - filling.lower).max() + abs(filling.upper).max())
-    met: bool = boundary.region.meets(filling.lower, filling.upper, slack)
+    lower, upper, _ = body.extent()
+    slack = _ROUND_OFF * float(abs(upper - lower).max() + abs(upper).max())
+    met: bool = boundary.region.meets(lower, upper, slack)
     return met
 
 
@@ -245,7 +244,7 @@ def _faults_of_methods(scene: "Scene") -> list[Detail]:
         for i, one in enumerate(methods)
         if len(methods) > 1 and one.name not in used
     ]
-    round_an_axis = [getattr(one.settings, "geometry", None) == "axisymmetric" for one in methods]
+    round_an_axis = [getattr(one, "geometry", None) == "axisymmetric" for one in methods]
     if any(round_an_axis) and not all(round_an_axis):
         place = ("methods", round_an_axis.index(True), "geometry")
         details.append((place, "'axisymmetric' for all methods or for none", "axisymmetric"))

@@ -12,15 +12,16 @@ TIE_TERMS = {"tie_energy": 0}
 
 
 class Tie(SceneModel):
-    """Two bodies of different methods, or from meshes, whose faces touch at the start and stay together.
-
-    bodies      names of two bodies
-    stiffness   factor on the least M/h of the two bodies, M = lambda + 2 mu: the faces part by h/stiffness times the
-                strain of the softer one
-    """
+    """Two bodies of different methods, or from meshes, whose faces touch at the start and stay together."""
 
     bodies: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(description="names of two bodies")
-    stiffness: float = Field(4.0, gt=0.0, le=1e4, description="factor on the least M/h of the two bodies")
+    stiffness: float = Field(
+        4.0,
+        gt=0.0,
+        le=1e4,
+        description="factor on the least M/h of the two bodies, M = lambda + 2 mu: the faces part by h/stiffness "
+        "times the strain of the softer one",
+    )
 
 
 def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:

@@ -10,6 +10,7 @@ from parsolid.scene.base_model import (
     AXES,
     Detail,
     FaultDetail,
+    Name,
     NotNegative,
     Point,
     Positive,
@@ -18,7 +19,6 @@ from parsolid.scene.base_model import (
     mismatch,
     reject,
 )
-from parsolid.scene.bodies import Name
 from parsolid.scene.formulas import Scalar, Vector
 from parsolid.scene.shapes import AxisName, Box, MeshFile, OneShape, Sphere
 from parsolid.scene.validation_errors import NOTHING, suggestion
@@ -76,14 +76,14 @@ class ToolShape(OneShape):
 
 
 class Motion(SceneModel):
-    """Motion as formulas of the time t.
-
-    velocity  [m/s] of the point `about`
-    rate      [rad/s] of the rotation about the axis (Z in 2-D) through `about`, which is the tool's place unless given
-    """
+    """Motion as formulas of the time t."""
 
     velocity: Vector | None = Field(None, description="a formula in t for each component [m/s]")
-    rate: Scalar | None = Field(None, description="a formula in t [rad/s]")
+    rate: Scalar | None = Field(
+        None,
+        description="rate of the rotation [rad/s] about the axis (Z in 2-D) through `about`, which is the tool's place "
+        "unless given",
+    )
     axis: Point | None = Field(None, description="the direction of the axis of rotation, in 3-D")
     about: Point | None = Field(None, description="a point of the axis of rotation at time 0 [m]")
 
@@ -111,30 +111,37 @@ class Motion(SceneModel):
 class Tool(SceneModel):
     """A rigid body that touches others: at rest unless it has a motion, or a mass and equations of motion.
 
-    bodies      names of those that touch it, all unless given
-    friction    Coulomb's coefficient
-    stiffness   of the contact, over the modulus of pressure waves M over the spacing h: the pressure is about
-                stiffness M/h times the penetration
-    mass        [kg], of a metre of thickness in 2-D; with it gravity of [loads] acts, too
-    inertia     [kg m^2] about the centre: a number in 2-D, in 3-D three about X, Y, Z; that of the shape unless given
-    free        components that follow the forces: "X", "Y", "Z", "rotation"; all unless given
     velocity, spin: at time 0 [m/s], [rad/s] (a number in 2-D)
     """
 
     at_most_one: ClassVar = (("motion", "mass"),)
     name: Name = Field(description="a name without '.' and ',', for the columns of the history")
     shape: ToolShape
-    bodies: Annotated[list[str], Field(min_length=1)] | None = None
-    friction: NotNegative = 0.0
-    stiffness: Annotated[float, Field(ge=0.01, le=100)] = Field(1.0, description="a number from 0.01 to 100")
+    bodies: Annotated[list[str], Field(min_length=1)] | None = Field(
+        None, description="names of those that touch it, all unless given"
+    )
+    friction: NotNegative = Field(0.0, description="Coulomb's coefficient")
+    stiffness: Annotated[float, Field(ge=0.01, le=100)] = Field(
+        1.0,
+        description="of the contact, over the modulus of pressure waves M over the spacing h: the pressure is about "
+        "stiffness M/h times the penetration",
+    )
     motion: Motion | None = None
-    mass: Positive | None = None
-    inertia: Annotated[list[Positive], Field(min_length=1)] | None = None
-    free: list[Literal["X", "Y", "Z", "rotation"]] | None = None
+    mass: Positive | None = Field(
+        None, description="of the tool [kg], of a metre of thickness in 2-D; with it gravity of [loads] acts, too"
+    )
+    inertia: Annotated[list[Positive], Field(min_length=1)] | None = Field(
+        None,
+        description="about the centre [kg m^2]: a number in 2-D, in 3-D three about X, Y, Z; that of the shape unless "
+        "given",
+    )
+    free: list[Literal["X", "Y", "Z", "rotation"]] | None = Field(
+        None, description='components that follow the forces: "X", "Y", "Z", "rotation"; all unless given'
+    )
     velocity: Point | None = Field(None, description="at time 0 [m/s]")
     spin: list[float] | None = Field(None, description="angular velocity at time 0 [rad/s], one number in 2-D")
 
-    @field_validator("inertia", "spin", mode="before")
+    @field_validator("inertia", "spin", mode="before", json_schema_input_type=float | list[float])
     @classmethod
     def _as_list(cls, value: Any) -> Any:
         return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else value

@@ -7,9 +7,10 @@ from pydantic import ValidationInfo, model_validator
 
 from parsolid.materials.elastic_constants import ElasticConstants, elastic_constants
 from parsolid.scene.base_model import dimension_of, reject
-from parsolid.scene.declared import BASES, DeclaredModel
+from parsolid.scene.declared import DeclaredModel, table_of
 
 
+@table_of("prony")
 class PronyTable(DeclaredModel):
     """Linear viscoelastic and linear elastic solids."""
 
@@ -27,6 +28,7 @@ class PronyTable(DeclaredModel):
         return module.of_material(self, state) if stated.base is None else module.of_material(self)
 
 
+@table_of("bond-based")
 class BondBasedTable(DeclaredModel):
     """Poisson's ratio is 1/3 in plane stress, 1/4 in plane strain and in space."""
 
@@ -41,6 +43,3 @@ class BondBasedTable(DeclaredModel):
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         return self.part_of()
-
-
-BASES["prony"], BASES["bond-based"] = (PronyTable, {}), (BondBasedTable, {})

@@ -12,7 +12,8 @@ from parsolid.observables.method_quantity import MethodQuantity
 from parsolid.observables.particle_field import ParticleField, Place
 from parsolid.observables.projected import Projected
 from parsolid.observables.reaction import ReactionForce
-from parsolid.scene import Scene, nearest_particles
+from parsolid.particles.regions import nearest_particles
+from parsolid.scene import Scene
 from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.simulation.observables import Observables
 

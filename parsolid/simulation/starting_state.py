@@ -8,9 +8,9 @@ from parsolid.collective import raise_together
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.errors import OutputError
 from parsolid.output.field_sums import check_step
+from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, taken_from_results
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene, initial_deformation_gradient, initial_displacement
-from parsolid.scene.initial import taken_from_results
+from parsolid.scene import Scene
 
 # of a spacing, for differences of the formulas; what they may be off by, over 1 + |grad u|
 _DIFFERENCE, _TOLERANCE = 1e-5, 1e-3

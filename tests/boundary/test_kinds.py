@@ -11,7 +11,7 @@ from mpi4py import MPI
 from solids import gathered, simulation
 
 from parsolid.collective import SolverError
-from parsolid.scene import SceneError, boundaries, parse_scene
+from parsolid.scene import Scene, SceneError, boundaries, parse_scene
 from parsolid.scene.boundaries.condition import BOUNDARY_KINDS
 from parsolid.scene.methods import settings_class
 
@@ -21,7 +21,7 @@ TAKEN = {method: settings_class({"kind": method}).boundaries for method in METHO
 
 
 def test_these_are_all_kinds():
-    assert set(KINDS) == set(BOUNDARY_KINDS.models) == {kind for kinds in TAKEN.values() for kind in kinds}
+    assert set(KINDS) == set(BOUNDARY_KINDS) == {kind for kinds in TAKEN.values() for kind in kinds}
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -45,14 +45,14 @@ def test_the_table_in_the_documents_is_that_of_the_methods():
     for kind, *marks, file in rows:
         kind = kind.strip("`")
         assert dict(zip(METHODS, marks)) == {one: "yes" if kind in TAKEN[one] else "" for one in METHODS}, kind
-        model = BOUNDARY_KINDS.models[kind]
+        model = BOUNDARY_KINDS[kind]
         assert model.__module__ == "parsolid.scene.boundaries." + re.fullmatch(r"`(\w+)\.py`", file)[1]
 
 
 def in_region(kind: str, method: str) -> str:
     """Whether a method takes a kind in a region with a name, as a cell of the table says it."""
     stated = {key: value for key, value in table(kind, method).items() if key not in ("plane", "ball")}
-    if "where" not in BOUNDARY_KINDS.models[kind].model_fields:
+    if "where" not in BOUNDARY_KINDS[kind].model_fields:
         return "yes"
     data = tables_of(method, stated | {"where": "here"})
     if method == "peridynamics":
@@ -119,16 +119,23 @@ class Push(Traction):
 def new_kind(tmp_path, monkeypatch):
     """A folder whose files are kinds, too, for the time of a test."""
     monkeypatch.setattr(boundaries, "__path__", [*boundaries.__path__, str(tmp_path)])
-    models = dict(BOUNDARY_KINDS.models)
+    models = dict(BOUNDARY_KINDS)
+
+    def read_folder() -> None:
+        """As it is when the program starts."""
+        Scene.model_fields["boundaries"].annotation = list[boundaries.union_of_kinds()]
+        Scene.model_rebuild(force=True)
 
     def write(text: str) -> None:
         (tmp_path / "brand_new.py").write_text(text, encoding="utf-8")
-        boundaries.find_kinds()
+        read_folder()
 
     yield write
     sys.modules.pop(f"{boundaries.__name__}.brand_new", None)
-    BOUNDARY_KINDS.models.clear()
-    BOUNDARY_KINDS.models.update(models)
+    (tmp_path / "brand_new.py").unlink(missing_ok=True)
+    BOUNDARY_KINDS.clear()
+    BOUNDARY_KINDS.update(models)
+    read_folder()
 
 
 def test_a_new_kind_is_one_file_and_a_word_in_the_methods_list(new_kind, monkeypatch):

@@ -1,7 +1,8 @@
 """`parsolid keys`, its --json and --new: every key is told, as it is; editors accept what the reader accepts."""
 
+import copy
 import json
-import re
+import random
 import tomllib
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 
 from parsolid.collective import SolverError
 from parsolid.commands.cli import main
-from parsolid.commands.keys.description import keys_of
+from parsolid.commands.keys.description import Table
 from parsolid.commands.keys.json_schema import scene_schema
 from parsolid.commands.keys.listing import listing
 from parsolid.commands.keys.starting import starting_scene
@@ -22,24 +23,22 @@ ROOT = Path(__file__).parents[2]
 HELD = ("contact", "tools")
 
 
-def tables_of(model=Scene, place=(), seen=None):
-    """Every table of a scene with where it stands."""
-    seen = {} if seen is None else seen
-    if model not in seen:
-        seen[model] = ".".join(place)
-        for key in keys_of(model):
-            for kind, table in key.value.tables.items():
-                tables_of(table, (*place, key.name, *filter(None, [kind])), seen)
-    return seen
+def keys_of(table, place=(), seen=None):
+    """Every key of a table and of those within, with where it stands."""
+    seen = set() if seen is None else seen
+    if id(table.schema) not in seen:
+        seen.add(id(table.schema))
+        for key in table.keys.values():
+            yield ".".join((*place, key.name)), key
+            for kind, one in key.tables.items():
+                yield from keys_of(one, (*place, key.name, *filter(None, [kind])), seen)
 
 
 def test_every_key_says_what_it_takes_and_what_it_means():
-    keys = [(place, model, key) for model, place in tables_of().items() for key in keys_of(model)]
+    keys = dict(keys_of(Table.of(Scene)))
     assert len(keys) > 250
-    unknown = [f"{place}.{key.name}" for place, _, key in keys if key.value.words == "any value"]
-    assert not unknown
-    silent = [f"{place}.{key.name} ({model.__module__})" for place, model, key in keys if not key.meaning]
-    assert not silent, "\n".join(silent)
+    assert not [place for place, key in keys.items() if key.words == "any value"]
+    assert not [place for place, key in keys.items() if not key.meaning]
 
 
 def test_a_listing_of_one_key_one_table_and_all_kinds():
@@ -53,18 +52,6 @@ def test_a_listing_of_one_key_one_table_and_all_kinds():
     everything = listing()
     for words in ("end_time: a number > 0; needed", "method.mpm.cell: ", "output.fields_interval: ", "probes.name: "):
         assert words in everything
-
-
-def test_what_a_key_means_is_told_to_its_end():
-    """A line of a table in a docstring that begins neither a key nor further in would end the meaning before it."""
-    broken = [
-        f"{owner.__name__}: {line.strip()}"
-        for model in tables_of()
-        for owner in model.__mro__
-        for before, line, after in zip(*((owner.__doc__ or "").splitlines()[k:] for k in range(3)))
-        if re.match(r" {4}\S+( \S+)*$", line) and re.match(r" {10}|.*\S {2,}\S", before) and re.match(" {10}", after)
-    ]
-    assert not broken
 
 
 def test_a_word_alone_is_looked_for_in_all_tables():
@@ -87,29 +74,95 @@ def test_a_path_that_leads_nowhere(path, said, capsys):
     assert main(["keys", path]) == 2
 
 
-def test_the_schema_accepts_the_scenes_that_the_reader_accepts_and_refuses_what_it_refuses(capsys):
+def shipped() -> dict[Path, dict]:
+    """Tables of all scenes of the repository, by path."""
+    paths = [*ROOT.glob("runs/**/*.toml"), *ROOT.glob("parsolid/**/*.toml"), *ROOT.glob("examples/*.toml")]
+    return {path: table for path in paths if "bodies" in (table := tomllib.loads(path.read_text()))}
+
+
+@pytest.fixture(scope="module")
+def validator():
     jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator.check_schema(scene_schema())
+    return jsonschema.Draft202012Validator(scene_schema())
+
+
+def test_the_command_prints_the_schema(capsys):
     assert main(["keys", "--json"]) == 0
-    schema = json.loads(capsys.readouterr().out)
-    assert schema == json.loads(json.dumps(scene_schema()))
-    jsonschema.Draft202012Validator.check_schema(schema)
-    validator = jsonschema.Draft202012Validator(schema)
-    paths = [*ROOT.glob("runs/**/*.toml"), *ROOT.glob("parsolid/**/*.toml")]
-    scenes = {path: table for path in paths if "bodies" in (table := tomllib.loads(path.read_text()))}
-    assert len(scenes) > 30
-    faults = {str(path): str(error.message) for path, scene in scenes.items() for error in validator.iter_errors(scene)}
-    assert not faults
-    punch = scenes[ROOT / "runs" / "tlsph" / "punch.toml"]
-    for wrong in (
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(scene_schema()))
+
+
+def test_the_schema_accepts_the_scenes_that_the_reader_accepts(validator):
+    jsonschema = pytest.importorskip("jsonschema")
+    plain = jsonschema.Draft202012Validator(Scene.model_json_schema())
+    scenes = shipped()
+    assert len(scenes) > 60
+    for one in (validator, plain):
+        faults = {str(path): error.message for path, scene in scenes.items() for error in one.iter_errors(scene)}
+        assert not faults
+
+
+def places(value, place=()):
+    """Every table, key and entry within tables, but what has names of the user's own and laws that are files."""
+    yield place
+    if isinstance(value, dict | list) and place[:1] != ("reference",) and "law" not in value:
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from places(part, (*place, key))
+
+
+def with_fault(scene: dict, place: tuple, fault: str) -> dict | None:
+    """A scene with one fault in a table, None where it can have none of this sort there."""
+    scene = copy.deepcopy(scene)
+    *keys, last = (None, *place)
+    table = scene
+    for key in keys[1:]:
+        table = table[key]
+    value = scene if last is None else table[last]
+    if fault == "key" and isinstance(value, dict) and "law" not in value:
+        value["knd"] = value.pop(next(iter(value)), 1.0)
+    elif fault == "kind" and last == "kind":
+        table[last] += "-like"
+    elif fault == "type" and last is not None and not isinstance(value, dict | list):
+        table[last] = [[True]]
+    else:
+        return None
+    return scene
+
+
+@pytest.mark.parametrize("fault", ["key", "kind", "type"])
+def test_the_schema_refuses_a_misspelt_key_a_wrong_kind_and_a_wrong_type(validator, fault):
+    chance, tried = random.Random(1), 0
+    for path, scene in sorted(shipped().items()):
+        found = [one for place in places(scene) if (one := with_fault(scene, place, fault)) is not None]
+        for one in chance.sample(found, min(4, len(found))):
+            assert not validator.is_valid(one), path
+            tried += 1
+    assert tried > 200
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
         {"end_time": -1.0},
         {"end_tme": 1.0},
         {"method": {"kind": "tlsph", "smoothing": "wide"}},
         {"method": {"kind": "tlsph", "horizon_ratio": 3.0}},
         {"dimension": 4},
         {"bodies": []},
-    ):
-        assert not validator.is_valid(punch | wrong), wrong
-    assert not validator.is_valid({key: value for key, value in punch.items() if key != "end_time"})
+        {"boundaries": [{"kind": "fixed", "plane": "Y = 0", "where": "base"}]},
+        {"boundaries": [{"kind": "fixed"}]},
+        {"probes": [{"name": "a", "at": [0.0, 0.0], "weight": "X", "fields": ["velocity"]}]},
+    ],
+)
+def test_the_schema_knows_bounds_and_keys_that_exclude_each_other(validator, wrong):
+    punch = shipped()[ROOT / "runs" / "tlsph" / "punch.toml"]
+    assert validator.is_valid(punch) and not validator.is_valid(punch | wrong)
+
+
+def test_every_key_is_needed_that_the_reader_needs(validator):
+    punch = shipped()[ROOT / "runs" / "tlsph" / "punch.toml"]
+    for key in ("end_time", "dimension", "bodies"):
+        assert not validator.is_valid({name: value for name, value in punch.items() if name != key})
 
 
 @pytest.mark.parametrize("method", method_kinds())

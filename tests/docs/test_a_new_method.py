@@ -31,7 +31,7 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
-from parsolid.scene import initial_velocity
+from parsolid.particles.initial_fields import initial_velocity
 
 class FreeFlight(ParticleSystem):
     def __init__(self, comm, scene, particle_set):

@@ -5,6 +5,7 @@ stale.
 import subprocess
 import sys
 import tomllib
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -160,7 +161,9 @@ def test_a_law_that_lacks_a_function_is_refused(tmp_path):
 
 def test_the_scene_that_a_run_writes_names_the_law(tmp_path):
     scene = load_scene(BLOCK, trust_code=True)
-    dump_scene(scene, tmp_path / "scene.toml")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dump_scene(scene, tmp_path / "scene.toml")
     assert load_scene(tmp_path / "scene.toml", trust_code=True).bodies == scene.bodies
     assert f"{EXAMPLES / 'gent.py'}:Gent" in (tmp_path / "scene.toml").read_text()
 

@@ -8,14 +8,9 @@ import pytest
 
 from parsolid.particles.fillings import filling_of
 from parsolid.particles.generation import generate
-from parsolid.scene import (
-    initial_deformation_gradient,
-    initial_displacement,
-    initial_velocity,
-    nearest_particles,
-    parse_scene,
-    selected,
-)
+from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, initial_velocity
+from parsolid.particles.regions import nearest_particles, selected
+from parsolid.scene import parse_scene
 
 MATERIAL = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
 BOX = {"box": {"lower": [-1.0, 0.0, 2.0], "upper": [1.0, 3.0, 3.0]}}

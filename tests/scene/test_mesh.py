@@ -12,7 +12,8 @@ from parsolid.particles.generation import generate
 from parsolid.particles.meshes.gmsh_text import read_gmsh_text
 from parsolid.particles.meshes.groups import groups_of
 from parsolid.particles.meshes.imported import read_mesh
-from parsolid.scene import SceneError, parse_scene, selected
+from parsolid.particles.regions import selected
+from parsolid.scene import SceneError, parse_scene
 
 LENGTHS = (2.0, 3.0, 1.0)
 COUNTS = (4, 5, 3)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from parsolid.exact import SOLUTIONS
-from parsolid.scene import SceneError, dump_scene, initial_temperature, load_scene, parse_scene
+from parsolid.particles.initial_fields import initial_temperature
+from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
 
 MATERIAL = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.3}
 SQUARE = {

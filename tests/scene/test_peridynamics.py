@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from parsolid.particles.generation import generate
-from parsolid.scene import SceneError, parse_scene, selected
+from parsolid.particles.regions import selected
+from parsolid.scene import SceneError, parse_scene
 
 TERMS = [{"ratio": 9.0, "tau": 1.0}]
 MATERIAL = {"kind": "prony", "density": 1000.0, "youngs_modulus": 7e6, "poissons_ratio": 0.3, "terms": TERMS}

@@ -34,7 +34,7 @@ def test_the_run_without_arguments_is_the_column_of_the_runs():
 def test_defaults(square):
     scene = parse_scene(square)
     method = scene.method
-    assert (method.kernel, method.smoothing, method.dissipation) == ("wendland-c2", 0.85, 1.0)
+    assert (method.kernel, method.smoothing, method.dissipation_of("kernel")) == ("wendland-c2", 0.85, 1.0)
     assert (method.integrator, method.safety, method.cfl) == ("leapfrog", 0.9, None)
     assert method.reconstruction is True and method.maximum_step is None
     assert scene.bodies[0].placed_on == "vertices" and scene.bodies[0].material.branches == []

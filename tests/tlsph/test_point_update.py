@@ -42,6 +42,7 @@ def test_a_tile_has_the_numbers_of_plain_python(dimension, law):
         function(
             *(block.solid, STEP, 0.0 if plane else 1.0, signals, block.branches(STEP)[:4], state, G.ravel().copy()),
             *(A, block.branch_sum, make_tile(9), tile["J"], tile["P"], tile["Z"], tile["signal"], tile["lost"]),
+            *(None, 0, TILE),
         )
         results.append([state, *tile.values(), *([] if A is None else [A])])
     for found, wanted in zip(*results):

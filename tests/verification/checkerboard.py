@@ -47,8 +47,8 @@ def checkerboard_of_run(directory: Path | str, field: str = "pressure") -> list[
     """
     from parsolid.output.results import Results
     from parsolid.particles.fillings import filling_of
+    from parsolid.particles.lattices.lattice import Lattice
     from parsolid.scene import SceneError
-    from parsolid.scene.lattice import Lattice
 
     results = Results(directory)
     results.check_field(field)

@@ -1,151 +1,102 @@
-"""What keys a scene may have, read from the models that check it."""
+"""What keys a scene may have, read from the JSON Schema of the models that check it."""
 
-import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from dataclasses import dataclass
+from typing import Any
 
-from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
-from pydantic import PlainValidator
-from pydantic.fields import FieldInfo
-
-from parsolid.scene.base_model import ByKind, Plane, SceneModel, TableOr
+from parsolid.commands.keys.json_schema import schema_of
+from parsolid.scene.base_model import SceneModel
 from parsolid.scene.raw_tables import toml_value
 
-_WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", dict: "a table of texts"}
-_NAMES = {float: "number", int: "integer", bool: "boolean", str: "string", dict: "object"}
-_BOUNDS = {Gt: (">", "exclusiveMinimum"), Ge: (">=", "minimum"), Lt: ("<", "exclusiveMaximum"), Le: ("<=", "maximum")}
-_LENGTHS = {MinLen: ("at least", "minItems"), MaxLen: ("at most", "maxItems")}
+_WORDS = {"number": "a number", "integer": "a whole number", "boolean": "true or false", "string": "a text"}
+_BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
+_LENGTHS = {"minItems": "at least", "maxItems": "at most"}
 
 
-@dataclass
-class Value:
-    """What a key takes: in words, as JSON Schema without the tables, and the models of its tables by kind."""
-
-    words: str = "any value"
-    schema: dict[str, Any] = field(default_factory=dict)
-    tables: dict[str, type[SceneModel]] = field(default_factory=dict)
-    listed: bool = False
-
-
-@dataclass
+@dataclass(frozen=True)
 class Key:
-    """One key of a table: its name, what it takes, its default as TOML (None: it must be given), what it means."""
+    """One key of a table: its name, what it takes in words, its tables by kind ("" where there is one without kinds),
+    its default as TOML (None: it must be given), what it means."""
 
     name: str
-    value: Value
+    words: str
+    tables: "dict[str, Table]"
     default: str | None
     meaning: str
 
 
-def keys_of(model: type[SceneModel]) -> Iterator[Key]:
-    """The keys of a table in the order in which they are declared."""
-    for name, stated in model.model_fields.items():
-        value = value_of(stated.annotation, stated.metadata)
-        if isinstance(stated.json_schema_extra, dict) and "or" in stated.json_schema_extra:
-            # what a validator makes into a list of one
-            value.words = f"a {stated.json_schema_extra['or']} or {value.words}"
-            value.schema = {"anyOf": [value.schema, {"type": stated.json_schema_extra["or"]}]}
-        owners = [owner.model_fields for owner in model.__mro__ if issubclass(owner, SceneModel)]
-        # where a table changes a default of its base, the meaning stays
-        told = (fields[name].description for fields in owners if name in fields)
-        meaning = next(filter(None, told), None) or _documented(model, name)
-        if not meaning and name == "kind":
-            meaning = meaning_of(model)
-        if not meaning and len(value.tables) == 1:
-            meaning = meaning_of(next(iter(value.tables.values())))
-        yield Key(name, value, _default(stated), meaning)
+@dataclass(frozen=True)
+class Table:
+    """A table: its schema, and the schemas of all tables by the names with which they refer to each other."""
+
+    schema: dict[str, Any]
+    known: dict[str, Any]
+
+    @classmethod
+    def of(cls, model: type[SceneModel]) -> "Table":
+        """The table of a model."""
+        schema = schema_of(model)
+        return cls(schema, schema.get("$defs", {}))
+
+    @property
+    def meaning(self) -> str:
+        """What it is."""
+        return str(self.schema.get("description", ""))
+
+    @property
+    def needed(self) -> list[str]:
+        """The keys that it must have."""
+        # what a library has need not be given
+        of_library = [rule["anyOf"][0] for rule in self.schema.get("allOf", ()) if "anyOf" in rule]
+        return [key for part in (self.schema, *of_library) for key in part.get("required", ())]
+
+    @property
+    def keys(self) -> dict[str, Key]:
+        """Its keys in the order in which they are declared."""
+        return {name: self._key(name, schema) for name, schema in self.schema.get("properties", {}).items()}
+
+    def _key(self, name: str, schema: dict[str, Any]) -> Key:
+        # of several tables without kinds the first: others are short for it
+        tables: dict[str, Table] = {}
+        for kind, table in self._tables(schema):
+            tables.setdefault(kind, table)
+        meaning = schema.get("description", "")
+        if not meaning and (name == "kind" or len(tables) == 1):
+            meaning = self.meaning if name == "kind" else next(iter(tables.values())).meaning
+        default = None if name in self.needed else _default(schema.get("default"))
+        return Key(name, self._words(schema), tables, default, meaning)
+
+    def _tables(self, schema: dict[str, Any]) -> "list[tuple[str, Table]]":
+        """Kinds and tables that a key of a schema takes, one at a time or in a list."""
+        if "$ref" in schema:
+            table = Table(self.known[schema["$ref"].rpartition("/")[2]], self.known)
+            kind = table.schema.get("properties", {}).get("kind", {})
+            kinds = kind.get("enum", [kind.get("const")]) if "kind" in table.needed else [""]
+            return [(name, table) for name in kinds]
+        parts = [schema["items"]] if "items" in schema else schema.get("anyOf", schema.get("oneOf", ()))
+        return [found for part in parts for found in self._tables(part)]
+
+    def _words(self, schema: dict[str, Any]) -> str:
+        """What a schema takes."""
+        if "$ref" in schema or "properties" in schema:
+            return "a table"
+        if "title" in schema:
+            return str(schema["title"])
+        if choices := schema.get("anyOf", schema.get("oneOf")):
+            return " or ".join(dict.fromkeys(map(self._words, choices)))
+        if "enum" in schema or "const" in schema:
+            return " or ".join(dict.fromkeys(map(toml_value, schema.get("enum", [schema.get("const")]))))
+        if schema.get("type") == "array":
+            lengths = [f"{words} {schema[key]}" for key, words in _LENGTHS.items() if key in schema]
+            many = self._words(schema["items"]).removeprefix("a ")
+            return f"a list ({', '.join(lengths)}) of: {many}" if lengths else f"a list of: {many}"
+        if schema.get("type") == "object":
+            return f"a table of {self._words(schema['additionalProperties']).removeprefix('a ')}s"
+        bounds = [f"{sign} {schema[key]:g}" for key, sign in _BOUNDS.items() if key in schema]
+        return " ".join([_WORDS.get(schema.get("type", ""), "any value"), " and ".join(bounds)]).strip()
 
 
-def meaning_of(model: type[SceneModel]) -> str:
-    """What a table is, the first sentences of its docstring."""
-    return " ".join((model.__doc__ or "").split("\n\n")[0].split())
-
-
-def value_of(annotation: Any, metadata: Any = ()) -> Value:
-    """What a field of a type takes."""
-    metadata = list(metadata)
-    while get_origin(annotation) is Annotated:
-        annotation, *more = get_args(annotation)
-        metadata += [part for one in more for part in (one.metadata if isinstance(one, FieldInfo) else [one])]
-    for one in metadata:
-        if isinstance(one, ByKind):
-            return Value("a table", {"type": "object"}, dict(one.tables()))
-        if isinstance(one, TableOr):
-            return Value("a table or false", {"type": ["object", "boolean"]}, {"": one.model})
-        if isinstance(one, PlainValidator):
-            return Value("a formula", {"type": ["string", "number"]})
-    origin = get_origin(annotation)
-    if origin is Union or origin is UnionType:
-        parts = [value_of(part, metadata) for part in get_args(annotation) if part is not type(None)]
-        return parts[0] if len(parts) == 1 else _either(parts)
-    if origin in (list, tuple):
-        return _list_of(get_args(annotation), metadata)
-    if isinstance(annotation, type) and issubclass(annotation, SceneModel):
-        return Value("a table", {"type": "object"}, {"": annotation})
-    return _one_of(get_args(annotation)) if origin is Literal else _bounded(origin or annotation, metadata)
-
-
-def _either(parts: list[Value]) -> Value:
-    tables = {kind: model for part in parts for kind, model in part.tables.items()}
-    return Value(" or ".join(part.words for part in parts), {"anyOf": [part.schema for part in parts]}, tables)
-
-
-def _one_of(choices: tuple[Any, ...]) -> Value:
-    return Value(" or ".join(dict.fromkeys(map(toml_value, choices))), {"enum": list(choices)})
-
-
-def _list_of(parts: tuple[Any, ...], metadata: list[Any]) -> Value:
-    inner = value_of(parts[0]) if parts else Value()
-    schema: dict[str, Any] = {"type": "array", "items": inner.schema}
-    said = []
-    for one in metadata:
-        if type(one) in _LENGTHS:
-            word, name = _LENGTHS[type(one)]
-            bound = getattr(one, "min_length" if word == "at least" else "max_length")
-            schema[name] = bound
-            said.append(f"{word} {bound}")
-    many = re.sub(r"^(a|an) ", "", inner.words)
-    words = f"a list ({', '.join(said)}) of: {many}" if said else f"a list of: {many}"
-    return Value(words, schema, inner.tables, True)
-
-
-def _bounded(kind: Any, metadata: list[Any]) -> Value:
-    if kind is Plane:
-        return Value("a plane such as 'Y = 0'", {"type": "string"})
-    schema: dict[str, Any] = {"type": _NAMES[kind]} if kind in _NAMES else {}
-    said = []
-    for one in metadata:
-        if type(one) in _BOUNDS:
-            sign, name = _BOUNDS[type(one)]
-            bound = getattr(one, type(one).__name__.lower())
-            schema[name] = bound
-            said.append(f"{sign} {bound:g}")
-    return Value(" ".join([_WORDS.get(kind, "any value"), " and ".join(said)]).strip(), schema)
-
-
-def _default(stated: FieldInfo) -> str | None:
-    if stated.is_required():
-        return None
-    value = stated.get_default(call_default_factory=True)
-    if isinstance(value, SceneModel):
-        return "as its keys"
-    return "none" if value is None else toml_value(value)
-
-
-def _documented(model: type, name: str) -> str:
-    """The meaning of a key in the table that the docstring of its class, or of a base, may hold."""
-    for owner in model.__mro__:
-        lines = (owner.__doc__ or "").splitlines()
-        for number, line in enumerate(lines):
-            found = re.match(rf"\s*{name}\s\s+(\S.*)", line)
-            if found is None:
-                continue
-            words = [found[1]]
-            for more in lines[number + 1 :]:
-                if not re.match(r"\s{8,}\S", more):
-                    break
-                words.append(more.strip())
-            return " ".join(words)
-    return ""
+def _default(value: Any) -> str:
+    """A default as a scene would state it, in words where it would not."""
+    if value is None:
+        return "none"
+    return "as its keys" if isinstance(value, dict) and value else toml_value(value)

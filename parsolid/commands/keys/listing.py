@@ -2,12 +2,10 @@
 
 import textwrap
 from collections.abc import Collection, Iterator
-from typing import Any
 
 from parsolid.collective import SolverError
-from parsolid.commands.keys.description import Key, keys_of, meaning_of
+from parsolid.commands.keys.description import Key, Table
 from parsolid.point.schema import MaterialPoint
-from parsolid.scene.base_model import SceneModel
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import suggestion
 
@@ -20,20 +18,20 @@ def listing(path: str = "") -> str:
 
     Raises SolverError for a path that leads nowhere, with what there is.
     """
-    model: type[SceneModel] = Scene
+    table = Table.of(Scene)
     words = [word for word in path.split(".") if word and not word.isdigit()]
     place = ""
     if len(words) == 1 and words[0] not in Scene.model_fields:
         # one word for several, as in "materials", and tables of the command `point`
         for word in dict.fromkeys((words[0], words[0].removesuffix("s"))):
-            if found := list(_named(word, Scene, "", set())):
+            if found := list(_named(word, table, "", set())):
                 return "\n\n".join(found)
     if words and words[0] not in Scene.model_fields and words[0] in MaterialPoint.model_fields:
-        model = MaterialPoint
+        table = Table.of(MaterialPoint)
     while words:
-        known = {one.name: one for one in keys_of(model)}
+        known = table.keys
         key = known[_among(known, words.pop(0), place, path)]
-        place, kinds = f"{place}.{key.name}".lstrip("."), key.value.tables
+        place, kinds = f"{place}.{key.name}".lstrip("."), key.tables
         if not kinds and words:
             raise SolverError(f"keys {path}: expected nothing after {place}, which is no table, found {words[0]!r}")
         if not kinds:
@@ -43,8 +41,8 @@ def listing(path: str = "") -> str:
         if "" not in kinds:
             kind = _among(kinds, words.pop(0), place, path)
             place = f"{place}.{kind}"
-        model = kinds["" if "" in kinds else kind]
-    return "\n\n".join(_table(model, place, not place))
+        table = kinds["" if "" in kinds else kind]
+    return "\n\n".join(_table(table, place, not place))
 
 
 def page() -> str:
@@ -53,18 +51,18 @@ def page() -> str:
     return f"{head}\n```text\n{listing()}\n```\n"
 
 
-def _named(word: str, model: type[SceneModel], place: str, seen: set[Any]) -> Iterator[str]:
+def _named(word: str, table: Table, place: str, seen: set[int]) -> Iterator[str]:
     """Every key of a name, and every kind of a table, in a table and those within; of a table that is in several, where
-    it is first. seen: tables that were looked through."""
-    for key in keys_of(model):
+    it is first. seen: schemas of tables that were looked through."""
+    for key in table.keys.values():
         here = f"{place}.{key.name}".lstrip(".")
         if key.name == word:
             yield _one(key, here)
-        for kind, table in key.value.tables.items():
-            if table not in seen:
-                seen.add(table)
+        for kind, one in key.tables.items():
+            if id(one.schema) not in seen:
+                seen.add(id(one.schema))
                 there = f"{here}.{kind}" if kind else here
-                yield from _table(table, there, False) if kind == word else _named(word, table, there, seen)
+                yield from _table(one, there, False) if kind == word else _named(word, one, there, seen)
 
 
 def _among(known: Collection[str], word: str, place: str, path: str) -> str:
@@ -77,31 +75,31 @@ def _among(known: Collection[str], word: str, place: str, path: str) -> str:
     return word
 
 
-def _table(model: type[SceneModel], place: str, whole: bool) -> Iterator[str]:
+def _table(table: Table, place: str, whole: bool) -> Iterator[str]:
     """Every key of a table, and of the tables within that have no kinds."""
-    if place and meaning_of(model):
-        yield f"[{place}]  {meaning_of(model)}"
-    for key in keys_of(model):
+    if place and table.meaning:
+        yield f"[{place}]  {table.meaning}"
+    for key in table.keys.values():
         here = f"{place}.{key.name}" if place else key.name
         yield _one(key, here)
-        if "" in key.value.tables:
-            yield from _table(key.value.tables[""], here, whole)
+        if "" in key.tables:
+            yield from _table(key.tables[""], here, whole)
         elif whole:
             yield from _kinds(key, here)
 
 
 def _kinds(key: Key, place: str) -> Iterator[str]:
     """The tables of all kinds of a key."""
-    for kind, model in key.value.tables.items():
-        yield from _table(model, f"{place}.{kind}", False)
+    for kind, table in key.tables.items():
+        yield from _table(table, f"{place}.{kind}", False)
 
 
 def _one(key: Key, place: str) -> str:
     """One key: its place, what it takes, its default; its meaning below."""
     default = "" if key.default is None else f"; default {key.default}"
-    takes = key.value.words
-    if len(key.value.tables) > 1:
-        takes += f" (kind: {', '.join(key.value.tables)})"
+    takes = key.words
+    if len(key.tables) > 1:
+        takes += f" (kind: {', '.join(key.tables)})"
     need = "" if key.default is not None else "; needed"
     head = textwrap.fill(f"{place}: {takes}{default}{need}", _WIDTH, subsequent_indent="    ")
     return f"{head}\n{textwrap.fill(key.meaning, _WIDTH, initial_indent='    ', subsequent_indent='    ')}".rstrip()

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from parsolid.collective import SolverError, raise_together
-from parsolid.commands.keys.description import Key, keys_of
-from parsolid.scene.base_model import SceneModel
+from parsolid.commands.keys.description import Key, Table
 from parsolid.scene.methods import method_kinds
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import suggestion
@@ -43,8 +42,8 @@ def starting_scene(method: str) -> str:
     text = (files("parsolid.methods") / method / "example.toml").read_text(encoding="utf-8")
     tables = tomllib.loads(text)
     lines: list[str] = []
-    model: type[SceneModel] = Scene
-    open_keys: dict[str, Key] = {key.name: key for key in keys_of(Scene)}
+    scene = Table.of(Scene)
+    open_keys = scene.keys
     place: list[str] = []
     # how many tables of each list have begun
     begun: Counter[str] = Counter()
@@ -56,23 +55,21 @@ def starting_scene(method: str) -> str:
         if header:
             place = header[1].split(".")
             begun[header[1]] += 1
-            model = _model_at(place, tables, begun)
-            open_keys = {one.name: one for one in keys_of(model)}
+            open_keys = _table_at(scene, place, tables, begun).keys
         if key and key[1] in open_keys:
             line = _commented(line, open_keys.pop(key[1]).meaning)
         lines.append(line)
     return "\n".join(lines) + "\n"
 
 
-def _model_at(place: list[str], tables: Any, begun: Mapping[str, int]) -> type[SceneModel]:
-    """The model of a table, by the kinds that the scene states; of a list, of the last table that has begun."""
-    model: type[SceneModel] = Scene
+def _table_at(table: Table, place: list[str], tables: Any, begun: Mapping[str, int]) -> Table:
+    """A table within another, by the kinds that the scene states; of a list, of the last table that has begun."""
     for depth, word in enumerate(place, 1):
         listed = isinstance(tables[word], list)
         tables = tables[word][begun[".".join(place[:depth])] - 1] if listed else tables[word]
-        kinds = next(key for key in keys_of(model) if key.name == word).value.tables
-        model = kinds[""] if "" in kinds else kinds[tables["kind"]]
-    return model
+        kinds = table.keys[word].tables
+        table = kinds[""] if "" in kinds else kinds[tables["kind"]]
+    return table
 
 
 def _commented(line: str, meaning: str) -> str:
@@ -81,5 +78,5 @@ def _commented(line: str, meaning: str) -> str:
 
 def _offered(key: Key) -> str:
     """A key that the scene does not state, as a comment."""
-    takes = key.value.words if key.default in (None, "none", "as its keys") else key.default
+    takes = key.words if key.default in (None, "none", "as its keys") else key.default
     return _commented(f"# {key.name} = {takes}", key.meaning)

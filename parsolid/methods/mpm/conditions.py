@@ -16,8 +16,10 @@ from parsolid.collective import SolverError, maximum, minimum
 from parsolid.kernels import kernel
 from parsolid.methods.mpm.grid import FoldedPlane, Nodes, sum_in_order
 from parsolid.methods.mpm.points import MaterialPoints
+from parsolid.particles.initial_fields import initial_displacement
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import Scene, initial_displacement
+from parsolid.particles.regions import region_of
+from parsolid.scene import Scene
 from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.prescribed import MotionCondition
@@ -25,7 +27,7 @@ from parsolid.scene.boundaries.support import Support
 from parsolid.scene.boundaries.thermal import HeatFlux, PrescribedTemperature
 from parsolid.scene.boundaries.wall import Wall
 from parsolid.scene.load_histories import LoadHistory
-from parsolid.scene.regions import NearestTo, region_of
+from parsolid.scene.regions import NearestTo
 
 # a plane this near, in cells, to nodes or to the middle between them counts as there
 _NEAR = 1e-6

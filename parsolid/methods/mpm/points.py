@@ -18,9 +18,7 @@ from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.extents import domain_bounds
 from parsolid.particles.generated import declare_generated
-from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import (
-    Scene,
+from parsolid.particles.initial_fields import (
     initial_deformation_gradient,
     initial_displacement,
     initial_plastic_strain,
@@ -28,6 +26,8 @@ from parsolid.scene import (
     initial_velocity,
     initial_zero_energy_temperature,
 )
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene import Scene
 from parsolid.scene.boundaries.thermal import PrescribedTemperature
 
 # F of the undeformed body: 11, 12, 21, 22, 33 in two dimensions, its rows in three

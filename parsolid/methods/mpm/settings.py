@@ -11,7 +11,6 @@ from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body
 from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.warned import Note
 
@@ -36,23 +35,7 @@ class ArtificialViscosity(SceneModel):
 
 
 class MaterialPoint(MethodSettings):
-    """Material point method with plasticity, an equation of state and heat (Banerjee).
-
-    cell            spacing h [m] of the background grid, of which only cells near particles exist
-    origin          a point [m] of the grid; walls are exact where they lie on its planes
-    geometry        of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the
-                    axis, per radian
-    transfer        of velocities: "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC, which
-                    keeps it nearly and loses less energy; "flip", which loses angular momentum. Unless stated "apic";
-                    in contact "aflip" with flip_fraction 0.99; "flip" on linear weights or with a flip_fraction
-    order           stress update last with particle velocities mapped again ("musl") or with the new grid velocity
-                    ("usl", which loses energy in contact)
-    conduction      of heat, where materials have a conductivity
-    motion          false: nothing moves, heat alone is conducted
-    rebalance       largest over mean number of particles on a rank beyond which cells are dealt out anew
-    balance         what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of all
-                    take, "measured" every 64 steps; the last bits of a run then depend on the clock
-    """
+    """Material point method with plasticity, an equation of state and heat (Banerjee)."""
 
     system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
     shared_field: ClassVar = True
@@ -91,21 +74,43 @@ class MaterialPoint(MethodSettings):
 
     kind: Literal["mpm"]
     cell: Positive = Field(description="the spacing of the background grid [m]")
-    origin: Point | None = Field(None, description="a point of the grid [m], zero unless given")
+    origin: Point | None = Field(
+        None, description="a point of the grid [m]; walls are exact where they lie on its planes"
+    )
     basis: Basis = Field("quadratic-spline", description="shape functions of the grid")
-    geometry: Literal["plane-strain", "axisymmetric"] | None = Field(None, description="of a 2-D scene")
-    transfer: Literal["flip", "apic", "aflip"] = "apic"
+    geometry: Literal["plane-strain", "axisymmetric"] | None = Field(
+        None,
+        description="of a 2-D scene: plane strain per metre of thickness, or axisymmetric with X the radius and Y the "
+        "axis, per radian",
+    )
+    transfer: Literal["flip", "apic", "aflip"] = Field(
+        "apic",
+        description='of velocities: "apic", which keeps angular momentum; "aflip", FLIP with the slopes of APIC, '
+        'which keeps it nearly and loses less energy; "flip", which loses angular momentum. Unless stated '
+        '"apic"; in contact "aflip" with flip_fraction 0.99; "flip" on linear weights or with a '
+        "flip_fraction",
+    )
     flip_fraction: float = Field(1.0, ge=0, le=1, description="share of FLIP in the velocity, the rest is PIC")
-    order: Literal["usl", "musl"] = "musl"
+    order: Literal["usl", "musl"] = Field(
+        "musl",
+        description='stress update last with particle velocities mapped again ("musl") or with the new grid velocity '
+        '("usl", which loses energy in contact)',
+    )
     # what transfers between particles and grid do is not in the ledger to the last bit
     balance_warning: Positive = 0.03
     balance_limit: Positive = 0.1
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
     viscosity: ArtificialViscosity = ArtificialViscosity()
-    conduction: bool = True
-    motion: bool = True
-    balance: Literal["particles", "measured"] = Field("particles", description="what ranks share evenly")
-    rebalance: float = Field(1.2, gt=1, description="largest over mean particles of a rank beyond which cells move")
+    conduction: bool = Field(True, description="of heat, where materials have a conductivity")
+    motion: bool = Field(True, description="false: nothing moves, heat alone is conducted")
+    balance: Literal["particles", "measured"] = Field(
+        "particles",
+        description='what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of '
+        'all take, "measured" every 64 steps; the last bits of a run then depend on the clock',
+    )
+    rebalance: float = Field(
+        1.2, gt=1, description="largest over mean number of particles on a rank beyond which cells are dealt out anew"
+    )
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "MaterialPoint":
@@ -128,13 +133,11 @@ class MaterialPoint(MethodSettings):
 
     def _usual_origin(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """A whole number of cells from zero, so that nodes stay where they are, where bodies are many cells away."""
-        fillings = [
-            filling_of(scene.bodies[i], scene.dimension) for i in bodies if scene.bodies[i].shape.kind != "mesh"
-        ]
-        if self.origin is not None or not fillings:
+        shapes = [scene.bodies[i].shape for i in bodies]
+        bounds = np.array([shape.model.bounds() for shape in shapes if shape.kind != "mesh"])
+        if self.origin is not None or not len(bounds):
             return {}
-        lower = np.min([one.lower for one in fillings], axis=0)
-        upper = np.max([one.upper for one in fillings], axis=0)
+        lower, upper = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
         if max(np.abs(lower).max(), np.abs(upper).max()) <= _NEAR_CELLS * self.cell:
             return {}
         return {"origin": [float(np.floor(place / self.cell) * self.cell) for place in lower]}

@@ -13,7 +13,6 @@ from parsolid.scene.base_model import (
     Point,
     Positive,
     SceneModel,
-    by_kind,
     dimension_of,
     reject,
 )
@@ -79,10 +78,7 @@ class Explicit(SceneModel):
 class QuasiStatic(SceneModel):
     """Equilibrium at the end of every material step, without inertia.
 
-    step           the material step [s]; further steps end at load jumps, each followed by a step of length zero
-    tolerance      residual over the largest load (or reaction) met so far
     preconditioner two-level: a grid over the particles beside these; iterations do then not grow with their number
-    extrapolation  of the polynomial through earlier states at which a solution starts, the order: 0 the last state
     """
 
     on_restart: ClassVar = dict.fromkeys(("step", "tolerance", "most_iterations"), OnRestart.FREE)
@@ -94,9 +90,10 @@ class QuasiStatic(SceneModel):
     preconditioner: Literal["two-level", "none"] | None = Field(
         None, description="of conjugate gradients: 'two-level' (unless given) or 'none'"
     )
-    tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load met so far")
+    tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load (or reaction) met so far")
     extrapolation: Annotated[int, Field(ge=0, le=3)] = Field(
-        2, description="order of extrapolation from earlier states, 0 to 3"
+        2,
+        description="of the polynomial through earlier states at which a solution starts, the order: 0 the last state",
     )
     most_iterations: Annotated[int, Field(ge=1)] = Field(
         100_000, description="iterations after which a solution has failed"
@@ -112,7 +109,6 @@ class QuasiStatic(SceneModel):
 class Damage(SceneModel):
     """Bonds that break at a critical stretch, or at a critical bond energy, given as such or by the fracture energy.
 
-    modulus     Young's modulus in the critical stretch: "instantaneous", "equilibrium" or a number [Pa]
     least_shape_ratio, largest_damage: a particle whose shape tensor's determinant falls below this share of that inside
     a body, or whose share of broken bonds rises above this one, loses all its bonds
     """
@@ -124,7 +120,10 @@ class Damage(SceneModel):
     critical_bond_energy: Positive | None = Field(
         None, description="energy per two volumes at which a bond breaks [J/m^6]"
     )
-    modulus: Literal["instantaneous", "equilibrium"] | Positive = "instantaneous"
+    modulus: Literal["instantaneous", "equilibrium"] | Positive = Field(
+        "instantaneous",
+        description='Young\'s modulus in the critical stretch: "instantaneous", "equilibrium" or a number [Pa]',
+    )
     least_shape_ratio: Share = Field(
         0.02, description="share of a whole neighbourhood's shape determinant below which a particle bears no stress"
     )
@@ -142,15 +141,17 @@ class PreCrack(SceneModel):
     """A cut at time 0: the bonds through it are broken.
 
     plane, box  an axis-aligned plane, or what of it is within a box
-    segment     in 2-D: its two ends [m]
-    rectangle   in 3-D: a corner and its two neighbouring corners [m]
     """
 
     exactly_one: ClassVar = (("plane", "segment", "rectangle"),)
     plane: Plane | None = Field(None, description="a plane that no bond crosses")
     box: Box | None = None
-    segment: Annotated[list[Point], Field(min_length=2, max_length=2)] | None = None
-    rectangle: Annotated[list[Point], Field(min_length=3, max_length=3)] | None = None
+    segment: Annotated[list[Point], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="in 2-D: its two ends [m]"
+    )
+    rectangle: Annotated[list[Point], Field(min_length=3, max_length=3)] | None = Field(
+        None, description="in 3-D: a corner and its two neighbouring corners [m]"
+    )
 
     @model_validator(mode="after")
     def _flat(self, info: ValidationInfo) -> "PreCrack":
@@ -178,24 +179,12 @@ def _spread(points: list[Any]) -> bool:
     return products[0] * products[3] - products[1] ** 2 > 1e-20 * products[0] * products[3]
 
 
-Solution: Any = by_kind(Explicit, QuasiStatic)
+Solution = Annotated[Explicit | QuasiStatic, Field(discriminator="kind")]
 
 
 class Peridynamics(MethodSettings):
     """Non-ordinary state-based (correspondence) peridynamics, viscoelastic, with damage (Galadima et al.); also
     bond-based.
-
-    horizon_ratio  m: the horizon is (m + 0.015) times the particle spacing
-    influence      w(|xi|/horizon), 1 at |xi| = 0
-    plane          of a 2-D scene: "stress" or "strain" (strain unless given); lengths per metre of thickness
-    traction       how tractions act: "consistent", as forces that balance a uniform stress near it, exact on a lattice;
-                   "consistent-everywhere", also inside, where irregular particles need forces for that; "single-layer",
-                   on the particles at the face; "horizon", spread evenly over the horizon beneath it
-    damage         bonds that break; the particle field damage is the share of a family's volume that bonds were lost
-                   to, the quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see
-                   `methods.peridynamics.fracture`) follow cracks
-    initial_state  how the bodies' initial displacement came about: "instantaneous", just before the start, with nothing
-                   relaxed yet, or "relaxed", held for ever
     """
 
     system: ClassVar = "parsolid.methods.peridynamics.system:Peridynamics"
@@ -237,14 +226,35 @@ class Peridynamics(MethodSettings):
 
     on_restart: ClassVar = dict.fromkeys(("horizon_ratio", "initial_state", "pre_cracks"), OnRestart.FIXED)
     kind: Literal["peridynamics"]
-    horizon_ratio: float = Field(3.0, ge=1, le=30, description="horizon over particle spacing, from 1 to 30")
-    influence: Literal["constant", "linear", "cubic-spline"] = "constant"
-    traction: Literal["consistent", "consistent-everywhere", "single-layer", "horizon"] = "consistent"
-    plane: Literal["stress", "strain"] | None = Field(None, description="'stress' or 'strain' of a 2-D scene")
-    initial_state: Literal["instantaneous", "relaxed"] = "instantaneous"
+    horizon_ratio: float = Field(
+        3.0, ge=1, le=30, description="m: the horizon is (m + 0.015) times the particle spacing"
+    )
+    influence: Literal["constant", "linear", "cubic-spline"] = Field(
+        "constant", description="w(|xi|/horizon), 1 at |xi| = 0"
+    )
+    traction: Literal["consistent", "consistent-everywhere", "single-layer", "horizon"] = Field(
+        "consistent",
+        description='how tractions act: "consistent", as forces that balance a uniform stress near it, exact on a '
+        'lattice; "consistent-everywhere", also inside, where irregular particles need forces for that; '
+        '"single-layer", on the particles at the face; "horizon", spread evenly over the horizon beneath '
+        "it",
+    )
+    plane: Literal["stress", "strain"] | None = Field(
+        None, description='of a 2-D scene: "stress" or "strain" (strain unless given); lengths per metre of thickness'
+    )
+    initial_state: Literal["instantaneous", "relaxed"] = Field(
+        "instantaneous",
+        description='how the bodies\' initial displacement came about: "instantaneous", just before the start, with '
+        'nothing relaxed yet, or "relaxed", held for ever',
+    )
     stabilisation: Stabilisation = Stabilisation()
     solution: Solution = Field(Explicit(kind="explicit"), description="explicit steps, or equilibrium at each step")
-    damage: Damage | None = None
+    damage: Damage | None = Field(
+        None,
+        description="bonds that break; the particle field damage is the share of a family's volume that bonds were "
+        "lost to, the quantities broken_bonds (those of pre-cracks not among them) and crack_tip (see "
+        "`methods.peridynamics.fracture`) follow cracks",
+    )
     pre_cracks: list[PreCrack] = []
 
     def reach(self, spacing: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.previous_state import take_state
 from parsolid.particles.declaration import Columns, Field
-from parsolid.scene import initial_displacement, initial_velocity
+from parsolid.particles.initial_fields import initial_displacement, initial_velocity
 from parsolid.scene.boundaries.surface import Pressure
 from parsolid.scene.boundaries.traction import Traction
 

@@ -23,10 +23,10 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.forces import Course, DistributedLoad, TractionLoad
 from parsolid.boundary.surface import Surface
 from parsolid.collective import SolverError, maximum, minimum
+from parsolid.particles.regions import selected
 from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries.surface import Pressure
 from parsolid.scene.boundaries.traction import Traction
-from parsolid.scene.regions import selected
 from parsolid.scene.warned import Warned
 from parsolid.solvers import start_vector
 

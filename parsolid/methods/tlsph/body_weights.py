@@ -10,7 +10,6 @@ from parsolid.materials.declaration import Phrase
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.fillings import extent_of
 from parsolid.scene.base_model import Detail
-from parsolid.scene.fillings import filling_of
 from parsolid.scene.validation_errors import SceneError
 
 # shapes whose particles stand on no lattice
@@ -85,11 +84,11 @@ def all_resolved_boxes(scene: Any, bodies: Iterable[int]) -> bool:
         kinds = weights_of_bodies("best", scene)
         if any(kinds[i] != "fourth-order" for i in bodies):
             return False
-        fillings: list[Any] = [filling_of(scene.bodies[i], scene.dimension) for i in bodies]
+        numbers = [number for i in bodies for number in scene.bodies[i].numbers()]
     except SceneError:
         # told where the body is
         return False
-    return min(line.count for one in fillings for line in one.lines) >= RESOLVED
+    return min(numbers) >= RESOLVED
 
 
 def weights_are_rounded(scene: Any) -> bool:
@@ -118,7 +117,7 @@ def _off_lattice(kind: str, body: Any, dimension: int) -> str | None:
         return "particles in cells"
     if body.jitter > 0.0:
         return "jitter"
-    counts = [line.count for line in filling_of(body, dimension).lines]  # type: ignore[attr-defined]
+    counts = body.numbers()
     return f"particles = {counts}" if min(counts) < 2 else None
 
 

@@ -13,7 +13,7 @@ from parsolid.collective import maximum
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.state import deformation_gradients
 from parsolid.particles.declaration import Columns, Field
-from parsolid.scene.initial import initial_stress, states_stress
+from parsolid.particles.initial_fields import initial_stress, states_stress
 
 FIELD = "initial_stress"
 

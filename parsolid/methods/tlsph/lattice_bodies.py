@@ -15,8 +15,8 @@ from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.pairs.box_stable_step import BoxWaves, feeds_waves, feeds_waves_of_volume, most_change
 from parsolid.pairs.box_weights import REACH, Axis, lengths_of, shares_of
 from parsolid.pairs.cell_weights import Cells, cells_around
+from parsolid.particles.fillings import filling_of
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.fillings import filling_of
 
 # what bounds a step: on the axes of frequencies and of damping the region of three-stage Runge-Kutta schemes ends here
 _RK3_FREQUENCY, _RK3_DAMPING = 1.7320, 2.5127

@@ -44,7 +44,11 @@ from parsolid.methods.tlsph.point_update import store as store_into_wide
 from parsolid.methods.tlsph.state import LawBlock
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
-from parsolid.scene import initial_plastic_strain, initial_temperature, initial_zero_energy_temperature
+from parsolid.particles.initial_fields import (
+    initial_plastic_strain,
+    initial_temperature,
+    initial_zero_energy_temperature,
+)
 from parsolid.tensors import cofactor, congruence, gram, largest_eigenvalue, largest_eigenvalue_bound, times_symmetric
 from parsolid.tiles import TILE as PART
 from parsolid.tiles import load, load_placed, load_rows, load_symmetric, store_placed, store_rows

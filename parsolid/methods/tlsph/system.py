@@ -32,8 +32,8 @@ from parsolid.pairs.candidates import metrics
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.particles.distribution import sort_for_speed
+from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import initial_deformation_gradient, initial_displacement, initial_velocity
 
 
 class TotalLagrangianSPH(Reports):

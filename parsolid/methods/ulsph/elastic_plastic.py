@@ -46,7 +46,8 @@ from parsolid.methods.ulsph.kinematics import (
     turn_deviator,
 )
 from parsolid.particles.container import Particles
-from parsolid.scene import Scene, initial_zero_energy_temperature
+from parsolid.particles.initial_fields import initial_zero_energy_temperature
+from parsolid.scene import Scene
 from parsolid.tiles import TILE, load_rows, store_rows
 
 

@@ -1,14 +1,14 @@
 """Updated-Lagrangian SPH as a scene states it."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.ulsph.state import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
-from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, TableOr
+from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, mismatch
 from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.method_settings import MethodSettings, named_observables
 
@@ -33,17 +33,7 @@ class Viscosity(SceneModel):
 
 
 class UpdatedLagrangianSPH(MethodSettings):
-    """Updated-Lagrangian SPH with rebuilt neighbours (Rahaman et al., mended).
-
-    gradient_correction   gradients exact for linear fields, where a particle has enough neighbours
-    viscosity             artificial viscosity; false: none
-    viscous_heating       its heat raises the temperature of micro-inertia; that of other laws it always raises
-    contact               bodies press on one another and part freely ("compression"), or stick ("welded")
-    skin                  by how much lists reach beyond the support, as a part of it; made anew when it is used up
-    rebalance             growth of the busiest rank's particles and ghosts beyond which all are dealt out anew
-    balance               what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of
-                          all take, "measured" at every fourth list; the last bits of a run then depend on the clock
-    """
+    """Updated-Lagrangian SPH with rebuilt neighbours (Rahaman et al., mended)."""
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
@@ -103,13 +93,36 @@ class UpdatedLagrangianSPH(MethodSettings):
     # the equation of state is integrated, not the derivative of a stored energy
     balance_warning: Positive = 0.03
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
-    gradient_correction: bool = True
-    viscosity: Annotated[Viscosity | Literal[False], TableOr(Viscosity, False)] = Viscosity()
-    viscous_heating: bool = False
-    contact: Literal["compression", "welded"] | None = Field(None, description="of several bodies, 'compression'")
-    skin: Positive = Field(0.25, description="reach of the lists beyond the support, over the support")
-    rebalance: float = Field(1.1, gt=1, description="growth of the busiest rank's work beyond which particles move")
-    balance: Literal["particles", "measured"] = Field("particles", description="what ranks share evenly")
+    gradient_correction: bool = Field(
+        True, description="gradients exact for linear fields, where a particle has enough neighbours"
+    )
+    viscosity: Viscosity | Literal[False] = Field(Viscosity(), description="artificial viscosity; false: none")
+    viscous_heating: bool = Field(
+        False, description="its heat raises the temperature of micro-inertia; that of other laws it always raises"
+    )
+    contact: Literal["compression", "welded"] | None = Field(
+        None, description="bodies press on one another and part freely ('compression'), or stick ('welded')"
+    )
+    skin: Positive = Field(
+        0.25, description="by how much lists reach beyond the support, as a part of it; made anew when it is used up"
+    )
+    rebalance: float = Field(
+        1.1, gt=1, description="growth of the busiest rank's particles and ghosts beyond which all are dealt out anew"
+    )
+    balance: Literal["particles", "measured"] = Field(
+        "particles",
+        description='what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of '
+        'all take, "measured" at every fourth list; the last bits of a run then depend on the clock',
+    )
+
+    @field_validator("viscosity", mode="wrap", json_schema_input_type=Viscosity | Literal[False])
+    @classmethod
+    def _table_or_false(cls, value: Any, handler: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, dict):
+            return Viscosity.model_validate(value, context=info.context)
+        if value is False or isinstance(value, Viscosity):
+            return value
+        raise mismatch("a table or false", value)
 
     def touching(self) -> str:
         """They press on one another, unless they are welded."""

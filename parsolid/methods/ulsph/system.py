@@ -30,17 +30,17 @@ from parsolid.pairs.verlet_list import VerletList
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.generated import declare_generated
-from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene import (
-    Scene,
+from parsolid.particles.initial_fields import (
     initial_displacement,
     initial_micro_rate,
     initial_plastic_strain,
     initial_temperature,
     initial_velocity,
 )
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.particles.regions import selected
+from parsolid.scene import Scene
 from parsolid.scene.boundaries.micro import MicroHard
-from parsolid.scene.regions import selected
 
 # norm of the correction of gradients above which it is scaled down: 10 fails at 600 m/s
 _MOST_CORRECTION = 6.0

@@ -7,6 +7,7 @@ import numpy as np
 
 from decomposition.slices import Slices, count_before
 from parsolid.collective import maximum, minimum
+from parsolid.particles.lattices.lattice import jitter_offsets
 from parsolid.particles.meshes.elements import shares_of_nodes
 from parsolid.particles.meshes.inside import Solid
 from parsolid.particles.meshes.membership import Membership
@@ -20,7 +21,6 @@ from parsolid.particles.meshes.topology import (
 )
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.lattice import jitter_offsets
 from parsolid.scene.named_regions import Region
 from parsolid.scene.validation_errors import SceneError
 

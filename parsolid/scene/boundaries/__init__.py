@@ -5,16 +5,21 @@ What a kind does to particles is in the package `boundary`; which kinds a method
 
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import Annotated, Any, Union
 
-from parsolid.scene.boundaries.condition import Boundary, Condition, boundary_kind
+from pydantic import Field, WrapValidator
+
+from parsolid.scene.boundaries.condition import BOUNDARY_KINDS, Condition, boundary_kind, of_method
 
 
-def find_kinds() -> None:
-    """Import every file of this folder, which enters its kinds."""
+def union_of_kinds() -> Any:
+    """The type of a boundary's table: every file of this folder enters its kinds."""
     for module in iter_modules(__path__):
         import_module(f"{__name__}.{module.name}")
+    kinds: Any = Union[tuple(dict.fromkeys(BOUNDARY_KINDS.values()))]  # noqa: UP007
+    return Annotated[kinds, Field(discriminator="kind"), WrapValidator(of_method)]
 
 
-find_kinds()
+Boundary: Any = union_of_kinds()
 
-__all__ = ["Boundary", "Condition", "boundary_kind", "find_kinds"]
+__all__ = ["Boundary", "Condition", "boundary_kind"]

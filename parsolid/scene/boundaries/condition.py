@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.scene.base_model import ByKind, Detail, Plane, Point, SceneModel, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Detail, Name, Plane, Point, SceneModel, check_kind, kinds_of, method_of, reject
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.regions import Named, OnPlane
 from parsolid.scene.validation_errors import NOTHING
@@ -15,19 +14,12 @@ from parsolid.scene.validation_errors import NOTHING
 if TYPE_CHECKING:
     from parsolid.scene.regions import Region
 
-BOUNDARY_KINDS = ByKind((), known="boundaries")
-Boundary = Annotated[Any, BOUNDARY_KINDS]
+# kind -> the model of its table
+BOUNDARY_KINDS: dict[str, type[Condition]] = {}
 
 
 class Condition(SceneModel):
     """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
-
-    name    what its forces are called in history.csv
-    where   a region with a name, or a group of a mesh
-    plane   a plane such as 'Y = 0'; particles on it are meant
-    point   the particle nearest to this point [m] is meant
-    body    only this body is meant; all of them unless given
-    mirror  particles have images beyond the plane; without them those on the plane are clamped only
 
     on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are;
     needs_bounding_plane: its plane must bound a body.
@@ -74,7 +66,7 @@ class Reporting(SceneModel):
     history
     """
 
-    name: Name | None = None
+    name: Name | None = Field(None, description="what its forces are called in history.csv")
     reaction: Literal[True] | None = Field(None, description="force, moment and work in the history, by the name")
     moment_about: Point | None = Field(None, description="the point of the moments [m], the origin unless given")
 
@@ -190,8 +182,18 @@ Kind = TypeVar("Kind", bound=Condition)
 
 def boundary_kind(model: type[Kind]) -> type[Kind]:
     """Enter a kind in the table; raises ValueError for one that is there."""
-    for kind in get_args(model.model_fields["kind"].annotation):
-        if kind in BOUNDARY_KINDS.models:
+    for kind in kinds_of(model):
+        if kind in BOUNDARY_KINDS:
             raise ValueError(f"boundary kinds: expected one of the name {kind!r}, found two")
-        BOUNDARY_KINDS.models[kind] = model
+        BOUNDARY_KINDS[kind] = model
     return model
+
+
+def of_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
+    """Refuse kinds that the scene's method does not know, or that of the body which a table names."""
+    if isinstance(value, dict):
+        method, kind = method_of(info, value), value.get("kind")
+        known = [one for one in getattr(method, "boundaries", BOUNDARY_KINDS) if one in BOUNDARY_KINDS]
+        why = getattr(method, "refused", {}).get(kind, "") if isinstance(kind, str) else ""
+        check_kind(value, info, BOUNDARY_KINDS, known, why)
+    return handler(value)

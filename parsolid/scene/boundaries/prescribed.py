@@ -4,8 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from parsolid.scene.base_model import Plane, Point
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Plane, Point
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import Formula, FormulaVector, VectorOrFree
 from parsolid.scene.load_histories import LoadHistory, Timed
@@ -19,12 +18,12 @@ class RegionCondition(Condition):
     """A condition on a region: one with a name, a plane, a box, a ball, or the particle nearest to a point."""
 
     exactly_one: ClassVar = (("where", "plane", "box", "ball", "point"),)
-    where: RegionName | None = None
-    plane: Plane | None = None
+    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
+    plane: Plane | None = Field(None, description="a plane such as 'Y = 0'; particles on it are meant")
     box: Box | None = None
     ball: Sphere | None = None
-    point: Point | None = None
-    body: Name | None = None
+    point: Point | None = Field(None, description="the particle nearest to this point [m] is meant")
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
 
     @property
     def region(self) -> Region:
@@ -91,7 +90,7 @@ class FictitiousLayer(Timed, Reporting, MotionCondition):
     kind: Literal["layer"]
     plane: Plane = Field(description="a plane such as 'Y = 0' through the body")
     side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the layer is")
-    body: Name | None = None
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     displacement: VectorOrFree | None = Field(
         None, description="a formula or 'free' for each component [m], zero unless given"
     )

@@ -4,8 +4,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Plane, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Plane, reject
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.named_regions import RegionName
 
@@ -27,9 +26,11 @@ class Support(Condition, Reporting):
     needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["fixed", "roller", "antisymmetric"]
     plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = None
-    body: Name | None = None
-    mirror: bool = True
+    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
+    mirror: bool = Field(
+        True, description="particles have images beyond the plane; without them those on the plane are clamped only"
+    )
 
     @model_validator(mode="before")
     @classmethod

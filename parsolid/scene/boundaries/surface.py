@@ -5,8 +5,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import NotNegative, Plane, method_of, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, NotNegative, Plane, method_of, reject
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import FormulaVector, Scalar
 from parsolid.scene.load_histories import LoadHistory, Timed
@@ -22,8 +21,8 @@ class OnSurface(Condition, Reporting):
     exactly_one: ClassVar = (("plane", "where"),)
     needs_bounding_plane: ClassVar[bool] = True
     plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = None
-    body: Name | None = None
+    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
 
 
 @boundary_kind
@@ -39,10 +38,10 @@ class Pressure(Condition, Timed, Reporting):
     needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["pressure"]
     plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = None
+    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
     box: Box | None = None
     ball: Sphere | None = None
-    body: Name | None = None
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     pressure: Scalar = Field(description="a formula in X, Y, Z, t [Pa]")
 
     @model_validator(mode="after")

@@ -5,8 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Plane, reject
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Plane, reject
 from parsolid.scene.boundaries.condition import Condition, boundary_kind
 from parsolid.scene.formulas import FormulaVector, Scalar
 from parsolid.scene.load_histories import LoadHistory
@@ -19,7 +18,7 @@ class PrescribedTemperature(Condition):
     on_particles: ClassVar[bool] = False
     kind: Literal["temperature"]
     plane: Plane = Field(description="a plane such as 'Y = 0'")
-    body: Name | None = None
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
 
     @model_validator(mode="after")
@@ -41,7 +40,7 @@ class HeatFlux(Condition):
     on_particles: ClassVar[bool] = False
     kind: Literal["heat-flux"]
     plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
-    body: Name | None = None
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
 
     @property

@@ -4,8 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from parsolid.scene.base_model import Plane
-from parsolid.scene.bodies import Name
+from parsolid.scene.base_model import Name, Plane
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import Vector
 from parsolid.scene.load_histories import LoadHistory, Timed
@@ -20,8 +19,8 @@ class Traction(Condition, Timed, Reporting):
     needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["traction"]
     plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = None
-    body: Name | None = None
+    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
 
     @property

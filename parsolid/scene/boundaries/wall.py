@@ -10,10 +10,7 @@ from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_k
 
 @boundary_kind
 class Wall(Condition, Reporting):
-    """A rigid plane that moves with a constant velocity, and on one side of which all bodies are.
-
-    contact      "frictionless": the wall's normal velocity; "sticking": its whole velocity
-    """
+    """A rigid plane that moves with a constant velocity, and on one side of which all bodies are."""
 
     on_particles: ClassVar[bool] = False
     body: ClassVar[None] = None  # type: ignore[misc]
@@ -23,4 +20,6 @@ class Wall(Condition, Reporting):
         description="'above' or 'below': where along the plane's axis the bodies are"
     )
     velocity: Point | None = Field(None, description="the velocity of the wall [m/s], at rest unless given")
-    contact: Literal["frictionless", "sticking"] = "frictionless"
+    contact: Literal["frictionless", "sticking"] = Field(
+        "frictionless", description='"frictionless": the wall\'s normal velocity; "sticking": its whole velocity'
+    )

@@ -29,7 +29,7 @@ class PyParsolid(PythonPackage):
     # parallel HDF5: every rank writes its rows with the driver mpio
     depends_on("py-h5py@3.10: +mpi", type=("build", "run"))
     depends_on("py-meshio@5.3:", type=("build", "run"))
-    depends_on("py-pydantic@2.6:", type=("build", "run"))
+    depends_on("py-pydantic@2.10:", type=("build", "run"))
     depends_on("py-tomli-w@1:", type=("build", "run"))
     depends_on("py-rich@13:", type=("build", "run"))
     depends_on("py-scipy@1.11:", type=("build", "run"))

@@ -2,11 +2,10 @@
 
 import numpy as np
 
+from parsolid.particles.lattices.lattice import jitter_offsets, lines_of
+from parsolid.particles.lattices.perforated import PerforatedFilling
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.lattice import Line, jitter_offsets, numbers_and_spacings
-from parsolid.scene.perforated import PerforatedFilling
-from parsolid.scene.validation_errors import Fault, SceneError
 
 
 class PerforatedNodes:
@@ -16,18 +15,9 @@ class PerforatedNodes:
     """
 
     def __init__(self, body: FilledShape, dimension: int) -> None:
-        """Raises SceneError for a direction without cells, and for more particles than any machine holds."""
         self.body, self.dimension = body, dimension
-        shape = body.shape.model
-        numbers, spacings = numbers_and_spacings(body, dimension)
-        self.lines = [
-            Line.of(shape.lower[i], shape.upper[i], numbers[i], spacings[i], nodes=True) for i in range(dimension)
-        ]
-        counts = [line.count for line in self.lines]
-        if min(counts) < 2:
-            expected = "two nodes or more along each direction of a perforated box"
-            raise SceneError([Fault("refused", "bodies", expected, str(counts))])
-        between = [count - 1 for count in counts]
+        self.lines = lines_of(body)
+        between = [line.count - 1 for line in self.lines]
         cells = body.model_copy(update={"particles": between, "spacing": None, "placement": "cells"})
         self.cells = PerforatedFilling(cells, dimension)
         self.lower, self.upper, self.coarsest = self.cells.lower, self.cells.upper, self.cells.coarsest

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from parsolid.particles.lattices.lattice import Lattice, Line, jitter_offsets
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.lattice import Lattice, Line, jitter_offsets, numbers_and_spacings
 
 
 def _circle(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -26,33 +26,16 @@ class ShellFilling(Lattice):
         shape = body.shape.model
         self.body = body
         self.dimension = dimension
-        self.axis = 2 if dimension == 2 else "XYZ".index(shape.axis)
-        self.origin = np.array(shape.centre if dimension == 2 else shape.base, float)
+        self.axis, self.origin = shape.normal, np.array(shape.origin, float)
         nodes = body.placed_on == "vertices"
         inner, outer = shape.radius - 0.5 * shape.thickness, shape.radius + 0.5 * shape.thickness
         start, end = np.radians(shape.angles)
-        numbers, spacings = numbers_and_spacings(body, dimension)
-        # the wanted hoop spacing is that of the mid-surface
-        hoop_spacing = spacings[0] / shape.radius if spacings[0] else None
-        lines = [Line.of(start, end, numbers[0], hoop_spacing, nodes, shape.closed)]
+        numbers = body.numbers()
+        lines = [Line(start, end, numbers[0], nodes, shape.closed)]
         if dimension == 3:
-            lines.append(Line.of(0.0, shape.length, numbers[1], spacings[1], nodes))
-        lines.append(Line.of(inner, outer, numbers[-1], spacings[-1], nodes))
-        super().__init__(lines)
-        self.lower, self.upper = self._bounds(inner, outer, shape.angles, shape.length)
-        self.coarsest = max(outer * lines[0].step, *(line.step for line in lines[1:]))
-
-    def _bounds(
-        self, inner: float, outer: float, angles: list[float], length: float | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Smallest and largest coordinates: those at the ends of the sector and where it crosses an axis."""
-        crossings = 90.0 * np.arange(np.ceil(angles[0] / 90.0), np.floor(angles[1] / 90.0) + 1)
-        cosine, sine = _circle(np.radians(np.concatenate([angles, crossings])))
-        corners = np.concatenate([self._place(np.full(len(cosine), r), cosine, sine, 0.0) for r in (inner, outer)])
-        lower, upper = corners.min(axis=0), corners.max(axis=0)
-        if length is not None:
-            upper[self.axis] += length
-        return lower, upper
+            lines.append(Line(0.0, shape.length, numbers[1], nodes))
+        super().__init__([*lines, Line(inner, outer, numbers[-1], nodes)])
+        self.lower, self.upper, self.coarsest = body.extent()
 
     def _place(self, radius: np.ndarray, cosine: np.ndarray, sine: np.ndarray, axial: np.ndarray | float) -> np.ndarray:
         position = np.empty((len(cosine), self.dimension))

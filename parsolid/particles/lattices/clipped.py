@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 
+from parsolid.particles.lattices.lattice import lines_of, staircase
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.lattice import Line, counted, numbers_and_spacings, staircase
-
-_HALVINGS = {"whole": 0, "half": 1, "quarter": 2}
 
 
 class ClippedFilling:
@@ -26,28 +24,19 @@ class ClippedFilling:
         shape = body.shape.model
         radius = shape.radius
         self.halved = []
+        self.lower, self.upper, self.coarsest = body.extent()
         if body.shape.kind == "sphere":
-            self.lower, self.upper = np.array(shape.centre, float) - radius, np.array(shape.centre, float) + radius
             self.column_axis = dimension - 1
             exact = math.pi * radius**2 if dimension == 2 else 4.0 / 3.0 * math.pi * radius**3
             curved = dimension
         else:
             self.column_axis = "XYZ".index(shape.axis)
-            self.lower, self.upper = np.array(shape.base, float) - radius, np.array(shape.base, float) + radius
-            self.lower[self.column_axis] = shape.base[self.column_axis]
-            self.upper[self.column_axis] = shape.base[self.column_axis] + shape.length
             curved = 2
             # planes of symmetry through the axis start the lattice there
-            self.halved = [i for i in range(dimension) if i != self.column_axis][: _HALVINGS[shape.part]]
-            self.lower[self.halved] = np.array(shape.base)[self.halved]
+            self.halved = shape.halved
             exact = math.pi * radius**2 * shape.length / 2 ** len(self.halved)
-        numbers, spacings = numbers_and_spacings(body, dimension)
-        self.lines = [
-            Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)
-        ]
-        counted(self.lines)
+        self.lines = lines_of(body)
         self.step = np.array([line.step for line in self.lines])
-        self.coarsest = float(self.step.max())
         self.across = [i for i in range(dimension) if i != self.column_axis]
         self._count_columns(radius, body.shape.kind == "sphere")
         self.count = int(self.ends[-1])

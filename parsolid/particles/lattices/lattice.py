@@ -9,9 +9,6 @@ import numpy as np
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.grading import graded_shares
-from parsolid.scene.validation_errors import Fault, SceneError
-
-MOST_PARTICLES = 10**12
 
 
 class Filling(Protocol):
@@ -43,18 +40,6 @@ class Line:
     closed: bool = False
     grading: tuple[float, ...] = ()
 
-    @classmethod
-    def of(
-        cls, lower: float, upper: float, number: int | None, spacing: float | None, nodes: bool, closed: bool = False
-    ) -> Any:
-        """The line with a number of particles, or with about the given spacing."""
-        if number is None:
-            assert spacing is not None
-            # the upper limit keeps an absurd spacing countable, so that it can be refused
-            number = max(1, round(min((upper - lower) / spacing, 2.0 * MOST_PARTICLES)))
-            number += 1 if nodes and not closed else 0
-        return cls(lower, upper, number, nodes, closed)
-
     @property
     def _on_ends(self) -> bool:
         return self.nodes and not self.closed and self.count > 1
@@ -76,11 +61,6 @@ class Line:
     def shares(self) -> np.ndarray | None:
         """Places (count,) of the nodes between 0 and 1, None where steps are even."""
         return graded_shares(self.count, self.grading) if self.grading else None
-
-    @property
-    def widest(self) -> float:
-        """Largest distance of neighbours."""
-        return self.step if self.shares is None else float(np.diff(self.shares).max() * (self.upper - self.lower))
 
     def place(self, index: np.ndarray) -> np.ndarray:
         """Coordinates of the particles at indices."""
@@ -122,19 +102,10 @@ def jitter_offsets(body: FilledShape, identifier: np.ndarray, movable: np.ndarra
     return body.jitter * (2.0 * np.stack(uniform, axis=1) - 1.0) * movable[:, None]
 
 
-def numbers_and_spacings(body: FilledShape, directions: int) -> tuple[list[Any], list[Any]]:
-    """Number of particles and wanted spacing for each direction; None where the other one is given."""
-    numbers: list[Any] = body.particles or [None] * directions
-    spacings: list[Any] = body.spacing or [None]
-    return numbers, spacings if len(spacings) == directions else spacings * directions
-
-
-def counted(lines: list[Line]) -> int:
-    """Number of places of a lattice. Raises SceneError when it is beyond all machines."""
-    number = math.prod(line.count for line in lines)
-    if number > MOST_PARTICLES:
-        raise SceneError([Fault("refused", "bodies", f"at most {MOST_PARTICLES:g} particles", f"{number:g}")])
-    return number
+def lines_of(body: FilledShape) -> list[Line]:
+    """The lines of a lattice within the bounds of a body's shape."""
+    nodes, (lower, upper) = body.placed_on == "vertices", body.shape.model.bounds()
+    return [Line(low, high, count, nodes) for low, high, count in zip(lower, upper, body.numbers())]
 
 
 def staircase(filling: Any, identifier: np.ndarray, index: list[np.ndarray], face: np.ndarray) -> ParticleSet:
@@ -167,7 +138,7 @@ class Lattice:
     def __init__(self, lines: list[Line]) -> None:
         self.lines = lines
         self.shape = tuple(line.count for line in lines)
-        self.count = counted(lines)
+        self.count = math.prod(self.shape)
 
     def indices(self, first: int, last: int) -> list[np.ndarray]:
         """Index along each line of the particles first .. last-1."""
@@ -186,19 +157,13 @@ class BoxFilling(Lattice):
     """A box filled with nodes (trapezoid volumes) or cells; ids run fastest along the last axis."""
 
     def __init__(self, body: FilledShape, dimension: int) -> None:
-        box = body.shape.model
-        numbers, spacings = numbers_and_spacings(body, dimension)
-        nodes = body.placed_on == "vertices"
-        super().__init__(
-            [Line.of(box.lower[i], box.upper[i], numbers[i], spacings[i], nodes) for i in range(dimension)]
-        )
+        super().__init__(lines_of(body))
         self.body = body
         grading = getattr(body, "grading", None)
         if grading is not None:
             graded = [tuple(one) if len(one) > 1 else () for one in grading]
             self.lines = [replace(line, grading=one) for line, one in zip(self.lines, graded)]
-        self.lower, self.upper = np.array(box.lower, float), np.array(box.upper, float)
-        self.coarsest = max(line.widest for line in self.lines)
+        self.lower, self.upper, self.coarsest = body.extent()
 
     def piece(self, first: int, last: int) -> ParticleSet:
         identifier = np.arange(first, last)

@@ -4,9 +4,9 @@ kept.
 
 import numpy as np
 
+from parsolid.particles.lattices.lattice import lines_of, staircase
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
-from parsolid.scene.lattice import Line, counted, numbers_and_spacings, staircase
 
 
 class PerforatedFilling:
@@ -19,14 +19,10 @@ class PerforatedFilling:
     def __init__(self, body: FilledShape, dimension: int) -> None:
         self.body, self.dimension = body, dimension
         shape = body.shape.model
-        self.lower, self.upper = np.array(shape.lower, float), np.array(shape.upper, float)
-        numbers, spacings = numbers_and_spacings(body, dimension)
-        self.lines = [
-            Line.of(self.lower[i], self.upper[i], numbers[i], spacings[i], nodes=False) for i in range(dimension)
-        ]
-        counted(self.lines)
+        self.lower, self.upper, self.coarsest = body.extent()
+        self.lines = lines_of(body)
         self.step = np.array([line.step for line in self.lines])
-        self.coarsest, self.volume = float(self.step.max()), float(np.prod(self.step))
+        self.volume = float(np.prod(self.step))
         self._count_columns(np.array(shape.centre, float), shape.radius)
         self.count = int(self.ends[-1])
 

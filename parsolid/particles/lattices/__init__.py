@@ -1,0 +1,1 @@
+"""Lattices that fill boxes, shells, cylinders and spheres, made piece by piece."""
