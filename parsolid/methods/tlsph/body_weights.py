@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.pair_search import close_boxes
 from parsolid.materials.declaration import Phrase
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.fillings import extent_of
@@ -142,22 +143,21 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
 def _touching(scene: Any, without: Sequence[int] = ()) -> list[list[int]]:
     """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there;
     without: numbers of bodies that no kernel bonds, which are not looked at."""
-    if len(scene.bodies) - len(without) < 2:
-        return [[] for _ in scene.bodies]
-    extents = [None if i in without else extent_of(body, scene.dimension) for i, body in enumerate(scene.bodies)]
-    support = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing
+    result: list[list[int]] = [[] for _ in scene.bodies]
+    looked_at = [i for i in range(len(scene.bodies)) if i not in without]
+    if len(looked_at) < 2:
+        return result
+    extents = [extent_of(scene.bodies[i], scene.dimension) for i in looked_at]
+    lower, upper, coarsest = (np.array(values) for values in zip(*extents))
+    reach = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing * coarsest
     apart = scene.unbonded
-    result: list[list[int]] = []
-    for i, one in enumerate(extents):
-        result.append([])
-        for j, other in enumerate(extents):
-            if one is None or other is None:
-                continue
-            gap = np.maximum(np.maximum(other.lower - one.upper, one.lower - other.upper), 0.0)
-            bonded = i != j and (apart is None or not apart[i, j])
-            if bonded and np.linalg.norm(gap) < support * max(one.coarsest, other.coarsest):
-                result[-1].append(j)
-    return result
+    for a, b in np.transpose(close_boxes(lower, upper, 2.0 * reach)).tolist():
+        gap = np.maximum(np.maximum(lower[b] - upper[a], lower[a] - upper[b]), 0.0)
+        i, j = looked_at[a], looked_at[b]
+        if (apart is None or not apart[i, j]) and np.linalg.norm(gap) < max(reach[a], reach[b]):
+            result[i].append(j)
+            result[j].append(i)
+    return [sorted(others) for others in result]
 
 
 def _reached(start: int, neighbours: Sequence[Sequence[int]]) -> set[int]:
