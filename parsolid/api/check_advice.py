@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ BENDING = {
     ("mpm", "cells"): {1: 205.0, 2: 0.81},
 }
 _METHOD = re.compile(r"\bmethod(?=\.[a-z])")
+_POLYCONVEX = ("mooney-rivlin", "neo-hookean")
 # particles across that are too few where no figure is known
 _FEW = 3
 # sides of a mesh [m] from which it may be one in millimetres
@@ -39,6 +41,7 @@ def scene_advice(scene: Scene) -> list[Note]:
         place = ".".join(map(str, system.place))
         # settings do not know where they stand; bodies have the scene's numbers already
         result += [Note(code, _METHOD.sub(place, text)) for code, text in system.settings.notes(scene, system.bodies)]
+    result += _of_laws(scene)
     uneven = [
         (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "vertices")
         for system in scene.systems
@@ -50,6 +53,23 @@ def scene_advice(scene: Scene) -> list[Note]:
             text = f'{names}: uneven particles; method.weights = "{weights}" makes them many times more accurate'
             result.append(Note("uneven-particles", text))
     return result
+
+
+def _of_laws(scene: Scene) -> Iterator[Note]:
+    """Hyperelastic laws that lose their waves at moderate strain; the usual ones are polyconvex."""
+    for i, body in enumerate(scene.bodies):
+        declared = getattr(body.material, "declared", None)
+        if getattr(declared, "role", None) != "hyperelastic" or body.material.kind in _POLYCONVEX:
+            continue
+        least = import_module("parsolid.materials.hyperelastic.ellipticity").least_wave
+        try:
+            found = least(body.material.equilibrium_law())
+        except (ArithmeticError, ValueError):
+            # beyond the strains that the law knows
+            continue
+        if found < 0.0:
+            text = f"at strains of 0.3 rho c^2 falls to {found:.2g} of the shear modulus, and waves grow"
+            yield Note("lost-waves", f"bodies.{i}.material: {text}; for smaller strain, or another law")
 
 
 def _of_other_methods(scene: Scene) -> Iterator[Note]:

@@ -33,6 +33,7 @@ COMMANDS = {
     "pareto": "which options of a scene have the least error for their time",
     "import": "turn a mesh file into one that all ranks of a run read in parallel",
     "point": "drive a material along a path of deformation, without particles",
+    "fit": "parameters of a hyperelastic law from measured stretches and stresses",
     "plot": "pictures of a run: energies, probes, the deformed body",
     "view": "turn a run's bodies in a window, or write a page that turns in a browser",
     "keys": "what a scene may say: every key with meaning, unit, default and bounds; a scene to start from",

@@ -56,6 +56,7 @@ NOTES = {
     "clamp-edges": Code("mass that is told without a part of that of clamped edges", "`method.clamp_edges = 0`"),
     "few-layers": Code("a slender body with few particles across, and how stiff it is", "a smaller spacing"),
     "loaded-faces": Code("loaded faces with weights of a kernel, which bear unevenly", '`method.weights = "best"`'),
+    "lost-waves": Code("a law whose waves grow at strains of 0.3", "another law, where strain is not small"),
     "mesh-scale": Code("a mesh so large for its waves that it may be in millimetres", "`shape.mesh.scale = 1e-3`"),
     "no-interaction": Code("bodies of two methods that are close without contact or tie", "`[[contact]]` or `[[tie]]`"),
     "other-method": Code("results of another method, of which some fields alone are taken", "name the fields"),

@@ -1,0 +1,78 @@
+"""Energies of a change of volume, U(J) of bulk modulus K: the volumetric parts of isochoric laws."""
+
+from typing import Any, Literal, NamedTuple
+
+from parsolid.elementary import log
+from parsolid.materials.law_functions import law_function
+
+Volume = Literal["simo-taylor", "quadratic", "logarithmic"]
+
+
+class SimoTaylor(NamedTuple):
+    """K/4 (J^2 - 1 - 2 ln J) (Simo & Taylor, Comput. Methods Appl. Mech. Eng. 85 (1991) 273): infinite at J = 0."""
+
+    bulk_modulus: float
+
+
+class Quadratic(NamedTuple):
+    """K/2 (J - 1)^2."""
+
+    bulk_modulus: float
+
+
+class Logarithmic(NamedTuple):
+    """K/2 ln^2 J; not convex beyond J = e."""
+
+    bulk_modulus: float
+
+
+_PARTS: dict[str, Any] = {"simo-taylor": SimoTaylor, "quadratic": Quadratic, "logarithmic": Logarithmic}
+
+
+def volume_part(kind: str, bulk_modulus: float) -> SimoTaylor | Quadratic | Logarithmic:
+    """The part of a kind, with K [Pa]."""
+    part: SimoTaylor | Quadratic | Logarithmic = _PARTS[kind](float(bulk_modulus))
+    return part
+
+
+@law_function
+def volume_energy(part, J):
+    """U [J/m^3]."""
+
+
+@law_function
+def volume_slopes(part, J):
+    """dU/dJ and d2U/dJ2 [Pa]."""
+
+
+@volume_energy.of(SimoTaylor)
+def _simo_taylor(part, J):
+    return 0.25 * part.bulk_modulus * ((J - 1.0) * (J + 1.0) - 2.0 * log(J))
+
+
+@volume_slopes.of(SimoTaylor)
+def _simo_taylor_slopes(part, J):
+    r = 1.0 / J
+    return 0.5 * part.bulk_modulus * (J - 1.0) * (J + 1.0) * r, 0.5 * part.bulk_modulus * (1.0 + r * r)
+
+
+@volume_energy.of(Quadratic)
+def _quadratic(part, J):
+    return 0.5 * part.bulk_modulus * (J - 1.0) * (J - 1.0)
+
+
+@volume_slopes.of(Quadratic)
+def _quadratic_slopes(part, J):
+    return part.bulk_modulus * (J - 1.0), part.bulk_modulus
+
+
+@volume_energy.of(Logarithmic)
+def _logarithmic(part, J):
+    change = log(J)
+    return 0.5 * part.bulk_modulus * change * change
+
+
+@volume_slopes.of(Logarithmic)
+def _logarithmic_slopes(part, J):
+    change, r = log(J), 1.0 / J
+    return part.bulk_modulus * change * r, part.bulk_modulus * (1.0 - change) * r * r

@@ -1,0 +1,131 @@
+"""Parameters of a hyperelastic law from measured stretches and nominal stresses of sheets that keep their volume."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from parsolid.materials import registry
+from parsolid.materials.declaration import parameters_of
+from parsolid.materials.hyperelastic.functions import stress
+
+# of a law's parameters, what a test of matter that keeps its volume does not see
+_UNSEEN = ("density", "bulk_modulus", "volume")
+# principal stretches of each kind of test, and the free axis, by which the pressure is known
+_KINDS = {
+    "uniaxial": lambda a: (a, a**-0.5, a**-0.5),
+    "equibiaxial": lambda a: (a, a, a**-2.0),
+    "pure-shear": lambda a: (a, 1.0, 1.0 / a),
+}
+KINDS = tuple(_KINDS)
+# starts of the search, factors of moduli and values of pure numbers around which they lie, and 95 % of a normal spread
+_STARTS, _NUMBERS, _CONFIDENCE = 24, (2.0, 30.0), 1.96
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One test: its kind, stretches (n,) and nominal stresses (n,) [Pa]."""
+
+    kind: str
+    stretch: np.ndarray
+    stress: np.ndarray
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Names and values of parameters, half the width of their 95 % intervals (inf where the data do not tell), and the
+    curve (n,) [Pa] at the stretches of each test; error: root mean square of the difference over the largest stress."""
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    spread: np.ndarray
+    curves: list[np.ndarray]
+    error: float
+
+
+def nominal_stress(law: Any, kind: str, stretch: np.ndarray) -> np.ndarray:
+    """Nominal stress (n,) [Pa] along the first axis at constant volume, without stress on the free face."""
+    result = np.empty(len(stretch))
+    for n, a in enumerate(map(float, stretch)):
+        l1, l2, l3 = _KINDS[kind](a)
+        F, H = (l1, 0.0, 0.0, 0.0, l2, 0.0, 0.0, 0.0, l3), (l2 * l3, 0.0, 0.0, 0.0, l1 * l3, 0.0, 0.0, 0.0, l1 * l2)
+        P = stress(law, F, H, 1.0)
+        result[n] = P[0] - P[8] * l3 / l1
+    return result
+
+
+def fitted_parameters(kind: str) -> dict[str, Any]:
+    """Name -> `Parameter` of those of a hyperelastic kind that such tests tell."""
+    found = parameters_of(registry.declared("hyperelastic", kind))
+    return {name: note for name, (_, note) in found.items() if name not in _UNSEEN}
+
+
+def fit(kind: str, tests: list[Measured], fixed: dict[str, float]) -> Fit:
+    """The least squares of all tests, each over its largest stress; fixed: parameters that stay. Raises ValueError
+    where nothing is left to fit, or no start leads anywhere."""
+    from scipy.optimize import least_squares
+
+    parameters = {name: one for name, one in fitted_parameters(kind).items() if name not in fixed}
+    if not parameters:
+        raise ValueError("a parameter that is not fixed")
+    names, modulus = tuple(parameters), max(_modulus_of(one) for one in tests)
+    low = np.array([_bound(one.above, one.at_least, -np.inf) for one in parameters.values()])
+    high = np.array([_bound(one.below, one.at_most, np.inf) for one in parameters.values()])
+    units = np.array([modulus if one.unit == "Pa" else 1.0 for one in parameters.values()])
+    largest = [np.abs(one.stress).max() * np.sqrt(len(one.stress)) for one in tests]
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        law = law_with(kind, dict(zip(names, x * units)) | fixed)
+        if law is None:
+            return np.full(sum(len(one.stress) for one in tests), 1e3)
+        parts = [
+            (nominal_stress(law, one.kind, one.stretch) - one.stress) / scale for one, scale in zip(tests, largest)
+        ]
+        return np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3)
+
+    random, best = np.random.default_rng(0), None
+    for start in range(_STARTS):
+        x = np.where(units == modulus, 0.5, np.geomspace(*_NUMBERS, _STARTS)[start])
+        x = x * 10.0 ** (random.normal(size=len(x)) * (start > 0)) * np.where(random.random(len(x)) < 0.2, -1.0, 1.0)
+        x = np.clip(x, low / units + 1e-6, high / units - 1e-6)
+        try:
+            found = least_squares(residual, x, bounds=(low / units, high / units), x_scale=np.maximum(np.abs(x), 1e-3))
+        except ValueError:
+            continue
+        if np.isfinite(found.cost) and (best is None or found.cost < best.cost):
+            best = found
+    if best is None or best.cost > 1e2:
+        raise ValueError("a start that leads to parameters")
+    law = law_with(kind, dict(zip(names, best.x * units)) | fixed)
+    points = sum(len(one.stress) for one in tests)
+    freedom = max(points - len(names), 1)
+    covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2.0 * best.cost / freedom
+    spread = _CONFIDENCE * np.sqrt(np.diag(covariance)) * units
+    curves = [nominal_stress(law, one.kind, one.stretch) for one in tests]
+    return Fit(names, best.x * units, spread, curves, float(np.sqrt(2.0 * best.cost / len(tests))))
+
+
+def law_with(kind: str, values: dict[str, float]) -> Any:
+    """The law of a kind with parameters; the bulk modulus is of no matter here. None where it refuses them."""
+    from parsolid.scene.declared import model_of
+    from parsolid.scene.validation_errors import SceneError
+
+    declared = registry.declared("hyperelastic", kind)
+    others = {"density": 1.0, "bulk_modulus": 1e9}
+    known = parameters_of(declared)
+    stated = {"kind": kind} | {name: value for name, value in (others | values).items() if name in known}
+    try:
+        return model_of(declared).model_validate(stated).equilibrium_law()  # type: ignore[attr-defined]
+    except (SceneError, ValueError):
+        return None
+
+
+def _bound(excluded: float | None, included: float | None, otherwise: float) -> float:
+    found = included if excluded is None else excluded
+    return otherwise if found is None else float(found)
+
+
+def _modulus_of(test: Measured) -> float:
+    """A modulus [Pa] of the first point of a test."""
+    first = int(np.argmax(test.stretch > 1.0))
+    return float(abs(test.stress[first] / (test.stretch[first] - 1.0)) / 3.0) or 1.0

@@ -1,0 +1,83 @@
+"""Parameters of laws from measured curves: those that made the data come back, and Treloar's rubber."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from parsolid.commands import fit as command
+from parsolid.commands.cli import main
+from parsolid.point.fit import KINDS, Measured, fit, law_with, nominal_stress
+
+TRELOAR = Path(__file__).parents[2] / "docs" / "treloar.csv"
+STRETCH = np.linspace(1.05, 4.0, 12)
+
+
+def made(kind, values, noise=0.0):
+    law, random = law_with(kind, values), np.random.default_rng(4)
+    stresses = [nominal_stress(law, one, STRETCH) for one in KINDS]
+    return [
+        Measured(one, STRETCH, s + noise * np.abs(s).max() * random.normal(size=len(s)))
+        for one, s in zip(KINDS, stresses)
+    ]
+
+
+def test_nominal_stresses_are_those_of_the_closed_forms():
+    """Of mu/2 (I1bar - 3): mu (a - a^-2), mu (a - a^-5), mu (a - a^-3)."""
+    law, a = law_with("yeoh", {"c1": 0.5e6}), STRETCH
+    for kind, power in (("uniaxial", -2), ("equibiaxial", -5), ("pure-shear", -3)):
+        np.testing.assert_allclose(nominal_stress(law, kind, a), 1e6 * (a - a ** float(power)), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("yeoh", {"c1": 0.17e6, "c2": -1.5e3, "c3": 50.0}),
+        ("gent", {"shear_modulus": 0.3e6, "limit": 90.0}),
+        ("polynomial", {"c10": 0.15e6, "c01": 0.02e6, "c20": 1e3, "c11": 0.0, "c02": 0.0, "c30": 0.0}),
+    ],
+)
+def test_parameters_that_made_the_data_come_back(kind, values):
+    found = fit(kind, made(kind, values), {name: 0.0 for name, value in values.items() if value == 0.0})
+    for name, value in zip(found.names, found.values):
+        assert value == pytest.approx(values[name], rel=1e-4), name
+    assert found.error < 1e-6
+
+
+def test_intervals_hold_the_parameters_behind_noise():
+    values = {"shear_modulus": 0.3e6, "limit": 60.0}
+    found = fit("gent", made("gent", values, noise=0.01), {})
+    for name, value, spread in zip(found.names, found.values, found.spread):
+        assert 0.0 < spread < 0.2 * value and abs(value - values[name]) < 2.0 * spread
+
+
+def test_treloars_rubber(capsys, tmp_path):
+    """Three tests at once: Gent's two constants, within 5 % of the largest stress of each test."""
+    assert main(["fit", str(TRELOAR), "--law", "gent", "-o", str(tmp_path / "curve.csv")]) == 0
+    told = dict(line.split(" = ") for line in capsys.readouterr().out.splitlines() if " = " in line)
+    assert float(told["shear_modulus"].split()[0]) == pytest.approx(0.29e6, rel=0.05)
+    assert float(told["limit"].split()[0]) == pytest.approx(88.0, rel=0.05)
+    assert len((tmp_path / "curve.csv").read_text().splitlines()) == 1 + sum(
+        len(one.stretch) for one in command.read_tests(str(TRELOAR))
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "rubber"]),
+        ("kind,stretch,stress\nbending,1.5,1e5\n", ["--law", "yeoh"]),
+        ("kind,stretch,stress\nuniaxial,-1.5,1e5\n", ["--law", "yeoh"]),
+        ("kind,stretch,stress\nuniaxial,wide,1e5\n", ["--law", "yeoh"]),
+        ("kind,stretch\nuniaxial,1.5\n", ["--law", "yeoh"]),
+        ("kind,stretch,stress\n", ["--law", "yeoh"]),
+        ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "--fix", "c9=1"]),
+        ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "--fix", "c2=x"]),
+    ],
+)
+def test_data_and_laws_that_are_none_are_refused(tmp_path, capsys, text, arguments):
+    data = tmp_path / "data.csv"
+    data.write_text(text)
+    assert main(["fit", str(data), *arguments]) == 2
+    assert MPI.COMM_WORLD.rank > 0 or "expected" in capsys.readouterr().err

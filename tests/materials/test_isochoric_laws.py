@@ -1,0 +1,282 @@
+"""Laws of I1bar, of stretches and of formulas, in plain Python: against numbers of 60 digits
+(`hyperelastic_states.json`), derivatives of the energy, exact waves; their tables; runs of every law with every method.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from parsolid.api.check_advice import scene_advice
+from parsolid.materials import registry
+from parsolid.materials.hyperelastic import evaluation, rubbers, scene_formula, stretches
+from parsolid.materials.hyperelastic import functions as of
+from parsolid.materials.hyperelastic.ellipticity import least_wave
+from parsolid.materials.hyperelastic.mooney_rivlin import MooneyRivlin
+from parsolid.materials.hyperelastic.saint_venant_kirchhoff import SaintVenantKirchhoff
+from parsolid.materials.hyperelastic.volume import Logarithmic, Quadratic, SimoTaylor
+from parsolid.scene import SceneError, parse_scene
+
+REFERENCE = json.loads((Path(__file__).parent / "hyperelastic_states.json").read_text())
+SQUARE, NONE = Quadratic(20e6), (None, None)
+OGDEN = 0.63e6, 1.3, 0.0012e6, 5.0, -0.01e6, -2.0
+LAWS = {
+    "ogden": stretches.Ogden(1.0, *OGDEN, SQUARE, *NONE),
+    "ogden-simo-taylor": stretches.Ogden(1.0, *OGDEN, SimoTaylor(20e6), *NONE),
+    "yeoh": rubbers.Yeoh(1.0, 0.17e6, -1.5e3, 50.0, SQUARE, *NONE),
+    "gent": rubbers.Gent(1.0, 0.3e6, 90.0, SQUARE, *NONE),
+    "arruda-boyce": rubbers.ArrudaBoyce(1.0, 0.3e6, 2.8, SQUARE, *NONE),
+    "polynomial": stretches.Polynomial(1.0, 0.15e6, 0.02e6, 1e3, 2e3, 0.0, 0.0, SQUARE, *NONE),
+    "hencky": stretches.Hencky(1.0, 0.4e6, Logarithmic(20e6), *NONE),
+}
+
+
+def of_formula(text, **constants):
+    return scene_formula._law_with(text, tuple(sorted(constants.items())))
+
+
+FORMULAS = {
+    "mu/2*(I1bar - 3) + K/2*(J - 1)**2": (
+        {"mu": 0.34e6, "K": 20e6},
+        rubbers.Yeoh(1.0, 0.17e6, 0.0, 0.0, SQUARE, *NONE),
+    ),
+    "c1*(I1bar - 3) + c2*(I1bar - 3)**2 + c3*(I1bar - 3)**3 + K/2*(J - 1)**2": (
+        {"c1": 0.17e6, "c2": -1.5e3, "c3": 50.0, "K": 20e6},
+        LAWS["yeoh"],
+    ),
+    "xi*(I1 - 3) + zeta*(I2 - 3) - 2*(xi + 2*zeta)*log(J) + lam/2*(J - 1)**2": (
+        {"xi": 3e5, "zeta": 2e5, "lam": 4e6},
+        MooneyRivlin(1.0, 3e5, 2e5, 4e6, *NONE),
+    ),
+    "m/a*(lambda1bar**a + lambda2bar**a + lambda3bar**a - 3) + K/2*(J - 1)**2": (
+        {"m": 0.63e6, "a": 1.3, "K": 20e6},
+        stretches.Ogden(1.0, 0.63e6, 1.3, 0.0, 2.0, 0.0, 2.0, SQUARE, *NONE),
+    ),
+    "mu*(log(lambda1bar)**2 + log(lambda2bar)**2 + log(lambda3bar)**2) + K/2*log(J)**2": (
+        {"mu": 0.4e6, "K": 20e6},
+        LAWS["hencky"],
+    ),
+}
+EVERY = LAWS | {"saint-venant-kirchhoff": SaintVenantKirchhoff(1.0, 0.4e6, 1e6, *NONE)}
+EVERY |= {text: of_formula(text, **constants) for text, (constants, _) in FORMULAS.items()}
+SMALL = {"saint-venant-kirchhoff": 0.05, "hencky": 0.05, list(FORMULAS)[-1]: 0.05}
+
+
+def arguments(F):
+    J = float(np.linalg.det(F))
+    return tuple(F.ravel().tolist()), tuple((J * np.linalg.inv(F).T).ravel().tolist()), J
+
+
+def stress(law, F):
+    return np.reshape(of.stress(law, *arguments(F)), (3, 3))
+
+
+def deformations(count, spread, seed=3):
+    random, found = np.random.default_rng(seed), []
+    while len(found) < count:
+        F = np.eye(3) + spread * random.normal(size=(3, 3))
+        found += [F] if np.linalg.det(F) > 0.3 else []
+    return found
+
+
+def slope(function, F, step):
+    """Five-point derivatives by the components of F, (3, 3, ...)."""
+    result = [[None] * 3 for _ in range(3)]
+    for i, j in np.ndindex(3, 3):
+        change = np.zeros((3, 3))
+        change[i, j] = step
+        near = function(F + change) - function(F - change)
+        result[i][j] = (8.0 * near - (function(F + 2.0 * change) - function(F - 2.0 * change))) / (12.0 * step)
+    return np.array(result)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_energy_and_stress_are_those_of_sixty_digits(name):
+    for state, expected in REFERENCE["laws"][name]["states"].items():
+        F = np.array(REFERENCE["states"][state])
+        assert of.energy(LAWS[name], *arguments(F)) == pytest.approx(expected["W"], rel=1e-8)
+        P = np.array(expected["P"])
+        np.testing.assert_allclose(stress(LAWS[name], F), P, rtol=0.0, atol=1e-8 * np.abs(P).max())
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_stress_tangent_and_waves_belong_to_the_energy(name):
+    """P is the derivative of W; dP/dF is symmetric; rho c^2 <= N.QN with the exact acoustic tensor on 60 states, equal
+    at rest; a rotation turns the stress."""
+    law, spread = EVERY[name], SMALL.get(name, 0.25)
+    random, ratios = np.random.default_rng(5), []
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    for n, F in enumerate([np.eye(3), *deformations(60, spread)]):
+        tangent = slope(lambda one: stress(law, one), F, 1e-4).transpose(2, 3, 0, 1)
+        matrix = tangent.reshape(9, 9)
+        np.testing.assert_allclose(matrix, matrix.T, rtol=0.0, atol=1e-8 * np.abs(matrix).max())
+        if n % 10 == 1:
+            P = stress(law, F)
+            dW = slope(lambda one: np.asarray(of.energy(law, *arguments(one))), F, 1e-4)
+            np.testing.assert_allclose(P, dW, rtol=0.0, atol=1e-8 * np.abs(P).max())
+            np.testing.assert_allclose(stress(law, turn @ F), turn @ P, rtol=0.0, atol=1e-11 * np.abs(P).max())
+        Q = np.array(of.pressure_waves(law, *arguments(F)))[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        for N in random.normal(size=(6, 3)):
+            N /= np.linalg.norm(N)
+            acoustic = np.einsum("iJkL,J,L->ik", tangent, N, N)
+            ratio = (N @ Q @ N) / np.linalg.eigvalsh(0.5 * (acoustic + acoustic.T))[-1]
+            assert n > 0 or ratio == pytest.approx(1.0, abs=1e-6)
+            ratios.append(ratio)
+    assert min(ratios) > 1.0 - 1e-6 and np.mean(ratios) < 1.06, (min(ratios), np.mean(ratios))
+    shear, lame = of.elastic_moduli(law)
+    at_rest = slope(lambda one: stress(law, one), np.eye(3), 1e-4).transpose(2, 3, 0, 1)
+    assert at_rest[0, 1, 0, 1] == pytest.approx(shear, rel=1e-6)
+    assert at_rest[0, 0, 1, 1] == pytest.approx(lame, rel=1e-6)
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_a_formula_is_the_law_that_it_says(text):
+    constants, law = FORMULAS[text]
+    for F in deformations(10, 0.2, seed=8):
+        P = stress(law, F)
+        np.testing.assert_allclose(stress(EVERY[text], F), P, rtol=0.0, atol=1e-13 * np.abs(P).max())
+        expected = of.energy(law, *arguments(F))
+        assert of.energy(EVERY[text], *arguments(F)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_stretches_that_are_equal_or_nearly_so_have_waves():
+    for gap in (0.0, 1e-12, 1e-6, 1e-5, 1e-3):
+        for name in ("ogden", "polynomial"):
+            Q = of.pressure_waves(LAWS[name], *arguments(np.diag([1.3 + gap, 1.3, 0.6])))
+            close = of.pressure_waves(LAWS[name], *arguments(np.diag([1.3, 1.3, 0.6])))
+            assert np.isfinite(Q).all() and Q == pytest.approx(close, rel=2e-2, abs=1.0)
+
+
+def test_stretched_out_chains_have_no_stress_that_is_a_number():
+    law = rubbers.Gent(1.0, 0.3e6, 5.0, SQUARE, *NONE)
+    near, beyond = (np.diag([a, a**-0.5, a**-0.5]) for a in (2.6, 2.8))
+    assert np.isfinite(stress(law, near)).all() and np.isnan(stress(law, beyond)).all()
+
+
+def scene(material, method="tlsph"):
+    placement = "cells" if method == "mpm" else "vertices"
+    kind = {"kind": method} | ({"cell": 0.5} if method == "mpm" else {})
+    body = {
+        "shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},
+        "particles": [4, 4],
+        "placement": placement,
+        "velocity": ["2*Y", "0.5*X*X"],
+        "material": {"density": 1000.0} | material,
+    }
+    return {"dimension": 2, "end_time": 1.0, "method": kind, "bodies": [body]}
+
+
+BULK = {"bulk_modulus": 2e7}
+STATED = {
+    "yeoh": {"kind": "yeoh", "c1": 0.17e6, "c2": -1.5e3, "c3": 50.0, **BULK},
+    "gent": {"kind": "gent", "shear_modulus": 0.3e6, "limit": 90.0, **BULK},
+    "arruda-boyce": {"kind": "arruda-boyce", "modulus": 0.3e6, "locking_stretch": 2.8, **BULK},
+    "ogden": {"kind": "ogden", "mu_1": 0.63e6, "alpha_1": 1.3, "mu_2": -0.01e6, "alpha_2": -2.0, **BULK},
+    "hencky": {"kind": "hencky", "shear_modulus": 0.4e6, "volume": "logarithmic", **BULK},
+    "polynomial": {"kind": "polynomial", "c10": 0.15e6, "c01": 0.02e6, "c11": 2e3, **BULK},
+    "saint-venant-kirchhoff": {"kind": "saint-venant-kirchhoff", "youngs_modulus": 1e6, "poissons_ratio": 0.4},
+    "formula": {
+        "kind": "formula",
+        "energy": "mu/2*(I1bar - 3) + K/2*(J - 1)**2",
+        "constants": {"mu": 1e6, "K": 2e7},
+    },
+}
+# each law in each method, with Maxwell branches where the method has them, as Python runs it; a line for each
+_RUNS = """
+import json, sys
+from mpi4py import MPI
+from parsolid.scene import parse_scene
+from parsolid.simulation.loop import Simulation
+for name, tables in json.load(sys.stdin):
+    simulation = Simulation(MPI.COMM_SELF, parse_scene(tables))
+    system = simulation.systems[0]
+    before = sum(system.energies())
+    for _ in range(3):
+        assert simulation.take_step(0.3 * system.stable_step()) is not False
+    kinetic, stored = system.energies()
+    print(json.dumps([name, (kinetic + stored) / before, stored]), flush=True)
+"""
+
+
+def test_every_law_runs_with_every_method_that_takes_its_role():
+    cases = []
+    for method in ("tlsph", "peridynamics", "mpm"):
+        branches = {} if method == "mpm" else {"branches": [{"beta": 0.7, "tau": 0.02}]}
+        cases += [(f"{method} {name}", scene(stated | branches, method)) for name, stated in STATED.items()]
+    done = subprocess.run(
+        [sys.executable, "-c", _RUNS],
+        input=json.dumps(cases),
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
+    assert [name for name, _, _ in lines] == [name for name, _ in cases], done.stderr[-2000:]
+    for name, energy, stored in lines:
+        assert stored > 0.0 and energy == pytest.approx(1.0, abs=0.05), name
+
+
+@pytest.mark.parametrize("name", STATED)
+def test_kernels_have_the_values_of_python(name):
+    law = registry.law_of(parse_scene(scene(STATED[name])).bodies[0].material)
+    F = np.array(deformations(8, SMALL.get(name, 0.2), seed=2))
+    P, Q, _ = evaluation.states(law, F)
+    W = evaluation.energies(law, F)
+    for n, one in enumerate(F):
+        np.testing.assert_allclose(P[n], stress(law, one), rtol=0.0, atol=1e-12 * np.abs(P[n]).max())
+        plain = np.array(of.pressure_waves(law, *arguments(one)))[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        np.testing.assert_allclose(Q[n], plain, rtol=0.0, atol=1e-11 * np.abs(plain).max())
+        assert W[n] == pytest.approx(of.energy(law, *arguments(one)), rel=1e-9)
+
+
+def test_every_kind_is_tried_here_or_in_the_tests_of_the_registry():
+    assert set(registry.kinds("hyperelastic")) == {"mooney-rivlin", "neo-hookean", *STATED}
+
+
+def test_a_law_whose_waves_grow_is_told_of():
+    """Of Saint-Venant and Kirchhoff's in compression; the others keep theirs at strains of 0.3."""
+    assert {name for name, law in EVERY.items() if least_wave(law) < 0.0} == {"saint-venant-kirchhoff"}
+    told = [note.code for note in scene_advice(parse_scene(scene(STATED["saint-venant-kirchhoff"])))]
+    assert "lost-waves" in told
+    assert "lost-waves" not in [note.code for note in scene_advice(parse_scene(scene(STATED["yeoh"])))]
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"kind": "ogden", "mu_1": 1e5, "alpha_1": -2.0, **BULK}, "mu_1"),
+        ({"kind": "ogden", "mu_1": 1e5, "alpha_1": 0.0, **BULK}, "alpha_1"),
+        ({"kind": "polynomial", "c10": 0.0, **BULK}, "c10"),
+        ({"kind": "yeoh", "c1": -1.0, **BULK}, "c1"),
+        ({"kind": "hencky", "shear_modulus": 1e6, "volume": "cubic", **BULK}, "volume"),
+        (STATED["formula"] | {"energy": "mu*I1 + K*(J - 1)**2"}, "energy"),
+        (STATED["formula"] | {"energy": "mu*(I1bar - 3) + K*(J - 1)**2 + nothing"}, "energy"),
+        (STATED["formula"] | {"energy": "__import__('os').getcwd()"}, "energy"),
+        (STATED["formula"] | {"energy": "mu*(I1bar - 3)**9**9**9 + K*(J - 1)**2"}, "energy"),
+        (STATED["formula"] | {"energy": "mu*(lambda1bar - 1)**2 + K*(J - 1)**2"}, "energy"),
+        (STATED["formula"] | {"energy": "K*(J - 1)**2 - mu*(I1bar - 3)"}, "energy"),
+        (STATED["formula"] | {"energy": "mu*(I1bar - 3) + K*(J - 1)**2 + log(-1)"}, "energy"),
+        (STATED["formula"] | {"energy": "mu*(I1bar - 3"}, "energy"),
+        (STATED["formula"] | {"constants": {"mu": 1e6, "K": 2e7, "unused": 1.0}}, "constants.unused"),
+        (STATED["formula"] | {"constants": {"mu": 1e6, "K": 2e7, "I1": 1.0}}, "constants.I1"),
+    ],
+)
+def test_constants_and_formulas_that_are_no_solid_are_refused(change, key):
+    with pytest.raises(SceneError, match=rf"bodies\.0\.material\.{key}"):
+        parse_scene(scene(change))
+
+
+def test_the_source_of_a_formula_is_the_same_in_every_process():
+    """Ranks compile the same law."""
+    text, names = list(FORMULAS)[1], ("K", "c1", "c2", "c3")
+    code = f"from parsolid.materials.hyperelastic.scene_formula import source_of; print(source_of({text!r}, {names!r}))"
+    for seed in ("1", "2"):
+        env = os.environ | {"PYTHONHASHSEED": seed}
+        found = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True).stdout
+        assert found.rstrip() == scene_formula.source_of(text, names).rstrip()
