@@ -147,7 +147,8 @@ def _touching(scene: Any, without: Sequence[int] = ()) -> list[list[int]]:
     """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there;
     without: numbers of bodies that no kernel bonds, which are not looked at."""
     result: list[list[int]] = [[] for _ in scene.bodies]
-    some = np.array([i for i in range(len(scene.bodies)) if i not in set(without)])
+    left_out = set(without)
+    some = [i for i in range(len(scene.bodies)) if i not in left_out]
     if not scene.bond or len(some) < 2:
         return result
     extents = [extent_of(scene.bodies[i], scene.dimension) for i in some]
@@ -156,7 +157,7 @@ def _touching(scene: Any, without: Sequence[int] = ()) -> list[list[int]]:
     reach, bonded = support * np.array([one.coarsest for one in extents]), scene.bonded
     for k, m in np.transpose(close_boxes(lower, upper, 2.0 * reach)).tolist():
         gap = np.maximum(np.maximum(lower[m] - upper[k], lower[k] - upper[m]), 0.0)
-        i, j = int(some[k]), int(some[m])
+        i, j = some[k], some[m]
         if np.linalg.norm(gap) < max(reach[k], reach[m]) and bonded.has(i, j):
             result[i].append(j)
             result[j].append(i)
