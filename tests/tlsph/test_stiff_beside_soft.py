@@ -22,6 +22,7 @@ def test_a_load_that_begins_on_a_soft_bar_is_accounted_for(ratio, comm):
         | {"shape": {"box": {"lower": [lower, 0.0], "upper": [lower + 0.5, 0.2]}}}
         for name, young, lower in (("stiff", 1e6 * ratio, 0.0), ("soft", 1e6, 0.5))
     ]
+    data["bond"] = [{"bodies": ["stiff", "soft"]}]
     sim = simulation(data, comm)
     follow(sim, Record(lambda one: one.energy_row()), 40)
     assert sim.clock.step == 40 and sim.energy_check.violation is None
