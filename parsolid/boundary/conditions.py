@@ -2,8 +2,7 @@
 
 A step of leapfrog (`methods.leapfrog.Leapfrog` makes these calls):
 
-    conditions.begin_step(step)
-    conditions.impose_mean(t, step)               # prescribed components move with their mean velocity of the step
+    conditions.begin_with_mean(t, step)           # prescribed components move with their mean velocity of the step
     external = conditions.external_force(t, force, damping)
     ...                                           # opening kick with `external` and `conditions.free`, drift
     conditions.place(t + step, step)              # prescribed displacements and rotations, exactly
@@ -15,10 +14,10 @@ A step of leapfrog (`methods.leapfrog.Leapfrog` makes these calls):
     conditions.impose(t + step)                   # prescribed velocities
     work = conditions.end_step(step, ledger)      # external work of what moves prescribed components
 
-Stages of SSP-RK3 call `external_force(time of the stage, ...)`, `observe(weight step)` and `impose(next time)` in turn.
-A static solution calls `loads` and `motion.displace(t, step, u)`. The material point method has `Loads` alone, and
-applies supports, prescribed motion (`of(MotionCondition)`, with its `course`) and `walls.RigidWall` to nodes; it calls
-`find_reported` with its loads, `observe(duration, velocity)` and `report` at the end of its step.
+Stages of SSP-RK3 begin with `begin_step`, and call `external_force(time of the stage, ...)`, `observe(weight step)` and
+`impose(next time)` in turn. A static solution calls `loads` and `motion.displace(t, step, u)`. The material point
+method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCondition)`, with its `course`) and
+`walls.RigidWall` to nodes; it calls `find_loads`, `observe(duration, velocity)` and `report` at the end of its step.
 
 Vectors are arrays (d, n) with a row for each component. `external_force` and `loads` are forces [N] on the parts of
 particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact, tools
@@ -36,7 +35,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.boundary.constraints import InclinedRoller, Supports, inclined_rollers, mirror_plane
-from parsolid.boundary.forces import tributary_mass
+from parsolid.boundary.kernels import observe_changes, observe_entries, put, replace, resisting_forces
 from parsolid.boundary.loads import Loads
 from parsolid.boundary.motion import PrescribedMotion
 from parsolid.boundary.reactions import Reaction
@@ -65,6 +64,18 @@ class Holder(NamedTuple):
     reaction: Reaction
     find: Callable[[], tuple[np.ndarray, np.ndarray]]
     prescribes: bool
+
+
+class Entries(NamedTuple):
+    """Components of particles whose forces are found: rows (k,) and parts (p, 4), see `boundary.kernels`; moving: how
+    many parts, the first ones, are prescribed; start (k,): their velocities [m/s] at the start of the step; force (k,)
+    [N]: what held them when it was found last."""
+
+    moving: int
+    rows: np.ndarray
+    parts: np.ndarray
+    start: np.ndarray
+    force: np.ndarray
 
 
 class Conditions(Loads):
@@ -97,8 +108,9 @@ class Conditions(Loads):
         self.holders = self._find_holders()
         self._roller_reactions = [self.reaction_of(roller.condition) for roller in self.rollers]
         self._declare_free()
-        # forces (k,) on prescribed components that were found last, and their work in the step
-        self._resisted, self._work = np.zeros(0), 0.0
+        self._layout_of_entries = -1
+        # of what moves prescribed components in the step [J]
+        self._work = 0.0
 
     def _find_holders(self) -> list[Holder]:
         """Those of supports that hold components of particles, and of prescribed motion."""
@@ -107,7 +119,7 @@ class Conditions(Loads):
             reaction = self.reaction_of(one)
             if reaction is None:
                 continue
-            if any(component.condition is one for component in self.motion.components):
+            if self.motion.prescribes(one):
                 result.append(Holder(reaction, partial(self.motion.held_by, one), True))
             elif isinstance(one, Support) and (one.plane is not None or one.kind == "fixed"):
                 axes = np.ones(self.dimension, bool)
@@ -165,23 +177,47 @@ class Conditions(Loads):
             velocity[:, roller.rows] -= roller.held(velocity[:, roller.rows])
         if self.motion.there:
             self.motion.place(time, False, self._displacement())
-            at = self.motion.axes, self.motion.rows
-            velocity[at] = self.motion.end_velocities(time, np.zeros(len(at[0])))
+            self._put_velocities(self.motion.end_velocities(time, np.zeros(len(self.motion.rows))))
 
-    def begin_step(self, step: float) -> None:
-        """Keep what the energies of a step [s] need of its start."""
-        velocity, self._work = self._velocity(), 0.0
-        self._start = velocity[self.motion.axes, self.motion.rows] if self.motion.there else np.zeros(0)
-        self._start_of_holders = [
-            velocity[:, holder.find()[0]] if holder.prescribes else None for holder in self.holders
-        ]
+    @property
+    def entries(self) -> Entries:
+        """Prescribed components, and those that supports hold that report their force."""
+        if self._layout_of_entries != self.particles.layout:
+            self._layout_of_entries, self._entries = self.particles.layout, self._find_entries()
+        return self._entries
 
-    def impose_mean(self, time: float, step: float) -> None:
-        """Let prescribed components have their mean velocity of a step [s] from a time [s]."""
+    def _find_entries(self) -> Entries:
+        """Those of this rank."""
+        parts, rows = [self.motion.parts(self.number_of)], [self.motion.rows]
+        moving, first = len(parts[0]), len(rows[0])
+        for holder in self.holders:
+            if holder.prescribes:
+                continue
+            held, components = holder.find()
+            for axis in range(self.dimension):
+                rows.append(held[components[:, axis]])
+                last = first + len(rows[-1])
+                parts.append(np.array([[first, last, axis, self.number_of(holder.reaction.condition)]]))
+                first = last
+        return Entries(moving, np.concatenate(rows), np.concatenate(parts), *np.zeros((2, first)))
+
+    def begin_step(self) -> None:
+        """Keep what the energies of a step need of its start."""
+        self._work = 0.0
         if self.motion.there:
-            change = self.motion.change(time, step, self._displacement())
-            self._mean = change / step if step > 0.0 else np.zeros_like(change)
-            self._velocity()[self.motion.axes, self.motion.rows] = self._mean
+            self.entries.start[: len(self.motion.rows)] = self._velocity()[self.motion.axes, self.motion.rows]
+
+    def begin_with_mean(self, time: float, step: float) -> None:
+        """`begin_step`, and let prescribed components have their mean velocity of a step [s] from a time [s]."""
+        self._work = 0.0
+        if self.motion.there:
+            at, mean = self.entries, self.motion.mean_velocity(time, step, self._displacement())
+            replace(at.rows, at.parts[: at.moving], mean, self.particles.storage("velocity"), at.start)
+
+    def _put_velocities(self, values: np.ndarray) -> None:
+        """Give prescribed components velocities (k,) [m/s]."""
+        at = self.entries
+        put(at.rows, at.parts[: at.moving], values, self.particles.storage("velocity"))
 
     def place(self, time: float, step: float) -> None:
         """Put what is prescribed exactly where it is at the end of a step [s] at a time [s], after a drift."""
@@ -192,8 +228,8 @@ class Conditions(Loads):
         """Give prescribed components their velocity at a time [s], at a jump before or after it."""
         if self.motion.there:
             at = self.motion.axes, self.motion.rows
-            velocity = self._velocity()
-            velocity[at] = self.motion.end_velocities(time, velocity[at], before_jump)
+            mean = None if self.motion.all_velocities else self._velocity()[at]
+            self._put_velocities(self.motion.end_velocities(time, mean, before_jump))
 
     def external_force(
         self, time: float, force: np.ndarray, damping: np.ndarray | None = None, before_jump: bool = False
@@ -202,56 +238,50 @@ class Conditions(Loads):
 
         force, damping (d, owned or more) [N]: internal and dissipative forces on whole particles at that time.
         """
-        loads = external = self.loads(time, before_jump)
-        self.find_reported(time, before_jump)
+        external = self.find_loads(time, before_jump)
         if self.rollers:
-            external = np.zeros((self.dimension, self.particles.owned)) if loads is None else loads.copy()
-            for roller, reaction in zip(self.rollers, self._roller_reactions):
-                rows = roller.rows
-                held = -roller.held(self._acting(rows, force, damping, external))
-                external[:, rows] += held
-                if reaction is not None:
-                    self._found.append((reaction, rows, held))
-        for holder in self.holders:
-            rows, components = holder.find()
-            resisted = -self._acting(rows, force, damping, external) * components.T
-            self._found.append((holder.reaction, rows, resisted))
-        if self.motion.there:
-            rows, axes = self.motion.rows, self.motion.axes
-            self._resisted = -self._acting(rows, force, damping, external)[axes, np.arange(len(rows))]
+            external = np.zeros((self.dimension, self.particles.owned)) if external is None else external.copy()
+            self._hold_rollers(force, damping, external)
+        if self.motion.there or self.holders:
+            at = self.entries
+            resisting_forces(at.rows, at.parts, force, damping, *self._acting(), external, at.force)
         return external
 
-    def _acting(
-        self, rows: np.ndarray, force: np.ndarray, damping: np.ndarray | None, external: np.ndarray | None
-    ) -> np.ndarray:
-        """All forces (d, k) [N] on the parts of particles on this side of mirror planes."""
-        result = force[:, rows] if damping is None else force[:, rows] + damping[:, rows]
-        if "share" in self.particles:
-            result = self.particles.owned_rows("share")[rows] * result
-        if EXTERNAL_FORCE in self.particles:
-            result = result + self.particles.owned_rows(EXTERNAL_FORCE).T[:, rows]
-        return result if external is None else result + external[:, rows]
+    def _hold_rollers(self, force: np.ndarray, damping: np.ndarray | None, external: np.ndarray) -> None:
+        """Add what holds particles of inclined rollers to forces (d, owned) [N]."""
+        share, interaction = self._acting()
+        for roller, reaction in zip(self.rollers, self._roller_reactions):
+            rows = roller.rows
+            acting = force[:, rows] if damping is None else force[:, rows] + damping[:, rows]
+            acting = acting if share is None else share[rows] * acting
+            acting = acting + external[:, rows] + (0.0 if interaction is None else interaction[:, rows])
+            held = -roller.held(acting)
+            external[:, rows] += held
+            if reaction is not None:
+                self._found.append((self.number_of(roller.condition), rows, held))
+
+    def _acting(self) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """The part (owned,) of particles on this side of mirror planes, and forces (d, capacity) [N] of contact, tools
+        and ties; None without."""
+        particles = self.particles
+        share = particles.owned_rows("share") if "share" in particles else None
+        return share, particles.storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
 
     def observe(self, duration: float, velocity: np.ndarray | None = None) -> None:
         """See `Loads.observe`; also the work of what moves prescribed components."""
-        if self.motion.there:
-            moving = self._velocity() if velocity is None else velocity
-            self._work += duration * float(self._resisted @ moving[self.motion.axes, self.motion.rows])
+        if self.motion.there or self.holders:
+            at, place = self.entries, self.particles.owned_rows("position").T
+            now = self._velocity() if velocity is None else velocity
+            given = at.moving, at.rows, at.parts, duration, at.force
+            self._work += observe_entries(*given, now, place, self._about, self._sums)
         super().observe(duration, velocity)
 
     def end_step(self, step: float, ledger: Any) -> float:
         """External work [J] of what has moved prescribed components in a step [s]; reactions go to the ledger."""
-        velocity, position = self._velocity(), self.particles.owned_rows("position").T
-        for holder, start in zip(self.holders, self._start_of_holders):
-            if start is not None:
-                rows, components = holder.find()
-                mass = tributary_mass(self.particles, rows) * components.T
-                gained = 0.5 * float(np.sum(mass * (velocity[:, rows] ** 2 - start**2)))
-                holder.reaction.add(position[:, rows], mass * (velocity[:, rows] - start), gained)
         if self.motion.there:
-            rows = self.motion.rows
-            now, mass = velocity[self.motion.axes, rows], tributary_mass(self.particles, rows)
-            self._work += 0.5 * float(np.sum(mass * (now**2 - self._start**2)))
+            at, of = self.entries, self.particles.owned_rows
+            state = self._velocity(), of("mass"), self._acting()[0], of("position").T
+            self._work += observe_changes(at.moving, at.rows, at.parts, at.start, *state, self._about, self._sums)
         self.report(step, ledger)
         return self._work
 

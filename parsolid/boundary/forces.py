@@ -5,11 +5,12 @@ keys in `scene/boundaries/` and a class here, entered with `@load_of`; all metho
 and report its force.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from parsolid.boundary.kernels import deformed_areas, spring_forces
 from parsolid.boundary.surface import Surface
 from parsolid.materials.registry import laws_of
 from parsolid.particles.container import Particles
@@ -55,6 +56,21 @@ class Course(Protocol):
         """Values (k, components) at reference positions (k, d) [m] and a time [s], at a jump after or before it."""
 
 
+def jumps_of(course: Course) -> frozenset[float]:
+    """Times [s] at which `before` decides about the values of a course."""
+    return frozenset((*getattr(course, "jump_times", ()), *getattr(course, "jumps", ())))
+
+
+def course_at(course: Course, places: np.ndarray) -> Callable[[float, bool], Sequence[Any]]:
+    """The components of a course at places (k, d) [m] as a function of `time` and `before`, as in `Course.evaluate`:
+    (k,), or a number where it is the same at all places. Warnings of numpy are the caller's."""
+    if hasattr(course, "separated"):
+        with np.errstate(all="ignore"):
+            values: Callable[[float, bool], Sequence[Any]] = course.separated(places).values
+        return values
+    return lambda time, before: list(course.evaluate(places, time, before).T)
+
+
 class DistributedLoad:
     """scale(rows) * course(X, t): a load that depends on reference positions and time alone."""
 
@@ -72,19 +88,37 @@ class DistributedLoad:
         where the course is evaluated, at the particles' own places unless given."""
         self.particles, self.selection, self.scale, self.course, self.plane = particles, selection, scale, course, plane
         self.constant = not course.depends_on_time
-        self.times = tuple(getattr(course, "jump_times", ()))
+        self.times, self._jumps = tuple(getattr(course, "jump_times", ())), jumps_of(course)
         self._layout = -1
+        # forces found last, and for what time
+        self._forces, self._found_at = np.zeros((0, 0)), (np.nan, False)
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
-        """See `Load`."""
-        if self._layout != self.particles.layout:
-            self._layout = self.particles.layout
-            self._rows: Rows = slice(None) if self.selection is None else self.selection.rows
-            self._scale = self.scale(self._rows)
-            self._places = np.array(self.particles.owned_rows("reference_position")[self._rows], order="C")
-            if self.plane is not None:
-                self._places[:, self.plane.axis] = self.plane.offset
-        return self._rows, self._scale * self.course.evaluate(self._places, time, before_jump).T
+        """See `Load`; found once for each time, and void when another one is asked for."""
+        self._follow_layout()
+        moment = 0.0 if self.constant else time, before_jump and time in self._jumps
+        if moment != self._found_at:
+            with np.errstate(all="ignore"):
+                values = self._values(*moment)
+            if self._forces.shape != (len(values), len(self._scale)):
+                self._forces = np.empty((len(values), len(self._scale)))
+            for of_component, one in zip(self._forces, values):
+                np.multiply(self._scale, one, out=of_component)
+            self._found_at = moment
+        return self._rows, self._forces
+
+    def _follow_layout(self) -> None:
+        """Look rows, scale and places up, anew after particles have changed their rows."""
+        if self._layout == self.particles.layout:
+            return
+        self._layout = self.particles.layout
+        self._rows: Rows = slice(None) if self.selection is None else self.selection.rows
+        self._scale = self.scale(self._rows)
+        places = np.array(self.particles.owned_rows("reference_position")[self._rows], order="C")
+        if self.plane is not None:
+            places[:, self.plane.axis] = self.plane.offset
+        self._values = course_at(self.course, places)
+        self._found_at = np.nan, False
 
     def forget(self) -> None:
         """Find rows and scale anew at the next call, after masses have changed."""
@@ -173,29 +207,28 @@ class PressureLoad:
         self.course, self.surface, self.particles = condition.course, surface, surface.particles
         self.times = tuple(self.course.jump_times)
         self._area: np.ndarray | None = None
+        self._layout = -1
 
     def look(self) -> None:
         """Keep the present deformation for the forces that are asked for next."""
-        self._area = None
         self._area = self._deformed_areas()
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
         """See `Load`; by the present deformation gradients of the particles, or those of the last `look`."""
-        rows = self.surface.selection.rows
-        places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[rows])
         area = self._deformed_areas() if self._area is None else self._area
-        return rows, -self.course.evaluate(places, time, before_jump)[:, 0] * area
+        with np.errstate(all="ignore"):
+            (pressure,) = self._pressure(time, before_jump)
+        return self._rows, -pressure * area
 
     def _deformed_areas(self) -> np.ndarray:
         """cof(F) dA (d, k) [m^2]."""
-        rows, of = self.surface.selection.rows, self.particles.owned_rows
-        d = of("reference_position").shape[1]
-        F = of("deformation_gradient")[rows, : d * d].reshape(-1, d, d)
-        if d == 2:
-            cofactor = np.array([[F[:, 1, 1], -F[:, 1, 0]], [-F[:, 0, 1], F[:, 0, 0]]]).transpose(2, 0, 1)
-        else:
-            cofactor = np.cross(F[:, (1, 2, 0)], F[:, (2, 0, 1)])
-        return np.asarray(np.einsum("kij,kj->ik", cofactor, self.surface.vectors(rows)))
+        if self._layout != self.particles.layout:
+            self._layout, self._rows = self.particles.layout, self.surface.selection.rows
+            places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[self._rows])
+            self._pressure, self._vectors = course_at(self.course, places), self.surface.vectors(self._rows)
+        areas = np.empty(self._vectors.T.shape)
+        deformed_areas(self._rows, self.particles.owned_rows("deformation_gradient").T, self._vectors, areas)
+        return areas
 
 
 @load_of(Spring)
@@ -205,24 +238,36 @@ class SpringLoad:
     constant, times = False, ()
 
     def __init__(self, condition: Spring, surface: Surface):
-        self.stiffness, self.damping = condition.stiffness, condition.damping
+        self.stiffness, self.damping = float(condition.stiffness), float(condition.damping)
         self.along_normal = condition.along == "normal"
-        self.surface, self.particles = surface, surface.particles
+        self.surface, self.particles, self._layout = surface, surface.particles, -1
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
         """See `Load`; by the present positions and velocities."""
-        rows, of = self.surface.selection.rows, self.particles.owned_rows
-        displacement = of("position")[rows] - of("reference_position")[rows]
-        traction = -self.stiffness * displacement - self.damping * of("velocity")[rows]
-        if self.along_normal:
-            normal = self.surface.normals(rows)
-            traction = (traction * normal).sum(axis=1)[:, None] * normal
-        return rows, traction.T * self.surface.areas(rows)
+        self._follow_layout()
+        of, forces = self.particles.owned_rows, np.empty(self._shape)
+        state = of("position").T, of("reference_position").T, of("velocity").T
+        spring_forces(self._rows, self.stiffness, self.damping, self._areas, self._normals, *state, forces)
+        return self._rows, forces
 
     @property
     def largest_step(self) -> float:
         """Largest stable step [s] of the particles' mass on springs and dashpots alone."""
-        rows = self.surface.selection.rows
-        per_mass = self.surface.areas(rows) / tributary_mass(self.particles, rows)
+        self._follow_layout()
+        return self._largest_step
+
+    def _follow_layout(self) -> None:
+        """Look rows, areas and masses up, anew after particles have changed their rows."""
+        if self._layout == self.particles.layout:
+            return
+        self._layout, self._rows = self.particles.layout, self.surface.selection.rows
+        self._areas = self.surface.areas(self._rows)
+        self._normals = self.surface.normals(self._rows) if self.along_normal else None
+        self._shape = self.particles.owned_rows("position").shape[1], len(self._rows)
+        per_mass = self._areas / tributary_mass(self.particles, self._rows)
         rate = np.sqrt(self.stiffness * per_mass) + self.damping * per_mass
-        return float(_SAFETY * 1.7 / rate.max(initial=1e-300))
+        self._largest_step = float(_SAFETY * 1.7 / rate.max(initial=1e-300))
+
+    def forget(self) -> None:
+        """Find the step anew at the next call, after masses have changed."""
+        self._layout = -1

@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.boundary.forces import Load, Rows, body_loads, surface_load
+from parsolid.boundary.kernels import add_rows, copy_rows, observe_forces
 from parsolid.boundary.reactions import Reaction
 from parsolid.boundary.surface import Surface
 from parsolid.particles.container import Particles
@@ -40,8 +41,10 @@ class Loads:
         self.all: list[tuple[str, Condition]] = [(f"boundaries.{i}", one) for i, one in enumerate(scene.boundaries)]
         self.reactions: list[Reaction] = []
         self.loads_of: list[tuple[Load, Reaction | None]] = []
-        # forces found last, and who reports them
-        self._found: list[tuple[Reaction, Rows, np.ndarray]] = []
+        # of all reactions, see `boundary.kernels`
+        self._make_sums()
+        # forces (d, k) found last on some rows, and by their number who reports them
+        self._found: list[tuple[int, Rows, np.ndarray]] = []
         self._layout = -1
         self._jumps = {*scene.loads.jump_times}
         for _, one in self.all:
@@ -72,7 +75,20 @@ class Loads:
         if found is None:
             found = Reaction(condition, self.dimension)
             self.reactions.append(found)
+            self._make_sums()
         return found
+
+    def number_of(self, condition: Condition) -> int:
+        """Which of the reactions is that of a condition; how many there are where none is."""
+        found = (i for i, one in enumerate(self.reactions) if one.condition is condition)
+        return next(found, len(self.reactions))
+
+    def _make_sums(self) -> None:
+        """Rows of one array for the sums of all reactions, and of what no reaction takes."""
+        self._about = np.zeros((len(self.reactions) + 1, self.dimension))
+        self._sums = np.zeros((len(self.reactions) + 1, self.dimension + (2 if self.dimension == 2 else 4)))
+        for one, about, sums in zip(self.reactions, self._about, self._sums):
+            about[:], one.sums = one.about, sums
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -89,22 +105,51 @@ class Loads:
         a scene has no loads."""
         if not self.loads_of:
             return None
-        if self._layout != self.particles.layout:
-            self._layout = self.particles.layout
-            self._constant_loads = np.zeros((self.dimension, self.particles.owned))
-            self._add(self._constant_loads, True, 0.0, False)
-        if all(load.constant for load, _ in self.loads_of):
+        self._follow_layout()
+        if not self._changing:
             return self._constant_loads
         result = self._constant_loads.copy()
-        self._add(result, False, time, before_jump)
+        for load, _ in self._changing:
+            _add(*load.forces(time, before_jump), result)
         return result
 
-    def _add(self, result: np.ndarray, constant: bool, time: float, before_jump: bool) -> None:
-        """Add the forces of loads that are constant, or that are not."""
-        for load, _ in self.loads_of:
-            if load.constant == constant:
-                rows, forces = load.forces(time, before_jump)
-                result[: len(forces), rows] += forces
+    def find_loads(self, time: float, before_jump: bool = False) -> np.ndarray | None:
+        """`loads`, of which `observe` counts those that are reported; void when others are found."""
+        self._found.clear()
+        if not self.loads_of:
+            return None
+        self._follow_layout()
+        for rows in self._touched:
+            _restore(rows, self._constant_loads, self._present_loads)
+        self._touched.clear()
+        for load, reported_by in self._changing:
+            rows, forces = load.forces(time, before_jump)
+            _add(rows, forces, self._present_loads)
+            self._touched.append(rows)
+            if reported_by is not None:
+                self._found.append((reported_by, rows, forces))
+        self._found += self._constant_found
+        return self._present_loads
+
+    def _follow_layout(self) -> None:
+        """Find constant loads anew after particles have changed their rows or masses."""
+        if self._layout == self.particles.layout:
+            return
+        self._layout = self.particles.layout
+        self._constant_loads = np.zeros((self.dimension, self.particles.owned))
+        self._changing: list[tuple[Load, int | None]] = []
+        self._constant_found: list[tuple[int, Rows, np.ndarray]] = []
+        for load, reaction in self.loads_of:
+            reported_by = None if reaction is None else self.reactions.index(reaction)
+            if not load.constant:
+                self._changing.append((load, reported_by))
+                continue
+            rows, forces = load.forces(0.0, False)
+            _add(rows, forces, self._constant_loads)
+            if reported_by is not None:
+                self._constant_found.append((reported_by, rows, forces))
+        self._present_loads = self._constant_loads.copy()
+        self._touched: list[Rows] = []
 
     def look(self) -> None:
         """Keep what loads need of the present deformation, which a stage changes before its forces are asked for."""
@@ -119,27 +164,42 @@ class Loads:
             if hasattr(load, "forget"):
                 load.forget()
 
-    def find_reported(self, time: float, before_jump: bool = False) -> None:
-        """Find the forces of a time [s] that `observe` counts."""
-        self._found = [
-            (reaction, *load.forces(time, before_jump)) for load, reaction in self.loads_of if reaction is not None
-        ]
-
     def observe(self, duration: float, velocity: np.ndarray | None = None) -> None:
         """Count impulses and works over a duration [s] of the forces found last, at present places and with velocities
         (d, n) [m/s], the present ones unless given."""
         if self._found:
             position = self.particles.owned_rows("position").T
             velocity = self._velocity() if velocity is None else velocity
-            for reaction, rows, forces in self._found:
-                work = duration * float(np.sum(forces * velocity[:, rows]))
-                reaction.add(position[:, rows], duration * forces, work)
+            for one, rows, forces in self._found:
+                observe_forces(one, rows, duration, forces, velocity, position, self._about, self._sums)
 
     def report(self, step: float, ledger: Any) -> None:
         """Let reactions take what was observed in a step [s] as its mean, and the ledger their work."""
-        for reaction in self.reactions:
-            reaction.finish(step, ledger)
+        if not self.reactions:
+            return
+        means = self._sums / step if step > 0.0 else self._sums
+        for reaction, mean, (*impulses, work) in zip(self.reactions, means, self._sums.tolist()):
+            if step > 0.0 and any(impulses):
+                reaction.values = mean[:-1]
+            ledger.add_term(reaction.term, work)
+        self._sums[:] = 0.0
 
     def _velocity(self) -> np.ndarray:
         """Velocities (d, owned), a view."""
         return self.particles.owned_rows("velocity").T
+
+
+def _add(rows: Rows, forces: np.ndarray, result: np.ndarray) -> None:
+    """Add forces (components, k) on some particles to those (d, n) on all."""
+    if isinstance(rows, slice):
+        result[: len(forces), rows] += forces
+    else:
+        add_rows(rows, forces, result)
+
+
+def _restore(rows: Rows, source: np.ndarray, result: np.ndarray) -> None:
+    """Give some particles the forces (d, n) of the source."""
+    if isinstance(rows, slice):
+        result[:, rows] = source[:, rows]
+    else:
+        copy_rows(rows, source, result)

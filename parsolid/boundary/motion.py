@@ -1,11 +1,13 @@
 """Prescribed motion: velocity or displacement of components of particles; the last condition holds."""
 
-from itertools import pairwise
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
+from parsolid.boundary.forces import jumps_of
+from parsolid.boundary.kernels import add_modes, put
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
@@ -15,16 +17,93 @@ from parsolid.scene.boundaries.prescribed import MotionCondition
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.schema import Scene
+from parsolid.scene.separated import Separated
+
+# of so many times the factors of courses are kept: start, middle and end of a step
+_KEPT = 3
 
 
-class _Component(NamedTuple):
-    """One prescribed component of the particles of a condition; course: its values in time."""
+class _Driven(NamedTuple):
+    """The particles of one condition; axes: prescribed components with the particles of which this condition prescribes
+    them; rotation: where only velocities are prescribed, the displacement that they follow."""
 
     condition: MotionCondition
     is_velocity: bool
-    selection: Selection
-    axis: int
     course: LoadHistory | RigidMotion
+    axes: list[tuple[int, Selection]]
+    rotation: RigidMotion | None
+
+
+class _Here(NamedTuple):
+    """A condition on this rank: rows (k,) of its particles, start (k, d) [m]: where they were, components (k, d) that
+    it prescribes; entries: all of this condition; parts: entries, axis, and which of its particles they are."""
+
+    driven: _Driven
+    rows: np.ndarray
+    start: np.ndarray
+    components: np.ndarray
+    entries: slice
+    parts: list[tuple[slice, int, Any]]
+
+
+class _Values:
+    """Values (count,) of entries in time, sums of factors times modes (`scene.separated`); base (count,): those that do
+    not change."""
+
+    def __init__(self, count: int, courses: list[tuple[_Here, Separated]], jumps: frozenset[float]) -> None:
+        """jumps [s]: times at which `before` decides."""
+        self._courses, self._jumps = [course for _, course in courses], jumps
+        self._known: dict[tuple[float, bool], list[Any]] = {}
+        self._base, modes, table, size, first = np.zeros(count), [], [np.zeros(0)], 0, 0
+        # entries with factors of their own: their number, and mode (k,)
+        self._pointwise: list[tuple[slice, Any, int, np.ndarray]] = []
+        for here, course in courses:
+            for where, axis, which in here.parts:
+                for _, number, mode in (one for one in course.modes if one.component == axis):
+                    values = np.broadcast_to(mode, len(here.rows))[which]
+                    if number is None:
+                        self._base[where] += values
+                    elif course.pointwise[number]:
+                        self._pointwise.append((where, which, first + number, values))
+                    else:
+                        modes.append((where.start, where.stop, first + number, size))
+                        table.append(values)
+                        size += len(values)
+            first += len(course.pointwise)
+        self._modes, self._table = np.array(modes, np.int64).reshape(-1, 4), np.concatenate(table)
+
+    def factors(self, time: float, before_jump: bool) -> list[Any]:
+        """All factors at a time [s], found once for each of the last times."""
+        moment = time, before_jump and time in self._jumps
+        found = self._known.get(moment)
+        if found is None:
+            if len(self._known) == _KEPT:
+                del self._known[next(iter(self._known))]
+            with np.errstate(all="ignore"):
+                found = [one for course in self._courses for one in course.factors(time, before_jump)]
+            self._known[moment] = found
+        return found
+
+    def of(self, factors: list[Any]) -> np.ndarray:
+        """Values (count,) for some factors."""
+        result = self._base.copy()
+        if self._pointwise:
+            for where, which, number, mode in self._pointwise:
+                result[where] += factors[number][which] * mode
+            factors = [one if np.ndim(one) == 0 else 0.0 for one in factors]
+        if len(self._modes):
+            add_modes(self._modes, self._table, np.array(factors), result)
+        return result
+
+    def at(self, time: float, before_jump: bool = False) -> np.ndarray:
+        """Values (count,) at a time [s]."""
+        return self.of(self.factors(time, before_jump))
+
+    def mean(self, time: float, step: float) -> np.ndarray:
+        """Mean values (count,) over a step [s] from a time [s], by Simpson's rule."""
+        first, middle = (self.factors(time + part * step, False) for part in (0.0, 0.5))
+        last = self.factors(time + step, True)
+        return self.of([(a + 4.0 * b + c) / 6.0 for a, b, c in zip(first, middle, last)])
 
 
 class PrescribedMotion:
@@ -32,7 +111,9 @@ class PrescribedMotion:
 
     Velocities are integrated over a step by Simpson's rule. A rotation prescribes displacements where the method takes
     them, else the velocity of the rotation, and its particles are put exactly where they are at the end of each step.
-    there: whether anything is prescribed, the same on all ranks.
+    Values are found once for each time.
+    there: whether anything is prescribed, the same on all ranks; all_velocities: whether no entry of this rank has a
+    prescribed displacement, once its rows were looked up.
     """
 
     def __init__(
@@ -47,22 +128,19 @@ class PrescribedMotion:
         self.particles, self._layout = particles, -1
         motions = [one for _, one in conditions if isinstance(one, MotionCondition)]
         number = np.full(particle_set.position.shape, -1)
-        prescribed_axes = []
         for k, one in enumerate(motions):
             here, axes = selected(scene, one, particle_set, comm), ~one.course.free[: scene.dimension]
             number[here[:, None] & axes] = k
-            prescribed_axes.append(np.flatnonzero(axes))
-        self.components: list[_Component] = []
-        self._rotations: list[tuple[MotionCondition, RigidMotion]] = []
+        self.driven: list[_Driven] = []
         for k, one in enumerate(motions):
-            course, is_velocity = one.course, one.quantity == "velocity"
+            course, is_velocity, rotation = one.course, one.quantity == "velocity", None
             if isinstance(course, RigidMotion) and "displacement" not in scene.method.prescribes:
-                self._rotations.append((one, course))
-                course, is_velocity = course.velocity(), True
-            for axis in map(int, prescribed_axes[k]):
-                selection = particles.selection(number[:, axis] == k)
-                self.components.append(_Component(one, is_velocity, selection, axis, course.component(axis)))
-        self.there = bool(self.components)
+                course, is_velocity, rotation = course.velocity(), True, course
+            free = one.course.free[: scene.dimension]
+            chosen = [(axis, particles.selection(number[:, axis] == k)) for axis in map(int, np.flatnonzero(~free))]
+            self.driven.append(_Driven(one, is_velocity, course, chosen, rotation))
+        self._jumps = frozenset().union(*(jumps_of(one.course) for one in self.driven))
+        self.there = any(one.axes for one in self.driven)
 
     @property
     def rows(self) -> np.ndarray:
@@ -76,59 +154,82 @@ class PrescribedMotion:
         self._follow_layout()
         return self._axes
 
+    def prescribes(self, condition: Condition) -> bool:
+        """Whether a condition is one of those that prescribe components."""
+        return any(one.condition is condition and one.axes for one in self.driven)
+
+    def parts(self, owner: Callable[[Condition], int]) -> np.ndarray:
+        """All entries in parts (p, 4), see `boundary.kernels`; owner: number of the reaction of a condition."""
+        self._follow_layout()
+        return _parts_of(self._here, owner)
+
+    def held_by(self, condition: Condition) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (k,) of the particles of one condition, and which of their components (k, d) it prescribes."""
+        self._follow_layout()
+        return next((one.rows, one.components) for one in self._here if one.driven.condition is condition)
+
     def _follow_layout(self) -> None:
         """Look the rows of all entries up, anew after particles have changed their rows."""
         if self._layout == self.particles.layout:
             return
-        self._layout = self.particles.layout
-        rows = [one.selection.rows for one in self.components]
-        ends = np.cumsum([0, *map(len, rows)])
-        self._parts = [slice(first, last) for first, last in pairwise(ends)]
-        counts = list(map(len, rows))
-        self._rows = np.concatenate([np.zeros(0, np.int64), *rows])
-        self._axes = np.repeat(np.array([one.axis for one in self.components], np.int64), counts)
-        self._is_velocity = np.repeat(np.array([one.is_velocity for one in self.components], bool), counts)
-        self._places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[self._rows])
-        constant = [i for i, one in enumerate(self.components) if not one.course.depends_on_time]
-        changing = [i for i in range(len(self.components)) if i not in constant]
-        self._constant = self._evaluated(constant, 0.0, False)
-        self._changing = {
-            kind: [i for i in changing if self.components[i].is_velocity == kind] for kind in (True, False)
-        }
+        self._layout, self._here, count = self.particles.layout, [], 0
+        for one in self.driven:
+            self._here.append(self._looked_up(one, count))
+            count = self._here[-1].entries.stop
+        self._rows, self._axes = np.zeros((2, count), np.int64)
+        self._is_velocity, self._start = np.zeros(count, bool), np.zeros(count)
+        for here in self._here:
+            self._is_velocity[here.entries] = here.driven.is_velocity
+            for where, axis, which in here.parts:
+                self._rows[where], self._axes[where] = here.rows[which], axis
+        self.all_velocities, self._any_velocity = bool(self._is_velocity.all()), bool(self._is_velocity.any())
+        of_velocity, of_displacement = (
+            [(one, one.driven.course.separated(one.start)) for one in self._here if one.driven.is_velocity == kind]
+            for kind in (True, False)
+        )
+        self._velocities = _Values(count, of_velocity, self._jumps)
+        self._displacements = _Values(count, of_displacement, self._jumps)
+        turning = [(one, one.driven.rotation) for one in self._here if one.driven.rotation is not None]
+        self._turned = _Values(count, [(one, motion.separated(one.start)) for one, motion in turning], self._jumps)
+        self._turning = _parts_of([one for one, _ in turning], lambda condition: 0)
+        for here, _ in turning:
+            for where, axis, which in here.parts:
+                self._start[where] = here.start[which, axis]
 
-    def _evaluated(self, components: list[int], time: float, before_jump: bool) -> np.ndarray:
-        """Values (k,) of some components, zero for entries of others."""
-        result = np.zeros(len(self._rows))
-        for i in components:
-            part = self._parts[i]
-            result[part] = self.components[i].course.evaluate(self._places[part], time, before_jump)[:, 0]
-        return result
+    def _looked_up(self, one: _Driven, first: int) -> _Here:
+        """A condition on this rank, whose first entry has this number."""
+        start = self.particles.owned_rows("reference_position")
+        mask, parts, last = np.zeros(start.shape, bool), [], first
+        for axis, selection in one.axes:
+            mask[selection.rows, axis] = True
+        rows = np.flatnonzero(mask.any(axis=1))
+        for axis, selection in one.axes:
+            whole = len(selection) == len(rows)
+            which = slice(None) if whole else np.searchsorted(rows, selection.rows)
+            parts.append((slice(last, last + len(selection)), axis, which))
+            last += len(selection)
+        return _Here(one, rows, np.ascontiguousarray(start[rows]), mask[rows], slice(first, last), parts)
 
-    def _values(self, of_velocity: bool, time: float, before_jump: bool) -> np.ndarray:
-        """Values (k,) of entries whose velocity, or displacement, is prescribed; those of the others are void."""
+    def mean_velocity(self, time: float, step: float, displacement: np.ndarray | None) -> np.ndarray:
+        """Mean velocities (k,) [m/s] of the entries in a step [s] from a time [s], 0 in one of no length; displacement
+        (d, n) [m]: the present one, where displacements are prescribed."""
         self._follow_layout()
-        if not self._changing[of_velocity]:
-            return self._constant
-        return self._constant + self._evaluated(self._changing[of_velocity], time, before_jump)
-
-    def velocities(self, time: float, before_jump: bool = False) -> np.ndarray:
-        """Velocities (k,) [m/s] at a time [s]; only for entries with a prescribed velocity, zero for others."""
-        self._follow_layout()
-        return np.where(self._is_velocity, self._values(True, time, before_jump), 0.0)
+        if step == 0.0:
+            return np.zeros(len(self._rows))
+        if self.all_velocities:
+            return self._velocities.mean(time, step)
+        return self.change(time, step, displacement) / step
 
     def change(self, time: float, step: float, displacement: np.ndarray | None) -> np.ndarray:
-        """By how much (k,) [m] the entries are displaced in a step [s] from a time [s]; displacement (d, n) [m]: the
-        present one, where displacements are prescribed."""
+        """By how much (k,) [m] the entries are displaced in a step [s] from a time [s]; displacement as above."""
         self._follow_layout()
         result = np.zeros(len(self._rows))
-        if self._is_velocity.any() and step > 0.0:
-            first, middle = (self._values(True, time + part * step, False) for part in (0.0, 0.5))
-            last = self._values(True, time + step, True)
-            result = step / 6.0 * (first + 4.0 * middle + last)
-        if not self._is_velocity.all():
+        if self._any_velocity and step > 0.0:
+            result = step * self._velocities.mean(time, step)
+        if not self.all_velocities:
             assert displacement is not None
             # a step ends before a jump at its end; a step of length zero takes the jump
-            target = self._values(False, time + step, step > 0.0)
+            target = self._displacements.at(time + step, step > 0.0)
             result = np.where(self._is_velocity, result, target - displacement[self._axes, self._rows])
         return result
 
@@ -142,28 +243,26 @@ class PrescribedMotion:
         """Put particles exactly where they are at a time [s]: prescribed components of displacement (d, n), and
         positions of particles in rotation where only velocities are prescribed."""
         self._follow_layout()
-        if displacement is not None and not self._is_velocity.all():
+        if displacement is not None and not self.all_velocities:
             here = ~self._is_velocity
             place = self._axes[here], self._rows[here]
-            displacement[place] = self._values(False, time, before_jump)[here]
-        for one, rotation in self._rotations:
-            rows, components = self.held_by(one)
-            start, position = (self.particles.owned_rows(name) for name in ("reference_position", "position"))
-            there = np.ascontiguousarray(start[rows])
-            position[rows] = np.where(components, there + rotation.evaluate(there, time), position[rows])
+            displacement[place] = self._displacements.at(time, before_jump)[here]
+        if len(self._turning):
+            places = self._start + self._turned.at(time)
+            put(self._rows, self._turning, places, self.particles.storage("position"))
 
-    def end_velocities(self, time: float, mean: np.ndarray, before_jump: bool = False) -> np.ndarray:
+    def end_velocities(self, time: float, mean: np.ndarray | None, before_jump: bool = False) -> np.ndarray:
         """Velocities (k,) [m/s] at the end of a step at a time [s]: those prescribed, or the mean ones (k,) of the step
         where displacements are prescribed."""
-        if not self.there:
-            return mean
-        return np.where(self._is_velocity, self._values(True, time, before_jump), mean)
+        self._follow_layout()
+        values = self._velocities.at(time, before_jump)
+        if self.all_velocities:
+            return values
+        assert mean is not None
+        return np.where(self._is_velocity, values, mean)
 
-    def held_by(self, condition: Condition) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (k,) of the particles of one condition, and which of their components (k, d) it prescribes."""
-        mask = np.zeros((self.particles.owned, self.particles.owned_rows("reference_position").shape[1]), bool)
-        for one in self.components:
-            if one.condition is condition:
-                mask[one.selection.rows, one.axis] = True
-        rows = np.flatnonzero(mask.any(axis=1))
-        return rows, mask[rows]
+
+def _parts_of(conditions: list[_Here], owner: Callable[[Condition], int]) -> np.ndarray:
+    """Their entries in parts (p, 4), see `boundary.kernels`; owner: number of the reaction of a condition."""
+    parts = [(w.start, w.stop, axis, owner(one.driven.condition)) for one in conditions for w, axis, _ in one.parts]
+    return np.array(parts, np.int64).reshape(-1, 4)

@@ -177,8 +177,7 @@ class Leapfrog:
 
     def open_step(self, time: float, step: float) -> None:
         """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
-        self.conditions.begin_step(step)
-        self.conditions.impose_mean(time, step)
+        self.conditions.begin_with_mean(time, step)
         self.opening = self._half_kick(True, time, step)
 
     def place(self, time: float, step: float) -> None:
@@ -211,15 +210,13 @@ class Leapfrog:
 
     def _half_kick(self, opening: bool, time: float, step: float) -> KickEnergies:
         particles, conditions = self.particles, self.conditions
-        storage = particles.storage
-        force, damping = storage(self._force), None if self._damping is None else storage(self._damping)
-        interaction = storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
+        velocity, force, damping, mass, share, interaction = particles.kept(("arrays of kicks", self), self._arrays)
         external = conditions.external_force(time, force, damping, before_jump=not opening)
         if not opening:
             conditions.observe(0.5 * step)
         if self.shared is not None:
             external, interaction = self._shared(external), self._shared(interaction)
-        arrays = storage("velocity"), force, damping, *self._inertia(), external, interaction, conditions.free
+        arrays = velocity, force, damping, mass, share, external, interaction, conditions.free
         return KickEnergies(*kick(particles.owned, opening, 0.5 * step, *arrays))
 
     def _shared(self, force: np.ndarray | None) -> np.ndarray | None:
@@ -230,7 +227,12 @@ class Leapfrog:
         self.shared.share(result)
         return result
 
-    def _inertia(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """Masses of whole particles and their parts on this side of mirror planes, as kernels take them."""
-        of = self.particles.owned_rows
-        return of("mass"), of("share") if "share" in self.particles else None
+    def _arrays(self) -> tuple[Any, ...]:
+        """Velocities, forces, masses of whole particles, their parts on this side of mirror planes, and forces of
+        contact, as kernels take them."""
+        storage, of = self.particles.storage, self.particles.owned_rows
+        return (
+            *(storage("velocity"), storage(self._force), None if self._damping is None else storage(self._damping)),
+            *(of("mass"), of("share") if "share" in self.particles else None),
+            storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in self.particles else None,
+        )

@@ -30,6 +30,12 @@ FAULTS = {
     "geometry": Code(
         "a file of geometry that Gmsh cannot mesh", "install `parsolid[cad]`, state `size`, or mend the file"
     ),
+    "element": Code("elements of a mesh inside out or flat", "mend the mesh there"),
+    "double-node": Code("nodes of a mesh at one place, which nothing joins", "merge them, or make two bodies"),
+    "edge-contact": Code(
+        "parts of a mesh that share an edge alone, or in the plane a node", "join or separate them there"
+    ),
+    "self-overlap": Code("elements of a mesh in one another", "mend the mesh there"),
     "open-surface": Code("a surface of triangles with edges of one triangle", "close it, or mesh its volume"),
     "refused": Code("what the other keys of the scene exclude, in words", "as the message says what is expected"),
 }
@@ -56,6 +62,10 @@ NOTES = {
     "clamp-edges": Code("mass that is told without a part of that of clamped edges", "`method.clamp_edges = 0`"),
     "few-layers": Code("a slender body with few particles across, and how stiff it is", "a smaller spacing"),
     "loaded-faces": Code("loaded faces with weights of a kernel, which bear unevenly", '`method.weights = "best"`'),
+    "mesh-quality": Code(
+        "shape and size of a mesh's elements, and which of them set the step", "better elements there"
+    ),
+    "part-size": Code("how large a part from a mesh is", "`shape.mesh.scale` where it should be another size"),
     "lost-waves": Code("a law whose waves grow at strains of 0.3", "another law, where strain is not small"),
     "mesh-scale": Code("a mesh so large for its waves that it may be in millimetres", "`shape.mesh.scale = 1e-3`"),
     "no-interaction": Code("bodies of two methods that are close without contact or tie", "`[[contact]]` or `[[tie]]`"),

@@ -165,19 +165,71 @@ _OPERATORS: dict[str, Function] = {
 }
 
 
+class Product(NamedTuple):
+    """A function of time (None: 1) times what is the same at all times, a number or (n,); pointwise: whether the
+    function has (n,) values, too."""
+
+    factor: Callable[[Any], Any] | None
+    mode: Any
+    pointwise: bool = False
+
+    def over(self, other: "Product", divide: Callable[[Any, Any], Any]) -> "Product":
+        """This and another one, multiplied or divided."""
+        mode, pointwise = divide(self.mode, other.mode), self.pointwise or other.pointwise
+        mine, its = self.factor, other.factor
+        if its is None:
+            return Product(mine, mode, pointwise)
+        if mine is None:
+            return Product(lambda time: divide(1.0, its(time)), mode, pointwise)
+        return Product(lambda time: divide(mine(time), its(time)), mode, pointwise)
+
+
 class Term:
-    """Part of a formula; names: those that its value depends on; looked_up: whether a table is in it."""
+    """Part of a formula; names: those that its value depends on; looked_up: whether a table is in it; has_rate: whether
+    its value changes in time other than by jumps; logical: whether it may be true or false, which no numbers add to."""
 
     names: frozenset[str] = frozenset()
-    looked_up = False
+    looked_up = has_rate = logical = False
 
     def value(self, known: Mapping[str, Any]) -> Any:
         """The value, of those that the names stand for."""
         raise NotImplementedError
 
-    def dual(self, known: Mapping[str, Any]) -> Dual:
-        """The value and its rate in time. Raises ValueError for a function that has none."""
-        return Dual(self.value(known))
+    def at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
+        """The value as a function of time alone, at coordinates (n,); what does not change in time is found once."""
+        if "t" in self.names:
+            return self._in_time_at(places)
+        value = self.value(places)
+        return lambda time: value
+
+    def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
+        """See `at`, of a term with time in it."""
+        raise NotImplementedError
+
+    def products(self, places: Mapping[str, Any]) -> list[Product]:
+        """The value at coordinates (n,) as a sum of products; of one alone, whose factor has (n,) values, where it is
+        no such sum."""
+        if "t" not in self.names:
+            return [Product(None, self.value(places))]
+        if len(self.names) == 1:
+            return [Product(self.at(places), 1.0)]
+        return self._separated(places) or [Product(self.at(places), 1.0, True)]
+
+    def _separated(self, places: Mapping[str, Any]) -> list[Product]:
+        """See `products`, of a term with time in it; nothing where it is no such sum."""
+        return []
+
+    def dual_at(self, places: Mapping[str, Any]) -> Callable[[Any], Dual]:
+        """The value and its rate in time as a function of time, at coordinates (n,). Raises ValueError for a function
+        that has no rate."""
+        if self.has_rate:
+            return self._dual_in_time_at(places)
+        value = self.at(places)
+        return lambda time: Dual(value(time))
+
+    def _dual_in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Dual]:
+        """See `dual_at`, of a term with a rate."""
+        raise NotImplementedError
 
     def in_time(self, time: float) -> float | None:
         """The value at a time [s]; None where it depends on more, or on a table."""
@@ -188,7 +240,7 @@ class Constant(Term):
     """A number, or true or false."""
 
     def __init__(self, number: Any) -> None:
-        self.number = number
+        self.number, self.logical = number, isinstance(number, np.bool_)
 
     def value(self, known: Mapping[str, Any]) -> Any:
         return self.number
@@ -198,13 +250,16 @@ class Name(Term):
     """A coordinate or the time."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.names = name, frozenset((name,))
+        self.name, self.names, self.has_rate = name, frozenset((name,)), name == "t"
 
     def value(self, known: Mapping[str, Any]) -> Any:
         return known[self.name]
 
-    def dual(self, known: Mapping[str, Any]) -> Dual:
-        return Dual(known[self.name], 1.0 if self.name == "t" else None)
+    def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
+        return lambda time: time
+
+    def _dual_in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Dual]:
+        return lambda time: Dual(time, 1.0)
 
 
 class Applied(Term):
@@ -214,6 +269,8 @@ class Applied(Term):
         self.name, self.arguments = name, arguments
         self.names = frozenset().union(*(one.names for one in arguments))
         self.looked_up = any(one.looked_up for one in arguments)
+        self.has_rate = not self.function.flat and any(one.has_rate for one in arguments)
+        self.logical = name in LOGICAL or all(one.logical for one in arguments)
 
     @property
     def function(self) -> Function:
@@ -223,14 +280,46 @@ class Applied(Term):
     def value(self, known: Mapping[str, Any]) -> Any:
         return self.function.value(*[one.value(known) for one in self.arguments])
 
-    def dual(self, known: Mapping[str, Any]) -> Dual:
-        given = [one.dual(known) for one in self.arguments]
-        function, value = self.function, self.function.value(*[one.value for one in given])
-        if function.flat or all(one.rate is None for one in given):
-            return Dual(value)
-        if function.rate is None:
+    def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
+        function, given = self.function.value, [one.at(places) for one in self.arguments]
+        if len(given) == 1:
+            (only,) = given
+            return lambda time: function(only(time))
+        if len(given) == 2:
+            first, second = given
+            return lambda time: function(first(time), second(time))
+        return lambda time: function(*[one(time) for one in given])
+
+    def _separated(self, places: Mapping[str, Any]) -> list[Product]:
+        if self.name not in ("Add", "Sub", "Mult", "Div") or any(one.logical for one in self.arguments):
+            return []
+        left, right = (one.products(places) for one in self.arguments)
+        if self.name in ("Add", "Sub"):
+            sign = 1.0 if self.name == "Add" else -1.0
+            return [*left, *(one._replace(mode=sign * one.mode) for one in right)]
+        # of two sums the product may cancel
+        if len(right) == 1:
+            return [one.over(right[0], self.function.value) for one in left]
+        return (
+            [one.over(left[0], self.function.value) for one in right] if (len(left), self.name) == (1, "Mult") else []
+        )
+
+    def _dual_in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Dual]:
+        if self.function.rate is None:
             raise ValueError(f"no rate of {self.name!r}")
-        return Dual(value, function.rate(value, *given))
+        function, rate, given = self.function.value, self.function.rate, [one.dual_at(places) for one in self.arguments]
+
+        def of_one(time: Any) -> Dual:
+            only = given[0](time)
+            value = function(only.value)
+            return Dual(value, rate(value, only))
+
+        def of_several(time: Any) -> Dual:
+            duals = [one(time) for one in given]
+            value = function(*[one.value for one in duals])
+            return Dual(value, rate(value, *duals))
+
+        return of_one if len(given) == 1 else of_several
 
 
 class Looked(Term):
@@ -239,15 +328,23 @@ class Looked(Term):
     looked_up = True
 
     def __init__(self, table: "Table", argument: Term) -> None:
-        self.table, self.argument, self.names = table, argument, argument.names
+        self.table, self.argument, self.names, self.has_rate = table, argument, argument.names, argument.has_rate
 
     def value(self, known: Mapping[str, Any]) -> Any:
         return self.table.at(self.argument.value(known))
 
-    def dual(self, known: Mapping[str, Any]) -> Dual:
-        place = self.argument.dual(known)
-        rate = None if place.rate is None else self.table.slope(place.value) * place.rate
-        return Dual(self.table.at(place.value), rate)
+    def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
+        table, argument = self.table, self.argument.at(places)
+        return lambda time: table.at(argument(time))
+
+    def _dual_in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Dual]:
+        table, argument = self.table, self.argument.dual_at(places)
+
+        def dual(time: Any) -> Dual:
+            place = argument(time)
+            return Dual(table.at(place.value), table.slope(place.value) * place.rate)
+
+        return dual
 
 
 class Table:

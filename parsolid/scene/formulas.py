@@ -7,6 +7,7 @@ every node is compared with a list of allowed ones, and terms are made of the pa
 import ast
 import math
 import os
+from collections.abc import Callable, Mapping
 from copy import copy
 from typing import Annotated, Any, NamedTuple
 
@@ -15,7 +16,7 @@ from pydantic import AfterValidator, PlainSerializer, PlainValidator, Validation
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, mismatch
-from parsolid.scene.formula_terms import FUNCTIONS, LOGICAL, Applied, Constant, Looked, Name, Table, Term
+from parsolid.scene.formula_terms import FUNCTIONS, LOGICAL, Applied, Constant, Looked, Name, Product, Table, Term
 from parsolid.scene.validation_errors import suggestion
 
 # functions whose arguments are counted or are texts: at least, at most, and how to write them
@@ -272,20 +273,54 @@ class Formula:
         if self._constant is not None:
             return np.full(len(points), self._constant)
         values = self._values(points, time)
-        if not np.isfinite(values).all() and not NOT_FINITE:
+        self._check(values, points, time)
+        return values
+
+    def products(self, points: np.ndarray) -> list[Product]:
+        """The values at points (n, d) [m] as a sum of products, whose factors take the time [s]; see `Term.products`.
+
+        Warnings of numpy are the caller's to silence.
+        """
+        places = {name: points[:, AXES.index(name)] for name in self.names if name != "t"}
+        found = [Product(self._rate_at(places), 1.0)] if self.of_rate else self._term.products(places)
+        if not all(np.isfinite(one.mode).all() for one in found):
+            self._check(self._values(points, 0.0), points, 0.0)
+        return [one if one.factor is None else one._replace(factor=self._checked(one.factor, points)) for one in found]
+
+    def _checked(self, factor: Callable[[Any], Any], points: np.ndarray) -> Callable[[float], Any]:
+        """A factor of the values at points (n, d) [m] that is looked at each time."""
+
+        def checked(time: float) -> Any:
+            found = factor(np.float64(time))
+            several = isinstance(found, np.ndarray) and found.ndim > 0
+            # the sum of squares is looked at in less time than all of them
+            if not math.isfinite(found.dot(found) if several else found):
+                self._check(self._values(points, time), points, time)
+            return found if several else float(found)
+
+        return checked
+
+    def _rate_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
+        """The rate in time as a function of time, 0 where nothing changes."""
+        dual = self._term.dual_at(places)
+
+        def rate(time: Any) -> Any:
+            found = dual(time).rate
+            return 0.0 if found is None else found
+
+        return rate
+
+    def _check(self, values: np.ndarray, points: np.ndarray, time: float) -> None:
+        """Remember the first value that is no finite number."""
+        if not NOT_FINITE and not np.isfinite(values).all():
             index = int(np.argmin(np.isfinite(values)))
             NOT_FINITE.append(NotFinite(str(self.source), float(values[index]), points[index].tolist(), time))
-        return values
 
     def _values(self, points: np.ndarray, time: float) -> np.ndarray:
         known = {name: np.float64(time) if name == "t" else points[:, AXES.index(name)] for name in self.names}
         result = np.empty(len(points))
         with np.errstate(all="ignore"):
-            if self.of_rate:
-                rate = self._term.dual(known).rate
-                result[:] = 0.0 if rate is None else rate
-            else:
-                result[:] = self._term.value(known)
+            result[:] = self._rate_at(known)(np.float64(time)) if self.of_rate else self._term.value(known)
         return result
 
     def rate(self) -> "Formula":

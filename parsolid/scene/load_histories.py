@@ -1,7 +1,9 @@
 """How loads go in time: formulas that may jump, and tables of factors."""
 
 import itertools
+from bisect import bisect_left, bisect_right
 from copy import copy
+from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -11,6 +13,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import NotNegative, SceneModel, reject
 from parsolid.scene.csv_table import read_csv_table
 from parsolid.scene.formulas import FormulaVector
+from parsolid.scene.separated import Mode, Separated, evaluated
 from parsolid.scene.shapes import ExistingFile
 
 # just before and just after a jump, relative to its time [1] and absolute [s]
@@ -62,14 +65,20 @@ class FactorHistory(SceneModel):
 
     def factor(self, time: float, before: bool = False) -> float:
         """The factor at a time [s]: just after its jump, or just before."""
-        times, factors = np.array(self.table).T
+        times, factors = self._columns
         if time < times[0] or (before and time == times[0]):
             return 0.0
-        end = int(np.searchsorted(times, time, side="left" if before else "right"))
+        end = bisect_left(times, time) if before else bisect_right(times, time)
         if end == len(times):
-            return float(factors[-1])
+            return factors[-1]
         begin, width = times[end - 1], times[end] - times[end - 1]
-        return float(factors[end - 1] + (factors[end] - factors[end - 1]) * (time - begin) / width)
+        return factors[end - 1] + (factors[end] - factors[end - 1]) * (time - begin) / width
+
+    @cached_property
+    def _columns(self) -> tuple[list[float], list[float]]:
+        """Times [s] and factors of all rows."""
+        times, factors = zip(*self.table)
+        return list(map(float, times)), list(map(float, factors))
 
 
 class Timed(SceneModel):
@@ -127,11 +136,36 @@ class LoadHistory:
 
     def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
         """Values (n, components) at points (n, d) [m] and a time [s], of a jump just after, or just before it."""
-        near = time
+        return evaluated(self, points, time, before)
+
+    def separated(self, points: np.ndarray) -> Separated:
+        """The values at points (n, d) [m]."""
+        factors: list[Any] = []
+        modes, pointwise, history = [], list[bool](), self.history
+        with np.errstate(all="ignore"):
+            products = [(i, one) for i, each in enumerate(self.formulas) if each for one in each.products(points)]
+        for component, (factor, mode, of_place) in products:
+            if factor is None and history is None:
+                modes.append(Mode(component, None, mode))
+                continue
+            modes.append(Mode(component, len(factors), mode))
+            factors.append(factor or (lambda time: 1.0))
+            pointwise.append(of_place)
+
+        def found(time: float, before: bool) -> list[Any]:
+            near = self._beside(time, before)
+            if history is None:
+                return [one(near) for one in factors]
+            scale = history.factor(time, before)
+            return [scale * one(near) for one in factors]
+
+        return Separated(len(self.formulas), found, pointwise, modes)
+
+    def _beside(self, time: float, before: bool) -> float:
+        """Where formulas are evaluated for a time [s]: of a jump just after, or just before it."""
         if time in self.jumps:
-            near = time + (-1.0 if before else 1.0) * NEAR * max(1.0, time)
-        values = self.formulas.evaluate(points, near)
-        return values if self.history is None else self.history.factor(time, before) * values
+            return time + (-1.0 if before else 1.0) * NEAR * max(1.0, time)
+        return time
 
 
 def corner_times(scene: Any) -> set[float]:

@@ -1,11 +1,12 @@
 """Rigid motion in time: rotation about an axis that may move, as prescribed displacement and velocity."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.load_histories import NEAR
+from parsolid.scene.separated import Mode, Separated, evaluated
 
 
 class RigidMotion:
@@ -21,12 +22,10 @@ class RigidMotion:
         angle: Formula,
         displacement: FormulaVector | None,
         quantity: str = "displacement",
-        index: int | None = None,
     ):
-        """index: of one component alone."""
         self.dimension = len(centre)
         self.stated = centre, axis, angle, displacement
-        self.quantity, self.index = quantity, index
+        self.quantity = quantity
         self.centre = np.array(centre)
         direction = np.array([0.0, 0.0, 1.0] if axis is None else axis)
         x, y, z = direction / np.linalg.norm(direction)
@@ -47,26 +46,40 @@ class RigidMotion:
         """Times [s] at which the motion jumps."""
         return sorted(self.formulas.jumps)
 
-    def component(self, index: int) -> "RigidMotion":
-        """One component alone."""
-        return RigidMotion(*self.stated, self.quantity, index)
-
     def velocity(self) -> "RigidMotion":
         """The velocity of the motion."""
-        return RigidMotion(*self.stated, "velocity", self.index)
+        return RigidMotion(*self.stated, "velocity")
 
     def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, components) at points (n, d) [m] and a time [s], of a corner just after, or just before it."""
-        if time in self.jumps:
-            time += (-1.0 if before else 1.0) * NEAR * max(1.0, time)
-        origin = np.zeros((1, 3))
-        angle, *moved = self.formulas.evaluate(origin, time)[0]
-        rate, *speed = self.rates.evaluate(origin, time)[0]
-        d, spin = self.dimension, self.spin
-        turned = np.eye(3) + np.sin(angle) * spin + (1.0 - np.cos(angle)) * spin @ spin
-        arm = points - self.centre
-        if self.quantity == "velocity":
-            result = arm @ (rate * spin @ turned)[:d, :d].T + np.array(speed)
-        else:
-            result = arm @ (turned - np.eye(3))[:d, :d].T + np.array(moved)
-        return result if self.index is None else result[:, self.index, None]
+        """(n, d) at points (n, d) [m] and a time [s], of a corner just after, or just before it."""
+        return evaluated(self, points, time, before)
+
+    def separated(self, points: np.ndarray) -> Separated:
+        """The values at points (n, d) [m]."""
+        d, origin, is_velocity = self.dimension, np.zeros((1, 3)), self.quantity == "velocity"
+        arm = (points - self.centre).T
+        # R - 1 = sin S + (1 - cos) S^2 with the spin S, and S^3 = -S; sums that are the same whatever the other points
+        turns = [sum(matrix[:d, j, None] * arm[j] for j in range(d)) for matrix in (self.spin, self.spin @ self.spin)]
+        modes = [Mode(c, i, turned[c]) for i, turned in enumerate(turns) for c in range(d)]
+        angle, *moved = [_alone(one, origin) for one in self.formulas]
+        rate, *speeds = [_alone(one, origin) for one in self.rates]
+        added = []
+        if not all(one.is_constant for one in self.formulas[1:]):
+            added, modes = speeds if is_velocity else moved, [*modes, *(Mode(c, 2 + c, 1.0) for c in range(d))]
+
+        def factors(time: float, before: bool) -> list[float]:
+            if time in self.jumps:
+                time += (-1.0 if before else 1.0) * NEAR * max(1.0, time)
+            turn = angle(time)
+            sin, cos = float(np.sin(turn)), float(np.cos(turn))
+            speed = rate(time) if is_velocity else 1.0
+            turning = [speed * cos, speed * sin] if is_velocity else [sin, 1.0 - cos]
+            return turning + [one(time) for one in added]
+
+        return Separated(d, factors, [False] * (2 + len(added)), modes)
+
+
+def _alone(formula: Formula, origin: np.ndarray) -> Callable[[float], float]:
+    """A formula in t alone as a function of time [s]."""
+    products = formula.products(origin)
+    return lambda time: sum(float(mode) * (1.0 if factor is None else factor(time)) for factor, mode, _ in products)

@@ -35,6 +35,7 @@ class StepAgreement:
         self._reported: list[float] = []
         self._requests = [0.0] * requests
         self._resumed = False
+        self._reporters = {id(system): partial(self._report, system) for system in systems}
         self._minimum = MinimumAhead(comm, 2 + requests + len(self._parts) + subcycling.extra)
 
     def stable_step(self) -> float:
@@ -61,7 +62,7 @@ class StepAgreement:
 
     def reporter(self, system: ParticleSystem) -> Callable[[bool, float], None]:
         """What a system calls within its step with (whether its state is sound, its next stable step [s])."""
-        return partial(self._report, system)
+        return self._reporters[id(system)]
 
     def _report(self, system: ParticleSystem, sound: bool, stable: float) -> None:
         sound = sound and not self.unsound and isfinite(stable)
@@ -70,8 +71,8 @@ class StepAgreement:
             self._begin(self._reported, self._allowed(), self._reported)
 
     def _begin(self, stable: Sequence[float], allowed: float, of_systems: Sequence[float]) -> None:
-        requests = (-request for request in self._requests)
-        rebuilds = (-float(part.rebuild_needed) for part in self._parts)
+        requests = [-request for request in self._requests]
+        rebuilds = [-float(part.rebuild_needed) for part in self._parts]
         told = self.subcycling.told(of_systems)
         self._minimum.begin((min(stable), allowed, *requests, *rebuilds, *told))
 
@@ -88,7 +89,7 @@ class StepAgreement:
 
     def _allowed(self) -> float:
         """Step [s] that interactions allow on this rank where nothing else acts."""
-        return min((interaction.stable_step() for interaction in self.interactions), default=inf)
+        return min([interaction.stable_step() for interaction in self.interactions], default=inf)
 
 
 def _combined(stable: float, allowed: float) -> float:

@@ -1,7 +1,7 @@
 """The loop over the steps of a scene: advance systems and interactions, agree on the next step, write outputs."""
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
@@ -189,24 +189,35 @@ class Simulation:
         self.ledger.begin_step()
         for interaction in self.interactions:
             interaction.start_step(self.clock.time, step, self.ledger)
-        started, sent = clock.perf_counter(), COMMUNICATION.seconds
+        started = moment = clock.perf_counter()
         for number in range(len(self.systems)):
-            self._timed(self._advance_positions, number, step)
-        positions = clock.perf_counter()
-        self.phases.sent += COMMUNICATION.seconds - sent
+            sent = COMMUNICATION.seconds
+            self._advance_positions(number, step)
+            moment = self._count_work(number, moment, sent)
+        positions = moment
         self._find_external_forces(arrival, step)
-        forces, sent = clock.perf_counter(), COMMUNICATION.seconds
+        forces = moment = clock.perf_counter()
         for number in range(len(self.systems)):
-            self._timed(self._complete_step, number, step)
-        self.phases.sent += COMMUNICATION.seconds - sent
+            sent = COMMUNICATION.seconds
+            self._complete_step(number, step)
+            moment = self._count_work(number, moment, sent)
         self.clock.time, self.clock.step_size = arrival, step
         self.time_steps.last = step
         self.clock.step += 1
-        now = clock.perf_counter()
         if self.interactions:
             self.phases.contact += started - began + forces - positions
         self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor
-        self._count_seconds(now - began, clock.process_time() - processor_began)
+        self._count_seconds(moment - began, clock.process_time() - processor_began)
+
+    def _count_work(self, number: int, began: float, sent: float) -> float:
+        """Count what a part of a step of one system took that began at a reading of the clock, with so many seconds in
+        messages before it; the present reading."""
+        now, messages = clock.perf_counter(), COMMUNICATION.seconds - sent
+        self.phases.sent += messages
+        if self.clock.step > self.first_step:
+            # without what the first step of a program loads
+            self.clock.work[number] += now - began - messages
+        return now
 
     def _advance_positions(self, number: int, step: float) -> None:
         """Positions of one system at the end of a step [s]; of several steps of its own all but the second part of the
@@ -234,6 +245,8 @@ class Simulation:
         A system with several steps of its own has had the forces F of the start in all of them, and takes half of one
         with the new ones F': the rest of (F + F') step/2 is an impulse.
         """
+        if not self.interactions:
+            return
         acted_on = [system for system in self.systems if EXTERNAL_FORCE in system.particles]
         before = [system.particles.owned_rows(EXTERNAL_FORCE).copy() for system in acted_on if system.substeps > 1]
         for system in acted_on:
@@ -251,14 +264,6 @@ class Simulation:
         time, own = self.clock.time + (system.substeps - 1) * (step / system.substeps), step / system.substeps
         if not system.complete_step(time, own, self._ledgers[number], self.agreement.reporter(system)):
             self.agreement.unsound = True
-
-    def _timed(self, part: Callable[[int, float], None], number: int, step: float) -> None:
-        """A part of a step [s] of one system, and what work it is for this rank."""
-        began, waited = clock.perf_counter(), COMMUNICATION.seconds
-        part(number, step)
-        if self.clock.step > self.first_step:
-            # without what the first step of a program loads
-            self.clock.work[number] += clock.perf_counter() - began - (COMMUNICATION.seconds - waited)
 
     def _count_seconds(self, seconds: float, processor_seconds: float) -> None:
         """Add what a step took, on the wall and on this rank's processor [s]."""

@@ -5,7 +5,8 @@ import pytest
 from solids import simulation, tables
 
 from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
-from parsolid.scene.formulas import Formula
+from parsolid.scene.formulas import Formula, FormulaVector
+from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.simulation.scene_changes import contents
 
 POINTS = np.array([[0.25, 2.0, -1.0], [1.0, 3.0, 4.0]])
@@ -36,6 +37,32 @@ def folder(tmp_path):
 )
 def test_values(folder, source, time, expected):
     np.testing.assert_allclose(Formula(source, folder=str(folder)).evaluate(POINTS, time), expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("source", "pointwise"),
+    [
+        ("0.1*sin(5*t)*(1 + Y) - X*t/2 + Z", [False, False]),
+        ("(X - t)*(X + t)/(1 + t)", [True]),
+        ("(1 + Y)/(2 + t) + (X + t)/Y", [False, False]),
+        ("3/(X + 1) + t**2", [False]),
+        ("X*cos(t - Y)", [True]),
+        # of what is true or false, sums are no sums of numbers
+        ("(t < 1)*(X < 0.5) + (t < 2)*(Y > 0)", [True]),
+        ("(X < 0.5) - (2 < t)*X", [True]),
+    ],
+)
+def test_values_are_sums_of_factors_in_time_times_modes(source, pointwise):
+    formula = Formula(source)
+    course = LoadHistory(FormulaVector((formula, None)), Timed(history={"rows": [[0.0, 2.0], [1.0, 3.0]]}))
+    plain = LoadHistory(FormulaVector((formula,))).separated(POINTS)
+    assert plain.pointwise == pointwise
+    for time in (0.0, 0.3, 0.9, 2.0):
+        expected = formula.evaluate(POINTS, time)
+        np.testing.assert_allclose(plain.values(time, False)[0] + np.zeros(2), expected, rtol=1e-13)
+        values = course.evaluate(POINTS, time)
+        np.testing.assert_allclose(values[:, 0], (2.0 + min(time, 1.0)) * expected, rtol=1e-13)
+        assert not values[:, 1].any()
 
 
 @pytest.mark.parametrize(

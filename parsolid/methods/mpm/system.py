@@ -162,10 +162,9 @@ class MaterialPoint(Reports):
 
     def _load_forces(self, time: float) -> np.ndarray | None:
         """Forces (capacity, 4) [N] of the loads on particles at a time [s], None without any."""
-        loads = self.loads.loads(time)
+        loads = self.loads.find_loads(time)
         if loads is None:
             return None
-        self.loads.find_reported(time)
         result = np.zeros((self.points.capacity, 4))
         result[: self.owned, : self.dimension] = loads.T
         return result

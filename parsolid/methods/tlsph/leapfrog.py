@@ -9,6 +9,7 @@ T and D are state: D belongs to v', so that a new evaluation from v gives other 
 their mean over the step, which kicks do not change. As grad is linear in v, F stays grad x by the same operator.
 """
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ class Leapfrog:
 
     def step_of(self, density: float, signal: float) -> float:
         """Largest step [s] for a signal [sqrt(Pa)] of particles of a density [kg/m^3]."""
-        return float(self.safety * self.system.spacing * np.sqrt(density) / signal) if signal > 0.0 else 0.0
+        return float(self.safety * self.system.spacing * sqrt(density) / signal) if signal > 0.0 else 0.0
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in their present state."""

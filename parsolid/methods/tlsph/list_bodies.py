@@ -108,10 +108,10 @@ class ListBodies(StepBound):
         branches have dissipated, the stable step [s] of the new state)."""
         self._begin_gradients()
         sound, dissipated, stable = True, 0.0, np.inf
-        for block in self.blocks:
+        for block, fields in self._kept_fields():
             positive, lost, signal = advance_step(
                 block.solid, step, self.dimension, self.signals, block.branches(step), self.half,
-                block.first, block.last, block.places, *self._fields(block), self.near.inner, self.motion,
+                block.first, block.last, block.places, *fields, self.near.inner, self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
                 block.plastic(step, self.last_step),
             )  # fmt: skip
@@ -140,6 +140,13 @@ class ListBodies(StepBound):
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
         return sound, dissipated, stable
+
+    def _kept_fields(self) -> list[tuple[Any, tuple[Any, ...]]]:
+        """Every block with its fields, found once for as long as there are no other arrays."""
+        found: list[tuple[Any, tuple[Any, ...]]] = self.particles.kept(
+            ("fields of blocks", self), lambda: [(block, self._fields(block)) for block in self.blocks]
+        )
+        return found
 
     def _fields(self, block: Any) -> tuple[Any, ...]:
         """Deformation gradient, Jacobian, branches, volumes, updated reference, initial stress."""

@@ -47,7 +47,7 @@ class StagedStep:
         """One step [s] from a time [s]; see `ParticleSystem`."""
         system, sound = self.system, True
         conditions, walls = system.conditions, system.fixed_walls
-        conditions.begin_step(step)
+        conditions.begin_step()
         for stage in SSP_RK3:
             conditions.look()
             positive, internal, stable = True, 0.0, conditions.largest_step

@@ -1,0 +1,178 @@
+"""Loops over the particles that conditions act on.
+
+Vectors are (d, n or more) with a row for each component. Entries are components of particles: rows (k,), and parts
+(p, 4) of entries from one number to before another along one axis, whose forces one reaction reports. sums
+(reactions + 1, c): of each reaction impulse [N s], moment [N m s] about a point (about, (reactions + 1, d)) and work
+[J]; the last one takes what is not reported.
+"""
+
+import numpy as np
+
+from parsolid.kernels import kernel, reduction
+
+
+@kernel
+def put(rows, parts, values, vectors):
+    """Set entries of vectors to values (k,)."""
+    for p in range(parts.shape[0]):
+        component = vectors[parts[p, 2]]
+        for e in range(parts[p, 0], parts[p, 1]):
+            component[rows[e]] = values[e]
+
+
+@kernel
+def replace(rows, parts, values, vectors, before):
+    """Set entries of vectors to values (k,), and fill before (k,) with what was there."""
+    for p in range(parts.shape[0]):
+        component = vectors[parts[p, 2]]
+        for e in range(parts[p, 0], parts[p, 1]):
+            before[e], component[rows[e]] = component[rows[e]], values[e]
+
+
+@kernel
+def add_modes(modes, table, factors, values):
+    """Add modes times their factors to values (k,) of entries; modes (m, 4): entries from one number to before another,
+    number of the factor, and where in the table the mode begins."""
+    for m in range(modes.shape[0]):
+        first, last, shift, factor = modes[m, 0], modes[m, 1], modes[m, 3] - modes[m, 0], factors[modes[m, 2]]
+        for e in range(first, last):
+            values[e] += factor * table[shift + e]
+
+
+@kernel
+def add_rows(rows, values, vectors):
+    """Add values (d, k) to the vectors of some particles."""
+    for c in range(values.shape[0]):
+        for i in range(rows.size):
+            vectors[c, rows[i]] += values[c, i]
+
+
+@kernel
+def copy_rows(rows, source, vectors):
+    """Set the vectors of some particles to those of the source."""
+    for c in range(source.shape[0]):
+        for a in rows:
+            vectors[c, a] = source[c, a]
+
+
+@kernel
+def resisting_forces(rows, parts, force, damping, share, interaction, external, values):
+    """Fill values (k,) [N] of entries with what holds them against all other forces on the parts of particles on this
+    side of mirror planes; arguments as in `methods.leapfrog.kick`."""
+    for p in range(parts.shape[0]):
+        c = parts[p, 2]
+        for e in range(parts[p, 0], parts[p, 1]):
+            a = rows[e]
+            acting = force[c, a]
+            if damping is not None:
+                acting += damping[c, a]
+            if share is not None:
+                acting *= share[a]
+            if interaction is not None:
+                acting += interaction[c, a]
+            if external is not None:
+                acting += external[c, a]
+            values[e] = -acting
+
+
+@reduction
+def add_impulses(c, rows, impulses, velocity, place, about, sums):
+    """Add impulses (k,) [N s] along axis c on particles to the sums of one reaction; their work [J]."""
+    d = about.size
+    following, last = (c + 1) % d, (c + 2) % d
+    moving, first, second = velocity[c], place[following], place[last]
+    total, work, of_first, of_second = 0.0, 0.0, 0.0, 0.0
+    for i in range(rows.size):
+        a, impulse = rows[i], impulses[i]
+        total += impulse
+        work += impulse * moving[a]
+        of_first += impulse * (first[a] - about[following])
+        of_second += impulse * (second[a] - about[last])
+    sums[c] += total
+    sums[-1] += work
+    if d == 2:
+        sums[2] += of_first if c == 1 else -of_first
+    else:
+        sums[3 + following] += of_second
+        sums[3 + last] -= of_first
+    return work
+
+
+@kernel
+def observe_entries(moving, rows, parts, duration, values, velocity, place, about, sums):
+    """Count impulses and works of forces (k,) [N] on entries over a duration [s].
+
+    Returns the work [J] of the first parts, so many as `moving`.
+    """
+    total = 0.0
+    for p in range(parts.shape[0]):
+        first, last, c, one = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
+        impulses = duration * values[first:last]
+        work = add_impulses(c, rows[first:last], impulses, velocity, place, about[one], sums[one])
+        total += work if p < moving else 0.0
+    return total
+
+
+@kernel
+def observe_changes(moving, rows, parts, start, velocity, mass, share, place, about, sums):
+    """Count impulses and works that changed the velocities of the first parts, so many as `moving`, from start (k,)
+    [m/s] to the present ones; the work of all [J]."""
+    total = 0.0
+    for p in range(moving):
+        first, last, c, one = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
+        impulses, behind = np.empty(last - first), 0.0
+        for e in range(first, last):
+            a = rows[e]
+            part = mass[a] if share is None else mass[a] * share[a]
+            change = velocity[c, a] - start[e]
+            impulses[e - first] = part * change
+            # they act on the mean of both velocities
+            behind += 0.5 * part * change * change
+        work = add_impulses(c, rows[first:last], impulses, velocity, place, about[one], sums[one]) - behind
+        sums[one, -1] -= behind
+        total += work
+    return total
+
+
+@kernel
+def observe_forces(one, rows, duration, forces, velocity, place, about, sums):
+    """Count impulses and works of forces (d, k) [N] over a duration [s] for one reaction."""
+    for c in range(forces.shape[0]):
+        add_impulses(c, rows, duration * forces[c], velocity, place, about[one], sums[one])
+
+
+@kernel
+def spring_forces(rows, stiffness, damping, areas, normals, place, start, velocity, forces):
+    """Fill forces (d, k) [N] of springs [Pa/m] and dashpots [Pa s/m] on areas (k,) [m^2] from start to rest; normals
+    (k, d): along which alone they act, or None."""
+    d = forces.shape[0]
+    for i in range(rows.size):
+        a = rows[i]
+        along = 0.0
+        for c in range(d):
+            forces[c, i] = -areas[i] * (stiffness * (place[c, a] - start[c, a]) + damping * velocity[c, a])
+            if normals is not None:
+                along += forces[c, i] * normals[i, c]
+        if normals is not None:
+            for c in range(d):
+                forces[c, i] = along * normals[i, c]
+
+
+@kernel
+def deformed_areas(rows, F, vectors, areas):
+    """Fill areas (d, k) [m^2] of particles with cof(F) A; F (d d or more, n); vectors A (k, d) [m^2]."""
+    for i in range(rows.size):
+        a = rows[i]
+        if vectors.shape[1] == 2:
+            x, y = vectors[i, 0], vectors[i, 1]
+            areas[0, i] = F[3, a] * x - F[2, a] * y
+            areas[1, i] = -F[1, a] * x + F[0, a] * y
+        else:
+            for c in range(3):
+                j, k = (c + 1) % 3, (c + 2) % 3
+                total = 0.0
+                for e in range(3):
+                    m, n = (e + 1) % 3, (e + 2) % 3
+                    minor = F[3 * j + m, a] * F[3 * k + n, a] - F[3 * j + n, a] * F[3 * k + m, a]
+                    total += minor * vectors[i, e]
+                areas[c, i] = total
