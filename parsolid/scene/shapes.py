@@ -217,6 +217,12 @@ class MeshFile(SceneModel):
     scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 
+def of_one_mesh(one: Any, other: Any) -> bool:
+    """Whether two shapes are groups of one mesh, whose nodes bodies share where they touch."""
+    meshes = one.kind == other.kind == "mesh" and one.model.of_whole == other.model.of_whole
+    return bool(meshes and None not in (one.model.group, other.model.group))
+
+
 class Refinement(SceneModel):
     """Where elements of geometry are smaller than elsewhere."""
 
