@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from histories import FROZEN_AT, HERE, checkout, environment
+from histories import FROZEN_AT, HERE, bonds, checkout, environment
 
 TIMED = HERE / "timed"
 
@@ -55,7 +55,8 @@ def run(
     Python keeps compiled modules, which are compiled anew if there is none."""
     with tempfile.TemporaryDirectory() as results:
         command = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        command += [sys.executable, "-m", "parsolid", "run", *([str(TIMED / f"{scene}.toml")] if scene else []), "-q"]
+        stated = [str(TIMED / f"{scene}.toml"), *bonds(folder, scene)] if scene else []
+        command += [sys.executable, "-m", "parsolid", "run", *stated, "-q"]
         command += ["-o", results, "--max-steps", str(steps), "--set", "output.pictures=false"]
         variables = environment(folder) | ({"XDG_CACHE_HOME": str(cache)} if cache else {})
         if bytecode is not None:

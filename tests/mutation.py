@@ -33,6 +33,11 @@ def _in(folder: str, *names: str) -> str:
     return " ".join(f"tests/{folder}/test_{name}.py" for name in names)
 
 
+# without those of its time, which are for compiled kernels
+_DIRECTORY = " ".join(
+    f"tests/decomposition/test_box_directory.py::test_{name}"
+    for name in ("the_directory_finds_the_ranks_that_a_table_of_all_does", "close_boxes_have_a_keeper_in_common")
+)
 _FIELDS = _in("output", "checkpoint", "fields")
 _PROBES = _in("simulation", "probes", "regions", "samplers", "shown_fields") + " " + _in("boundary", "reactions")
 _RESTART = _in("simulation", "scene_changes", "restart") + " " + _in("output", "damage")
@@ -45,7 +50,7 @@ TESTS: dict[str, tuple[str, str]] = {
     "decomposition/bisection.py": (PLAIN, _in("decomposition", "bisection", "ends", "grid")),
     "decomposition/boxes.py": (PLAIN, _in("decomposition", "boxes", "pair_search")),
     "decomposition/grid.py": (PLAIN, _in("decomposition", "grid")),
-    "decomposition/halo.py": (PLAIN, _in("decomposition", "halo")),
+    "decomposition/halo.py": (PLAIN, _in("decomposition", "halo") + " " + _DIRECTORY),
     "decomposition/measured_load.py": (COMPILED, _in("mixed", "measured_load")),
     "decomposition/migration.py": (PLAIN, _in("decomposition", "migration", "ends")),
     "decomposition/occupied.py": (PLAIN, _in("decomposition", "grid")),
@@ -74,6 +79,11 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/materials/plastic": (PLAIN, _FLOW),
     "parsolid/materials/viscoelastic": (PLAIN, _in("materials", "prony", "relaxation", "registry", "interconversion")),
     "parsolid/methods/mpm": (PLAIN, _in("mpm", "grid_transfers", "grid_weights", "grid_steps", "initial_slopes")),
+    "parsolid/methods/mpm/contact_normals.py": (COMPILED, _in("mixed", "grid_contact")),
+    "parsolid/methods/mpm/nodal_contact.py": (COMPILED, _in("mixed", "grid_contact")),
+    "parsolid/methods/mpm/elastic_plastic.py": (COMPILED, _in("mpm", "plastic_update", "failed_points", "hot_start")),
+    "parsolid/methods/mpm/energies.py": (COMPILED, _in("mpm", "contact_energy", "own_spin", "grid_steps")),
+    "parsolid/methods/mpm/heat.py": (PLAIN, _in("mpm", "mpm_heat", "grid_heat")),
     "parsolid/methods/peridynamics": (PLAIN, _in("peridynamics", "bond_forces", "patch", "fragments")),
     "parsolid/methods/tlsph": (PLAIN, _in("tlsph", "point_update", "clamp_edges", "time_step", "reference_force")),
     "parsolid/methods/tlsph/updated_reference.py": (COMPILED, _in("tlsph", "updated_reference")),

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from parsolid.particles.meshes.quality import quality_of
+from parsolid.particles.meshes.slices import read_slices, restricted
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.previous_results import methods_of
@@ -91,6 +93,7 @@ def _uneven(body: Body) -> bool:
 def advice(simulation: Simulation) -> list[Note]:
     """The same, and bodies that are slender and have too few particles across; collective, the same on all ranks."""
     scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
+    result += quality_advice(simulation)
     result += cost_advice(simulation)
     for stated in scene.systems:
         result += stated.settings.choices(scene, stated.bodies)
@@ -115,22 +118,51 @@ def cost_advice(simulation: Simulation) -> list[Note]:
     return [note for system in simulation.systems for note in system.cost_notes()]
 
 
+def quality_advice(simulation: Simulation) -> list[Note]:
+    """Shape and size of the elements of meshes, which are read for it; collective, the same on all ranks."""
+    scene, comm, result = simulation.scene, simulation.comm, list[Note]()
+    for i, body in enumerate(scene.bodies):
+        if body.shape.kind != "mesh":
+            continue
+        mesh = read_slices(comm, body.shape.model, scene.dimension)
+        if body.shape.model.group is not None:
+            mesh = restricted(mesh, [body.shape.model.group])
+        found = quality_of(mesh)
+        where = ", ".join(f"{x:.4g}" for x in found.place)
+        shape = f"the worst aspect is {found.worst:.3g}, of 1 % more than {found.high:.3g}"
+        edge = f"the shortest edge, {found.shortest:.3g} m at ({where}), sets the step"
+        cost = f"without the 1 % of elements with the shortest edges {1.0 - found.shortest / found.short:.0%} of it go"
+        result.append(Note("mesh-quality", f"bodies.{i}: {shape}; {edge}, and the cost: {cost}"))
+    return result
+
+
+# units of a part's size, and from which size [m] on they are used
+_UNITS = ((1e3, "km", 1e-3), (1.0, "m", 1.0), (1e-3, "mm", 1e3), (1e-6, "um", 1e6), (0.0, "nm", 1e9))
+# times [s] in which waves cross a part outside of which its size is doubtful
+_DOUBTFUL = (1e-9, 3600.0)
+
+
 def size_advice(simulation: Simulation) -> list[Note]:
-    """Meshes so large for their waves and the run's time that they may be in millimetres; collective, the same on all
-    ranks.
+    """The size of parts from meshes in words, and those so large for their waves and the run's time that they may be in
+    millimetres; collective, the same on all ranks.
     """
     scene, result = simulation.scene, list[Note]()
     for stated, system in zip(scene.systems, simulation.systems):
         for number, i in enumerate(stated.bodies):
-            if scene.bodies[i].shape.kind != "mesh" or scene.bodies[i].shape.model.scale != 1.0:
+            if scene.bodies[i].shape.kind != "mesh":
                 continue
             lower, upper, spacing = layers(simulation.comm, system, number)
+            _, unit, factor = next(one for one in _UNITS if float((upper - lower).max()) >= one[0])
+            sides = " x ".join(f"{one:.3g}" for one in factor * (upper - lower))
+            result.append(Note("part-size", f"bodies.{i}: a part of {sides} {unit}"))
             modulus, density = system.wave_modulus(number)
             side = float((upper - lower).max())
             crossing = side * float(np.sqrt(density / modulus))
             quasi_static = getattr(getattr(system.settings, "solution", None), "kind", "") == "quasi-static"
             coarse = float(spacing.min()) > _COARSE and scene.loads.acceleration is None
-            if side > _LARGE and (coarse if quasi_static else scene.end_time < crossing):
+            doubtful = not _DOUBTFUL[0] <= crossing <= _DOUBTFUL[1]
+            large = scene.bodies[i].shape.model.scale == 1.0 and side > _LARGE
+            if doubtful or (large and (coarse if quasi_static else scene.end_time < crossing)):
                 sides = " x ".join(f"{one:.4g}" for one in upper - lower)
                 wave = f", which a wave crosses in {crossing:.3g} s (end_time is {scene.end_time:g} s)"
                 hint = f"if it is in millimetres, bodies.{i}.shape.mesh.scale = 1e-3 is wanted"

@@ -3,6 +3,7 @@
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
@@ -11,8 +12,9 @@ from parsolid.api.arguments import require_whole_number
 from parsolid.api.busy_cores import busy_cores, cores_with_room
 from parsolid.api.check_advice import advice
 from parsolid.api.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
+from parsolid.api.pictures import missing
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
-from parsolid.collective import maximum, minimum
+from parsolid.collective import SolverError, maximum, minimum
 from parsolid.contact.report import describe_contacts
 from parsolid.machine import cores
 from parsolid.methods.protocol import ParticleSystem
@@ -57,11 +59,20 @@ class Report:
         return "\n".join([self.text, *(str(one) for one in remarks if one.code not in silence)])
 
 
-def check_scene(comm: MPI.Intracomm, scene: Scene, elsewhere: int | None = None) -> Report:
-    """Set a scene up, take a few steps, and tell what it costs; nothing is written. Collective.
+def check_scene(
+    comm: MPI.Intracomm, scene: Scene, elsewhere: int | None = None, picture: str | Path | None = None
+) -> Report:
+    """Set a scene up, take a few steps, and tell what it costs; nothing is written but a picture. Collective.
 
-    elsewhere: a number of ranks on which the cost is told, too. Raises SceneError or SolverError on all ranks.
+    elsewhere: a number of ranks on which the cost is told, too; picture: the file into which bodies, regions, supports,
+    loads and interfaces are drawn first. Raises SceneError or SolverError on all ranks.
     """
+    if picture is not None:
+        if missing():
+            raise SolverError(f"picture: expected the packages {', '.join(missing())}, found them not installed")
+        from parsolid.api.scene_picture import draw_scene
+
+        draw_scene(comm, scene, picture)
     warm_up(comm, scene)
     base, idle = 0, 0.0
     if elsewhere:
@@ -71,16 +82,20 @@ def check_scene(comm: MPI.Intracomm, scene: Scene, elsewhere: int | None = None)
     return report_of(comm, Simulation(comm, scene), elsewhere, base, idle)
 
 
-def check(scene: AnyScene, ranks: int | None = None, trust_code: bool = False) -> Report:
-    """Set a scene up and tell what it costs, on all ranks of a script; nothing is written. Collective.
+def check(
+    scene: AnyScene, ranks: int | None = None, trust_code: bool = False, picture: str | Path | None = None
+) -> Report:
+    """Set a scene up and tell what it costs, on all ranks of a script; nothing is written but a picture. Collective.
 
-    scene: as in `parsolid.run`; ranks: a number of them on which the cost is told, too. Raises SceneError, with every
-    fault, or SolverError.
+    scene: as in `parsolid.run`; ranks: a number of them on which the cost is told, too; picture: a file (png, pdf, svg)
+    into which bodies, regions, supports, loads and interfaces are drawn. Raises SceneError, with every fault, or
+    SolverError.
     """
     comm = MPI.COMM_WORLD
     if ranks is not None:
         require_whole_number("ranks", ranks)
-    return check_scene(comm, scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code)), ranks)
+    found = scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code))
+    return check_scene(comm, found, ranks, picture)
 
 
 def report_of(

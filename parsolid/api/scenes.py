@@ -37,6 +37,8 @@ class Scene(SceneModel):
         initial: Tables = (),
         loads: Table | None = None,
         contact: Tables = (),
+        bond: Tables = (),
+        undeclared_contact: str | None = None,
         tie: Tables = (),
         tools: Tables = (),
         probes: Tables = (),

@@ -81,3 +81,5 @@ def check_arguments(parser: Any) -> None:
     """What `check` takes."""
     scene_arguments(parser)
     parser.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")
+    picture = "draw bodies, regions, supports, loads and interfaces into FILE (png, pdf, svg)"
+    parser.add_argument("--picture", metavar="FILE", help=picture)

@@ -86,7 +86,7 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
     """Set a scene up and print what it costs; exit status 0. Collective."""
     from parsolid.api.report import check_scene
 
-    report = check_scene(comm, load(comm, options), getattr(options, "ranks", None))
+    report = check_scene(comm, load(comm, options), getattr(options, "ranks", None), getattr(options, "picture", None))
     if comm.rank == 0:
         print(report.lines(options.silence), flush=True)
     return 0

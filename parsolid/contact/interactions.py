@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from parsolid.contact.undeclared import undeclared_contact
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
@@ -51,4 +52,5 @@ def build_interactions(comm: Any, scene: Scene, systems: list[ParticleSystem]) -
         from parsolid.methods.mpm.nodal_contact import NodalContact
 
         result.append(NodalContact(comm, [((systems[i], systems[j]), one.friction) for (i, j), one in on_grid.items()]))
-    return result
+    looks = undeclared_contact(comm, scene, systems)
+    return result if looks is None else [*result, looks]

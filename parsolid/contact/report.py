@@ -1,4 +1,4 @@
-"""How the bodies of a scene meet, in words: bonded, in contact, apart, and what flies or lies in another unnoticed."""
+"""How the bodies of a scene meet, in words: bonded, in contact, tied, apart, or later though no table says how."""
 
 from collections.abc import Iterable
 from itertools import combinations, islice
@@ -29,7 +29,7 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
     home = {body: system for system in systems for body in system.bodies}
     words = dict.fromkeys(system.settings.touching() for system in systems)
     told = {how: _Pairs(names) for how in ("in contact", "tied", *words, "apart")}
-    blind, idle, stated = _Pairs(names), _Pairs(names), _Stated(scene)
+    blind, stated, bonded = _Pairs(names), _Stated(scene), scene.bonded
     for contact, members in stated.contacts:
         note = f" (friction {contact.friction:g})" if contact.friction else ""
         if len(members) == 1:
@@ -40,9 +40,9 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
     near = set()
     for i, j in zip(*(each.tolist() for each in close_boxes(lower, upper, 2.0 * _TOUCHING * spacing))):
         gap = float(np.linalg.norm(np.maximum(np.maximum(lower[i] - upper[j], lower[j] - upper[i]), 0.0)))
-        if gap <= _TOUCHING * max(spacing[i], spacing[j]) and not stated.has(i, j):
+        if gap <= _TOUCHING * max(spacing[i], spacing[j]) and bonded.has(i, j):
             near.add((i, j))
-            (told[home[i].settings.touching()] if home[i] is home[j] else idle).add(i, j)
+            told[home[i].settings.touching()].add(i, j)
     apart = ((i, j) for i, j in combinations(range(count), 2) if (i, j) not in near and not stated.has(i, j))
     told["apart"].add_all(apart, count * (count - 1) // 2 - len(near) - stated.count)
     # where boxes come by the end of the run
@@ -51,16 +51,12 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
     first, second = close_boxes(*boxes, 0.0)
     moving = [(lower[of], upper[of], velocity[of]) for of in (first, second)]
     for i, j, when in zip(first.tolist(), second.tolist(), meetings(moving[0], moving[1], np.zeros(len(first)))):
-        meets = home[i] is not home[j] or not home[i].settings.bodies_meet
-        if meets and when < scene.end_time and (i, j) not in near and not stated.has(i, j):
+        if when < scene.end_time and (i, j) not in near and not stated.has(i, j):
             blind.add(i, j, f" (at about t = {when:.3g} s)")
     notes = [Note("bodies", f"bodies {how}: {which}") for how, which in told.items() if which.count]
-    if idle.count:
-        text = f"close together without [[contact]] or [[tie]], so that nothing acts between them: {idle}"
-        notes.append(Note("no-interaction", text))
     if blind.count:
-        text = f"on a collision course without [[contact]], and would pass through each other: {blind}"
-        notes.append(Note("unnoticed-meeting", text))
+        then = "the run ends there" if scene.undeclared_contact != "warn" else "their methods do there what they do"
+        notes.append(Note("collision-course", f"on a collision course without [[contact]]; {then}: {blind}"))
     return notes
 
 

@@ -1,9 +1,14 @@
 """What acts between the particles of systems besides their own forces: contact, tools and ties."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from parsolid.methods.protocol import EnergyLedger
+
+# numbers of two bodies and a place (d,) [m]
+Meeting = tuple[int, int, np.ndarray]
 
 
 class Interaction:
@@ -20,12 +25,15 @@ class Interaction:
     rebuild_needed: whether this rank has found, by the end of a step, what all ranks must act on at the step after the
     next one, such as lists used up; it travels with the minimum of the next step. rebuild_anywhere: whether any
     rank had.
+    met: bodies that have met and that no table of the scene names, and where [m], until the loop has taken them; the
+    same on all ranks.
     """
 
     terms: Mapping[str, int] = {}
     energy_scale: float = 0.0
     rebuild_needed: bool = False
     rebuild_anywhere: bool = False
+    met: Sequence[Meeting] = ()
 
     def begin(self, time: float) -> None:
         """Forces of the state at hand, at time 0 or at that of a restart [s], added as in a step; collective."""

@@ -72,6 +72,11 @@ class Progress:
         else:
             self._show(self._bar, time, [head, *words])
 
+    def say(self, text: str) -> None:
+        """A line of its own."""
+        if self._level != QUIET:
+            self._say(text)
+
     def close(self, summary: dict[str, Any]) -> None:
         """End the bar and say how the run went; summary as in summary.json."""
         if self._bar is not None:

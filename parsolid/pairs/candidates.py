@@ -117,11 +117,11 @@ def coincident(positions: np.ndarray, start: np.ndarray, candidate: int) -> str:
     )
 
 
-def bonded_only(candidates: Any, body: np.ndarray, unbonded: np.ndarray) -> Any:
+def bonded_only(candidates: Any, body: np.ndarray, unbonded: Any) -> Any:
     """Candidates (start, neighbour, code) without those of bodies that only contact joins; body (n,), ghosts behind;
-    unbonded (bodies, bodies)."""
+    unbonded: those, see `scene.contact.BodyPairs`."""
     start, neighbour, code = candidates
     row = np.repeat(np.arange(len(start) - 1), np.diff(start))
-    kept = ~unbonded[body[row], body[neighbour]]
+    kept = ~unbonded.between(body[row], body[neighbour])
     before = np.concatenate(([0], np.cumsum(kept)))
     return before[start].astype(np.int64), neighbour[kept], code[kept]

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from decomposition.pair_search import close_boxes
 from parsolid.kernels import inlined, kernel
 
 # what `skin_use` finds
@@ -41,24 +42,29 @@ class Allowance(NamedTuple):
     ahead: float
 
 
-def body_motions(velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray, codes: Any) -> BodyMotions:
+def body_motions(velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray, codes: Any, far: float) -> BodyMotions:
     """The motions of bodies with mean velocities (bodies, d) [m/s] in boxes lower, upper (bodies, d) [m], an empty
-    one with lower > upper; codes: `MirrorCodes` or None."""
+    one with lower > upper; of what each may meet what is less than `far` [m] apart. codes: `MirrorCodes` or None."""
     bodies, d = velocity.shape
-    filled = (lower <= upper).all(axis=1)
-    # whom a box concerns (bodies,), its corners and its velocity
-    boxes = [(np.arange(bodies) != A, lower[A], upper[A], velocity[A]) for A in np.flatnonzero(filled)]
+    filled = np.flatnonzero((lower <= upper).all(axis=1))
+    # boxes of bodies, then those of their images by each code: source, code + 1, corners and velocity
+    pieces = [(filled, np.zeros(len(filled), np.int64), lower[filled], upper[filled], velocity[filled])]
+    concerned = [np.ones(bodies, bool)]
     for code in range(0 if codes is None else len(codes.signs)):
-        concerned = np.all([plane.concerns(np.arange(bodies)) for plane in codes.planes[code]], axis=0)
-        R, T = codes.reflections[code, :d], codes.shifts[code, :d]
-        for body in np.flatnonzero(filled & concerned):
-            corners = np.stack((lower[body], upper[body])) * R + T
-            boxes.append((concerned, corners.min(axis=0), corners.max(axis=0), velocity[body] * R))
-    met = [[box for box in boxes if box[0][body]] for body in range(bodies)]
-    start = np.concatenate(([0], np.cumsum([len(row) for row in met]))).astype(np.int64)
-    lower, upper, partner = (np.array([box[k] for row in met for box in row]).reshape(-1, d) for k in (1, 2, 3))
-    own = np.repeat(velocity, np.diff(start), axis=0)
-    return BodyMotions(velocity, start, lower, upper, partner, 0.5 * (own + partner))
+        concerned.append(np.all([plane.concerns(np.arange(bodies)) for plane in codes.planes[code]], axis=0))
+        R, T, own = codes.reflections[code, :d], codes.shifts[code, :d], filled[concerned[-1][filled]]
+        corners = np.stack((lower[own], upper[own])) * R + T
+        number = np.full(len(own), code + 1)
+        pieces.append((own, number, corners.min(axis=0), corners.max(axis=0), velocity[own] * R))
+    source, code_of, low, high, speed = (np.concatenate(each) for each in zip(*pieces))
+    first, second = close_boxes(low, high, far)
+    owner, box = np.concatenate((first, second)), np.concatenate((second, first))
+    kept = (owner < len(filled)) & np.array(concerned)[code_of[box], source[owner]]
+    body, box = source[owner[kept]], box[kept]
+    order = np.lexsort((box, body))
+    body, box = body[order], box[order]
+    start = np.concatenate(([0], np.cumsum(np.bincount(body, minlength=bodies)))).astype(np.int64)
+    return BodyMotions(velocity, start, low[box], high[box], speed[box], 0.5 * (velocity[body] + speed[box]))
 
 
 @kernel

@@ -147,10 +147,10 @@ class Neighbours:
         body: np.ndarray,
         metric: np.ndarray,
         volume: np.ndarray,
-        unbonded: np.ndarray | None = None,
+        unbonded: Any = None,
     ) -> None:
         """codes: `boundary.mirror_planes.MirrorCodes` or None; positions, body, metric, volume: of owned particles;
-        unbonded (bodies, bodies): bodies that have no pairs. Collective.
+        unbonded: bodies that have no pairs, see `scene.contact.BodyPairs`. Collective.
 
         Raises SolverError on all ranks for two particles at one place, and for planes too close to one another.
         """

@@ -24,6 +24,8 @@ from parsolid.particles.declaration import Columns, Field
 _MOST_BUILDS, _LOOKS = 16, 4
 # particles are sorted anew when this share of them has its successor in space so many rows away
 _DISORDER, _FAR = 0.1, 64
+# of so many bodies all pairs are followed, of more those nearer than so many reaches
+_FEW_BODIES, _FAR_BODIES = 64, 4.0
 
 
 class Pairs(NamedTuple):
@@ -56,7 +58,8 @@ class VerletList:
 
     inner: each pair of owned particles once; outer: pairs of owned particles and ghosts, None on one rank; mirror:
     owned particles and mirror images, which are rows behind the ghosts, None without mirror planes; images: those rows.
-    unbonded: bodies (bodies, bodies) that make no pairs with one another, None where all may; set before `rebuild`.
+    unbonded: pairs of bodies that make no pairs of particles, see `scene.contact.BodyPairs`, None where all may; set
+    before `rebuild`.
     load: by which ranks get unlike shares of the particles, None where they get equal ones.
     builds, distributions: how often the list was made and particles were distributed; migrated: particles that this
     rank gave away; seconds: processor time of all that [s]; late: how often the list was used too long, which a smaller
@@ -92,11 +95,11 @@ class VerletList:
             raise ValueError(f"support, skin: expected positive numbers, found {support}, {skin}")
         self.comm, self.particles = comm, particles
         self.support, self.skin, self.codes, self.rebalance = support, skin, codes, rebalance
-        self.unbonded: np.ndarray | None = None
+        self.unbonded: Any = None
         self.load: MeasuredLoad | None = None
         self._shares: np.ndarray | None = None
         self.builds = self.distributions = self.migrated = self.late = 0
-        self.seconds, self.built_at = 0.0, 0.0
+        self.seconds, self.built_at, self._far_apart = 0.0, 0.0, np.inf
         self._search = ClosePairs()
         # load of the busiest rank after the last distribution, and builds since then
         self._load_then, self._builds_since = 0, 0
@@ -113,8 +116,9 @@ class VerletList:
         names = ("position", "velocity", "listed_position", "smoothing_length", "body")
         arrays = (self.particles.storage(name) for name in names)
         use = skin_use(self.particles.owned, *arrays, self.motions, allowance)
+        far_ones = time - self.built_at + 2.0 * next_step > self._far_apart
         self.late += use == LATE
-        return bool(use)
+        return bool(use) or far_ones
 
     # --- making the list --------------------------------------------------------------------------------------
 
@@ -132,7 +136,7 @@ class VerletList:
         self._sort()
         self.built_at = time
         particles.owned_rows("listed_position")[:] = particles.owned_rows("position")
-        self.motions = body_motions(self._mean_velocities(), *boxes, self.codes)
+        self._follow(self._mean_velocities(), *boxes)
         self._find_pairs()
         if self.builds == 0:
             self._check()
@@ -150,6 +154,16 @@ class VerletList:
         self.reach = float(self.support * (1.0 + self.skin) * together[1])
         boxes = together[2:].reshape(mine.shape)
         return int(together[0]), (-boxes[:, 0], boxes[:, 1])
+
+    def _follow(self, velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+        """Motions of bodies with mean velocities (bodies, d) [m/s] in boxes (bodies, d) [m], of many with those that
+        are near alone, and how long [s] the others stay apart."""
+        far = np.inf if len(velocity) <= _FEW_BODIES else _FAR_BODIES * self.reach
+        self.motions = body_motions(velocity, lower, upper, self.codes, far)
+        seen = velocity if self.codes is not None else velocity - velocity.mean(axis=0)
+        fastest = 2.0 * float(np.linalg.norm(seen, axis=1).max(initial=0.0))
+        # particles of both bodies may leave their boxes by half a skin
+        self._far_apart = (far - 2.0 * self.reach) / fastest if fastest > 0.0 else np.inf
 
     def _mean_velocities(self) -> np.ndarray:
         """Of every body (bodies, d) [m/s]; collective."""
@@ -221,7 +235,7 @@ class VerletList:
         """Without those of bodies (rows,) that make no pairs with one another."""
         if self.unbonded is None:
             return pairs
-        return pairs.where(~self.unbonded[body[pairs.particle], body[pairs.neighbour]])
+        return pairs.where(~self.unbonded.between(body[pairs.particle], body[pairs.neighbour]))
 
     def _find_images(self, positions: np.ndarray, radius: np.ndarray, body: np.ndarray) -> tuple[Pairs, Images]:
         """Pairs of owned particles with images behind mirror planes of particles at positions (rows, d), and those
@@ -309,6 +323,6 @@ class VerletList:
         self._shares = None if state["shares"] is None else np.array(state["shares"])
         self.built_at = state["built_at"]
         _, boxes = self._survey(self.particles.owned_rows("listed_position"))
-        self.motions = body_motions(np.array(state["velocities"]), *boxes, self.codes)
+        self._follow(np.array(state["velocities"]), *boxes)
         self._find_pairs()
         self.particles.update("reference")

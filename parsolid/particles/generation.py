@@ -18,6 +18,7 @@ from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices
 from parsolid.particles.overlap import overlap_faults
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import NOBODY, nearest_particles, particles_of, selected
+from parsolid.particles.touching import touching_faults
 from parsolid.scene.base_model import LEAST, MOST
 from parsolid.scene.bodies import Extent
 from parsolid.scene.checks import unbounded_plane
@@ -33,8 +34,8 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
 
     Global ids run body by body in the order of each body's lattice or mesh; rank r has the ids from r N / size. Raises
     SceneError, the same on all ranks, for a mesh that cannot be used, more particles than the memory holds, a body
-    without particles or in another one, a plane that bounds no mesh, a region without particles, a probe away from all
-    particles, and a formula that is not finite at some particle.
+    without particles, in another one or touching one that no table names with it, a plane that bounds no mesh, a region
+    without particles, a probe away from all particles, and a formula that is not finite at some particle.
     """
     fillings, known = _fillings(scene, comm), scene.named_regions
     agree(comm, _mark_meshes(scene, fillings, known))
@@ -62,6 +63,7 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
         if isinstance(filling, MeshFilling) and filling.body.placed_on == "vertices"
     }
     agree(comm, overlap_faults(scene, fillings, particle_set, comm))
+    agree(comm, touching_faults(scene, particle_set, comm))
     del fillings
     everywhere = np.ones(len(particle_set), bool)
     chosen = [selected(scene, one, particle_set, comm) if one.on_particles else everywhere for one in scene.boundaries]

@@ -6,6 +6,7 @@ import numpy as np
 
 from parsolid.scene.base_model import FaultDetail, Plane
 from parsolid.scene.bodies import Extent
+from parsolid.scene.bond import bond_faults
 from parsolid.scene.boundaries.condition import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
     CONTACT_TERMS,
@@ -58,7 +59,7 @@ def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
         if lacking.systems_known:
             details += faults_of_systems(scene) + still_faults(scene) + substep_faults(scene)
         if lacking.systems_known and lacking.body_names is not None:
-            details += tie_faults(scene)
+            details += tie_faults(scene) + bond_faults(scene)
         details += grid_faults(scene) + ([] if lacking.body_names is None else initial_details(scene))
         names = [probe.name for probe in scene.probes]
         details += reaction_details(scene.boundaries, names, carriers_of(scene))

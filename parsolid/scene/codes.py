@@ -26,10 +26,20 @@ FAULTS = {
     "method": Code("what the method of the scene or body does not know", "another kind, or another method"),
     "unknown-name": Code("a body, region, field or column that is not there", "the suggested one, or declare it"),
     "repeated": Code("a name or an entry that stands twice", "rename or remove one"),
+    "touching": Code(
+        "bodies that touch and that no table names, or a bond of bodies that do not touch",
+        "`[[contact]]`, `[[tie]]` or `[[bond]]`, see docs/contact.md",
+    ),
     "elsewhere": Code("a plane or a point at no body", "check coordinates and units (SI)"),
     "geometry": Code(
         "a file of geometry that Gmsh cannot mesh", "install `parsolid[cad]`, state `size`, or mend the file"
     ),
+    "element": Code("elements of a mesh inside out or flat", "mend the mesh there"),
+    "double-node": Code("nodes of a mesh at one place, which nothing joins", "merge them, or make two bodies"),
+    "edge-contact": Code(
+        "parts of a mesh that share an edge alone, or in the plane a node", "join or separate them there"
+    ),
+    "self-overlap": Code("elements of a mesh in one another", "mend the mesh there"),
     "open-surface": Code("a surface of triangles with edges of one triangle", "close it, or mesh its volume"),
     "refused": Code("what the other keys of the scene exclude, in words", "as the message says what is expected"),
 }
@@ -42,6 +52,9 @@ WARNINGS = {
         "friction between bodies that nothing damps: it may lag behind what moves them",
         "let loads grow slowly, or give one body a method or a material that damps",
     ),
+    "undeclared-contact": Code(
+        'bodies that have met though no contact names them (`undeclared_contact = "warn"`)', "`[[contact]]`"
+    ),
     "one-layer": Code("one layer of particles across a body that is free there", "two layers or more, or plane strain"),
     "thin-pressure-region": Code(
         "a peridynamic pressure in a region that cuts off more than a tenth of its forces",
@@ -50,15 +63,19 @@ WARNINGS = {
 }
 
 NOTES = {
-    "bodies": Code("how each pair of bodies meets", "`[[contact]]` or `[[tie]]` where it should be another way"),
+    "bodies": Code("how each pair of bodies meets", "`[[contact]]`, `[[tie]]` or `[[bond]]` for another way"),
     "boundary-without-effect": Code("a boundary that the method of a body does not know", "give it a `body`"),
     "chosen-weights": Code("weights that the method chose", "state `method.weights` for others"),
+    "collision-course": Code("bodies that will meet though no contact names them", "`[[contact]]`"),
     "clamp-edges": Code("mass that is told without a part of that of clamped edges", "`method.clamp_edges = 0`"),
     "few-layers": Code("a slender body with few particles across, and how stiff it is", "a smaller spacing"),
     "loaded-faces": Code("loaded faces with weights of a kernel, which bear unevenly", '`method.weights = "best"`'),
+    "mesh-quality": Code(
+        "shape and size of a mesh's elements, and which of them set the step", "better elements there"
+    ),
+    "part-size": Code("how large a part from a mesh is", "`shape.mesh.scale` where it should be another size"),
     "lost-waves": Code("a law whose waves grow at strains of 0.3", "another law, where strain is not small"),
     "mesh-scale": Code("a mesh so large for its waves that it may be in millimetres", "`shape.mesh.scale = 1e-3`"),
-    "no-interaction": Code("bodies of two methods that are close without contact or tie", "`[[contact]]` or `[[tie]]`"),
     "other-method": Code("results of another method, of which some fields alone are taken", "name the fields"),
     "restart-change": Code("a key that differs from that of the checkpoint", "nothing, if that is meant"),
     "restart-energy": Code("energy that allowed changes have given to the state of a restart", "nothing, if meant"),
@@ -74,7 +91,6 @@ NOTES = {
     "transfer-in-contact": Code("the transfer of `mpm` bodies in contact", "state `method.transfer` for another"),
     "uneven-particles": Code("uneven particles with weights of a kernel", '`method.weights = "closure"` or `"mesh"`'),
     "uneven-traction": Code("uneven particles under a traction", '`method.traction = "consistent-everywhere"`'),
-    "unnoticed-meeting": Code("bodies on a collision course that nothing lets meet", "`[[contact]]`"),
     "unstable-transfer": Code(
         "a transfer that is unstable with its basis", '`transfer = "flip"`, or a spline for the basis'
     ),

@@ -26,7 +26,7 @@ USUAL = {"stiffness": 1.0, "radius": 2.7}
 
 
 class Contact(SceneModel):
-    """Bodies that press on one another and part freely; what is not named sticks where it touches, as ever."""
+    """Bodies that press on one another and part freely."""
 
     bodies: Annotated[list[str], Field(min_length=1)] = Field(description="names of bodies")
     model: Literal["kernel", "grid"] = Field(
@@ -147,21 +147,44 @@ def grid_faults(scene: Any) -> list[Any]:
     return details
 
 
-def unbonded(contacts: list[Contact], names: list[str | None]) -> np.ndarray | None:
-    """Which bodies are in contact with which (bodies, bodies), so that no pair of their particles is bonded.
+class BodyPairs:
+    """Pairs of numbered bodies: every two that a table names together, but those of other pairs.
 
-    None where all are bonded where they touch. Names of other bodies than those given count for nothing.
+    tables (of each body): numbers of the tables that name it.
     """
-    number = {name: k for k, name in enumerate(names) if name is not None}
-    members = [[number[name] for name in one.bodies if name in number] for one in contacts]
-    if not any(len(one) > 1 for one in members):
-        return None
-    result = np.zeros((len(names), len(names)), bool)
-    for one in members:
-        if len(one) > 1:
-            result[np.ix_(one, one)] = True
-    np.fill_diagonal(result, False)
-    return result
+
+    def __init__(self, members: Iterable[Iterable[int]], but: "BodyPairs | None" = None) -> None:
+        """members: numbers of the bodies of each table, of which one alone makes no pair."""
+        self.tables, self._but = defaultdict[int, set[int]](set), but
+        for number, bodies in enumerate(members):
+            for body in bodies:
+                self.tables[body].add(number)
+
+    @classmethod
+    def named(cls, tables: Iterable[list[str]], names: list[str | None]) -> "BodyPairs":
+        """Of tables with names of bodies; those that no body has count for nothing."""
+        number = {name: k for k, name in enumerate(names) if name is not None}
+        return cls([number[name] for name in bodies if name in number] for bodies in tables if len(bodies) > 1)
+
+    def has(self, i: int, j: int) -> bool:
+        """Whether a table names two bodies."""
+        named = i != j and not self.tables.get(i, set()).isdisjoint(self.tables.get(j, set()))
+        return named and (self._but is None or not self._but.has(i, j))
+
+    def between(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Whether a table names each two of bodies first and second (n,)."""
+        result, unlike = np.zeros(len(first), bool), np.flatnonzero(first != second)
+        one, other = (body[unlike].astype(np.int64) for body in (first, second))
+        count = int(max(one.max(initial=0), other.max(initial=0))) + 1
+        pairs, number = np.unique(one * count + other, return_inverse=True)
+        result[unlike] = np.array([self.has(*divmod(pair, count)) for pair in pairs.tolist()], bool)[number]
+        return result
+
+
+def unbonded(contacts: list[Contact], names: list[str | None]) -> BodyPairs | None:
+    """Bodies in contact, of which no pair of particles is bonded; None without any."""
+    found = BodyPairs.named([one.bodies for one in contacts], names)
+    return found if any(len(one.bodies) > 1 for one in contacts) and found.tables else None
 
 
 def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[FaultDetail]:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from math import inf
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Detail, Name, OnRestart, Positive, SceneModel, reject
@@ -28,9 +29,9 @@ class MethodSettings(SceneModel):
     and displacement;
     reactions: kinds of boundaries that can tell their force; pressed: keys of places where a
     pressure acts; loads: keys of the table of that name; ledger_terms: see
-    `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; bodies_meet: whether bodies that come
-    together feel each other without contact; shared_field: whether bodies stick together on a field of velocities that
-    they share, so that those which do not need systems of their own; strained: whether stress is that of a
+    `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; shared_field: whether bodies
+    stick together on a field of velocities that they share, so that those which do not need systems of their own;
+    strained: whether stress is that of a
     displacement or deformation gradient, which a start may have; initial_stress_refused: why a start has no stress of
     its own, None where it may; state_variables: names (* for any end) of declared fields that, with the places, are
     the state that another run may go on from; state_of_particles: those that only the very same particles may take;
@@ -66,7 +67,6 @@ class MethodSettings(SceneModel):
     pictured_fields: ClassVar[tuple[str, ...]] = ("von_mises_stress", "pressure")
     ledger_terms: ClassVar[dict[str, int]] = {}
     viscous_terms: ClassVar[tuple[str, ...]] = ()
-    bodies_meet: ClassVar[bool] = True
     graded_bodies: ClassVar[bool] = False
     on_restart: ClassVar = {
         **dict.fromkeys(("maximum_step", "minimum_step", "substeps", "dissipation_warning"), OnRestart.FREE),
@@ -132,6 +132,14 @@ class MethodSettings(SceneModel):
     def touching(self) -> str:
         """What bodies of the method do that touch and that no contact names, in words."""
         return "bonded where they touch"
+
+    def reach(self, spacing: np.ndarray) -> np.ndarray:
+        """Semi-axes (d,) [m] of the region around particles of a spacing (d,) [m] in which others feel them."""
+        return np.zeros_like(spacing)
+
+    def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
+        """Semi-axes (d,) [m] within which particles of two bodies of the method, of a spacing (d,) [m], have met."""
+        return spacing
 
     def largest_spacing(self) -> float | None:
         """The largest particle spacing [m] that the method bears; None where there is no such limit."""

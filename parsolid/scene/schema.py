@@ -9,8 +9,9 @@ from pydantic_core import InitErrorDetails
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import OnRestart, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import OwnBody
+from parsolid.scene.bond import Bond, bonded_pairs
 from parsolid.scene.boundaries import Boundary
-from parsolid.scene.contact import Contact, contact_pairs, unbonded
+from parsolid.scene.contact import BodyPairs, Contact, unbonded
 from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.initial_state import InitialState
 from parsolid.scene.loads import Loads
@@ -29,6 +30,7 @@ class Scene(SceneModel):
 
     on_restart: ClassVar = {
         **dict.fromkeys(("title", "end_time", "output", "errors", "run"), OnRestart.SILENT),
+        "undeclared_contact": OnRestart.FREE,
         **dict.fromkeys(("dimension", "initial"), OnRestart.FIXED),
     }
     exactly_one: ClassVar = (("method", "methods"),)
@@ -44,7 +46,11 @@ class Scene(SceneModel):
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     initial: list[InitialState] = Field([], description="initial states of regions, or from results of another run")
     loads: Loads = Loads()
-    contact: list[Contact] = Field([], description="bodies that meet")
+    contact: list[Contact] = Field([], description="bodies that press on one another and part")
+    bond: list[Bond] = Field([], description="bodies of one method that stay joined where they touch")
+    undeclared_contact: Literal["stop", "warn"] | None = Field(
+        None, description="what happens where bodies meet that no contact names: the run ends unless 'warn' is given"
+    )
     tie: list[Tie] = Field([], description="bodies of different methods that are bonded")
     tools: list[Tool] = Field([], description="rigid bodies that others touch")
     probes: list[Probe] = Field([], description="what is watched: columns of history.csv")
@@ -94,15 +100,14 @@ class Scene(SceneModel):
         return self.model_dump(exclude_none=True)
 
     @property
-    def unbonded(self) -> np.ndarray | None:
-        """Which bodies (bodies, bodies) are in contact with which, so that nothing bonds them; None without any."""
+    def unbonded(self) -> BodyPairs | None:
+        """Bodies that are in contact with one another, so that nothing bonds them; None without any."""
         return unbonded(self.contact, [body.name for body in self.bodies])
 
     @property
-    def apart(self) -> frozenset[frozenset[int]]:
-        """Pairs of numbers of bodies that are not to stick together where they meet."""
-        pairs = contact_pairs(self.contact, [body.name for body in self.bodies])
-        return frozenset(frozenset((pair.first, pair.second)) for pair in pairs if pair.first != pair.second)
+    def bonded(self) -> BodyPairs:
+        """Bodies that bonds join where they touch."""
+        return bonded_pairs(self)
 
     @property
     def systems(self) -> tuple[SystemOfScene, ...]:

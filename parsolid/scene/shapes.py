@@ -217,6 +217,12 @@ class MeshFile(SceneModel):
     scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 
+def of_one_mesh(one: Any, other: Any) -> bool:
+    """Whether two shapes are groups of one mesh, whose nodes bodies share where they touch."""
+    meshes = one.kind == other.kind == "mesh" and one.model.of_whole == other.model.of_whole
+    return bool(meshes and None not in (one.model.group, other.model.group))
+
+
 class Refinement(SceneModel):
     """Where elements of geometry are smaller than elsewhere."""
 
@@ -286,7 +292,12 @@ class Shape(OneShape):
 
 def _as_mesh(value: Any) -> Any:
     """A table whose keys are those of a mesh, as the shape that it means."""
-    return {"mesh": value} if isinstance(value, dict) and "file" in value else value
+    if not isinstance(value, dict) or "file" not in value:
+        return value
+    # `--set` may have given a key of the long form
+    own = {key: one for key, one in value.items() if key != "mesh"}
+    more = value.get("mesh", {})
+    return {"mesh": own | more if isinstance(more, dict) else more}
 
 
 BodyShape = Annotated[Shape, BeforeValidator(_as_mesh, json_schema_input_type=Shape | BodyMesh)]

@@ -22,7 +22,7 @@ from parsolid.scene.validation_errors import Fault, fault
 # passes over the tables, each of which mends what is at fault, until the tables are given up
 MOST_PASSES = 8
 # lists of which an entry at fault is left out
-_ENTRIES = ("boundaries", "initial", "contact", "tie", "tools", "probes")
+_ENTRIES = ("boundaries", "initial", "contact", "bond", "tie", "tools", "probes")
 Place = tuple[str | int, ...]
 _FORMULAS = ("velocity", "displacement", "deformation_gradient", "temperature", "micro_rate")
 # keys of a body that say where its particles are

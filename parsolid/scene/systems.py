@@ -4,6 +4,7 @@ import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parsolid.scene.base_model import Detail
+from parsolid.scene.contact import BodyPairs
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
 from parsolid.scene.warned import Note
@@ -40,7 +41,7 @@ def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
         ]
     result = []
     for name, place, settings, bodies in stated:
-        groups = fields_of(bodies, scene.apart) if settings.shared_field else [bodies]
+        groups = fields_of(scene, bodies) if settings.shared_field else [bodies]
         for number, group in enumerate(groups if bodies else ()):
             told = f"{name or settings.kind}-{number + 1}" if len(groups) > 1 else name
             result.append(SystemOfScene(settings, group, told, place))
@@ -63,16 +64,37 @@ def resolve_defaults(scene: "Scene") -> "Scene":
     return scene.model_copy(update=changes)
 
 
-def fields_of(bodies: tuple[int, ...], apart: frozenset[frozenset[int]]) -> list[tuple[int, ...]]:
-    """Bodies in groups, each with a field of its own: the first that has none from which a body must be apart."""
+def fields_of(scene: "Scene", bodies: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Bodies in groups, each with a field of its own: each body, with those that bonds name with it, in the first group
+    that has none in contact with them."""
+    contact = scene.unbonded
+    if contact is None:
+        return [bodies]
     groups: list[list[int]] = []
-    for body in bodies:
-        home = next((g for g in groups if not any(frozenset((body, other)) in apart for other in g)), None)
-        if home is None:
-            groups.append([body])
-        else:
-            home.append(body)
-    return [tuple(group) for group in groups]
+    # numbers of the contacts of each group
+    taken: list[set[int]] = []
+    for joined in _joined(scene, bodies, contact):
+        met = set().union(*(contact.tables.get(body, set()) for body in joined))
+        home = next((k for k, other in enumerate(taken) if other.isdisjoint(met)), len(groups))
+        if home == len(groups):
+            groups.append([])
+            taken.append(set())
+        groups[home] += joined
+        taken[home] |= met
+    return [tuple(sorted(group)) for group in groups]
+
+
+def _joined(scene: "Scene", bodies: tuple[int, ...], contact: BodyPairs) -> list[list[int]]:
+    """Bodies with all that named bonds join to them, in the order of the first; each alone if some are in contact."""
+    number = {scene.bodies[body].name: body for body in bodies}
+    group = {body: [body] for body in bodies}
+    for one in scene.bond:
+        together = {id(group[number[name]]): group[number[name]] for name in one.bodies if name in number}
+        joined = sorted(body for each in together.values() for body in each)
+        met = [table for body in joined for table in contact.tables.get(body, ())]
+        if len(set(met)) == len(met):
+            group |= dict.fromkeys(joined, joined)
+    return list({id(each): each for each in group.values()}.values())
 
 
 def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:

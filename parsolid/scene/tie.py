@@ -5,7 +5,6 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from parsolid.scene.base_model import FaultDetail, SceneModel
-from parsolid.scene.contact import contact_pairs
 from parsolid.scene.validation_errors import suggestion
 
 # what a tie adds to the ledger: a part of what is stored; signs as in `simulation.ledger`
@@ -48,19 +47,18 @@ def tie_faults(scene: Any) -> list[FaultDetail]:
             faults.append((("tie", i, "bodies"), "two bodies", one.bodies))
     if faults or not scene.tie:
         return faults
-    contact = {pair[:2] for pair in contact_pairs(scene.contact, names)}
-    seen = set()
+    contact, seen = scene.unbonded, set()
     for i, (first, second, one) in enumerate(tied_pairs(scene)):
         place = ("tie", i, "bodies")
         if (first, second) in seen:
             faults.append((place, "a pair that no other tie names", one.bodies))
         seen.add((first, second))
-        if (first, second) in contact:
+        if contact is not None and contact.has(first, second):
             faults.append((place, "a pair without contact", one.bodies))
         for system in scene.systems:
             bonding = dict(zip(system.bodies, system.settings.bonding(scene, system.bodies)))
             if {first, second} <= set(system.bodies) and bonding[first] and bonding[second]:
-                expected = "bodies of two methods (those of one are bonded where they touch)"
+                expected = "bodies of two methods (a [[bond]] joins those of one)"
                 faults.append((place, expected, one.bodies))
             refused = system.settings.contact_refused(scene.part(system))
             if refused is not None and {first, second} & set(system.bodies):

@@ -1,10 +1,12 @@
 """What went wrong, where, and what to try: the message of a failed run."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from parsolid.collective import maximum, minimum
+from parsolid.methods.interaction import Meeting
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.formulas import NOT_FINITE
@@ -39,6 +41,25 @@ def describe_failure(simulation: "Simulation", otherwise: str) -> str:
     lines.append(f"  checkpoint {simulation.last_checkpoint or 'none was written'}")
     lines.append(f"  try        {found.get('advice') or _advice(simulation.scene, *simulation.systems)}")
     return "\n".join(lines)
+
+
+def describe_meetings(simulation: "Simulation", met: Sequence[Meeting]) -> str:
+    """The message of a run that ends because bodies have met that no table names, the same on every rank."""
+    now = simulation.clock
+    return "\n".join(
+        [
+            f"the run ends: without [[contact]] {meetings_in_words(simulation.scene, met)}",
+            f"  time       {now.time:.9g} s, step {now.step}",
+            f"  checkpoint {simulation.last_checkpoint or 'none was written'}",
+            "  try        [[contact]] of these bodies, or undeclared_contact = 'warn' to go on without",
+        ]
+    )
+
+
+def meetings_in_words(scene: Scene, met: Sequence[Meeting]) -> str:
+    """Bodies that have met, and where."""
+    names = [repr(body.name) if body.name else f"bodies.{number}" for number, body in enumerate(scene.bodies)]
+    return "; ".join(f"{names[i]} and {names[j]} have met near x = ({_place(place)})" for i, j, place in met)
 
 
 def _first_of(comm: Any, local: Found | None) -> Found | None:

@@ -26,15 +26,19 @@ FAILED = "failed"
 class ProgressOutput(Output):
     """Shows every state to the lines of progress that rank 0 has; they know themselves when one is due."""
 
-    def __init__(self, lines: Sequence[Progress], history: HistoryOutput):
-        self.lines, self.history = lines, history
+    def __init__(self, lines: Sequence[Progress], history: HistoryOutput, told: int):
+        """told: warnings that are known at the start."""
+        self.lines, self.history, self._told = lines, history, told
 
     def due(self, simulation: Simulation) -> bool:
         return True
 
     def write(self, simulation: Simulation) -> None:
-        now = simulation.clock
+        now, new = simulation.clock, simulation.warnings[self._told :]
+        self._told += len(new)
         for one in self.lines:
+            for warning in new:
+                one.say(str(warning))
             one.update(now.step, now.time, now.step_size, self.history.last_row)
 
 
@@ -66,7 +70,7 @@ class Job:
         self.fields = FieldOutput(simulation, folder)
         self.errors = ReferenceErrors(scene, self.history)
         self.checkpoints = CheckpointOutput(simulation, folder, self.history, self.errors)
-        shown = ProgressOutput(progress, self.history)
+        shown = ProgressOutput(progress, self.history, len(simulation.warnings))
         self.outputs = [self.history, self.fields, self.errors, *outputs, self.checkpoints, shown]
         if restart:
             rows = self.history.resume(restart.header["probes"], self.errors.every_row)

@@ -13,8 +13,9 @@ from parsolid.contact.interactions import build_interactions
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.scene.warned import Warned
 from parsolid.simulation.agreement import StepAgreement
-from parsolid.simulation.diagnosis import describe_failure
+from parsolid.simulation.diagnosis import describe_failure, describe_meetings, meetings_in_words
 from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits
 from parsolid.simulation.ledger import ledger_of, names_of_terms, viscous_terms_of
 from parsolid.simulation.momentum_balance import MomentumBalance, isolated
@@ -136,6 +137,7 @@ class Simulation:
             self._check_step(self.stable)
             self._write(due, over)
             self._check_energy()
+            self._check_meetings()
             if self.clock.time >= end:
                 return FINISHED
             if interrupted:
@@ -315,6 +317,15 @@ class Simulation:
         self.failed_somewhere = stable < 0.0
         what = f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"
         raise RunFailed(describe_failure(self, "the state was lost within the step" if stable < 0.0 else what))
+
+    def _check_meetings(self) -> None:
+        """Raise RunFailed on all ranks where bodies have met that no table names, or warn of them."""
+        for part in self.interactions:
+            met, part.met = part.met, []
+            if met and self.scene.undeclared_contact != "warn":
+                raise RunFailed(describe_meetings(self, met))
+            told = f"without [[contact]] {meetings_in_words(self.scene, met)} at t = {self.clock.time:.6g} s"
+            self.warnings += [Warned("undeclared-contact", told)] if met else []
 
     def _check_energy(self) -> None:
         """Raise RunFailed on all ranks when the last row of the ledger is not what it may be."""

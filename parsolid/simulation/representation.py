@@ -73,12 +73,12 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
 
 def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dict[int, Extent]) -> None:
     """Raises SolverError where two bodies that the method bonds differ by more than it bears."""
-    apart, settings = scene.unbonded, system.settings
+    bonded, settings = scene.bonded, system.settings
     bonding = dict(zip(system.bodies, settings.bonding(scene, system.bodies)))
     lowest, highest, spacings = (np.array(one) for one in zip(*(extents[body] for body in system.bodies)))
     close = np.transpose(close_boxes(lowest, highest, 2.0 * _TOUCHING * spacings.max(axis=1)))
     for i, j in sorted(np.array(system.bodies)[close].tolist()):
-        if not (bonding[i] and bonding[j]) or (apart is not None and apart[i, j]):
+        if not (bonding[i] and bonding[j] and bonded.has(i, j)):
             continue
         (lower, upper, spacing), (other_lower, other_upper, other) = extents[i], extents[j]
         gap = np.linalg.norm(np.maximum(np.maximum(lower - other_upper, other_lower - upper), 0.0))

@@ -43,3 +43,14 @@ def test_planes_of_different_normals_have_images_at_their_edges_and_corners():
     assert codes.stress_signs.tolist() == [1.0, 1.0, -1.0, -1.0, -1.0]
     assert codes.too_close(np.array([7.0, 1.0, 1.0])) is None
     assert "found two 4 m apart along X" in codes.too_close(np.array([8.0, 1.0, 1.0]))
+
+
+def test_particles_near_and_on_planes_are_those_by_their_coordinates():
+    planes = [MirrorPlane(0, 4.0, "roller"), MirrorPlane(1, -2.0, "fixed", body=1)]
+    codes, corner = MirrorCodes.of(planes, 1e-9), 2
+    places = np.array([[4.0, 1.0], [3.7, -2.0], [3.7, -1.8], [4.3, -2.3], [-4.0, 2.0], [3.0, -2.0]])
+    body, reach = np.array([1, 1, 1, 0, 1, 1]), np.array([0.5, 0.4])
+    assert len(codes.planes[corner]) == 2
+    np.testing.assert_array_equal(codes.on_planes(places, corner), [True, True, False, False, False, True])
+    np.testing.assert_array_equal(codes.near(places, body, corner, reach), [False, True, True, False, False, False])
+    np.testing.assert_array_equal(codes.near(places, body, 0, reach), [True, True, True, True, False, False])

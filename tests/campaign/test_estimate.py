@@ -1,5 +1,6 @@
 """What differences between resolutions say: orders and errors that are known, series that swing, those of no order."""
 
+import itertools
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -110,8 +111,8 @@ def test_the_window_of_the_end_is_as_wide_as_elsewhere(end):
 
 
 def test_the_window_does_not_depend_on_the_unit_of_time():
-    values = np.sin(17.0 * TIMES) * TIMES
-    for unit in (1.0, 1e-5):
+    grows = np.sin(17.0 * TIMES) * TIMES
+    for values, unit in itertools.product((grows, grows[::-1]), (1.0, 1e-5)):
         found = largest_nearby(values, unit * TIMES, 0.1025 * unit)
         np.testing.assert_array_equal(found, largest_nearby(values, TIMES, 0.1025))
         wanted = [np.abs(values[np.abs(TIMES - t) < 0.1025]).max() for t in TIMES[21:-21]]
@@ -119,8 +120,8 @@ def test_the_window_does_not_depend_on_the_unit_of_time():
 
 
 def test_ripples_do_not_cross_the_mean():
-    swing = np.sin(2.0 * np.pi * 3.0 * TIMES + 0.3)
-    assert crossings(swing) == crossings(7.0 + swing + 0.05 * np.cos(2.0 * np.pi * 60.0 * TIMES)) == 6
+    swing = np.sin(2.0 * np.pi * TIMES + 0.3)
+    assert crossings(swing) == crossings(7.0 + swing + 0.08 * np.cos(2.0 * np.pi * 60.0 * TIMES)) == 2
     assert crossings(np.zeros(9)) == 0
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import csv
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from mpi4py import MPI
 from parsolid.campaign.halving import Configuration, SuccessiveHalving, plan_of, time_to
 from parsolid.campaign.options import Option, options_of
 from parsolid.campaign.pareto import envelope, seconds_for
-from parsolid.campaign.reference import observed_reference
+from parsolid.campaign.reference import observed_reference, series_of
 from parsolid.campaign.runner import Record, VariantRun
 from parsolid.campaign.variants import SPACING, Variant
 from parsolid.commands.cli import main
@@ -169,3 +170,12 @@ def test_what_is_not_there_is_refused(comm, tmp_path, words, column):
 )
 def test_words_of_earlier_versions_are_refused_with_the_new_ones(words, new, capsys):
     assert main(words) == 2 and new in capsys.readouterr().err
+
+
+def test_series_are_those_of_the_scene_or_those_that_are_named(tmp_path):
+    (tmp_path / "s.json").write_text(json.dumps({"t": [0, 1, 2, 3], "series": {"K": [1, 2, 4, 7], "u": [0, 1, 0, 1]}}))
+    reference = SimpleNamespace(series=str(tmp_path / "s.json"), columns={"kinetic": "K"})
+    own, other = (series_of(SimpleNamespace(reference=reference), names) for names in (None, {"tip": "u"}))
+    assert own.keys() == {"kinetic"} and other.keys() == {"tip"}
+    assert own["kinetic"](2.0) == pytest.approx(4.0) and other["tip"](3.0) == pytest.approx(1.0)
+    assert series_of(SimpleNamespace(reference=None)) == {}

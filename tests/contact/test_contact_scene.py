@@ -59,12 +59,12 @@ def test_relations_are_told_and_a_collision_course_is_warned_of(comm):
     assert describe_contacts(comm, sim.scene, sim.systems) == [("bodies", "bodies in contact: left and right")]
     slow = [block("a", (0, 0), (1, 1), [5, 5], velocity=[1.0, 0.0]), block("b", (2, 0), (3, 1), [5, 5])]
     slow.append(block("c", (3, 0), (4, 1), [5, 5], "cells"))
-    sim = simulated(tables(*slow, contact=[], method=SPH, end_time=2.0), comm)
+    sim = simulated(tables(*slow, contact=[], bond=[{"bodies": ["b", "c"]}], method=SPH, end_time=2.0), comm)
     told = describe_contacts(comm, sim.scene, sim.systems)
     assert told[0] == ("bodies", "bodies bonded where they touch: b and c")
     assert told[1] == ("bodies", "bodies apart: a and b, a and c")
     code, text = told[2]
-    assert code == "unnoticed-meeting" and "a and b (at about t = 1 s)" in text and "b and c" not in text
+    assert code == "collision-course" and "a and b (at about t = 1 s)" in text and "b and c" not in text
 
 
 @pytest.mark.parametrize("contact, words", [("compression", "pressing on one another"), ("welded", "bonded")])
@@ -72,7 +72,8 @@ def test_bodies_of_rebuilt_neighbours_press_on_one_another_unless_they_are_welde
     ends = [(0, 1), (1, 2), (5, 6)]
     copper = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
     boxes = [block(name, (a, 0), (b, 1), [5, 5], "cells", material=copper) for name, (a, b) in zip("abc", ends)]
-    sim = simulated(tables(*boxes, contact=[], method={"kind": "ulsph", "contact": contact}, end_time=2.0), comm)
+    rest = {"contact": [], "bond": [{"bodies": ["a", "b"]}], "method": {"kind": "ulsph", "contact": contact}}
+    sim = simulated(tables(*boxes, **rest, end_time=2.0), comm)
     told = describe_contacts(comm, sim.scene, sim.systems)
     assert [one.text for one in told] == [
         f"bodies {words} where they touch: a and b",
@@ -80,9 +81,8 @@ def test_bodies_of_rebuilt_neighbours_press_on_one_another_unless_they_are_welde
     ]
 
 
-def test_bodies_of_two_methods_that_nothing_joins_are_warned_of(comm):
-    """They are no bodies of one system, which would bond them: nothing acts between them."""
-    ends = {"a": (0, 1), "b": (1, 2), "c": (2, 3), "d": (5, 6)}
+def test_bodies_on_their_way_to_another_method_are_told(comm):
+    ends = {"a": (0, 1), "b": (1, 2), "c": (2.5, 3.5), "d": (5, 6)}
     velocities = {"d": {"velocity": [-2.0, 0.0]}}
     methods = [SPH | {"name": "one"}, BONDS | {"name": "two"}]
     owners = {"a": "one", "b": "one", "c": "two", "d": "two"}
@@ -90,13 +90,13 @@ def test_bodies_of_two_methods_that_nothing_joins_are_warned_of(comm):
         block(name, (a, 0), (b, 1), [5, 5], "cells", method=owners[name], **velocities.get(name, {}))
         for name, (a, b) in ends.items()
     ]
-    data = tables(*bodies, contact=[], end_time=2.0, methods=methods)
+    data = tables(*bodies, contact=[], bond=[{"bodies": "all"}], end_time=2.0, methods=methods)
     del data["method"]
     sim = simulated(data, comm)
     told = describe_contacts(comm, sim.scene, sim.systems)
-    assert [one.code for one in told] == ["bodies", "bodies", "no-interaction", "unnoticed-meeting"]
-    assert told[0].text == "bodies bonded where they touch: a and b" and told[2].text.endswith(": b and c")
-    assert "b and d (at about t = 1.6 s)" in told[3].text and "c and d" in told[3].text
+    assert [one.code for one in told] == ["bodies", "bodies", "collision-course"]
+    assert told[0].text == "bodies bonded where they touch: a and b"
+    assert "b and d (at about t = 1.6 s)" in told[2].text and "c and d" in told[2].text
 
 
 def test_colours_of_lattices():

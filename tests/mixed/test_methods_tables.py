@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from parsolid.api.check_advice import scene_advice
 from parsolid.collective import SolverError
-from parsolid.scene import Scene, SceneError, dump_scene, load_scene, parse_scene
+from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
 from parsolid.simulation.energy_check import EnergyLimits
 from parsolid.simulation.ledger import names_of_terms, terms_of
 from parsolid.simulation.loop import Simulation
@@ -215,14 +215,6 @@ def test_what_a_system_finds_wrong_is_told_in_the_keys_of_the_whole_scene():
         Simulation(MPI.COMM_SELF, parse_scene(data))
 
 
-class Apart(Scene):
-    """A scene of which some pairs of bodies must not stick together."""
-
-    @property
-    def apart(self) -> frozenset[frozenset[int]]:
-        return frozenset(map(frozenset, [(0, 1), (1, 2)]))
-
-
 def test_bodies_of_a_grid_that_must_part_have_grids_of_their_own():
     data = tables(("metal",))
     (first,) = data["bodies"]
@@ -231,13 +223,18 @@ def test_bodies_of_a_grid_that_must_part_have_grids_of_their_own():
         body["shape"]["box"] = {"lower": [2.0 * number, 0.0], "upper": [2.0 * number + 1.0, 1.0]}
     scene = parse_scene(data)
     assert [system.bodies for system in scene.systems] == [(0, 1, 2, 3)]
-    split = Apart.model_construct(**dict(scene))
+    data["contact"] = [{"bodies": pair, "model": "grid"} for pair in (["m0", "m1"], ["m1", "m2"])]
+    split = parse_scene(data)
     assert [(system.name, system.bodies) for system in split.systems] == [("metal-1", (0, 2, 3)), ("metal-2", (1,))]
     sim = Simulation(MPI.COMM_SELF, split)
     assert [system.owned for system in sim.systems] == [192, 64]
+    # those that are bonded share one
+    bonded = parse_scene(data | {"bond": [{"bodies": ["m3", "m1"]}]})
+    assert [system.bodies for system in bonded.systems] == [(0, 2), (1, 3)]
     # bodies of other methods need no systems of their own
     data["methods"] = [{"name": "metal", "kind": "ulsph"}]
-    assert len(Apart.model_construct(**dict(parse_scene(data))).systems) == 1
+    del data["contact"]
+    assert len(parse_scene(data | {"contact": [{"bodies": ["m0", "m1"]}]}).systems) == 1
 
 
 def test_a_term_that_methods_count_differently_has_two_columns():

@@ -15,10 +15,10 @@ def block(lower, speed, **method) -> dict:
 
 
 def two_blocks(**method) -> dict:
-    """One runs into its mirror image at 10 m/s."""
+    """One runs into its mirror image at 10 m/s, on one grid."""
     data = block(-0.55, 10.0, **method)
     data["bodies"] += block(0.05, -10.0)["bodies"]
-    return data
+    return data | {"bond": [{"bodies": "all"}]}
 
 
 def wall(**method) -> dict:

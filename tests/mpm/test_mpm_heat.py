@@ -160,7 +160,7 @@ def test_two_conductivities_beside_a_heated_plane_lose_no_heat():
     tables = scene([0.0] * 2, [4e-3] * 2, 5e-4, 1e-3, material=MATERIAL, method=method, body=body, boundaries=planes)
     beside = {"shape": {"box": {"lower": [4e-3, 0.0], "upper": [8e-3, 4e-3]}}}
     tables["bodies"].append(tables["bodies"][0] | beside | {"material": MATERIAL | {"conductivity": 50.0}})
-    simulation = Simulation(WORLD, parse_scene(tables))
+    simulation = Simulation(WORLD, parse_scene(tables | {"bond": [{"bodies": "all"}]}))
     for _ in range(20):
         simulation.take_step(1e-3)
     _, temperature, capacity = state(simulation)

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 
 from parsolid.output import OutputError, vtkhdf
-from parsolid.output.fields import FieldSeries, bytes_of_rows
+from parsolid.output.fields import FieldSeries, _ByIdentifier, bytes_of_rows
 from parsolid.output.packing import pack
 
 TIMES = [0.0, 0.1, 0.1 + 0.2, 1.0]
@@ -290,3 +290,12 @@ def test_a_run_writes_while_someone_looks_at_the_file(comm, shared_path):
 def test_bytes_of_a_row_are_those_of_space_in_single_precision():
     vector, tensor, number = np.zeros((5, 2)), np.zeros((5, 2, 2)), np.zeros(5, np.int64)
     assert [bytes_of_rows(one) for one in (vector, tensor, number)] == [12, 36, 8]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("identifier", [[0, 2], [-1, 0], [0, 0], [1, 7]])
+def test_identifiers_that_are_not_each_there_once_are_refused(identifier):
+    with pytest.raises(OutputError):
+        _ByIdentifier(MPI.COMM_SELF, np.array(identifier), 2)
+    order = _ByIdentifier(MPI.COMM_SELF, np.array([1, 0]), 2)
+    np.testing.assert_array_equal(order.arrange(np.array([3.0, 4.0])), [4.0, 3.0])

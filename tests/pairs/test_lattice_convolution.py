@@ -76,7 +76,8 @@ def test_bodies_that_relax_differently_have_the_forces_of_their_lists(comm, rela
     other = copy.deepcopy(data["bodies"][0])
     other["shape"]["box"]["lower"][0], other["shape"]["box"]["upper"][0] = 0.5, 1.0
     other["material"]["terms"] = [{"ratio": 2.0, "tau": 0.3}]
-    system = simulation(data | {"bodies": [data["bodies"][0], other]}, comm).systems[0]
+    bond = [{"bodies": "all"}]
+    system = simulation(data | {"bodies": [data["bodies"][0], other], "bond": bond}, comm).systems[0]
     place, bonds = system.particles.owned_rows("reference_position"), system.pairs
     # a control that relaxes is one for each body
     assert (bonds.lattice is None) == relaxes

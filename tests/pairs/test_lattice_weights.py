@@ -349,7 +349,7 @@ def test_bodies_that_touch_are_refused_or_bonded_by_the_kernel(comm):
         data = tables([9, 9], method={"weights": weights})
         second = dict(data["bodies"][0], shape={"box": {"lower": [1.1, 0.0], "upper": [2.1, 1.0]}})
         data["bodies"].append(second)
-        return data
+        return data | {"bond": [{"bodies": "all"}]}
 
     with pytest.raises(SceneError, match="^method.weights: expected .* found bodies.0 and bodies.1$"):
         parse_scene(scene("cells"))

@@ -100,8 +100,8 @@ def test_elements_go_to_the_ranks_of_their_nodes(shared_path, comm, dimension, k
     body = scene_of(path, dimension, "vertices").bodies[0]
     count = len(generate(scene_of(path, dimension, "vertices"), MPI.COMM_SELF))
     rank_of = np.random.default_rng(5).integers(0, comm.size, count)
-    alone = elements_around(MPI.COMM_SELF, body, dimension, 7 + np.arange(count))
-    mine = elements_around(comm, body, dimension, 7 + np.flatnonzero(rank_of == comm.rank))
+    alone = elements_around(MPI.COMM_SELF, body, dimension, 7 + np.arange(count), {})
+    mine = elements_around(comm, body, dimension, 7 + np.flatnonzero(rank_of == comm.rank), {})
     assert (mine.extent, mine.of_second_order) == (alone.extent, alone.of_second_order)
     for name, cells in alone.blocks:
         own = cells[(rank_of[cells - 7] == comm.rank).any(axis=1)]

@@ -18,7 +18,7 @@ def step_of(comm, boundaries: list, other: float = 2.0):
     )
     first = data["bodies"][0]
     data["bodies"].append({**first, "shape": {"box": {"lower": [other, 0.0], "upper": [other + 1.0, 1.0]}}})
-    sim = simulation(data, comm)
+    sim = simulation(data | {"bond": [{"bodies": "all"}] if other == 1.0 else []}, comm)
     sim.take_step(0.0)
     return sim.systems[0]
 

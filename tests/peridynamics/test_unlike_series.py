@@ -36,7 +36,7 @@ def beside(dimension, first, second, **more) -> dict:
         if key in other["material"] and key not in second:
             del other["material"][key]
     data["bodies"].append(other)
-    return data
+    return data | {"bond": [{"bodies": "all"}]}
 
 
 @every_law

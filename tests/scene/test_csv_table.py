@@ -10,7 +10,11 @@ from parsolid.scene.load_histories import FactorHistory
 ROWS = "0,0\r\n1e-3,2\r\n"
 
 
-@pytest.mark.parametrize("text", [ROWS, "t,a\r\n" + ROWS, "\ufefft, a\n0, 0\n\n1e-3, 2\n\n\n", ROWS + ",\n"])
+SAME = [ROWS, "t,a\r\n" + ROWS, "\ufefft, a\n0, 0\n\n1e-3, 2\n\n\n", ROWS + ",\n", "\n \n" + ROWS, "# t, a\n" + ROWS]
+SAME += [" 0 , 0 \n 1E-3 , 2. \n", '"0","0"\n"1e-3","2"\n', "0,0,9\n1e-3,2,9\n"]
+
+
+@pytest.mark.parametrize("text", SAME)
 def test_a_table_and_a_history_read_the_same_file(tmp_path, text):
     path = tmp_path / "push.csv"
     path.write_bytes(text.encode())

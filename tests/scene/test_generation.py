@@ -211,7 +211,7 @@ def test_initial_fields(cube, comm):
     second = {"shape": beside, "particles": [2, 2, 2], "material": MATERIAL}
     second["deformation_gradient"] = [["2", "X", "0"], ["0", "1", "0"], ["0", "0", "1"]]
     cube["bodies"].append(second)
-    scene = parse_scene(cube)
+    scene = parse_scene(cube | {"bond": [{"bodies": "all"}]})
     particle_set = generate(scene, comm)
     velocity = initial_velocity(scene, particle_set.body, particle_set.position)
     first = particle_set.body == 0

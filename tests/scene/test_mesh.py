@@ -258,7 +258,7 @@ def test_meshes_in_one_another_are_refused_with_their_names(shared_path, comm, d
         generate(parse_scene(data), comm)
     assert "'a'" in str(caught.value) and "'b'" in str(caught.value)
     apart = bodies_of_meshes(folder, dimension, kind, np.zeros(dimension), np.array([2.0, 0.3, 0.0][:dimension]))
-    assert comm.allreduce(len(generate(parse_scene(apart), comm))) > 10
+    assert comm.allreduce(len(generate(parse_scene(apart | {"bond": [{"bodies": ["a", "b"]}]}), comm))) > 10
 
 
 def test_a_box_in_a_mesh_and_one_in_its_notch(shared_path, comm):
@@ -270,7 +270,8 @@ def test_a_box_in_a_mesh_and_one_in_its_notch(shared_path, comm):
     data = mesh_scene(folder, 2, points, [("quad", cells)]).resolved()
     for upper, refused in (([1.0, 1.2], False), ([1.01, 1.2], True), ([0.9, 1.3], True)):
         box = {"shape": {"box": {"lower": [0.0, 0.0], "upper": upper}}, "particles": [5, 5]}
-        scene = parse_scene(data | {"bodies": [data["bodies"][0], data["bodies"][0] | box]})
+        bodies = [data["bodies"][0], data["bodies"][0] | box]
+        scene = parse_scene(data | {"bodies": bodies, "bond": [{"bodies": "all"}]})
         if refused:
             with pytest.raises(SceneError, match=r"found \d+ particles of 'bodies.1' inside 'bodies.0'"):
                 generate(scene, comm)

@@ -78,6 +78,22 @@ def test_a_curve_in_two_groups_is_in_both(tmp_path):
     assert held(path, "outer") == nodes_of(LEFT, LOWER)
 
 
+def test_groups_within_groups_and_lines_in_either_direction(tmp_path):
+    groups = {"a": (1, 1), "b b": (1, 2), "Säule": (1, 3), "plate": (2, 4)}
+    turned, right = [line[::-1] for line in LEFT], [(N + a, N + b) for a, b in zip(range(0, 9, N), range(N, 13, N))]
+    curves = [(turned, ["a", "b b", "Säule"]), (LOWER, ["b b", "Säule"]), (right, ["Säule"])]
+    path = gmsh_41(tmp_path / "m.msh", groups, curves)
+    assert held(path, "a") == nodes_of(LEFT) and held(path, "b b") == nodes_of(LEFT, LOWER)
+    assert held(path, "Säule") == nodes_of(LEFT, LOWER, right)
+
+
+def test_groups_of_points_of_parts_of_the_plate_and_in_turns(tmp_path):
+    blocks = [(15, 5, [(1,), (4,)]), (1, 7, LEFT[:1]), (1, 8, LOWER), (1, 7, LEFT[1:])]
+    path = gmsh_22(tmp_path / "m.msh", [*blocks, (2, 2, TRIANGLES[:8]), (2, 3, TRIANGLES[8:])])
+    wanted = {"5": {1, 4}, "7": nodes_of(LEFT), "8": nodes_of(LOWER), "2": nodes_of(TRIANGLES[:8])}
+    assert {name: held(path, name) for name in wanted} == wanted
+
+
 def test_rounding_out_of_the_plane_is_no_third_dimension(tmp_path):
     path = gmsh_41(tmp_path / "m.msh", {"plate": (2, 1)}, [], z=lambda i: 1e-17 * (i % 2))
     assert read_mesh(path, 2)[0].shape == (16, 2)
@@ -164,6 +180,15 @@ def test_nodes_in_two_sections_and_sets_in_two_blocks(tmp_path):
     points, _, groups, _ = read_mesh(abaqus(tmp_path / "m.inp", *nodes, *blocks), 2)
     np.testing.assert_array_equal(points, np.array(SQUARE))
     assert groups.elements["all"].tolist() == list(range(len(TRIANGLES)))
+
+
+def test_sets_of_abaqus_in_steps_of_sets_and_in_any_case(tmp_path):
+    lines = ["*NODE , NSET = All", *NODES, "*ELEMENT , TYPE = cps3, ELSET=Plate", *ELEMENTS, "** a comment"]
+    lines += ["*nset , nset = Left, generate", "1, 13, 4", "*Nset, nset=a", "2,", "3", "*Nset, nset=both", "Left, a"]
+    path = abaqus(tmp_path / "m.inp", *lines, "*Elset, elset=s, generate", "1, 5, 2")
+    wanted = {"All": set(range(1, 17)), "Left": {1, 5, 9, 13}, "both": {1, 2, 3, 5, 9, 13}}
+    wanted["s"] = nodes_of([TRIANGLES[0], TRIANGLES[2], TRIANGLES[4]])
+    assert {name: held(path, name) for name in wanted} == wanted
 
 
 @pytest.mark.parametrize(

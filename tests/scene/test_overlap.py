@@ -8,12 +8,13 @@ from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.schema import Scene
 
 
-def scene(dimension: int, *bodies: tuple[dict, list[int]], **more) -> Scene:
+def scene(dimension: int, *bodies: tuple[dict, list[int]], bond=True, **more) -> Scene:
     tables = [
         {"name": name, "shape": shape, "particles": particles, "material": MATERIAL} | more
         for name, (shape, particles) in zip("ab", bodies)
     ]
-    return parse_scene({"dimension": dimension, "end_time": 1.0, "method": {"kind": "tlsph"}, "bodies": tables})
+    data = {"dimension": dimension, "end_time": 1.0, "method": {"kind": "tlsph"}, "bodies": tables}
+    return parse_scene(data | {"bond": [{"bodies": ["a", "b"]}] if bond else []})
 
 
 def box(lower, upper) -> tuple[dict, list[int]]:
@@ -74,8 +75,13 @@ TOGETHER = {
 
 @pytest.mark.parametrize("name", APART)
 def test_neighbours_are_apart(comm, name):
+    """They touch, which bonds alone allow."""
     dimension, one, other = APART[name]
     assert comm.allreduce(len(generate(scene(dimension, one, other), comm))) > 10
+    with pytest.raises(SceneError) as caught:
+        generate(scene(dimension, other, one, bond=False), comm)
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.key) == ("touching", "bodies") and "'a' and 'b'" in fault.found
 
 
 @pytest.mark.parametrize("name", TOGETHER)

@@ -75,7 +75,7 @@ def test_bonded_bodies_that_differ_too_much_are_refused(spacing, density, refuse
     del first["particles"]
     shape = {"box": {"lower": [0.0, 0.4], "upper": [2.0, 0.8]}}
     second = first | {"name": "b", "shape": shape, "spacing": spacing, "material": NEO | {"density": density}}
-    data["bodies"] = [first | {"spacing": 0.1}, second]
+    data["bodies"], data["bond"] = [first | {"spacing": 0.1}, second], [{"bodies": ["a", "b"]}]
     if not refused:
         simulation(data, comm)
         return
@@ -84,7 +84,7 @@ def test_bonded_bodies_that_differ_too_much_are_refused(spacing, density, refuse
     assert str(told.value).startswith("bodies.1: ")
     # bodies in contact are not bonded
     leapfrog = data["method"] | {"integrator": "leapfrog"}
-    simulation(data | {"contact": [{"bodies": ["a", "b"]}], "method": leapfrog}, comm)
+    simulation(data | {"contact": data.pop("bond"), "method": leapfrog}, comm)
 
 
 def test_a_grid_is_near_bodies_that_are_far_away(comm):

@@ -8,6 +8,7 @@ from solids import simulation, tables
 from parsolid.api.report import report_of
 from parsolid.methods.tlsph import system
 from parsolid.methods.tlsph.settings import TotalLagrangianSPH
+from parsolid.observables.declared import field_of
 from parsolid.output.run_folder import RunFolder
 from parsolid.particles.declaration import Field
 from parsolid.scene import SceneError, parse_scene
@@ -135,3 +136,18 @@ def test_what_a_plastic_body_carries_is_written_where_the_scene_names_it(comm, s
     data["output"] = {"fields": ["temperature", "velocity_gradient"]}
     found = written(comm, simulation(data, comm), shared_path)
     assert set(found) == {"temperature", "velocity_gradient", "body", "volume"}
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_declared_tensor_has_three_rows_and_columns(dimension):
+    sim = simulation(tables([3] * dimension))
+    system = sim.systems[0]
+    F = np.arange(float(system.owned * dimension**2)).reshape(-1, dimension, dimension)
+    system.particles.owned_rows("deformation_gradient")[:] = F.reshape(-1, dimension**2)
+    system.shown = lambda name, first, last: None
+    found = field_of(system, "deformation_gradient", 1, 4)
+    wanted = np.zeros((3, 3, 3))
+    wanted[:, :dimension, :dimension] = F[1:4]
+    np.testing.assert_array_equal(found, wanted)
+    np.testing.assert_array_equal(field_of(system, "deformation_gradient_xy", 1, 4), F[1:4, 0, 1])
+    assert field_of(system, "deformation_gradient_q") is None and field_of(system, "mass_x") is None

@@ -122,7 +122,7 @@ def test_two_materials_in_contact():
     )
     other = {**data["bodies"][0], "shape": {"box": {"lower": [1.0, 0.0], "upper": [2.0, 1.0]}}}
     data["bodies"].append({**other, "material": {**SOFT, "density": 4.0, "youngs_modulus": 20.0}})
-    sim = simulation(data)
+    sim = simulation(data | {"bond": [{"bodies": "all"}]})
     set_random_state(sim, consistent=False)
     # neither block fills its last four lanes
     assert [(block.first, block.last) for block in sim.systems[0].blocks] == [(0, 15), (15, 30)]

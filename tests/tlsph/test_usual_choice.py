@@ -67,7 +67,8 @@ def test_bodies_that_touch_keep_the_kernel_and_those_apart_do_not():
         data = tables()
         other = json.loads(json.dumps(data["bodies"][0])) | {"name": "other"}
         other["shape"]["box"] = {"lower": [1.0 + gap, 0.0], "upper": [2.0 + gap, 1.0]}
-        return choice(data | {"bodies": [*data["bodies"], other]})
+        bond = [] if gap else [{"bodies": "all"}]
+        return choice(data | {"bodies": [*data["bodies"], other], "bond": bond})
 
     assert pair(0.0)[0] == "kernel" and pair(3.0)[0] == "best"
 

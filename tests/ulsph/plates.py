@@ -47,7 +47,7 @@ def impact(across=21, along=71, speed=208.0, material=STEEL, **keys) -> dict:
     right = block(
         [along, across], [2 * length, width], material, [length, 0.0], velocity=[str(-speed), 0.0], name="right"
     )
-    return scene(left, right, **keys)
+    return scene(left, right, bond=[{"bodies": ["left", "right"]}], **keys)
 
 
 def randomized(data, comm, seed=0):

@@ -18,9 +18,8 @@ def jittered(dimension, bodies=1):
         return scene(first)
     lower, higher = [0.0] * dimension, list(upper)
     lower[0], higher[0] = upper[0], 2 * upper[0]
-    return scene(
-        first, block(count, higher, EVERYTHING | SPACE, lower, jitter=0.2, seed=4), method={"contact": "welded"}
-    )
+    second = block(count, higher, EVERYTHING | SPACE, lower, jitter=0.2, seed=4)
+    return scene(first, second, method={"contact": "welded"}, bond=[{"bodies": "all"}])
 
 
 def total(comm, value):

@@ -201,7 +201,8 @@ def test_micro_inertia_and_other_laws_press_on_one_another():
     copper = data["bodies"][0] | {"name": "copper", "material": COPPER}
     shape = {"box": {"lower": [-3e-3, 0.0], "upper": [0.0, 5e-4]}}
     steel = {"name": "steel", "shape": shape, "particles": [30, 5], "placement": "cells", "material": STEEL}
-    sim, ledger = run_to_end(data | {"bodies": [copper, steel], "boundaries": [], "end_time": 5e-7})
+    more = {"bond": [{"bodies": ["copper", "steel"]}], "boundaries": [], "end_time": 5e-7}
+    sim, ledger = run_to_end(data | {"bodies": [copper, steel]} | more)
     assert ledger["viscous_dissipation"][-1] > 0.0 and ledger["viscous_heat"][-1] > 0.0
     assert np.abs(ledger["energy_error"]).max() < 0.01 * ledger["kinetic"][0]
     temperature, energy, body = gathered(sim, "temperature", "energy", "body")

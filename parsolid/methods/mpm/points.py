@@ -96,7 +96,7 @@ class MaterialPoints(Particles):
         if settings.transfer != "flip" or "velocity" in boundaries:
             self.declare(Field("velocity_slope", 12, "1/s", checkpointed=True))
         # see `heat.HeatedSurfaces`
-        if "heat_flux" in boundaries:
+        if "heat-flux" in boundaries:
             self.declare(Field("temperature_slope", 4, "K/m", checkpointed=True))
         if settings.basis == "ugimp":
             # cells of a particle's own axes count as boxes along the grid

@@ -16,6 +16,9 @@ from parsolid.scene.warned import Note
 
 Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
 
+# nodes of the stencil of a point along an axis
+_NODES_ACROSS = {"linear": 2, "ugimp": 3, "quadratic-spline": 3, "cubic-spline": 4}
+
 # cells from the grid's origin up to which bodies leave it where it is; a grid ends 2^20 cells from it
 _NEAR_CELLS = 2**16
 # on surfaces
@@ -152,6 +155,14 @@ class MaterialPoint(MethodSettings):
         """Slopes are of the transfer that bodies in contact have unless it is stated."""
         told = "; method.transfer = 'apic', or 'aflip' in contact, has it unless another is stated, 'flip' does without"
         return told if name == "velocity_slope" else ""
+
+    def reach(self, spacing: np.ndarray) -> np.ndarray:
+        """Where points have nodes in common."""
+        return np.full(len(spacing), _NODES_ACROSS[self.basis] * self.cell)
+
+    def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
+        """Where they act on one another."""
+        return np.maximum(self.reach(spacing), spacing)
 
     def largest_spacing(self) -> float | None:
         """A point a cell and direction."""

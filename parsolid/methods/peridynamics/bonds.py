@@ -62,7 +62,7 @@ class Bonds(BondSweeps):
 
     # --- lists ------------------------------------------------------------------------------------------------
 
-    def _find(self, particle_set: Any, share: np.ndarray, unbonded: np.ndarray | None) -> None:
+    def _find(self, particle_set: Any, share: np.ndarray, unbonded: Any) -> None:
         """Plan ghosts and make every list."""
         X = np.pad(particle_set.position, ((0, 0), (0, self.d - particle_set.position.shape[1])))
         metric = np.zeros((self.owned, 6))

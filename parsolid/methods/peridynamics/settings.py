@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.base_model import (
@@ -187,7 +188,6 @@ class Peridynamics(MethodSettings):
     """
 
     system: ClassVar = "parsolid.methods.peridynamics.system:Peridynamics"
-    bodies_meet: ClassVar = False
     dimensions: ClassVar = (1, 2, 3)
     materials: ClassVar = ("hyperelastic", "prony", "bond-based")
     prescribes: ClassVar = ("velocity", "displacement")
@@ -256,6 +256,10 @@ class Peridynamics(MethodSettings):
         "`methods.peridynamics.fracture`) follow cracks",
     )
     pre_cracks: list[PreCrack] = []
+
+    def reach(self, spacing: np.ndarray) -> np.ndarray:
+        """The horizon."""
+        return np.full(len(spacing), self.horizon(float(spacing.max())))
 
     def horizon(self, spacing: float) -> float:
         """The horizon [m] for a particle spacing [m]; the margin keeps the last neighbours out of reach of rounding."""

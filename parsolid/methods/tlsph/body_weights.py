@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.pair_search import close_boxes
 from parsolid.materials.declaration import Phrase
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.fillings import extent_of
@@ -34,9 +35,12 @@ def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
         return [wanted] * len(scene.bodies)
     result = [_best(i, scene) for i in range(len(scene.bodies))]
     bonded = _touching(scene, meshes_of(result))
+    seen: set[int] = set()
     for i, others in enumerate(bonded):
-        if others and not all(result[j] == "closure" for j in _reached(i, bonded)):
-            result[i] = "kernel"
+        together = _reached(i, bonded) if others and i not in seen else set()
+        seen |= together
+        if not all(result[j] == "closure" for j in together):
+            result = ["kernel" if j in together else kind for j, kind in enumerate(result)]
     return result
 
 
@@ -142,22 +146,22 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
 def _touching(scene: Any, without: Sequence[int] = ()) -> list[list[int]]:
     """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there;
     without: numbers of bodies that no kernel bonds, which are not looked at."""
-    if len(scene.bodies) - len(without) < 2:
-        return [[] for _ in scene.bodies]
-    extents = [None if i in without else extent_of(body, scene.dimension) for i, body in enumerate(scene.bodies)]
+    result: list[list[int]] = [[] for _ in scene.bodies]
+    left_out = set(without)
+    some = [i for i in range(len(scene.bodies)) if i not in left_out]
+    if not scene.bond or len(some) < 2:
+        return result
+    extents = [extent_of(scene.bodies[i], scene.dimension) for i in some]
     support = smoothing_kernel(scene.method.kernel).support * scene.method.smoothing
-    apart = scene.unbonded
-    result: list[list[int]] = []
-    for i, one in enumerate(extents):
-        result.append([])
-        for j, other in enumerate(extents):
-            if one is None or other is None:
-                continue
-            gap = np.maximum(np.maximum(other.lower - one.upper, one.lower - other.upper), 0.0)
-            bonded = i != j and (apart is None or not apart[i, j])
-            if bonded and np.linalg.norm(gap) < support * max(one.coarsest, other.coarsest):
-                result[-1].append(j)
-    return result
+    lower, upper = (np.array([getattr(one, end) for one in extents]) for end in ("lower", "upper"))
+    reach, bonded = support * np.array([one.coarsest for one in extents]), scene.bonded
+    for k, m in np.transpose(close_boxes(lower, upper, 2.0 * reach)).tolist():
+        gap = np.maximum(np.maximum(lower[m] - upper[k], lower[k] - upper[m]), 0.0)
+        i, j = some[k], some[m]
+        if np.linalg.norm(gap) < max(reach[k], reach[m]) and bonded.has(i, j):
+            result[i].append(j)
+            result[j].append(i)
+    return [sorted(others) for others in result]
 
 
 def _reached(start: int, neighbours: Sequence[Sequence[int]]) -> set[int]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from parsolid.materials.declaration import Phrase
@@ -16,7 +17,7 @@ from parsolid.methods.tlsph.body_weights import (
     no_mesh_weights,
     weights_of_bodies,
 )
-from parsolid.pairs.smoothing import kernel_names
+from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
 from parsolid.scene.failure import faults_of_names
@@ -35,7 +36,6 @@ class TotalLagrangianSPH(MethodSettings):
     """Upwind total-Lagrangian smoothed particle hydrodynamics (Lee et al.)."""
 
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
-    bodies_meet: ClassVar = False
     graded_bodies: ClassVar = True
     initial_stress_refused: ClassVar = None
     extra_fields: ClassVar = {
@@ -231,6 +231,14 @@ class TotalLagrangianSPH(MethodSettings):
         )
         text = f'{names}: {of_kernel}; method.weights = "best" has neither'
         return [Note("loaded-faces", text)] if names else []
+
+    def reach(self, spacing: np.ndarray) -> np.ndarray:
+        """That of the kernel, by which bodies are bonded whatever their own weights."""
+        return smoothing_kernel(self.kernel).support * self.smoothing * spacing
+
+    def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
+        """Where they act on one another, if neighbours are found anew."""
+        return np.maximum(self.reach(spacing), spacing) if self.reference == "updated" else spacing
 
     def bonding(self, scene: Any, bodies: Iterable[int]) -> list[bool]:
         """Not those with the weights of their mesh, which share nodes, are tied or in contact."""

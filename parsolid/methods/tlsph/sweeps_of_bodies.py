@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.pair_search import close_boxes
 from parsolid.collective import anywhere, minimum, raise_together
 from parsolid.materials.blocks import block_numbers
 from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
@@ -16,7 +17,7 @@ from parsolid.pairs.cell_weights import NodesOfCells
 from parsolid.pairs.closure import surface_area
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.smoothing import smoothing_kernel
-from parsolid.particles.meshes.slices import mesh_key
+from parsolid.scene.shapes import of_one_mesh
 
 
 def groups_of(laws: list[Any], boxes: list[int], meshes: list[int]) -> np.ndarray:
@@ -89,9 +90,9 @@ def mesh_bodies_of(system: Any, scene: Any, particle_set: Any) -> MeshBodies | N
 
 def _bonded_mesh(system: Any, scene: Any, particle_set: Any, numbers: list[int]) -> str | None:
     """The fault of a body with the weights of its mesh within a kernel's reach of another one, by their bounding
-    boxes, where no contact keeps them apart: it would not be bonded to it as others are. Collective."""
+    boxes, to which a scene bonds it: it would not be bonded to it as others are. Collective."""
     count, d = len(scene.bodies), system.dimension
-    if count == 1:
+    if not scene.bond:
         return None
     # lower bounds and the negative upper ones and coarsest spacings of each body
     bounds = np.full((count, 2 * d + 1), np.inf)
@@ -100,28 +101,17 @@ def _bonded_mesh(system: Any, scene: Any, particle_set: Any, numbers: list[int])
         X, spacing = particle_set.position[here], particle_set.spacing[here]
         bounds[number] = np.concatenate([X.min(axis=0), -X.max(axis=0), [-spacing.max()]])
     bounds = minimum(system.comm, bounds)
-    support = smoothing_kernel(system.settings.kernel).support * system.settings.smoothing
-    names, tied = [body.name for body in scene.bodies], [set(one.bodies) for one in scene.tie]
-    for i in numbers:
-        for j in range(count):
-            gap = np.maximum(bounds[i, :d] + bounds[j, d : 2 * d], bounds[j, :d] + bounds[i, d : 2 * d])
-            reach = -support * min(bounds[i, -1], bounds[j, -1])
-            apart = i == j or (scene.unbonded is not None and scene.unbonded[i, j])
-            apart = apart or {names[i], names[j]} in tied or _one_mesh(scene.bodies[i], scene.bodies[j])
-            if not apart and np.linalg.norm(np.maximum(gap, 0.0)) < reach:
-                return (
-                    'method.weights: expected for "mesh" bodies apart from others, or in contact or tied, as those '
-                    f"that touch are bonded by a kernel, found bodies.{i} and bodies.{j}"
-                )
+    reach = -smoothing_kernel(system.settings.kernel).support * system.settings.smoothing * bounds[:, -1]
+    lower, upper, bonded, bodies = bounds[:, :d], -bounds[:, d : 2 * d], scene.bonded, scene.bodies
+    for i, j in sorted(np.transpose(close_boxes(lower, upper, 2.0 * reach)).tolist()):
+        gap = np.maximum(np.maximum(lower[j] - upper[i], lower[i] - upper[j]), 0.0)
+        by_kernels = bonded.has(i, j) and not of_one_mesh(bodies[i].shape, bodies[j].shape)
+        if by_kernels and not {i, j}.isdisjoint(numbers) and np.linalg.norm(gap) < max(reach[i], reach[j]):
+            return (
+                'method.weights: expected for "mesh" bodies in contact or tied, as bonds are those of kernels, found '
+                f"bodies.{i} and bodies.{j}"
+            )
     return None
-
-
-def _one_mesh(one: Any, other: Any) -> bool:
-    """Whether bodies are of one mesh, of which they share nodes where they touch."""
-    meshes = one.shape.kind == other.shape.kind == "mesh"
-    return bool(
-        meshes and mesh_key(one) == mesh_key(other) and None not in (one.shape.model.group, other.shape.model.group)
-    )
 
 
 def smoothing_of(system: Any, particle_set: Any) -> Any:

@@ -2,11 +2,12 @@
 
 from typing import Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.ulsph.state import MICRO_STATE, STATE
-from parsolid.pairs.smoothing import kernel_names
+from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, mismatch
 from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.method_settings import MethodSettings, named_observables
@@ -126,6 +127,15 @@ class UpdatedLagrangianSPH(MethodSettings):
     def touching(self) -> str:
         """They press on one another, unless they are welded."""
         return super().touching() if self.contact == "welded" else "pressing on one another where they touch"
+
+    def reach(self, spacing: np.ndarray) -> np.ndarray:
+        """That of the kernel."""
+        length = self.smoothing * float(np.prod(spacing)) ** (1.0 / len(spacing))
+        return np.full(len(spacing), smoothing_kernel(self.kernel).support * length)
+
+    def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
+        """Where they act on one another."""
+        return np.maximum(self.reach(spacing), spacing)
 
     def contact_refused(self, scene: Any) -> str | None:
         """It can."""

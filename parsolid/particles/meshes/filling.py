@@ -11,6 +11,7 @@ from parsolid.particles.lattices.lattice import jitter_offsets
 from parsolid.particles.meshes.elements import shares_of_nodes
 from parsolid.particles.meshes.inside import Solid
 from parsolid.particles.meshes.membership import Membership
+from parsolid.particles.meshes.quality import refuse_double_nodes, refuse_hinges
 from parsolid.particles.meshes.slices import MeshSlices, in_words, read_slices, restricted
 from parsolid.particles.meshes.topology import (
     Facets,
@@ -22,7 +23,7 @@ from parsolid.particles.meshes.topology import (
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.named_regions import Region
-from parsolid.scene.validation_errors import SceneError
+from parsolid.scene.validation_errors import MeshFault, SceneError
 
 
 class MeshFilling:
@@ -56,7 +57,12 @@ class MeshFilling:
         count, place = self.solid.within_itself()
         if place is not None:
             found = f"{count} facets of its surface in other elements, the first at ({in_words(place)})"
-            raise SceneError([f"expected a mesh that does not lie in itself, found {found}"])
+            raise SceneError([MeshFault("self-overlap", "a mesh that does not lie in itself", found)])
+        if body.placed_on == "vertices":
+            refuse_double_nodes(mesh, self.edge > 0.0, self.edge)
+        if group is None:
+            # parts of one material may meet at an edge that others hold together
+            refuse_hinges(mesh, self.facets)
         # of the particles first .. first + n - 1 in the order of the mesh
         self.rows: dict[str, np.ndarray] = {}
         if body.placed_on == "vertices":

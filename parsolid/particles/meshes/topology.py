@@ -8,7 +8,7 @@ from decomposition.migration import migrate
 from parsolid.checksums import mixed
 from parsolid.particles.meshes.elements import ELEMENTS, facet_areas, lumped_volumes
 from parsolid.particles.meshes.slices import MeshSlices, first_place, in_words
-from parsolid.scene.validation_errors import SceneError
+from parsolid.scene.validation_errors import MeshFault, SceneError
 
 # of the whole mesh, after the last element
 _NONE = np.iinfo(np.int64).max
@@ -36,7 +36,7 @@ def sound_volumes(mesh: MeshSlices) -> list[np.ndarray]:
     for b in np.flatnonzero(total)[:1]:
         place = first_place(mesh.comm, numbers[b], places[b])
         found = f"{total[b]} {mesh.local.blocks[b][0]} elements inside out or flat, the first at ({in_words(place)})"
-        raise SceneError([f"expected elements of positive volume, found {found}"])
+        raise SceneError([MeshFault("element", "elements of positive volume", found)])
     return lumped
 
 
@@ -70,7 +70,7 @@ def refuse_repeated(mesh: MeshSlices) -> None:
             place = points[cells[row]].mean(axis=0) if here else np.full(points.shape[1], np.inf)
             found = f"{total} {kind} elements more than once, the first at "
             found += f"({in_words(first_place(comm, 0 if here else 1, place))})"
-            raise SceneError([f"expected every element once, found {found}"])
+            raise SceneError([MeshFault("repeated", "every element once", found)])
 
 
 def _repeated(keys: np.ndarray, number: np.ndarray) -> tuple[int, int]:

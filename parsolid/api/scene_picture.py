@@ -1,0 +1,355 @@
+"""The picture of a scene before it is run: `parsolid check --picture`; 2-D by matplotlib, 3-D by VTK off screen."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from mpi4py import MPI
+
+from parsolid.api.scenery import Mark, Scenery, scenery_of
+from parsolid.scene import Scene, SceneError
+
+# suffixes that matplotlib writes without other packages
+_SUFFIXES = (".png", ".pdf", ".svg")
+_BODIES = ("#c9d3df", "#e3d5bd", "#cfdfc9", "#e0cbd3", "#d6cfe3", "#c6dcdb", "#dcdcc0", "#e2cdbf")
+# of marks, by kind, one after the other
+_COLOURS = {
+    "region": ("#7a7a7a", "#a0522d", "#8a8a3c", "#5f7f8f"),
+    "support": ("#1f3f8f", "#2b8fbf", "#4b2f8f", "#1f6f6f"),
+    "load": ("#c4161c", "#e8641b", "#b0126f", "#8f4a00"),
+    "contact": ("#e0a800", "#b98a00"),
+    "tie": ("#8e44ad", "#b57edc"),
+    "bond": ("#2e8b3d", "#6cc04a"),
+}
+_TITLES = {
+    "region": "Regions",
+    "support": "Supports",
+    "load": "Loads and motion",
+    "contact": "Contact",
+    "tie": "Ties",
+    "bond": "Bonds",
+}
+# diameters over the spacing: what lies on the same particle is told apart by its size
+_SIZES = {"region": 0.5, "support": 0.95, "load": 0.75, "contact": 1.25, "tie": 1.25, "bond": 1.25}
+_INTERFACES = ("contact", "tie", "bond")
+_MOST_ARROWS, _MOST_IN_LEGEND = 24, 8
+# of the size of all bodies: the longest arrow, and how far bodies of an interface are moved apart in space
+_ARROW, _APART = 0.12, 0.1
+_VELOCITY, _WALL, _TOOL = "#404040", "#303030", "#9a9a9a"
+# directions towards the viewer: from the front, the right and above, and from behind, the left and below
+_VIEWS = ((2.0, -2.5, 1.5), (-2.0, 2.5, -1.2))
+# so many particles inside of bodies are drawn in space: the surface hides the others
+_MOST_INSIDE = 20_000
+
+
+def draw_scene(comm: MPI.Comm, scene: Scene, path: str | Path) -> None:
+    """Draw bodies with regions, supports, loads and interfaces into a file; collective.
+
+    Raises SceneError, on all ranks, for a scene without particles where they are wanted, and for an ending of the
+    file's name that is none of png, pdf, svg.
+    """
+    if Path(path).suffix not in _SUFFIXES:
+        raise SceneError([f"picture: expected a file that ends in {', '.join(_SUFFIXES)}, found {str(path)!r}"])
+    scenery, fault = scenery_of(comm, scene), None
+    if scenery is not None:
+        try:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            figure_of(scene, scenery).savefig(path, dpi=130)
+        except OSError as error:
+            fault = f"picture: expected a file that can be written, found {error}"
+    if (fault := comm.bcast(fault)) is not None:
+        raise SceneError([fault])
+
+
+def figure_of(scene: Scene, scenery: Scenery) -> Figure:
+    """The picture beside its legend."""
+    low, high = (getattr(scenery.position, end)(axis=0) for end in ("min", "max"))
+    sides = np.resize((high - low) / float((high - low).max()), 2) if scene.dimension == 2 else np.array([1.0, 0.0])
+    # of the axes, and around them [inches]; the legend is on the right
+    width, height = (9.6, 5.2) if scene.dimension == 3 else np.maximum(8.0 * sides, (3.0, 2.2))
+    left, below, right, above = 0.9, 0.7, 3.6, 0.6
+    figure = Figure(figsize=(left + width + right, below + height + above))
+    whole = figure.get_size_inches()
+    axes = figure.add_axes((left / whole[0], below / whole[1], width / whole[0], height / whole[1]))
+    if scene.dimension == 3:
+        _draw_space(axes, scene, scenery)
+    else:
+        _draw_plane(axes, scene, scenery)
+    axes.set_title(_caption(scene), fontsize=9, loc="left")
+    figure.legend(
+        handles=_handles(scene, scenery),
+        loc="center left",
+        bbox_to_anchor=(1.0 - (right - 0.2) / whole[0], 0.5),
+        fontsize=8,
+        frameon=False,
+    )
+    return figure
+
+
+def _caption(scene: Scene) -> str:
+    methods = ", ".join(dict.fromkeys(system.settings.kind for system in scene.systems))
+    told = [f"{scene.title or 'scene'}: {methods}, {scene.dimension}-D"]
+    for key, unit in (("acceleration", "m/s²"), ("body_force", "N/m³")):
+        stated = getattr(scene.loads, key)
+        if stated is not None:
+            told.append(f"{key.replace('_', ' ')} ({', '.join(map(str, stated.sources))}) {unit}")
+    return "\n".join(told)
+
+
+def _numbered(marks: list[Mark]) -> list[tuple[Mark, str]]:
+    """Marks with their colours."""
+    seen: dict[str, int] = {}
+    result = []
+    for one in marks:
+        colours = _COLOURS[one.kind]
+        result.append((one, colours[seen.setdefault(one.kind, 0) % len(colours)]))
+        seen[one.kind] += 1
+    return result
+
+
+def _handles(scene: Scene, scenery: Scenery) -> list[Line2D]:
+    """The legend, a part for each kind of thing; of many the first are named."""
+
+    def entry(label: str, marker: str, colour: str, filled: bool = True) -> Line2D:
+        face = colour if filled else "none"
+        return Line2D(
+            [], [], ls="", marker=marker, color=colour, mfc=face, mew=1.6, ms=8, label=label.replace("$", r"\$")
+        )
+
+    parts: dict[str, list[Line2D]] = {"Bodies": []}
+    for number, body in enumerate(scene.bodies):
+        told = f"{body.name or f'bodies.{number}'}: {body.material.kind}"
+        parts["Bodies"].append(entry(told, "s", _BODIES[number % len(_BODIES)]))
+    for one, colour in _numbered(scenery.marks):
+        ring = one.kind in _INTERFACES
+        marker = r"$\rightarrow$" if one.arrows is not None else "o"
+        parts.setdefault(_TITLES[one.kind], []).append(entry(one.label, marker, colour, not ring))
+    for label, _, _ in scenery.walls:
+        parts.setdefault("Planes", []).append(entry(label, "_", _WALL))
+    for tool in scene.tools:
+        parts.setdefault("Tools", []).append(entry(f"{tool.name} ({tool.shape.kind})", "s", _TOOL))
+    if scenery.velocity.any():
+        parts.setdefault("At the start", []).append(entry("velocity of a body", r"$\rightarrow$", _VELOCITY))
+    handles: list[Line2D] = []
+    for title, entries in parts.items():
+        handles.append(Line2D([], [], ls="", label=rf"$\bf{{{title.replace(' ', '~')}}}$"))
+        handles += entries[:_MOST_IN_LEGEND]
+        if len(entries) > _MOST_IN_LEGEND:
+            handles.append(Line2D([], [], ls="", label=f"and {len(entries) - _MOST_IN_LEGEND} more"))
+    return handles
+
+
+def _few(rows: np.ndarray, most: int) -> np.ndarray:
+    """Evenly chosen ones of many."""
+    return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(np.int64))] if len(rows) else rows
+
+
+# --- in a plane -----------------------------------------------------------------------------------------------------
+
+
+def _draw_plane(axes: Any, scene: Scene, scenery: Scenery) -> None:
+    """One or two dimensions, lengths in metres."""
+    flat = scenery.position.shape[1] == 1
+    place = np.pad(scenery.position, ((0, 0), (0, 1))) if flat else scenery.position
+    spacing = np.repeat(scenery.spacing, 2, axis=1) if flat else scenery.spacing
+    low, high = place.min(axis=0), place.max(axis=0)
+    length, margin = _ARROW * float((high - low).max()), 0.14 * float((high - low).max())
+
+    def discs(rows: np.ndarray, share: float, **look: Any) -> None:
+        widths, heights = share * spacing[rows].T
+        drawn = EllipseCollection(
+            widths, heights, np.zeros(len(rows)), units="xy", offsets=place[rows], transOffset=axes.transData, **look
+        )
+        axes.add_collection(drawn)
+
+    def arrows(tails: np.ndarray, along: np.ndarray, colour: str) -> None:
+        axes.quiver(*tails.T, *along.T, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.0045, zorder=6)
+
+    for number in range(len(scene.bodies)):
+        discs(np.flatnonzero(scenery.body == number), 0.98, facecolor=_BODIES[number % len(_BODIES)], lw=0)
+    for one, colour in _numbered(scenery.marks):
+        ring = one.kind in _INTERFACES
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": colour, "lw": 1.1} if ring else {"facecolor": colour}
+        discs(one.rows, _SIZES[one.kind], zorder=3 + ring, **look)
+        if one.arrows is not None:
+            chosen = _few(np.arange(len(one.rows)), _MOST_ARROWS)
+            along = length * one.arrows[chosen]
+            along = np.pad(along, ((0, 0), (0, 1))) if flat else along
+            tails = place[one.rows[chosen]]
+            arrows(tails - along if one.inwards else tails, along, colour)
+    fastest = np.linalg.norm(scenery.velocity, axis=1).max()
+    for number, velocity in enumerate(scenery.velocity):
+        middle = place[scenery.body == number].mean(axis=0)
+        if velocity.any():
+            along = 1.4 * length * velocity / fastest
+            arrows(middle[None], np.pad(along, (0, 2 - len(along)))[None], _VELOCITY)
+        if len(scene.bodies) <= _MOST_IN_LEGEND:
+            axes.annotate(
+                scene.bodies[number].name or "",
+                middle,
+                (0, 7),
+                textcoords="offset points",
+                ha="center",
+                fontsize=8,
+                zorder=7,
+            )
+    for _, axis, offset in scenery.walls:
+        (axes.axvline if axis == 0 else axes.axhline)(offset, color=_WALL, lw=2.0, zorder=2)
+        low[axis], high[axis] = min(low[axis], offset), max(high[axis], offset)
+    for tool in scene.tools:
+        _draw_tool_in_plane(axes, tool.shape, low, high)
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_aspect("equal")
+    axes.set_xlabel("X [m]")
+    axes.set_ylabel("" if flat else "Y [m]")
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _draw_tool_in_plane(axes: Any, shape: Any, low: np.ndarray, high: np.ndarray) -> None:
+    """A tool's section; low, high (2,) [m] grow by what it covers."""
+    from matplotlib.patches import Circle, Rectangle
+
+    model: Any = shape.model
+    look: dict[str, Any] = {"facecolor": _TOOL, "edgecolor": _WALL, "alpha": 0.6, "zorder": 1}
+    if shape.kind == "plane":
+        normal = np.array(model.normal, float)
+        axes.axline(model.point, slope=np.inf if normal[1] == 0.0 else -normal[0] / normal[1], color=_WALL, lw=2.0)
+        return
+    if shape.kind == "box":
+        lower, upper = np.array(model.lower, float), np.array(model.upper, float)
+        axes.add_patch(Rectangle(tuple(lower.tolist()), *(upper - lower).tolist(), **look))
+    elif shape.kind in ("sphere", "cylinder"):
+        centre = np.array(model.centre if shape.kind == "sphere" else model.base, float)[:2]
+        lower, upper = centre - model.radius, centre + model.radius
+        axes.add_patch(Circle(tuple(centre.tolist()), model.radius, **look))
+    else:
+        return
+    np.minimum(low, lower, out=low)
+    np.maximum(high, upper, out=high)
+
+
+# --- in space -------------------------------------------------------------------------------------------------------
+
+
+def _draw_space(axes: Any, scene: Scene, scenery: Scenery) -> None:
+    """Three dimensions from two sides, Z upright; bodies that meet are moved apart."""
+    import pyvista
+    from vtkmodules.vtkCommonCore import vtkLogger
+
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+    place, moved = _moved_apart(scene, scenery)
+    low, high = place.min(axis=0), place.max(axis=0)
+    size = float((high - low).max())
+    plotter: Any = pyvista.Plotter(off_screen=True, window_size=[1000, 1000])
+    plotter.set_background("white")
+
+    def grains(rows: np.ndarray, share: float, colour: str) -> None:
+        if len(rows):
+            sizes = share * np.median(scenery.spacing[rows], axis=0)
+            cube = pyvista.Cube(x_length=sizes[0], y_length=sizes[1], z_length=sizes[2])
+            cloud = pyvista.PolyData(np.ascontiguousarray(place[rows], float))
+            plotter.add_mesh(cloud.glyph(geom=cube, scale=False, orient=False), color=colour, ambient=0.25)
+
+    def arrow(tail: np.ndarray, along: np.ndarray, colour: str) -> None:
+        length = float(np.linalg.norm(along))
+        if length > 0.0:
+            drawn = pyvista.Arrow(
+                start=tail, direction=along / length, scale=length, shaft_radius=0.035, tip_radius=0.1
+            )
+            plotter.add_mesh(drawn, color=colour, ambient=0.4)
+
+    for number in range(len(scene.bodies)):
+        here = scenery.body == number
+        inside = _few(np.flatnonzero(here & ~scenery.outer), _MOST_INSIDE)
+        rows = np.concatenate((np.flatnonzero(here & scenery.outer), inside))
+        grains(rows, 0.98, _BODIES[number % len(_BODIES)])
+    shares = {"region": 1.02, "contact": 1.04, "tie": 1.04, "bond": 1.04, "support": 1.06, "load": 1.08}
+    for one, colour in _numbered(scenery.marks):
+        grains(one.rows, shares[one.kind], colour)
+        if one.arrows is not None:
+            for k in _few(np.arange(len(one.rows)), _MOST_ARROWS):
+                along, tail = _ARROW * size * one.arrows[k], place[one.rows[k]]
+                arrow(tail - along if one.inwards else tail, along, colour)
+    fastest = np.linalg.norm(scenery.velocity, axis=1).max()
+    for number, velocity in enumerate(scenery.velocity):
+        if velocity.any():
+            middle = place[scenery.body == number]
+            along = velocity / fastest
+            tip = middle.mean(axis=0) + along * float(((middle - middle.mean(axis=0)) @ along).max())
+            arrow(tip, 1.5 * _ARROW * size * along, _VELOCITY)
+    for _, axis, offset in scenery.walls:
+        centre, normal = 0.5 * (low + high), np.eye(3)[axis]
+        centre[axis] = offset
+        wall = pyvista.Plane(center=centre, direction=normal, i_size=1.3 * size, j_size=1.3 * size)
+        plotter.add_mesh(wall, color=_WALL, opacity=0.25)
+    for tool in scene.tools:
+        drawn = _tool_in_space(pyvista, tool.shape, 0.5 * (low + high), size)
+        if drawn is not None:
+            plotter.add_mesh(drawn, color=_TOOL, opacity=0.5)
+    plotter.add_axes(line_width=3, viewport=(0.0, 0.0, 0.18, 0.18))
+    plotter.camera.parallel_projection = True
+    views = [_seen(plotter, 0.5 * (low + high), size * np.array(towards)) for towards in _VIEWS]
+    plotter.close()
+    tallest = max(len(one) for one in views)
+    axes.imshow(np.concatenate([_as_tall(one, tallest) for one in views], axis=1))
+    axes.set_axis_off()
+    original = scenery.position
+    bounds = zip("XYZ", original.min(axis=0), original.max(axis=0))
+    told = ", ".join(f"{axis} {a:.4g} to {b:.4g} m" for axis, a, b in bounds)
+    axes.text(
+        0.0,
+        -0.03,
+        f"from the front and above, and from behind and below; {told}"
+        + ("; bodies that meet are moved apart" if moved else ""),
+        transform=axes.transAxes,
+        fontsize=8,
+    )
+
+
+def _seen(plotter: Any, middle: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    """The picture (rows, columns, 3) from a direction, Z upright, without the white around it."""
+    plotter.camera_position = [tuple(middle + towards), tuple(middle), (0, 0, 1)]
+    plotter.reset_camera()
+    picture = plotter.screenshot(return_img=True)
+    rows, columns = (np.flatnonzero((picture < 255).any(axis=(2, side))) for side in (1, 0))
+    return np.asarray(picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
+
+
+def _as_tall(picture: np.ndarray, rows: int) -> np.ndarray:
+    """A picture with white below and beside it."""
+    return np.pad(picture, ((0, rows - len(picture)), (0, 60), (0, 0)), constant_values=255)
+
+
+def _moved_apart(scene: Scene, scenery: Scenery) -> tuple[np.ndarray, bool]:
+    """Places (n, 3) [m] at which faces between bodies can be seen, and whether any are moved."""
+    met = any(one.kind in _INTERFACES and len(one.rows) for one in scenery.marks)
+    if not met:
+        return scenery.position, False
+    low, high = scenery.position.min(axis=0), scenery.position.max(axis=0)
+    middles = np.array([scenery.position[scenery.body == k].mean(axis=0) for k in range(len(scene.bodies))])
+    away = middles - 0.5 * (low + high)
+    farthest = max(float(np.linalg.norm(away, axis=1).max()), 1e-300)
+    shift = 2.0 * _APART * float((high - low).max()) * away / farthest
+    return scenery.position + shift[scenery.body], True
+
+
+def _tool_in_space(pyvista: Any, shape: Any, centre: np.ndarray, size: float) -> Any:
+    """A tool's surface, None for one from a mesh."""
+    model = shape.model
+    if shape.kind == "sphere":
+        return pyvista.Sphere(radius=model.radius, center=model.centre, theta_resolution=40, phi_resolution=40)
+    if shape.kind == "box":
+        return pyvista.Box([end for pair in zip(model.lower, model.upper) for end in pair])
+    if shape.kind == "plane":
+        return pyvista.Plane(center=model.point, direction=model.normal, i_size=1.3 * size, j_size=1.3 * size)
+    if shape.kind == "cylinder":
+        axis = np.eye(3)["XYZ".index(model.axis)]
+        length = model.length or 1.5 * size
+        base = np.array(model.base, float)
+        middle = base + 0.5 * length * axis if model.length else base + axis * float((centre - base) @ axis)
+        return pyvista.Cylinder(center=middle, direction=axis, radius=model.radius, height=length, resolution=48)
+    return None

@@ -1,0 +1,145 @@
+"""What a picture of a scene shows before it is run: bodies, regions, supports, loads and what acts between bodies."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from decomposition.pair_search import within_reach
+from parsolid.particles.generation import generate
+from parsolid.particles.initial_fields import initial_velocity
+from parsolid.particles.regions import selected
+from parsolid.particles.touching import TOUCHING, close_pairs, homes
+from parsolid.scene import Scene
+from parsolid.scene.base_model import AXES
+from parsolid.scene.bond import ALL
+from parsolid.scene.boundaries.condition import Condition
+
+# instants of a run at which loads that vary are looked at for the largest
+_INSTANTS = 9
+# names of bodies that a label has
+_NAMES = 4
+_ROUND_OFF = 1e-6
+_LOADS = ("traction", "pressure", "temperature", "heat-flux", "rotation", "velocity", "displacement", "layer", "spring")
+
+
+class Mark(NamedTuple):
+    """Particles that something is about: rows (n,) of `Scenery`; kind: "region", "support", "load", "contact", "tie" or
+    "bond"; arrows (n, d): directions, the longest of length 1, None without; inwards: they end at the particles."""
+
+    kind: str
+    label: str
+    rows: np.ndarray
+    arrows: np.ndarray | None = None
+    inwards: bool = False
+
+
+class Scenery(NamedTuple):
+    """Particles of all ranks, position and spacing (n, d) [m], body (n,), outer (n,): whether on a surface; marks;
+    walls: label, axis and offset [m] of each plane; velocity (bodies, d) [m/s]: mean one at the start."""
+
+    position: np.ndarray
+    spacing: np.ndarray
+    body: np.ndarray
+    outer: np.ndarray
+    marks: list[Mark]
+    walls: list[tuple[str, int, float]]
+    velocity: np.ndarray
+
+
+def scenery_of(comm: MPI.Comm, scene: Scene) -> Scenery | None:
+    """All that a picture of a scene shows, on rank 0; collective. Raises SceneError on all ranks."""
+    drawn = generate(scene, comm)
+    held = [one for one in scene.boundaries if one.on_particles]
+    masks = [selected(scene, one, drawn, comm) for one in held]
+    arrays: list[Any] = [drawn.position, drawn.spacing, drawn.body, drawn.area, drawn.regions, *masks]
+    arrays.append(initial_velocity(scene, drawn.body, drawn.position, drawn.regions))
+    pieces = comm.gather(arrays)
+    if pieces is None:
+        return None
+    whole: list[Any] = [None if each[0] is None else np.concatenate(each) for each in zip(*pieces)]
+    position, spacing, body, area, regions = whole[:5]
+    rows = [np.flatnonzero(mask) for mask in whole[5:-1]]
+    marks = [] if regions is None else _regions(scene, regions)
+    marks += [_condition(scene, one, here, position, area) for one, here in zip(held, rows)]
+    marks += _interfaces(scene, position, spacing, body)
+    walls = [
+        (_label(one), one.plane.axis, one.plane.offset)
+        for one in scene.boundaries
+        if not one.on_particles and one.plane is not None
+    ]
+    count = np.maximum(np.bincount(body, minlength=len(scene.bodies)), 1)
+    sums = [np.bincount(body, values, minlength=len(scene.bodies)) for values in whole[-1].T]
+    velocity = np.stack(sums, axis=1) / count[:, None]
+    # bodies that turn about their middle fly nowhere
+    velocity[np.abs(velocity).max(axis=1) < _ROUND_OFF * np.abs(whole[-1]).max(initial=0.0)] = 0.0
+    return Scenery(position, spacing, body, area.any(axis=1), marks, walls, velocity)
+
+
+def _label(one: Condition) -> str:
+    """A boundary condition in words."""
+    place = one.region_name or (None if one.plane is None else f"{AXES[one.plane.axis]} = {one.plane.offset:g}")
+    name = getattr(one, "name", None)
+    told = f"{one.kind} {name!r}" if name else one.kind
+    return told if place is None else f"{told}, {place}"
+
+
+def _regions(scene: Scene, regions: np.ndarray) -> list[Mark]:
+    return [Mark("region", name, np.flatnonzero(regions[:, i])) for i, name in enumerate(scene.named_regions)]
+
+
+def _condition(scene: Scene, one: Condition, rows: np.ndarray, position: np.ndarray, area: np.ndarray) -> Mark:
+    """A support, or a load with its directions where it is largest."""
+    keys = ("traction", "velocity", "displacement", "pressure")
+    formulas = next((value for key in keys if (value := getattr(one, key, None)) is not None), None)
+    label, kind = _label(one), "load" if one.kind in _LOADS else "support"
+    if formulas is None:
+        return Mark(kind, label, rows)
+    values = _largest(formulas, position[rows], scene.end_time)
+    inwards = one.kind == "pressure"
+    if inwards:
+        # pressure acts against the outward normal
+        normal = area[rows] / np.maximum(np.linalg.norm(area[rows], axis=1), 1e-300)[:, None]
+        values = -values.reshape(len(rows), 1) * normal
+    longest = np.linalg.norm(values, axis=1).max(initial=0.0)
+    if longest == 0.0:
+        return Mark("support" if one.kind in ("velocity", "displacement") else kind, label, rows)
+    return Mark(kind, label, rows, values / longest, inwards)
+
+
+def _largest(formulas: Any, points: np.ndarray, end: float) -> np.ndarray:
+    """Values at points (n, d) [m] of the instant at which they are largest."""
+    found = [np.asarray(formulas.evaluate(points, end * k / (_INSTANTS - 1))) for k in range(_INSTANTS)]
+    sizes = [float(np.abs(values).max(initial=0.0)) for values in found]
+    return found[int(np.argmax(sizes))]
+
+
+def _interfaces(scene: Scene, position: np.ndarray, spacing: np.ndarray, body: np.ndarray) -> list[Mark]:
+    """Particles beside the other body of contacts, ties and bonds, a mark for each table."""
+    count, d = len(scene.bodies), scene.dimension
+    tables = [(kind, one.bodies) for kind in ("contact", "tie", "bond") for one in getattr(scene, kind)]
+    if not tables:
+        return []
+    order = np.argsort(body, kind="stable")
+    ends = np.searchsorted(body[order], np.arange(count + 1))
+    rows_of = [order[ends[k] : ends[k + 1]] for k in range(count)]
+    boxes = np.array([[position[rows].min(axis=0), position[rows].max(axis=0)] for rows in rows_of])
+    widest = np.array([np.full(d, spacing[rows].max()) for rows in rows_of])
+    home, names = homes(scene), {one.name: k for k, one in enumerate(scene.bodies)}
+    settings = [scene.systems[k].settings for k in home]
+    own = np.array([np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, widest)])
+    touching = close_pairs(boxes, home, TOUCHING * widest, TOUCHING * widest)
+    acting = close_pairs(boxes, home, own, TOUCHING * widest)
+    marks = []
+    for kind, stated in tables:
+        close = acting if kind == "bond" else touching
+        members = set(range(count)) if stated == ALL else {names[name] for name in stated}
+        met: list[np.ndarray] = [np.zeros(0, np.int64)]
+        for (i, j), scale in zip(close.bodies.tolist(), close.semi_axes):
+            if i in members and j in members and (stated != ALL or scene.bonded.has(i, j)):
+                for one, other in ((rows_of[i], rows_of[j]), (rows_of[j], rows_of[i])):
+                    met.append(one[within_reach(position[one] / scale, position[other] / scale, 1.0)])
+        told = "all" if stated == ALL else ", ".join(stated[:_NAMES]) + (", ..." if len(stated) > _NAMES else "")
+        rows = np.unique(np.concatenate(met))
+        marks.append(Mark(kind, f"{told}{'' if len(rows) else ' (apart)'}", rows))
+    return marks

@@ -1,0 +1,150 @@
+"""Bodies that meet in a run though no table of the scene names them: seen, so that no run goes on unnoticed."""
+
+from collections.abc import Callable, Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from parsolid.collective import maximum
+from parsolid.contact.broad_phase import body_motions
+from parsolid.methods.interaction import Interaction, Meeting
+from parsolid.methods.protocol import EnergyLedger, ParticleSystem
+from parsolid.pairs.displacement import body_bounds
+from parsolid.particles.touching import TOUCHING, close_pairs, homes, touch
+from parsolid.scene import Scene
+from parsolid.scene.contact import BodyPairs
+from parsolid.scene.shapes import of_one_mesh
+from parsolid.scene.tie import tied_pairs
+
+# steps between looks at where bodies are: at most, and where they are near
+_MOST_STEPS, _LEAST_STEPS = 64, 8
+# of the distance of contact, by which bodies may have come closer than that before it is seen
+_LATE = 0.25
+# of the speed of waves, by which particles are taken to get faster until the next look
+_FASTER = 0.01
+# bodies up to which all pairs are looked through for one that no table names
+_FEW = 64
+
+
+def undeclared_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> "UndeclaredContact | None":
+    """What looks for bodies that meet and that no table names; None where tables name every two. Collective."""
+    count = len(scene.bodies)
+    if count == 1:
+        return None
+    looks = UndeclaredContact(comm, scene, systems)
+    named = count <= _FEW and all(looks.is_named(i, j) for i, j in combinations(range(count), 2))
+    return None if named else looks
+
+
+class UndeclaredContact(Interaction):
+    """Looks for bodies that meet and that no table names; nothing acts by it.
+
+    A bond names bodies that it joins: those that touched at the start. Bodies meet where their particles are within a
+    spacing of one another, or, where a method finds neighbours anew, within its reach. Looks are as far apart as speeds
+    allow; all ranks take them together.
+
+    met: bodies that have been found since this was last emptied, and the place [m] of each meeting, the same on all
+    ranks.
+    """
+
+    def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
+        """Collective."""
+        self.comm, self.scene, self.systems = comm, scene, systems
+        self.home, self._contact = homes(scene), scene.unbonded
+        self._tied = BodyPairs(pair[:2] for pair in tied_pairs(scene))
+        self.met: Sequence[Meeting] = []
+        self.due: float | None = None
+        self._known: set[tuple[int, int]] = set()
+        moduli = [system.wave_modulus(k) for system in systems for k in range(len(system.bodies))]
+        self._faster = _FASTER * max((modulus / density) ** 0.5 for modulus, density in moduli)
+        spacing = np.zeros((len(self.home), scene.dimension))
+        for system in systems:
+            rows = system.particles.owned_rows
+            np.maximum.at(spacing, np.array(system.bodies)[rows("body")], rows("spacing"))
+        self._spacing = maximum(comm, spacing)
+        distances = [systems[k].settings.contact_distance(one) for k, one in zip(self.home, self._spacing)]
+        self._own = np.array(distances)
+        self._joined = self._bonded_at_the_start()
+
+    def _bonded_at_the_start(self) -> set[tuple[int, int]]:
+        """Bodies that bonds name, or of one mesh, and that touched at the start, which alone are joined; collective."""
+        shapes, bonded = [body.shape for body in self.scene.bodies], self.scene.bonded
+        if not self.scene.bond and all(shape.kind != "mesh" for shape in shapes):
+            return set()
+        count, d = self._spacing.shape
+        bounds = np.full((count, 2, d), -np.inf)
+        for system in self.systems:
+            rows, numbers = system.particles.owned_rows, np.array(system.bodies)
+            place = np.ascontiguousarray(rows("reference_position")[:, :d])
+            bounds[numbers] = body_bounds(place, rows("body"), len(numbers))
+        bounds = maximum(self.comm, bounds)
+        boxes = np.stack((-bounds[:, 0], bounds[:, 1]), axis=1)
+        settings = [self.systems[number].settings for number in self.home]
+        within = [np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, self._spacing)]
+        close = close_pairs(boxes, self.home, np.array(within), TOUCHING * self._spacing)
+        joined = [bonded.has(i, j) or of_one_mesh(shapes[i], shapes[j]) for i, j in close.bodies.tolist()]
+        close = close.where(np.array(joined, bool))
+        return set(map(tuple, close.bodies[touch(self.comm, close, self._places("reference_position"))[0]].tolist()))
+
+    def is_named(self, i: int, j: int) -> bool:
+        """Whether two bodies, i < j, are in contact, tied, or bonded since the start."""
+        in_contact = self._contact is not None and self._contact.has(i, j)
+        return in_contact or self._tied.has(i, j) or (i, j) in self._joined
+
+    def begin(self, time: float) -> None:
+        """A new run looks after its first step, one that goes on when the one before it would have."""
+        self.due = time if self.due is None else self.due
+
+    def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """A look where one is due; collective then."""
+        if step > 0.0 and self.due is not None and time >= self.due:
+            self.due = time + self._look(step)
+
+    def _look(self, step: float) -> float:
+        """Find bodies that have met; how long [s] until the next look. Collective."""
+        lower, upper, velocity, _ = body_motions(self.comm, len(self.home), self.systems)
+        boxes, mean = np.stack((lower, upper), axis=1), velocity.mean(axis=0)
+        speeds = [np.abs(system.particles.owned_rows("velocity") - mean).max(initial=0.0) for system in self.systems]
+        # of two particles that approach one another, along an axis
+        fastest = 2.0 * (maximum(self.comm, max(speeds)) + self._faster)
+        later = _MOST_STEPS * step
+        if not self._within(boxes, fastest * later):
+            return later
+        self.met = [*self.met, *self._within(boxes, 0.0)]
+        self._known.update((i, j) for i, j, _ in self.met)
+        return float(np.clip(_LATE * self._own.min() / fastest, step, _LEAST_STEPS * step))
+
+    def _within(self, boxes: np.ndarray, room: float) -> list[Meeting]:
+        """Pairs that no table names of bodies in boxes (bodies, 2, d) [m] whose particles are within their distance of
+        contact and a room [m], and the places [m]; collective."""
+        close = close_pairs(boxes, self.home, self._own + room, self._spacing + room)
+        free = [not self.is_named(i, j) and (i, j) not in self._known for i, j in close.bodies.tolist()]
+        close = close.where(np.array(free, bool))
+        if not len(close.bodies):
+            return []
+        found, places = touch(self.comm, close, self._places("position"))
+        return [(int(i), int(j), place) for (i, j), place in zip(close.bodies[found], places[found])]
+
+    def _places(self, field: str) -> Callable[[int], np.ndarray]:
+        """This rank's particles (n, d) [m] of a body that are not deleted, by a field of places."""
+        pieces: dict[int, np.ndarray] = {}
+        for system in self.systems:
+            rows = system.particles.owned_rows
+            body, place = rows("body"), rows(field)[:, : self.scene.dimension]
+            if "deleted_mass" in system.particles:
+                left = rows("deleted_mass") == 0.0
+                body, place = body[left], place[left]
+            order = np.argsort(body, kind="stable")
+            ends = np.searchsorted(body[order], np.arange(len(system.bodies) + 1))
+            place = np.ascontiguousarray(place[order])
+            pieces |= {number: place[ends[k] : ends[k + 1]] for k, number in enumerate(system.bodies)}
+        return pieces.__getitem__
+
+    def state(self) -> dict[str, Any]:
+        """When the next look is due [s]."""
+        return {"due": self.due}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Take it back."""
+        self.due = state["due"]

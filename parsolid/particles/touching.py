@@ -1,0 +1,171 @@
+"""Bodies that touch at the start, which a scene must name: in contact, tied or bonded."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from decomposition.migration import migrate
+from decomposition.pair_search import close_boxes, within_reach
+from parsolid.collective import maximum
+from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.bond import ALL
+from parsolid.scene.contact import BodyPairs
+from parsolid.scene.schema import Scene
+from parsolid.scene.shapes import of_one_mesh
+from parsolid.scene.tie import tied_pairs
+from parsolid.scene.validation_errors import Fault
+
+# bodies of different methods touch where they are closer than so many spacings, those of one at least there
+TOUCHING = 1.5
+
+
+class ClosePairs(NamedTuple):
+    """Pairs (n, 2) of bodies whose boxes (bodies, 2, d) [m] are within reach of one another; semi_axes (n, d) [m]: of
+    that reach."""
+
+    bodies: np.ndarray
+    semi_axes: np.ndarray
+    boxes: np.ndarray
+
+    def where(self, chosen: np.ndarray) -> "ClosePairs":
+        """Some of the pairs."""
+        return self._replace(bodies=self.bodies[chosen], semi_axes=self.semi_axes[chosen])
+
+
+def homes(scene: Scene) -> np.ndarray:
+    """Number (bodies,) of the system of each body."""
+    home = np.zeros(len(scene.bodies), np.int64)
+    for number, system in enumerate(scene.systems):
+        home[list(system.bodies)] = number
+    return home
+
+
+def touching_faults(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> list[Fault]:
+    """Bodies that touch and that no table names, and bonds of bodies that touch none, the same on all ranks;
+    collective.
+
+    Bodies of one method touch where it lets their particles act on one another.
+    """
+    if len(scene.bodies) == 1:
+        return []
+    home, bonded, contact = homes(scene), scene.bonded, scene.unbonded
+    tied = BodyPairs(pair[:2] for pair in tied_pairs(scene))
+    rows = dict(_rows_of_bodies(particle_set.body))
+    boxes, spacing = _extents(scene, particle_set, comm)
+    settings = [scene.systems[number].settings for number in home]
+    within = np.array([np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, spacing)])
+    close = close_pairs(boxes, home, within, TOUCHING * spacing)
+    free = [not tied.has(i, j) and (contact is None or not contact.has(i, j)) for i, j in close.bodies.tolist()]
+    close = close.where(np.array(free, bool))
+    # boxes of particles are as close as their bounds
+    boxed = np.array([body.shape.kind == "box" for body in scene.bodies])[close.bodies].all(axis=1)
+    places_of = lambda body: particle_set.position[rows.get(body, slice(0, 0))]  # noqa: E731
+    boxed[~boxed] = touch(comm, close.where(~boxed), places_of)[0]
+    touching = close.bodies[boxed].tolist()
+    shapes = [body.shape for body in scene.bodies]
+    silent = [(i, j) for i, j in touching if not bonded.has(i, j) and not of_one_mesh(shapes[i], shapes[j])]
+    joined = [(i, j) for i, j in touching if bonded.has(i, j)]
+    fields = [(i, j) for i, j in joined if home[i] != home[j]]
+    faults = _without_effect(scene, joined)
+    if silent:
+        expected = "[[contact]], [[tie]] (two methods) or [[bond]] (one method) for all that touch or act on each other"
+        faults.append(Fault("touching", "bodies", expected, f"none for {in_words(scene, silent)}"))
+    if fields:
+        expected = "bonds of bodies that no contact keeps apart, as bodies of this method share a field of velocities"
+        faults.append(Fault("refused", "bond", expected, in_words(scene, fields)))
+    return faults
+
+
+def in_words(scene: Scene, pairs: list[tuple[int, int]]) -> str:
+    """Names of the bodies of some pairs."""
+    names = [repr(body.name) if body.name else f"bodies.{number}" for number, body in enumerate(scene.bodies)]
+    return ", ".join(f"{names[i]} and {names[j]}" for i, j in sorted(pairs))
+
+
+def _without_effect(scene: Scene, joined: list[tuple[int, int]]) -> list[Fault]:
+    """Bonds that name a body which touches no other that they name; joined: bodies that are bonded and touch."""
+    number = {body.name: k for k, body in enumerate(scene.bodies)}
+    met: dict[int, set[int]] = {}
+    for i, j in joined:
+        met.setdefault(i, set()).add(j)
+        met.setdefault(j, set()).add(i)
+    faults = []
+    for k, one in enumerate(scene.bond):
+        if one.bodies == ALL:
+            alone = [] if joined else ["all"]
+        else:
+            bodies = {number[name] for name in one.bodies}
+            alone = [name for name in one.bodies if met.get(number[name], set()).isdisjoint(bodies)]
+        if alone:
+            told = ", ".join(map(repr, alone))
+            faults.append(Fault("touching", f"bond.{k}.bodies", "bodies that touch", f"{told} apart from the others"))
+    return faults
+
+
+def _rows_of_bodies(body: np.ndarray) -> list[tuple[int, slice]]:
+    """Bodies of particles that are sorted by them (n,), and the rows of each."""
+    numbers, first = np.unique(body, return_index=True)
+    ends = [*first[1:].tolist(), len(body)]
+    return [(int(one), slice(start, end)) for one, start, end in zip(numbers, first.tolist(), ends)]
+
+
+def _extents(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes (bodies, 2, d) [m] of all bodies and their widest spacings (bodies, d) [m]; collective."""
+    extents = np.full((len(scene.bodies), 3, scene.dimension), -np.inf)
+    for body, rows in _rows_of_bodies(particle_set.body):
+        position, spacing = particle_set.position[rows], particle_set.spacing[rows].max(axis=0)
+        # axes of particles that are not those of space
+        widest = spacing if particle_set.axes is None else np.full_like(spacing, spacing.max())
+        extents[body] = -position.min(axis=0), position.max(axis=0), widest
+    extents = maximum(comm, extents)
+    return np.stack((-extents[:, 0], extents[:, 1]), axis=1), extents[:, 2]
+
+
+def close_pairs(boxes: np.ndarray, home: np.ndarray, own: np.ndarray, others: np.ndarray) -> ClosePairs:
+    """Bodies in boxes (bodies, 2, d) [m] that are close to each other.
+
+    home (bodies,): their systems; own, others (bodies, d) [m]: semi-axes of their reach to bodies of the same system
+    and of another one, of which that of a pair has the larger.
+    """
+    lower, upper = boxes[:, 0], boxes[:, 1]
+    first, second = close_boxes(lower, upper, 2.0 * np.maximum(own, others).max(axis=1))
+    semi_axes = np.where(
+        (home[first] == home[second])[:, None],
+        np.maximum(own[first], own[second]),
+        np.maximum(others[first], others[second]),
+    )
+    gap = np.maximum(np.maximum(lower[second] - upper[first], lower[first] - upper[second]), 0.0) / semi_axes
+    near = np.flatnonzero((gap**2).sum(axis=1) < 1.0)
+    near = near[np.lexsort((second[near], first[near]))]
+    return ClosePairs(np.stack((first, second), axis=1)[near], semi_axes[near], boxes)
+
+
+def touch(comm: MPI.Comm, pairs: ClosePairs, places_of: Callable[[int], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Which of some pairs of bodies have particles within reach of one another (n,), and about where (n, d) [m], the
+    same on all ranks; collective.
+
+    places_of: this rank's particles (m, d) [m] of a body. Each pair's particles next to the other body go to one rank.
+    """
+    count, d = pairs.semi_axes.shape
+    place, keys = [np.zeros((0, d))], [np.zeros(0, np.int64)]
+    for number, both in enumerate(pairs.bodies.tolist()):
+        for side, body in enumerate(both):
+            (lower, upper), scale, own = pairs.boxes[both[1 - side]], pairs.semi_axes[number], places_of(body)
+            gap = np.maximum(np.maximum(lower - own, own - upper), 0.0) / scale
+            here = own[(gap**2).sum(axis=1) < 1.0] / scale
+            place.append(here)
+            keys.append(np.full(len(here), 2 * number + side))
+    key = np.concatenate(keys)
+    come: dict[str, Any] = migrate(comm, key // 2 % comm.size, {"place": np.concatenate(place), "key": key})
+    order = np.argsort(come["key"], kind="stable")
+    key, positions = come["key"][order], come["place"][order]
+    bounds = np.searchsorted(key, 2 * np.arange(count)[:, None] + np.arange(3))
+    result = np.full((count, d), -np.inf)
+    for number, (first, middle, last) in enumerate(bounds.tolist()):
+        near = within_reach(positions[first:middle], positions[middle:last], 1.0)
+        if near.any():
+            result[number] = positions[first:middle][near].mean(axis=0) * pairs.semi_axes[number]
+    result = maximum(comm, result)
+    return np.isfinite(result).all(axis=1), result

@@ -1,0 +1,110 @@
+"""What a mesh is refused for, its quality in numbers, and its size in words."""
+
+import meshio
+import numpy as np
+import pytest
+from element_meshes import element_mesh
+from mpi4py import MPI
+from solids import simulation
+
+from parsolid.api.check_advice import quality_advice, size_advice
+from parsolid.particles.meshes.quality import quality_of
+from parsolid.particles.meshes.slices import read_slices
+from parsolid.scene import SceneError
+from parsolid.scene.shapes import BodyMesh
+
+SOFT = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.3}
+TRIANGLE = ([[0, 0], [1, 0], [0, 1]], [("triangle", [[0, 1, 2]])])
+
+
+def scene_of(folder, points, blocks, dimension, **shape):
+    file, points = folder / "part.vtu", np.asarray(points, float)
+    if MPI.COMM_WORLD.rank == 0:
+        full = np.zeros((len(points), 3))
+        full[:, :dimension] = points
+        meshio.write(file, meshio.Mesh(full, [(kind, np.array(cells)) for kind, cells in blocks]))
+    MPI.COMM_WORLD.Barrier()
+    bodies = [{"shape": {"file": str(file), **shape}, "material": SOFT}]
+    return {"dimension": dimension, "end_time": 1e-4, "method": {"kind": "tlsph"}, "bodies": bodies}
+
+
+def cubes(*lower):
+    """Unit cubes of tetrahedra, nodes of each at its lower corner, joined where they are at one place."""
+    points, blocks = element_mesh("hexahedron", (1, 1, 1), 0.0)
+    cells = np.array(blocks[0][1])
+    places = np.concatenate([points + corner for corner in lower])
+    different, number = np.unique(places, axis=0, return_inverse=True)
+    rows = number.ravel().reshape(len(lower), -1)
+    return different, [("hexahedron", np.concatenate([row[cells] for row in rows]))]
+
+
+FAULTS = {
+    "element": ([[0, 0], [1, 0], [2, 0], [0, 1]], [("triangle", [[0, 1, 2], [0, 1, 3]])], 2),
+    "repeated": (*TRIANGLE[:1], [("triangle", [[0, 1, 2], [0, 1, 2]])], 2),
+    "double-node": (
+        [[0, 0], [1, 0], [0, 1], [1, 0], [0, 1], [1, 1]], [("triangle", [[0, 1, 2], [3, 5, 4]])], 2,
+    ),
+    "edge-contact": ([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]], [("triangle", [[0, 1, 2], [0, 3, 4]])], 2),
+    "self-overlap": (
+        [[0, 0], [1, 0], [0, 1], [0.2, 0.2], [1.2, 0.3], [0.3, 1.2]], [("triangle", [[0, 1, 2], [3, 4, 5]])], 2,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("code", FAULTS)
+def test_faults(shared_path, comm, code):
+    points, blocks, dimension = FAULTS[code]
+    with pytest.raises(SceneError) as error:
+        simulation(scene_of(shared_path, points, blocks, dimension), comm)
+    (fault,) = error.value.faults
+    assert (fault.code, fault.key) == (code, "bodies.0.shape.mesh.file")
+    assert fault.found.startswith(("1 ", "2 ", "3 ", "6 ", "4 ", "5 ")) and "(" in fault.found
+
+
+def test_solids_that_share_an_edge(shared_path, comm):
+    with pytest.raises(SceneError) as error:
+        simulation(scene_of(shared_path, *cubes([0, 0, 0], [1, 1, 0]), 3), comm)
+    assert [(one.code, one.found.split()[0]) for one in error.value.faults] == [("edge-contact", "1")]
+    assert "(1, 1, " in error.value.faults[0].found
+    simulation(scene_of(shared_path, *cubes([0, 0, 0], [1, 1, 0], [1, 0, 0]), 3), comm)
+
+
+@pytest.mark.parametrize(
+    ("kind", "d", "aspect"),
+    [("quad", 2, 1.0), ("hexahedron", 3, 1.0), ("wedge", 3, 2.0), ("triangle", 2, 2.0), ("pyramid", 3, 2.0)],
+)
+def test_quality_of_regular_elements(shared_path, comm, kind, d, aspect):
+    """Of halves of squares and cubes and of sixths of a cube the longest edge over the least height."""
+    data = scene_of(shared_path, *element_mesh(kind, (3, 2, 2)[:d], 0.0, 0.5), d)
+    stated = BodyMesh.model_construct(file=data["bodies"][0]["shape"]["file"], scale=1.0)
+    found = quality_of(read_slices(comm, stated, d))
+    assert found.worst == pytest.approx(aspect, rel=1e-9) and found.high == pytest.approx(aspect, rel=1e-2)
+    assert found.shortest == pytest.approx(0.5 if kind != "pyramid" else 0.25 * 3**0.5, rel=1e-9)
+
+
+def test_the_finest_element_is_told(shared_path, comm):
+    points, blocks = element_mesh("quad", (20, 20), 0.0)
+    points[:, 0] = np.where(points[:, 0] > 19.5, 19.05, points[:, 0])
+    stated = BodyMesh.model_construct(
+        file=scene_of(shared_path, points, blocks, 2)["bodies"][0]["shape"]["file"], scale=1.0
+    )
+    found = quality_of(read_slices(comm, stated, 2))
+    assert found.shortest == pytest.approx(0.05) and found.place[0] == pytest.approx(19.025)
+    assert found.worst == pytest.approx(1.0 / 0.05) and found.high > 19.0
+    alone = quality_of(read_slices(MPI.COMM_SELF, stated, 2))
+    assert (alone.worst, alone.high, alone.shortest, alone.short) == (
+        found.worst,
+        found.high,
+        found.shortest,
+        found.short,
+    )
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("scale", "unit", "doubtful"), [(1e-3, "mm", False), (1.0, "m", False), (1e9, "km", True)])
+def test_size_in_words(tmp_path, scale, unit, doubtful):
+    data = scene_of(tmp_path, *element_mesh("quad", (3, 2), 0.0), 2, scale=scale)
+    sim = simulation(data)
+    notes = {note.code: note.text for note in (*size_advice(sim), *quality_advice(sim))}
+    assert notes["part-size"].endswith(f" {unit}") and "mesh-quality" in notes
+    assert ("mesh-scale" in notes) == doubtful
