@@ -292,7 +292,12 @@ class Shape(OneShape):
 
 def _as_mesh(value: Any) -> Any:
     """A table whose keys are those of a mesh, as the shape that it means."""
-    return {"mesh": value} if isinstance(value, dict) and "file" in value else value
+    if not isinstance(value, dict) or "file" not in value:
+        return value
+    # `--set` may have given a key of the long form
+    own = {key: one for key, one in value.items() if key != "mesh"}
+    more = value.get("mesh", {})
+    return {"mesh": own | more if isinstance(more, dict) else more}
 
 
 BodyShape = Annotated[Shape, BeforeValidator(_as_mesh, json_schema_input_type=Shape | BodyMesh)]

@@ -58,7 +58,7 @@ class StepAgreement:
     def begin_step(self, requests: Sequence[float] = ()) -> None:
         """Before systems advance; requests: 1.0 where this rank has one."""
         self._reported.clear()
-        self._requests = list(requests) or [0.0] * len(self._requests)
+        self._requests = [-request for request in requests] or [0.0] * len(self._requests)
 
     def reporter(self, system: ParticleSystem) -> Callable[[bool, float], None]:
         """What a system calls within its step with (whether its state is sound, its next stable step [s])."""
@@ -71,10 +71,9 @@ class StepAgreement:
             self._begin(self._reported, self._allowed(), self._reported)
 
     def _begin(self, stable: Sequence[float], allowed: float, of_systems: Sequence[float]) -> None:
-        requests = [-request for request in self._requests]
-        rebuilds = [-float(part.rebuild_needed) for part in self._parts]
+        rebuilds = [-1.0 if part.rebuild_needed else 0.0 for part in self._parts]
         told = self.subcycling.told(of_systems)
-        self._minimum.begin((min(stable), allowed, *requests, *rebuilds, *told))
+        self._minimum.begin((min(stable), allowed, *self._requests, *rebuilds, *told))
 
     def result(self) -> tuple[float, list[bool]]:
         """The step [s] that all ranks agree on, which requests any rank had; sets `rebuild_anywhere`. Collective."""

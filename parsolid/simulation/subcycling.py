@@ -66,6 +66,8 @@ class Subcycling:
 
     def count(self, number: int, step: float) -> int:
         """Steps of a system in a common one [s]."""
+        if not self.active:
+            return 1
         wanted = self.wanted[number]
         if wanted == "auto":
             wanted = max(1, ceil(step / self.stable[number] * (1.0 - _ROUND_OFF)))

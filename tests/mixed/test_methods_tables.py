@@ -85,6 +85,13 @@ def test_a_support_tells_its_force_where_its_own_method_can():
 
 ANTISYMMETRIC = {"plane": "X = 6", "kind": "antisymmetric"}
 POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": ["1", "0"]}
+
+
+def with_bonds(data):
+    """The first method is one that knows no temperature."""
+    data["methods"][0] = {"name": data["methods"][0]["name"], "kind": "peridynamics"}
+
+
 REFUSED = {
     "method of a body": (
         lambda data: data["bodies"][0].pop("method"),
@@ -116,14 +123,11 @@ REFUSED = {
         "methods.1.basis: expected 'linear', 'ugimp', 'quadratic-spline' or 'cubic-spline', found",
     ),
     "material of another": (
-        lambda data: data["bodies"][0].update(material=COPPER),
-        (
-            "bodies.0.material.kind: expected one of 'mooney-rivlin', 'neo-hookean', which the method of the body "
-            "knows, found 'elastic-plastic'"
-        ),
+        lambda data: (with_bonds(data), data["bodies"][0].update(material=COPPER)),
+        "bodies.0.material.kind: expected one of 'mooney-rivlin', 'neo-hookean', ",
     ),
     "temperature": (
-        lambda data: data["bodies"][0].update(temperature=300.0),
+        lambda data: (with_bonds(data), data["bodies"][0].update(temperature=300.0)),
         "bodies.0.temperature: expected no such key with this method, found 300.0",
     ),
     "placement": (
@@ -158,7 +162,10 @@ REFUSED = {
         "boundaries.1.body: expected a name, where a point is of one of several methods, found nothing",
     ),
     "field elsewhere": (
-        lambda data: data.update(probes=[{"name": "a", "at": [0.5, 0.5], "fields": ["temperature"]}]),
+        lambda data: (
+            with_bonds(data),
+            data.update(probes=[{"name": "a", "at": [0.5, 0.5], "fields": ["temperature"]}]),
+        ),
         "probes.0.fields.0: expected a field that the method of bodies.0 knows, found 'temperature'",
     ),
     "field of no body": (

@@ -206,7 +206,7 @@ def test_a_truncated_file_is_refused_at_every_length(comm, whole):
 
 def test_the_other_version_is_refused_by_name(comm, whole):
     on_one_rank(comm, edit, whole, lambda file: file.attrs.modify("version", 1))
-    with pytest.raises(OutputError, match="written by another parsolid .version: expected 3, found 1."):
+    with pytest.raises(OutputError, match="written by another parsolid .version: expected 4, found 1."):
         read_checkpoint(comm, whole)
 
 

@@ -89,7 +89,7 @@ def test_faults(tables, place, value, told):
 
 
 def test_keys_of_other_methods(tables):
-    tables["method"] = {"kind": "tlsph"}
+    tables["method"] = {"kind": "peridynamics"}
     found = faults_of(tables)
     assert any(text.startswith("bodies.0.temperature: expected no such key") for text in found)
     assert any(text.startswith("loads.heat_source: expected one of body_force, acceleration") for text in found)

@@ -210,3 +210,12 @@ def test_bars_of_two_meshes_that_are_tied_swing_as_one(tmp_path):
     sim = simulation(data)
     assert sim.systems[0].body_weights == ["mesh", "mesh"]
     assert frequency(data) == pytest.approx(exact, rel=0.02)
+
+
+@pytest.mark.serial
+def test_the_short_form_of_a_mesh_takes_keys_of_the_long_one(tmp_path):
+    file = two_groups(tmp_path, "triangle", 2)
+    data = scene_of(file, 2)
+    data["bodies"][0]["shape"]["mesh"] = {"scale": 2.0}
+    model = parse_scene(data).bodies[0].shape.model
+    assert (model.file, model.scale, model.group) == (file, 2.0, "soft")

@@ -55,10 +55,9 @@ from parsolid.tiles import load, load_placed, load_rows, load_symmetric, store_p
 
 METRIC_FIELD, ACTING, RIEMANN_HEAT = "plastic_metric_inverse", "acting_stress", "riemann_heat"
 PLASTIC_WORK_TERM = "plastic_work"
-# components of C_p^-1 and of the stress in space: those of the plane are 11 22 33 12, and 11 12 21 22 33
-_METRIC_PLACES = {2: np.arange(4), 3: np.arange(6)}
+_METRIC_AT_REST = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+# components of the stress in space: those of the plane are 11 12 21 22 33
 _STRESS_PLACES = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
-_METRIC_AT_REST = {2: (1.0, 1.0, 1.0, 0.0), 3: (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)}
 # of a block in a step: plastic work, what failure released, heat of the dissipation [J], least room to compress
 _WORK, _RELEASED, _HEAT, _ROOM = range(4)
 
@@ -68,8 +67,7 @@ def declare_plastic(particles: Particles, dimension: int, laws: list[Any], dissi
     if not any(isinstance(law, ElasticPlastic) for law in laws):
         return
     columns: dict[str, Any] = {"checkpointed": True, "layout": Columns()}
-    rest = _METRIC_AT_REST[dimension]
-    particles.declare(Field(METRIC_FIELD, len(rest), "1", **columns), rest)
+    particles.declare(Field(METRIC_FIELD, 6, "1", **columns), _METRIC_AT_REST)
     for field in PLASTIC_STATE:
         particles.declare(field)
     particles.declare(Field(ACTING, len(_STRESS_PLACES[dimension]), "Pa", **columns))
@@ -115,7 +113,6 @@ class PlasticFields(NamedTuple):
     damage: np.ndarray | None
     criterion_damage: np.ndarray | None
     strength: np.ndarray | None
-    metric_places: np.ndarray
     stress_places: np.ndarray
     mean_step: float
     totals: np.ndarray
@@ -125,7 +122,7 @@ class PlasticFields(NamedTuple):
 @inlined
 def load_state(fields, damage, criteria, strength, jacobian, first, count, tile):
     """What particles first .. first + count - 1 carry."""
-    load_placed(fields.metric, fields.metric_places, first, count, tile, METRIC)
+    load_rows(fields.metric, first, count, tile, METRIC)
     load_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
     load_rows(fields.plastic_strain, first, count, tile, PLASTIC_STRAIN)
     load_rows(fields.energy, first, count, tile, ENERGY)
@@ -142,7 +139,7 @@ def load_state(fields, damage, criteria, strength, jacobian, first, count, tile)
 @inlined
 def store_state(fields, damage, criteria, first, count, tile):
     """The way back of `load_state`."""
-    store_placed(fields.metric, fields.metric_places, first, count, tile, METRIC)
+    store_rows(fields.metric, first, count, tile, METRIC)
     store_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
     store_rows(fields.plastic_strain, first, count, tile, PLASTIC_STRAIN)
     store_rows(fields.energy, first, count, tile, ENERGY)
@@ -292,7 +289,6 @@ class PlasticBlock(LawBlock):
             damage=stored("damage") if fails else None,
             criterion_damage=stored("criterion_damage")[: count_of(law.failure)] if fails else None,
             strength=if_any("strength_factor") if fails else None,
-            metric_places=_METRIC_PLACES[self.dimension],
             stress_places=_STRESS_PLACES[self.dimension],
             mean_step=0.5 * (step + last_step) if step > 0.0 else 0.0,
             totals=self.totals,

@@ -27,7 +27,7 @@ class ElementsAround(NamedTuple):
 
 
 def elements_around(
-    comm: Any, body: Any, dimension: int, identifiers: np.ndarray, meshes: dict[Any, MeshSlices]
+    comm: Any, body: Any, dimension: int, identifiers: np.ndarray, meshes: dict[Any, MeshSlices] | None = None
 ) -> ElementsAround:
     """The elements of a body's mesh around this rank's particles, those of a kind in the order of the mesh.
 
@@ -35,6 +35,7 @@ def elements_around(
     the body; meshes: those that have been read, by `mesh_key`, to which that of the body is added. Collective. Raises
     SolverError on all ranks for a mesh that cannot be read or is not that of the particles.
     """
+    meshes = {} if meshes is None else meshes
     try:
         if mesh_key(body) not in meshes:
             meshes[mesh_key(body)] = read_slices(comm, body.shape.model, dimension)
