@@ -72,7 +72,6 @@ class OfMaterial:
 
 
 Density = Annotated[float, Parameter("kg/m^3", "the density", above=0.0)]
-_declared: dict[tuple[str, str], Declared] = {}
 
 
 def law(role: Role, kind: str) -> Callable[[Declared], Declared]:
@@ -82,15 +81,9 @@ def law(role: Role, kind: str) -> Callable[[Declared], Declared]:
 
     def declare(declared: Declared) -> Declared:
         declared.role, declared.kind = role, kind
-        _declared[role, kind] = declared
         return declared
 
     return declare
-
-
-def declared_as(role: str, kind: str) -> Declared:
-    """The class declared under a name; KeyError where its module was not imported."""
-    return _declared[role, kind]
 
 
 def parameters_of(declared: Declared) -> dict[str, tuple[Any, Parameter | OfMaterial]]:

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import Any, get_type_hints
 
 from parsolid.materials import user
-from parsolid.materials.declaration import Declared, declared_as
+from parsolid.materials.declaration import Declared
 from parsolid.materials.failure.failure import Loading
 from parsolid.materials.installed import entry_points
 
@@ -92,8 +92,8 @@ def kinds(role: str) -> tuple[str, ...]:
 def declared(role: str, kind: str) -> Declared:
     """The class declared under a name. Raises KeyError where there is none, LawError where it cannot be loaded."""
     if (role, kind) in _found():
-        import_module(_found()[role, kind])
-        return declared_as(role, kind)
+        own = vars(import_module(_found()[role, kind])).values()
+        return next(one for one in own if getattr(one, "role", None) == role and one.kind == kind)
     try:
         result = _installed()[role, kind].load()
     except KeyError:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from solids import Record, follow, simulation, tables
 
+from parsolid.boundary.loads import Loads
 from parsolid.boundary.reactions import Reaction
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.time_step import TimeSteps
@@ -155,8 +156,10 @@ def test_a_moment_is_right_handed_about_its_point(dimension):
     np.testing.assert_allclose(reaction.values, wanted, rtol=1e-12)
     # the mean of a step's impulses
     booked = {}
+    reaction.sums[:] = 0.0
     for part in (0.25, 0.75):
         reaction.add(places[:dimension], 0.5 * part * forces[:dimension], part)
-    reaction.finish(0.5, SimpleNamespace(add_term=booked.__setitem__))
+    reported = SimpleNamespace(reactions=[reaction], _sums=reaction.sums[None])
+    Loads.report(reported, 0.5, SimpleNamespace(add_term=booked.__setitem__))
     np.testing.assert_allclose(reaction.values, wanted, rtol=1e-12)
     assert booked == {"held.work": 1.0}

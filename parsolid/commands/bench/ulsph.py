@@ -42,7 +42,7 @@ def impact_scene(particles: int, dimension: int = 2, left_out: str = "", **metho
         bodies.append(body | {"velocity": [speed] + [0.0] * (dimension - 1)})
     settings = {"kind": "ulsph"} | method
     tables = {"title": "bench", "dimension": dimension, "end_time": 1.0, "method": settings, "bodies": bodies}
-    return parse_scene(tables)
+    return parse_scene(tables | {"bond": [{"bodies": "all"}]})
 
 
 def scaling_scene(particles: int) -> Any:
