@@ -2,8 +2,8 @@
 
 import re
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -59,18 +59,22 @@ def scene_advice(scene: Scene) -> list[Note]:
 
 def _of_laws(scene: Scene) -> Iterator[Note]:
     """Hyperelastic laws that lose their waves at moderate strain; the usual ones are polyconvex."""
+    from parsolid.materials.hyperelastic.ellipticity import least_wave
+
+    known: dict[Any, float] = {}
     for i, body in enumerate(scene.bodies):
         declared = getattr(body.material, "declared", None)
         if getattr(declared, "role", None) != "hyperelastic" or body.material.kind in _POLYCONVEX:
             continue
-        least = import_module("parsolid.materials.hyperelastic.ellipticity").least_wave
-        try:
-            found = least(body.material.equilibrium_law())
-        except (ArithmeticError, ValueError):
-            # beyond the strains that the law knows
-            continue
-        if found < 0.0:
-            text = f"at strains of 0.3 rho c^2 falls to {found:.2g} of the shear modulus, and waves grow"
+        law = body.material.equilibrium_law()
+        if law not in known:
+            try:
+                known[law] = least_wave(law)
+            except (ArithmeticError, ValueError):
+                # beyond the strains that the law knows
+                known[law] = np.nan
+        if known[law] < 0.0:
+            text = f"at strains of 0.3 rho c^2 falls to {known[law]:.2g} of the shear modulus, and waves grow"
             yield Note("lost-waves", f"bodies.{i}.material: {text}; for smaller strain, or another law")
 
 
