@@ -4,11 +4,12 @@ import re
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from parsolid.particles.meshes.quality import quality_of
-from parsolid.particles.meshes.slices import read_slices, restricted
+from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices, restricted
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.previous_results import methods_of
@@ -121,10 +122,14 @@ def cost_advice(simulation: Simulation) -> list[Note]:
 def quality_advice(simulation: Simulation) -> list[Note]:
     """Shape and size of the elements of meshes, which are read for it; collective, the same on all ranks."""
     scene, comm, result = simulation.scene, simulation.comm, list[Note]()
+    meshes: dict[Any, MeshSlices] = {}
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh":
             continue
-        mesh = read_slices(comm, body.shape.model, scene.dimension)
+        key = mesh_key(body)
+        if key not in meshes:
+            meshes[key] = read_slices(comm, body.shape.model, scene.dimension)
+        mesh = meshes[key]
         if body.shape.model.group is not None:
             mesh = restricted(mesh, [body.shape.model.group])
         found = quality_of(mesh)
