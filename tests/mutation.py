@@ -111,6 +111,8 @@ TESTS: dict[str, tuple[str, str]] = {
         PLAIN,
         _in("particles", "container", "extents", "machine") + " " + _in("scene", "overlap", "generation"),
     ),
+    "parsolid/particles/lattices/perforated.py": (PLAIN, _in("scene", "perforated")),
+    "parsolid/particles/lattices/perforated_nodes.py": (PLAIN, _in("scene", "perforated")),
     "parsolid/particles/meshes": (PLAIN, _MESHES),
     "parsolid/point": (
         PLAIN,
@@ -122,8 +124,6 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/scene/formulas.py": (PLAIN, _in("scene", "formulas", "time_functions")),
     "parsolid/scene/inside.py": (PLAIN, _in("scene", "overlap")),
     "parsolid/scene/load_histories.py": (PLAIN, _in("scene", "time_functions", "csv_table")),
-    "parsolid/scene/perforated.py": (PLAIN, _in("scene", "perforated")),
-    "parsolid/scene/perforated_nodes.py": (PLAIN, _in("scene", "perforated")),
     "parsolid/simulation": (PLAIN, _in("simulation", "step_lengths", "outputs", "phases", "momentum_balance")),
     "parsolid/simulation/energy_check.py": (PLAIN, _in("simulation", "energy_check")),
     "parsolid/simulation/error_indicator.py": (COMPILED, _in("simulation", "error_indicator")),
@@ -325,7 +325,6 @@ def users_of(file: str) -> set[str]:
     imports, name = modules(), ".".join(Path(file).with_suffix("").parts).removesuffix(".__init__")
     # kernels take functions of laws by the law's type
     law = "parsolid.materials."
-    found = {module for module in imports if module == name or name.startswith(law) <= module.startswith(law)}
     found = {name} | ({module for module in imports if module.startswith(law)} if name.startswith(law) else set())
     while more := {module for module, used in imports.items() if used & found} - found:
         found |= more
@@ -371,7 +370,7 @@ class Copy:
         from mpi4py import MPI
 
         MPI.Init_thread()
-        if "DISABLE_JIT" not in "".join(os.environ):
+        if "NUMBA_DISABLE_JIT" not in os.environ:
             from parsolid import kernel_cache
 
             # one name whatever the sources: what a change makes out of date is removed by `with_change`

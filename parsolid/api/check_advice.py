@@ -2,13 +2,13 @@
 
 import re
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from parsolid.particles.meshes.quality import quality_of
-from parsolid.particles.meshes.slices import read_slices, restricted
+from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices, restricted
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.previous_results import methods_of
@@ -59,18 +59,22 @@ def scene_advice(scene: Scene) -> list[Note]:
 
 def _of_laws(scene: Scene) -> Iterator[Note]:
     """Hyperelastic laws that lose their waves at moderate strain; the usual ones are polyconvex."""
+    from parsolid.materials.hyperelastic.ellipticity import least_wave
+
+    known: dict[Any, float] = {}
     for i, body in enumerate(scene.bodies):
         declared = getattr(body.material, "declared", None)
         if getattr(declared, "role", None) != "hyperelastic" or body.material.kind in _POLYCONVEX:
             continue
-        least = import_module("parsolid.materials.hyperelastic.ellipticity").least_wave
-        try:
-            found = least(body.material.equilibrium_law())
-        except (ArithmeticError, ValueError):
-            # beyond the strains that the law knows
-            continue
-        if found < 0.0:
-            text = f"at strains of 0.3 rho c^2 falls to {found:.2g} of the shear modulus, and waves grow"
+        law = body.material.equilibrium_law()
+        if law not in known:
+            try:
+                known[law] = least_wave(law)
+            except (ArithmeticError, ValueError):
+                # beyond the strains that the law knows
+                known[law] = np.nan
+        if known[law] < 0.0:
+            text = f"at strains of 0.3 rho c^2 falls to {known[law]:.2g} of the shear modulus, and waves grow"
             yield Note("lost-waves", f"bodies.{i}.material: {text}; for smaller strain, or another law")
 
 
@@ -121,10 +125,14 @@ def cost_advice(simulation: Simulation) -> list[Note]:
 def quality_advice(simulation: Simulation) -> list[Note]:
     """Shape and size of the elements of meshes, which are read for it; collective, the same on all ranks."""
     scene, comm, result = simulation.scene, simulation.comm, list[Note]()
+    meshes: dict[Any, MeshSlices] = {}
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh":
             continue
-        mesh = read_slices(comm, body.shape.model, scene.dimension)
+        key = mesh_key(body)
+        if key not in meshes:
+            meshes[key] = read_slices(comm, body.shape.model, scene.dimension)
+        mesh = meshes[key]
         if body.shape.model.group is not None:
             mesh = restricted(mesh, [body.shape.model.group])
         found = quality_of(mesh)

@@ -130,13 +130,13 @@ def _interfaces(scene: Scene, position: np.ndarray, spacing: np.ndarray, body: n
     own = np.array([np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, widest)])
     touching = close_pairs(boxes, home, TOUCHING * widest, TOUCHING * widest)
     acting = close_pairs(boxes, home, own, TOUCHING * widest)
-    marks = []
+    marks, bonded = [], scene.bonded
     for kind, stated in tables:
         close = acting if kind == "bond" else touching
         members = set(range(count)) if stated == ALL else {names[name] for name in stated}
         met: list[np.ndarray] = [np.zeros(0, np.int64)]
         for (i, j), scale in zip(close.bodies.tolist(), close.semi_axes):
-            if i in members and j in members and (stated != ALL or scene.bonded.has(i, j)):
+            if i in members and j in members and (stated != ALL or bonded.has(i, j)):
                 for one, other in ((rows_of[i], rows_of[j]), (rows_of[j], rows_of[i])):
                     met.append(one[within_reach(position[one] / scale, position[other] / scale, 1.0)])
         told = "all" if stated == ALL else ", ".join(stated[:_NAMES]) + (", ..." if len(stated) > _NAMES else "")

@@ -21,6 +21,7 @@ from parsolid.campaign.coarsening import (
 from parsolid.campaign.orders import step_is_stated
 from parsolid.campaign.probes import Corners, with_corners
 from parsolid.scene import Scene
+from parsolid.scene.contact import BodyPairs
 from parsolid.scene.declared import law_files
 from parsolid.sources import source_digest
 
@@ -38,6 +39,19 @@ _LEAST_RATIO, _NEXT_RATIO = 1.15, 1.25
 _ENOUGH, _ENOUGH_ELSEWHERE = {"tlsph": 2}, 12
 # of the tolerance that a solver stops at
 LOOSER = 100.0
+
+
+class CoarserScene(Scene):
+    """A scene of a coarse run, whose particles reach farther: it has the bonds of the scene that it is made from.
+
+    Bodies that no table names are apart there and stay so. Those of one background grid act on one another where points
+    have nodes in common.
+    """
+
+    @property
+    def unbonded(self) -> BodyPairs | None:
+        """All pairs that no bond names."""
+        return BodyPairs([range(len(self.bodies))], self.bonded)
 
 
 @dataclass(frozen=True)
@@ -117,7 +131,13 @@ def coarse_variants(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()
             purposes.append((STEP, half_step(tables) if step_is_stated(scene) else None))
             purposes.append((SOLVER, looser_solver(tables)))
         found += [
-            Variant(parsed(changed, trust_code), purpose, one.ratio, one.lattices, corners)
+            Variant(
+                CoarserScene.model_construct(**dict(parsed(changed, trust_code))),
+                purpose,
+                one.ratio,
+                one.lattices,
+                corners,
+            )
             for purpose, changed in purposes
             if changed is not None
         ]

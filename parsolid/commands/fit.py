@@ -32,7 +32,7 @@ def run_fit(comm: Any, options: Any) -> int:
     from parsolid.point.fit import fit, fitted_parameters
     from parsolid.scene.validation_errors import suggestion
 
-    kinds = [kind for kind in registry.kinds("hyperelastic") if kind != "formula"]
+    kinds = [kind for kind in registry.kinds("hyperelastic") if kind != "formula" and fitted_parameters(kind)]
     if options.law not in kinds:
         known = f"expected one of {', '.join(kinds)}{suggestion(options.law, kinds)}"
         raise SolverError(f"--law: {known}, found {options.law!r}")
@@ -60,12 +60,20 @@ def run_fit(comm: Any, options: Any) -> int:
         f"# {points} points: root mean square of the differences {found.error:.3g} of the largest stress of a test"
     )
     if options.output:
-        with Path(options.output).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(["kind", "stretch", "stress", "fitted"])
-            for one, curve in zip(tests, found.curves):
-                writer.writerows([one.kind, a, s, f"{c:.6g}"] for a, s, c in zip(one.stretch, one.stress, curve))
+        try:
+            _write_curves(options.output, tests, found.curves)
+        except OSError as error:
+            raise SolverError(f"-o: expected a file that can be written, found {error}") from error
     return DONE
+
+
+def _write_curves(path: str, tests: list[Any], curves: list[Any]) -> None:
+    """The points of tests, and the stress of the law beside each."""
+    with Path(path).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["kind", "stretch", "stress", "fitted"])
+        for one, curve in zip(tests, curves):
+            writer.writerows([one.kind, a, s, f"{c:.6g}"] for a, s, c in zip(one.stretch, one.stress, curve))
 
 
 def read_tests(path: str) -> list[Any]:
@@ -93,8 +101,8 @@ def read_tests(path: str) -> list[Any]:
             raise SolverError(f"{here}: expected a stretch above 0 and a stress [Pa], found {stated}")
         found.setdefault(kind, []).append((stretch, stress))
     tests = [Measured(kind, *np.array(points).T) for kind, points in found.items()]
-    if not tests or not any((one.stretch != 1.0).any() and one.stress.any() for one in tests):
-        raise SolverError(f"{path}: expected points with stretch and stress, found none")
+    if not tests or not all((one.stretch != 1.0).any() and one.stress.any() for one in tests):
+        raise SolverError(f"{path}: expected points with stretch and stress in each test, found none")
     return tests
 
 

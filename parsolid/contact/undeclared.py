@@ -142,9 +142,11 @@ class UndeclaredContact(Interaction):
         return pieces.__getitem__
 
     def state(self) -> dict[str, Any]:
-        """When the next look is due [s]."""
-        return {"due": self.due}
+        """When the next look is due [s], and bodies that have been found."""
+        return {"due": self.due, "met": sorted(self._known)}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take it back."""
+        """Take it back; a run that bodies end where they meet finds them anew."""
         self.due = state["due"]
+        if self.scene.undeclared_contact == "warn":
+            self._known = {(i, j) for i, j in state["met"]}

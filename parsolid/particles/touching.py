@@ -142,6 +142,12 @@ def close_pairs(boxes: np.ndarray, home: np.ndarray, own: np.ndarray, others: np
     return ClosePairs(np.stack((first, second), axis=1)[near], semi_axes[near], boxes)
 
 
+def _sorted_along(places: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places (n, d) [m] in the order of their coordinates along an axis, and these (n,)."""
+    ordered = places[np.argsort(places[:, axis], kind="stable")]
+    return ordered, np.ascontiguousarray(ordered[:, axis])
+
+
 def touch(comm: MPI.Comm, pairs: ClosePairs, places_of: Callable[[int], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Which of some pairs of bodies have particles within reach of one another (n,), and about where (n, d) [m], the
     same on all ranks; collective.
@@ -150,9 +156,15 @@ def touch(comm: MPI.Comm, pairs: ClosePairs, places_of: Callable[[int], np.ndarr
     """
     count, d = pairs.semi_axes.shape
     place, keys = [np.zeros((0, d))], [np.zeros(0, np.int64)]
+    # a body may be close to many others, so that each of them looks at a layer of its particles alone
+    axis = {body: int(np.argmax(pairs.boxes[body, 1] - pairs.boxes[body, 0])) for body in np.unique(pairs.bodies)}
+    layers = {body: _sorted_along(places_of(body), along) for body, along in axis.items()}
     for number, both in enumerate(pairs.bodies.tolist()):
         for side, body in enumerate(both):
-            (lower, upper), scale, own = pairs.boxes[both[1 - side]], pairs.semi_axes[number], places_of(body)
+            (lower, upper), scale, along = pairs.boxes[both[1 - side]], pairs.semi_axes[number], axis[body]
+            own, coordinate = layers[body]
+            ends = lower[along] - scale[along], upper[along] + scale[along]
+            own = own[slice(*np.searchsorted(coordinate, ends))]
             gap = np.maximum(np.maximum(lower - own, own - upper), 0.0) / scale
             here = own[(gap**2).sum(axis=1) < 1.0] / scale
             place.append(here)

@@ -1,7 +1,7 @@
 """Parameters of a hyperelastic law from measured stretches and nominal stresses of sheets that keep their volume."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_origin
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from parsolid.materials import registry
 from parsolid.materials.declaration import parameters_of
 from parsolid.materials.hyperelastic.functions import stress
 
-# of a law's parameters, what a test of matter that keeps its volume does not see
-_UNSEEN = ("density", "bulk_modulus", "volume")
+# of a law's parameters, what a test of matter that keeps its volume does not see, and what is xi in other words
+_UNSEEN = ("density", "bulk_modulus", "lambda_hat", "youngs_modulus", "poissons_ratio")
 # principal stretches of each kind of test, and the free axis, by which the pressure is known
 _KINDS = {
     "uniaxial": lambda a: (a, a**-0.5, a**-0.5),
@@ -57,7 +57,9 @@ def nominal_stress(law: Any, kind: str, stretch: np.ndarray) -> np.ndarray:
 def fitted_parameters(kind: str) -> dict[str, Any]:
     """Name -> `Parameter` of those of a hyperelastic kind that such tests tell."""
     found = parameters_of(registry.declared("hyperelastic", kind))
-    return {name: note for name, (_, note) in found.items() if name not in _UNSEEN}
+    # words and numbers that cannot be other ones are no matter of fitting
+    numbers = {name: note for name, (annotation, note) in found.items() if get_origin(annotation) is not Literal}
+    return {name: note for name, note in numbers.items() if name not in _UNSEEN}
 
 
 def fit(kind: str, tests: list[Measured], fixed: dict[str, float]) -> Fit:
@@ -111,7 +113,7 @@ def law_with(kind: str, values: dict[str, float]) -> Any:
     from parsolid.scene.validation_errors import SceneError
 
     declared = registry.declared("hyperelastic", kind)
-    others = {"density": 1.0, "bulk_modulus": 1e9}
+    others = {"density": 1.0, "bulk_modulus": 1e9, "lambda_hat": 1e9}
     known = parameters_of(declared)
     stated = {"kind": kind} | {name: value for name, value in (others | values).items() if name in known}
     try:
@@ -126,6 +128,6 @@ def _bound(excluded: float | None, included: float | None, otherwise: float) -> 
 
 
 def _modulus_of(test: Measured) -> float:
-    """A modulus [Pa] of the first point of a test."""
-    first = int(np.argmax(test.stretch > 1.0))
+    """A modulus [Pa] of the first point of a test that is stretched or compressed."""
+    first = int(np.argmax(test.stretch != 1.0))
     return float(abs(test.stress[first] / (test.stretch[first] - 1.0)) / 3.0) or 1.0

@@ -42,7 +42,7 @@ class Bond(SceneModel):
 
 def bonded_pairs(scene: Any) -> BodyPairs:
     """Pairs of the scene's bodies that bonds name."""
-    names, contact = [body.name for body in scene.bodies], scene.unbonded
+    names, contact = [body.name for body in scene.bodies], scene.in_contact
     if all(one.bodies != ALL for one in scene.bond):
         return BodyPairs.named([one.bodies for one in scene.bond], names)
     groups: dict[Any, list[int]] = {}
@@ -55,7 +55,7 @@ def bond_faults(scene: Any) -> list[FaultDetail]:
     """Bonds of bodies that are not there or of several methods, and pairs that another table names."""
     names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     number = {name: k for k, name in enumerate(names) if name is not None}
-    several, contact = len(scene.methods or ()) > 1, {} if scene.unbonded is None else scene.unbonded.tables
+    several, contact = len(scene.methods or ()) > 1, {} if scene.in_contact is None else scene.in_contact.tables
     earlier = defaultdict[int, set[int]](set)
     for i, one in enumerate(scene.bond):
         place = ("bond", i, "bodies")

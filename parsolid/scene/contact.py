@@ -181,8 +181,8 @@ class BodyPairs:
         return result
 
 
-def unbonded(contacts: list[Contact], names: list[str | None]) -> BodyPairs | None:
-    """Bodies in contact, of which no pair of particles is bonded; None without any."""
+def pairs_in_contact(contacts: list[Contact], names: list[str | None]) -> BodyPairs | None:
+    """Bodies that a contact names together; None without any."""
     found = BodyPairs.named([one.bodies for one in contacts], names)
     return found if any(len(one.bodies) > 1 for one in contacts) and found.tables else None
 

@@ -11,7 +11,7 @@ from parsolid.scene.base_model import OnRestart, Positive, SceneModel, method_of
 from parsolid.scene.bodies import OwnBody
 from parsolid.scene.bond import Bond, bonded_pairs
 from parsolid.scene.boundaries import Boundary
-from parsolid.scene.contact import BodyPairs, Contact, unbonded
+from parsolid.scene.contact import BodyPairs, Contact, pairs_in_contact
 from parsolid.scene.error_bars import ErrorBars, RunTargets
 from parsolid.scene.initial_state import InitialState
 from parsolid.scene.loads import Loads
@@ -100,9 +100,14 @@ class Scene(SceneModel):
         return self.model_dump(exclude_none=True)
 
     @property
+    def in_contact(self) -> BodyPairs | None:
+        """Bodies that a contact names together; None without any."""
+        return pairs_in_contact(self.contact, [body.name for body in self.bodies])
+
+    @property
     def unbonded(self) -> BodyPairs | None:
-        """Bodies that are in contact with one another, so that nothing bonds them; None without any."""
-        return unbonded(self.contact, [body.name for body in self.bodies])
+        """Bodies whose method makes no pairs of particles between them; None without any."""
+        return self.in_contact
 
     @property
     def bonded(self) -> BodyPairs:
@@ -123,7 +128,7 @@ class Scene(SceneModel):
         """The scene of one system: its method, its bodies, and the boundaries and loads that it carries."""
         if self.methods is None and len(system.bodies) == len(self.bodies) and system.settings == self.method:
             return self
-        return Scene.model_construct(**(dict(self) | part_of(self, system)))
+        return type(self).model_construct(**(dict(self) | part_of(self, system)))
 
     @property
     def reference_times(self) -> tuple[float, ...]:

@@ -67,7 +67,7 @@ def resolve_defaults(scene: "Scene") -> "Scene":
 def fields_of(scene: "Scene", bodies: tuple[int, ...]) -> list[tuple[int, ...]]:
     """Bodies in groups, each with a field of its own: each body, with those that bonds name with it, in the first group
     that has none in contact with them."""
-    contact = scene.unbonded
+    contact = scene.in_contact
     if contact is None:
         return [bodies]
     groups: list[list[int]] = []

@@ -47,7 +47,7 @@ def tie_faults(scene: Any) -> list[FaultDetail]:
             faults.append((("tie", i, "bodies"), "two bodies", one.bodies))
     if faults or not scene.tie:
         return faults
-    contact, seen = scene.unbonded, set()
+    contact, seen = scene.in_contact, set()
     for i, (first, second, one) in enumerate(tied_pairs(scene)):
         place = ("tie", i, "bodies")
         if (first, second) in seen:

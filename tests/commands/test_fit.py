@@ -36,6 +36,8 @@ def test_nominal_stresses_are_those_of_the_closed_forms():
         ("yeoh", {"c1": 0.17e6, "c2": -1.5e3, "c3": 50.0}),
         ("gent", {"shear_modulus": 0.3e6, "limit": 90.0}),
         ("polynomial", {"c10": 0.15e6, "c01": 0.02e6, "c20": 1e3, "c11": 0.0, "c02": 0.0, "c30": 0.0}),
+        ("mooney-rivlin", {"xi": 0.15e6, "zeta": 0.02e6}),
+        ("neo-hookean", {"xi": 0.2e6}),
     ],
 )
 def test_parameters_that_made_the_data_come_back(kind, values):
@@ -50,6 +52,14 @@ def test_intervals_hold_the_parameters_behind_noise():
     found = fit("gent", made("gent", values, noise=0.01), {})
     for name, value, spread in zip(found.names, found.values, found.spread):
         assert 0.0 < spread < 0.2 * value and abs(value - values[name]) < 2.0 * spread
+
+
+def test_a_compression_test_alone():
+    """Its stretches are below 1, the first is 1."""
+    law, a = law_with("yeoh", {"c1": 0.2e6}), np.linspace(1.0, 0.6, 6)
+    test = Measured("uniaxial", a, nominal_stress(law, "uniaxial", a))
+    found = fit("yeoh", [test], {"c2": 0.0, "c3": 0.0})
+    assert found.values == pytest.approx([0.2e6], rel=1e-4)
 
 
 def test_treloars_rubber(capsys, tmp_path):
@@ -74,6 +84,9 @@ def test_treloars_rubber(capsys, tmp_path):
         ("kind,stretch,stress\n", ["--law", "yeoh"]),
         ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "--fix", "c9=1"]),
         ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "--fix", "c2=x"]),
+        ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "saint-venant-kirchhoff"]),
+        ("kind,stretch,stress\nuniaxial,1.5,1e5\npure-shear,1.5,0\n", ["--law", "gent"]),
+        ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "-o", "missing/curve.csv"]),
     ],
 )
 def test_data_and_laws_that_are_none_are_refused(tmp_path, capsys, text, arguments):

@@ -91,6 +91,17 @@ def test_a_run_goes_on_with_the_looks_of_the_one_before(comm):
     assert other.interactions[-1].due == one.interactions[-1].due > 0.5
 
 
+def test_bodies_that_a_run_has_warned_of_are_in_its_state():
+    warned = Simulation(MPI.COMM_SELF, parse_scene(tables("tlsph", undeclared_contact="warn")))
+    warned.run()
+    state = json.loads(json.dumps(warned.interactions[-1].state()))
+    assert state["met"] == [[0, 1]] and len(warned.warnings) == 1
+    for words, met in (({"undeclared_contact": "warn"}, [(0, 1)]), ({}, [])):
+        looks = Simulation(MPI.COMM_SELF, parse_scene(tables("tlsph", **words))).interactions[-1]
+        looks.set_state(state)
+        assert looks.state()["met"] == met
+
+
 def test_the_command_ends_with_status_3_and_says_why(tmp_path, capsys):
     scene = tmp_path / "scene.toml"
     scene.write_text(

@@ -61,6 +61,8 @@ FORMULAS = {
         LAWS["hencky"],
     ),
 }
+# the root of a square is the amount
+FORMULAS["sqrt(mu**2)*(I1bar - 3)/2 + K/2*sqrt((J - 1)**4)"] = next(iter(FORMULAS.values()))
 EVERY = LAWS | {"saint-venant-kirchhoff": SaintVenantKirchhoff(1.0, 0.4e6, 1e6, *NONE)}
 EVERY |= {text: of_formula(text, **constants) for text, (constants, _) in FORMULAS.items()}
 SMALL = {"saint-venant-kirchhoff": 0.05, "hencky": 0.05, list(FORMULAS)[-1]: 0.05}
@@ -263,6 +265,9 @@ def test_a_law_whose_waves_grow_is_told_of():
         (STATED["formula"] | {"energy": "K*(J - 1)**2 - mu*(I1bar - 3)"}, "energy"),
         (STATED["formula"] | {"energy": "mu*(I1bar - 3) + K*(J - 1)**2 + log(-1)"}, "energy"),
         (STATED["formula"] | {"energy": "mu*(I1bar - 3"}, "energy"),
+        (STATED["formula"] | {"energy": "mu*(I1bar - 3) + K*(J - 1)**2 + sqrt(-J)"}, "energy"),
+        (STATED["formula"] | {"energy": "mu*(I1bar - 3) + K*(J - 1)**2 + (-1)**J"}, "energy"),
+        (STATED["formula"] | {"energy": "mu*(I1bar - 3) + (mu - K)**0.3*(J - 1)**2 + K*(J - 1)**2"}, "energy"),
         (STATED["formula"] | {"constants": {"mu": 1e6, "K": 2e7, "unused": 1.0}}, "constants.unused"),
         (STATED["formula"] | {"constants": {"mu": 1e6, "K": 2e7, "I1": 1.0}}, "constants.I1"),
     ],

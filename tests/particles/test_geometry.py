@@ -101,6 +101,27 @@ def test_physical_groups_are_bodies_that_share_nodes(tmp_path):
     assert sim.systems[0].meshes.shared is not None
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("cavity", [True, False])
+def test_faces_of_iges_that_are_not_sewn_are_refused(tmp_path, cavity):
+    """A sphere beside the faces that are sewn is neither a cavity nor a part, and is not left out unseen."""
+
+    def box_and_sphere(occ):
+        box, sphere = (3, occ.addBox(0, 0, 0, 10, 10, 10)), (3, occ.addSphere(5 if cavity else 20, 5, 5, 3))
+        if cavity:
+            occ.cut([box], [sphere])
+
+    with pytest.raises(SceneError) as error:
+        simulation(scene_of(file=write(tmp_path / "part.iges", box_and_sphere), size=3e-3, scale=1e-3))
+    (fault,) = error.value.faults
+    assert (fault.code, fault.key) == ("geometry", "bodies.0.shape.mesh.file")
+    volume = generated(scene_of(file=write(tmp_path / "part.brep", box_and_sphere), size=1.5e-3, scale=1e-3), "volume")[
+        0
+    ]
+    exact = 1e-6 + (-1 if cavity else 1) * 36e-9 * np.pi
+    assert volume.sum() == pytest.approx(exact, rel=0.02)
+
+
 def tetrahedron(path, triangles):
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     meshio.write(path, meshio.Mesh(points, [("triangle", np.array(triangles))]), file_format="stl")

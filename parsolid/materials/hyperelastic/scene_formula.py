@@ -132,6 +132,8 @@ def _written(e: Any, names: dict[str, str]) -> str:
     if e.is_Symbol:
         return names.get(e.name, e.name)
     if (e.is_number and not e.args) or e.is_Rational:
+        if not e.is_real:
+            raise FormulaError("arithmetic of real numbers", str(e))
         return repr(float(e))
     if e.is_Add:
         return "(" + " + ".join(map(of, e.args)) + ")"
@@ -155,7 +157,15 @@ def _written(e: Any, names: dict[str, str]) -> str:
     if isinstance(e, sympy.DiracDelta):
         # the curvature of a kink, which no wave has
         return "0.0"
-    return f"{type(e).__name__}({', '.join(map(of, e.args))})"
+    if isinstance(e, sympy.Abs):
+        # of the root of a square
+        return f"abs({of(e.args[0])})"
+    if isinstance(e, sympy.sign):
+        return f"(1.0 if {of(e.args[0])} > 0.0 else -1.0)"
+    name = type(e).__name__
+    if name not in FUNCTIONS:
+        raise FormulaError(f"arithmetic of {', '.join(FUNCTIONS)}", name)
+    return f"{name}({', '.join(map(of, e.args))})"
 
 
 def _body(expressions: list[Any], names: dict[str, str]) -> tuple[list[str], list[str]]:
@@ -299,16 +309,31 @@ def _faults(text: str, constants: tuple[tuple[str, float], ...]) -> tuple[Any, .
             (("constants", name), "a name of letters that the formula has no meaning for", name) for name in strange
         )
     try:
-        used = {symbol.name for symbol in expression_of(text, names).free_symbols}
+        formula = expression_of(text, names)
+        used = {symbol.name for symbol in formula.free_symbols}
         unused = [name for name in names if name not in used]
         if unused:
             return tuple((("constants", name), "a constant of the formula", name) for name in unused)
+        _check_real(formula, constants)
         _check(_law_with(text, constants))
     except FormulaError as error:
         return ((("energy",), error.expected, error.found),)
     except registry.LawError as error:
         return ((("energy",), str(error), text[:200]),)
     return ()
+
+
+def _check_real(formula: Any, constants: tuple[tuple[str, float], ...]) -> None:
+    """That no root or logarithm of a negative number is taken near rest. Raises FormulaError."""
+    a, b, c = _TRIED
+    J = a * b * c
+    first, second = a * a + b * b + c * c, (a * b) ** 2 + (a * c) ** 2 + (b * c) ** 2
+    shrink = J ** (-1.0 / 3.0)
+    state = (first, second, J, shrink**2 * first, shrink**4 * second, a, b, c, shrink * a, shrink * b, shrink * c)
+    values = dict(zip(VARIABLES, state)) | dict(constants)
+    found = formula.subs({symbol: values[symbol.name] for symbol in formula.free_symbols}).evalf()
+    if not (found.is_real and found.is_finite):
+        raise FormulaError("a formula of real numbers near rest", Phrase(str(found)))
 
 
 def _check(law: Any) -> None:

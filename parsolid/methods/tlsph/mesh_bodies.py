@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from decomposition.halo import Halo
+from decomposition.halo import REACH_MARGIN, Halo
 from decomposition.reduction import sums
 from parsolid.boundary.conditions import HALF
 from parsolid.boundary.mirror_planes import symmetry_planes
@@ -73,8 +73,7 @@ class MeshNeighbours:
         an element on any rank; positions (owned, d), identifiers (owned,); factor on the dissipation; shared (k,
         bodies): identifiers of particles at nodes that owned ones share. Collective."""
         self.comm, (self.owned, d) = comm, positions.shape
-        # a hair more, because distances are found in other arithmetic
-        halo = Halo(comm, np.ascontiguousarray(positions), extent * (1.0 + 1e-9))
+        halo = Halo(comm, np.ascontiguousarray(positions), extent * REACH_MARGIN)
         around = np.unique(np.concatenate([shared.ravel(), *(cells.ravel() for _, cells in elements)]))
         self.halo = halo = halo.subset(np.isin(halo.with_ghosts(identifiers)[self.owned :], around))
         self.local = self.rows = self.owned + halo.ghosts
@@ -196,8 +195,9 @@ class MeshBodies(ListBodies):
         if anywhere(comm, bool(len(own))):
             self.shared = SharedNodes(near.halo, near.rows_of(own), near.rows_of(others), of("mass")[rows])
         share = near.mass_volume / near.volume[: near.owned]
-        body = of("body")[rows]
-        self.least_masses = {number: minimum(comm, float(share[body == number].min(initial=1.0))) for number in numbers}
+        least = np.ones(len(scene.bodies))
+        np.minimum.at(least, of("body")[rows], share)
+        self.least_masses = dict(enumerate(minimum(comm, least).tolist()))
         # both particles of a pair are of one body
         rows_of = [np.repeat(np.arange(near.owned), np.diff(pairs.start)) for pairs in near.lists]
         self.stiffness = [self.stabiliser[row] * stretch for row, stretch in zip(rows_of, near.stretch)]

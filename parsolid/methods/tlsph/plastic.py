@@ -35,6 +35,7 @@ from parsolid.materials.plastic.tile_update import (
     new_tile,
 )
 from parsolid.materials.plastic.total_lagrangian import advance_tile
+from parsolid.materials.registry import laws_of
 from parsolid.methods import failed_matter
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.plastic_fields import PLASTIC_STATE
@@ -81,7 +82,7 @@ def begin_plastic(scene: Any, particles: Particles, particle_set: Any, blocks: l
     if METRIC_FIELD not in particles:
         return
     rows, place = particles.owned_rows, (scene, particle_set.body, particle_set.position)
-    usual = np.array([getattr(law, "reference_temperature", 0.0) for law in _laws_of_bodies(scene)])
+    usual = np.array([getattr(law, "reference_temperature", 0.0) for law in laws_of(scene)])
     rows("temperature")[:] = initial_temperature(*place, usual, particle_set.regions)
     rows("plastic_strain")[:] = initial_plastic_strain(*place, particle_set.regions)
     for block in blocks:
@@ -338,7 +339,3 @@ class PlasticBlock(LawBlock):
         """Room (n,) that the equation of state leaves to compress particles, see `room_to_compress`."""
         jacobian = self.particles.owned_rows("jacobian")[self.first : self.last]
         return plastic_evaluation.room_to_compress(self.law, jacobian)
-
-
-def _laws_of_bodies(scene: Any) -> list[Any]:
-    return [body.material.build("space") for body in scene.bodies]

@@ -72,10 +72,10 @@ def held_weight(weight, before, nearness, pull_a, pull_b):
     """Weight of a pair that was stretched: that of its reference distance, `before`, as far as both particles pull.
 
     In tension, weights that fall as a pair stretches make neighbours part (Swegle, Hicks and Attaway, J. Comput. Phys.
-    116, 1995); those of the reference distance do not fall. pull_a, pull_b: r.P r of both particles, the first
-    positive; nearness: 1 minus the distance over the support, at the last fifth of which a pair lets go.
+    116, 1995); those of the reference distance do not fall. pull_a, pull_b: r.P r of both particles, positive;
+    nearness: 1 minus the distance over the support, at the last fifth of which a pair lets go.
     """
-    share = 2.0 * max(min(pull_a, pull_b), 0.0) / (pull_a + abs(pull_b))
+    share = 2.0 * min(pull_a, pull_b) / (pull_a + pull_b)
     return weight + share * max(min(5.0 * nearness, 1.0) * before - weight, 0.0)
 
 
@@ -158,10 +158,11 @@ def add_rates_in_space(smoothing, pairs, both, pressing, holding, flux, motion, 
                 pull = pull_of_symmetric(P_a, r)
                 if pull > 0.0:
                     R = subtract(load_row(holding, b, 0), load_row(holding, a, 0))
-                    if dot(R, R) < square:
+                    other = pull_in_space(record, b, r) if dot(R, R) < square else 0.0
+                    if other > 0.0:
                         before = weight_in_space(smoothing, h, dot(R, R))
                         nearness = 1.0 - square**0.5 / (smoothing.support * h)
-                        weight = held_weight(weight, before, nearness, pull, pull_in_space(record, b, r))
+                        weight = held_weight(weight, before, nearness, pull, other)
             g = scale(v_a[3] * v_b[3] * weight, r)
             dv_r = (dv[0], dv[1], dv[2], r[0])
             to_0, to_1, to_2 = scale(g[0], dv_r), scale(g[1], dv_r), scale(g[2], dv_r)
@@ -212,10 +213,11 @@ def add_forces_in_space(
                 pull = pull_of_symmetric(P_a, r)
                 if pull > 0.0:
                     R = subtract(load_row(holding, b, 0), load_row(holding, a, 0))
-                    if dot(R, R) < square:
+                    other = pull_in_space(record, b, r) if dot(R, R) < square else 0.0
+                    if other > 0.0:
                         before = weight_in_space(smoothing, h, dot(R, R))
                         nearness = 1.0 - square**0.5 / (smoothing.support * h)
-                        weight = held_weight(weight, before, nearness, pull, pull_in_space(record, b, r))
+                        weight = held_weight(weight, before, nearness, pull, other)
             product = v_a[3] * v_b[3] * weight
             g = scale(product, r)
             F = traction_in_space(record, a, b, g)
@@ -279,12 +281,12 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, holding, flux, motion, 
                 pull = pull_in_plane(P_a, x, y)
                 if pull > 0.0:
                     X, Y = holding[b, 0] - holding[a, 0], holding[b, 1] - holding[a, 1]
-                    if X * X + Y * Y < square:
+                    stretched = X * X + Y * Y < square
+                    other = pull_in_plane(load_row(record, b, 0), x, y) if stretched else 0.0
+                    if other > 0.0:
                         before = weight_in_plane(smoothing, h, X * X + Y * Y)
                         nearness = 1.0 - square**0.5 / (smoothing.support * h)
-                        weight = held_weight(
-                            weight, before, nearness, pull, pull_in_plane(load_row(record, b, 0), x, y)
-                        )
+                        weight = held_weight(weight, before, nearness, pull, other)
             product = m_a * motion[b, 4] * weight
             g_x, g_y = product * x, product * y
             to_0, to_1 = (u * g_x, v * g_x, u * g_y, v * g_y), (x * g_x, y * g_y, x * g_y, 0.0)
@@ -328,12 +330,12 @@ def add_forces_in_plane(
                 pull = pull_in_plane(P_a, x, y)
                 if pull > 0.0:
                     X, Y = holding[b, 0] - holding[a, 0], holding[b, 1] - holding[a, 1]
-                    if X * X + Y * Y < square:
+                    stretched = X * X + Y * Y < square
+                    other = pull_in_plane(load_row(record, b, 0), x, y) if stretched else 0.0
+                    if other > 0.0:
                         before = weight_in_plane(smoothing, h, X * X + Y * Y)
                         nearness = 1.0 - square**0.5 / (smoothing.support * h)
-                        weight = held_weight(
-                            weight, before, nearness, pull, pull_in_plane(load_row(record, b, 0), x, y)
-                        )
+                        weight = held_weight(weight, before, nearness, pull, other)
             product, N_b = m_a * motion[b, 4] * weight, load_row(record, b, 4)
             g_x, g_y = product * x, product * y
             F_x, F_y = traction_in_plane(record, a, b, g_x, g_y)

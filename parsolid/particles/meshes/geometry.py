@@ -30,6 +30,8 @@ _MOST = 1e8
 _FEW = 100
 # distance, as files count, within which faces without a volume are sewn
 _SEWN = 1e-4
+# of the area of all faces, by how much healing and sewing may change it
+_LEFT_OUT = 1e-4
 _KINDS = {1: "line", 2: "triangle", 4: "tetra"}
 
 
@@ -88,21 +90,34 @@ def _gmsh(path: str) -> Iterator[Any]:
 
 def _read(gmsh: Any, path: str, dimension: int) -> None:
     """Take a file into the model, with a volume where it is a closed surface. Raises SceneError."""
+    area = left_out = 0.0
     try:
         with _quiet():
             gmsh.merge(path)
             if dimension == 3 and not gmsh.model.getEntities(3) and path.lower().endswith(OF_CAD[:6]):
                 # IGES has faces alone
+                area = _area(gmsh)
                 gmsh.model.occ.healShapes(tolerance=_SEWN, sewFaces=True, makeSolids=True)
                 gmsh.model.occ.synchronize()
+                # a whole sphere is one face, which is not sewn to others: a cavity or a part of its own would be lost
+                left_out = area - _area(gmsh)
     except Exception as error:
         raise SceneError([MeshFault("geometry", "a file that Gmsh reads", f"{path} ({error})")]) from None
+    if left_out > _LEFT_OUT * area:
+        expected = "faces that can be sewn to one surface, or a file with volumes (STEP, BREP)"
+        found = f"faces that are not, {left_out / area:.2g} of the area of all, in {path}"
+        raise SceneError([MeshFault("geometry", expected, found)])
     if path.lower().endswith(OF_SURFACES):
         _close(gmsh, path)
     if not gmsh.model.getEntities(dimension):
         found = {0: "points", 1: "curves", 2: "surfaces", 3: "volumes"}.get(gmsh.model.getDimension(), "nothing")
         what = "volumes" if dimension == 3 else "surfaces"
         raise SceneError([MeshFault("geometry", f"{what} to be meshed in {dimension}-D", f"{found} in {path}")])
+
+
+def _area(gmsh: Any) -> float:
+    """Of all faces, as files count."""
+    return float(sum(gmsh.model.occ.getMass(2, face) for _, face in gmsh.model.occ.getEntities(2)))
 
 
 @contextmanager

@@ -22,9 +22,7 @@ def refuse_double_nodes(mesh: MeshSlices, used: np.ndarray, edge: np.ndarray) ->
     those of elements; edge (kept nodes,) [m]: see `topology.mean_edge`. Collective."""
     comm, own = mesh.comm, np.flatnonzero(used)
     length = minimum(comm, float(edge[own].min(initial=np.inf)))
-    cells = (
-        np.rint(mesh.points[own] / (_ONE_PLACE * length)).astype(np.int64) if len(own) else np.zeros((0, 1), np.int64)
-    )
+    cells = np.rint(mesh.points[own] / (_ONE_PLACE * length)).astype(np.int64)
     keeper = (np.abs(cells.sum(axis=1)) % comm.size).astype(np.int64)
     come = migrate(comm, keeper, {"cells": cells, "place": mesh.points[own], "number": mesh.nodes.first + own})
     order = np.lexsort((come["number"], *come["cells"].T))
