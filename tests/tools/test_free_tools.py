@@ -58,6 +58,16 @@ def light(method: str, mass: float, friction: float = 0.0) -> dict:
     return data | {"end_time": {0.1: 4e-3, 1.0: 8e-3, 10.0: 2e-2}[mass], "tools": [disc]}
 
 
+def test_energy_closes_to_second_order_where_pairs_begin_to_pull():
+    errors = []
+    for step in (1e-4, 5e-5):
+        data = light("ulsph", 10.0)
+        data["method"]["maximum_step"] = step
+        _, watch = run(data)
+        errors.append(np.abs(watch["energy_error"]).max())
+    assert errors[1] < 0.4 * errors[0]
+
+
 @pytest.mark.parametrize("mass", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_light_disc_leaves_no_faster_than_it_came(method, mass):
@@ -71,7 +81,8 @@ def test_a_light_disc_leaves_no_faster_than_it_came(method, mass):
     assert watch["contact_energy"].max() > 0.6 * energy and abs(watch["contact_energy"][-1]) < 1e-12 * energy
     assert 10.0 < speed < 40.0
     assert max(watch["kinetic"].max(), watch[stored_energy(watch)].max()) < 1.01 * energy
-    assert np.abs(watch["energy_error"]).max() < 2e-4 * energy
+    # pairs of ulsph change their weights where they begin to pull
+    assert np.abs(watch["energy_error"]).max() < (4e-4 if method == "ulsph" else 2e-4) * energy
     assert np.abs(watch["energy_error"] + watch["kinetic_offset"]).max() < 0.01 * energy
     assert abs(watch["kinetic_offset"][-1]) < 1e-3 * energy
     assert watch["numerical_dissipation"].min() > -5e-3 * energy

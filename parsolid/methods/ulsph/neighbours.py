@@ -166,18 +166,27 @@ class Neighbours:
         motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
         self._fill(0, known, self._motion, motion)
         self._mirror_motion()
+        before = None if self._holding is None else record.copy()
+        pulling = record if before is None else np.empty_like(record)
         self._fill(0, owned, self._record, record)
         self._forces[:], self._heating[:], self.slopes[:] = 0.0, 0.0, 0.0
+
+        def find_pulling(rows: slice) -> None:
+            if before is not None:
+                pulling[rows] = 0.5 * (before[rows] + record[rows])
+
+        find_pulling(slice(owned))
 
         def received() -> None:
             self._fill(owned, known, self._record, record)
             self._mirror_record()
+            find_pulling(slice(owned, None))
 
         def add(pairs: Pairs, both: bool) -> None:
             sums = self._forces, self._heating, self.slopes
             for part, between in self._parts[id(pairs)]:
                 options = (self._pressing, None, None) if between else (None, self._holding, flux)
-                self._add_forces(self.smoothing, part, both, *options, self.viscosity, motion, record, *sums)
+                self._add_forces(self.smoothing, part, both, *options, self.viscosity, motion, record, pulling, *sums)
 
         self._sweep(add, "record", received)
         of = self.particles.storage

@@ -25,7 +25,9 @@ and add to rows of owned particles:
     heating  q
     slopes   sums of (v^p_b - v^p_a) g and of (T_b - T_a) g: space [micro . | heat .]; plane [micro heat]
 pressing is None but for pairs of two bodies that exert no tension on one another; holding: reference
-positions [X 0] or [X 0 0], None where pairs in tension have the weights of their present distance.
+positions [X 0] or [X 0 0], None where pairs in tension have the weights of their present distance; pulling: rows like
+those of record, the mean of the record that the rates of the step had and of the present one. Kicks before and after a
+step then have, on the mean, the weights of its rates, and power closes to second order of the step.
 """
 
 from typing import NamedTuple
@@ -188,7 +190,7 @@ def add_rates_in_space(smoothing, pairs, both, pressing, holding, flux, motion, 
 
 @kernel
 def add_forces_in_space(
-    smoothing, pairs, both, pressing, holding, flux, viscosity, motion, record, forces, heating, slopes
+    smoothing, pairs, both, pressing, holding, flux, viscosity, motion, record, pulling, forces, heating, slopes
 ):
     """Add what pairs have of forces, heating and slopes; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
@@ -196,7 +198,7 @@ def add_forces_in_space(
         if start[a] == start[a + 1]:
             continue
         v_a, x_a, N_a = load_row(motion, a, 0), load_row(motion, a, 4), load_row(record, a, 12)
-        P_a = symmetric_in_space(record, a)
+        P_a = symmetric_in_space(pulling, a)
         pulls = holding is not None and may_pull_in_space(P_a)
         sum_F, sum_V, sum_q = load_row(forces, a, 0), load_row(forces, a, 4), heating[a]
         slope_micro, slope_heat = load_row(slopes, a, 0), load_row(slopes, a, 4)
@@ -213,7 +215,7 @@ def add_forces_in_space(
                 pull = pull_of_symmetric(P_a, r)
                 if pull > 0.0:
                     R = subtract(load_row(holding, b, 0), load_row(holding, a, 0))
-                    other = pull_in_space(record, b, r) if dot(R, R) < square else 0.0
+                    other = pull_in_space(pulling, b, r) if dot(R, R) < square else 0.0
                     if other > 0.0:
                         before = weight_in_space(smoothing, h, dot(R, R))
                         nearness = 1.0 - square**0.5 / (smoothing.support * h)
@@ -307,7 +309,7 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, holding, flux, motion, 
 
 @kernel
 def add_forces_in_plane(
-    smoothing, pairs, both, pressing, holding, flux, viscosity, motion, record, forces, heating, slopes
+    smoothing, pairs, both, pressing, holding, flux, viscosity, motion, record, pulling, forces, heating, slopes
 ):
     """As `add_forces_in_space`."""
     start, neighbour = pairs
@@ -315,7 +317,7 @@ def add_forces_in_plane(
         if start[a] == start[a + 1]:
             continue
         here, m_a, h_a, N_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5], load_row(record, a, 4)
-        P_a = load_row(record, a, 0)
+        P_a = load_row(pulling, a, 0)
         pulls = holding is not None and may_pull_in_plane(P_a)
         sum_F, sum_q, slope = load_row(forces, a, 0), heating[a], load_row(slopes, a, 0)
         for k in range(start[a], start[a + 1]):
@@ -331,7 +333,7 @@ def add_forces_in_plane(
                 if pull > 0.0:
                     X, Y = holding[b, 0] - holding[a, 0], holding[b, 1] - holding[a, 1]
                     stretched = X * X + Y * Y < square
-                    other = pull_in_plane(load_row(record, b, 0), x, y) if stretched else 0.0
+                    other = pull_in_plane(load_row(pulling, b, 0), x, y) if stretched else 0.0
                     if other > 0.0:
                         before = weight_in_plane(smoothing, h, X * X + Y * Y)
                         nearness = 1.0 - square**0.5 / (smoothing.support * h)
