@@ -87,7 +87,7 @@ def test_ties_end_where_particles_are_deleted(comm, method):
     sim, rows = followed(torn(method), comm)
     energy, momentum = rows["kinetic"][0], rows["momentum"]
     assert rows["deleted"][-1] > 0.2 * 8930.0 * 16e-6 and rows["tie_energy"].max() > 1e-3 * energy
-    assert rows["tie_energy"][-1] == 0.0 and np.abs(rows["energy_error"]).max() < 2e-3 * energy
+    assert abs(rows["tie_energy"][-1]) < 1e-14 * energy and np.abs(rows["energy_error"]).max() < 2e-3 * energy
     assert np.abs(momentum - momentum[0]).max() < 1e-11 * np.abs(momentum).max()
     # what has next to no mass is on no spring, which would make steps short
     assert np.diff(rows["time"])[1:-2].min() > 0.2 * np.diff(rows["time"]).max()
