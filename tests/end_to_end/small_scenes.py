@@ -156,6 +156,7 @@ IMPACT = {
         {"plane": "X = 0", "kind": "wall", "side": "above", "velocity": [310.0, 0.0]},
     ],
     "loads": {"acceleration": ["0", "-1e7*(1 + X)"]},
+    "bond": [{"bodies": "all"}],
     "probes": [
         {"name": "corner", "at": [0.0, 0.0], "fields": ["displacement", "stress", "plastic_strain", "temperature"]},
         {"name": "top", "at": [3e-3, 7e-3], "fields": ["displacement", "density"]},
@@ -219,6 +220,7 @@ PLATES = {
             "material": {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"},
         },
     ],
+    "bond": [{"bodies": "all"}],
     "probes": [
         {"name": "corner", "at": [0.024, 0.006], "fields": ["displacement", "velocity", "stress"]},
         {"name": "whole", "quantity": "linear_momentum"},
