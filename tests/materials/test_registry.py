@@ -14,12 +14,12 @@ from parsolid.materials.hyperelastic import functions as laws
 from parsolid.scene import load_scene, parse_scene
 from parsolid.simulation.loop import Simulation
 
-GENT = f"{Path(__file__).parents[2] / 'examples' / 'gent.py'}:Gent"
+DEMIRAY = f"{Path(__file__).parents[2] / 'examples' / 'demiray.py'}:Demiray"
 # materials of the kinds that are compiled for every method; others are in test_isochoric_laws.py
 STATED = {
     "mooney-rivlin": {"kind": "mooney-rivlin", "xi": 3e5, "zeta": 2e5, "lambda_hat": 4e6},
     "neo-hookean": {"kind": "neo-hookean", "youngs_modulus": 1e6, "poissons_ratio": 0.4},
-    "gent (a file)": {"law": GENT, "shear_modulus": 1e6, "limit": 30.0, "volume_modulus": 5e6},
+    "demiray (a file)": {"law": DEMIRAY, "shear_modulus": 1e6, "exponent": 0.2, "volume_modulus": 5e6},
 }
 BRANCHES = [{"beta": 0.7, "tau": 0.02}]
 METHODS = {
@@ -155,14 +155,14 @@ def test_entry_points_are_found_by_role_and_kind(monkeypatch):
 
         @staticmethod
         def load():
-            return registry.loaded(*GENT.rsplit(":", 1))
+            return registry.loaded(*DEMIRAY.rsplit(":", 1))
 
-    scene_of("gent (a file)")
+    scene_of("demiray (a file)")
     monkeypatch.setattr(registry, "entry_points", lambda group: [Point] if group == "parsolid.laws" else [])
     registry._installed.cache_clear()
     try:
         assert "elsewhere" in registry.kinds("hyperelastic")
-        assert registry.declared("hyperelastic", "elsewhere").__qualname__.endswith("Gent")
+        assert registry.declared("hyperelastic", "elsewhere").__qualname__.endswith("Demiray")
     finally:
         registry._installed.cache_clear()
 
