@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.schema import Scene
 
 Regions = np.ndarray | None
@@ -52,9 +51,22 @@ def taken_from_results(scene: Scene, body: np.ndarray, regions: Regions) -> np.n
     return result
 
 
+def _filled(
+    values: np.ndarray, scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions, key: str
+) -> np.ndarray:
+    """Values (n, ...) with those in place of them that are stated; the formulas of a tensor are stated row by row."""
+    for here, stated in _stated(scene, body, regions, key):
+        if hasattr(stated, "evaluate"):
+            values[here] = stated.evaluate(position[here])
+        else:
+            for row, formulas in enumerate(stated):
+                values[here, row] = formulas.evaluate(position[here])
+    return values
+
+
 def initial_velocity(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
     """Initial velocity (n, d) [m/s]."""
-    return _vectors(scene, body, position, regions, "velocity")
+    return _filled(np.zeros_like(position), scene, body, position, regions, "velocity")
 
 
 def initial_displacement(
@@ -63,7 +75,7 @@ def initial_displacement(
     """Initial displacement (n, d) [m]; None when nothing has one."""
     if not _anyone_states(scene, "displacement"):
         return None
-    return _vectors(scene, body, position, regions, "displacement")
+    return _filled(np.zeros_like(position), scene, body, position, regions, "displacement")
 
 
 def initial_deformation_gradient(
@@ -74,17 +86,11 @@ def initial_deformation_gradient(
     """
     if not _anyone_states(scene, "deformation_gradient"):
         return None
-    dimension = position.shape[1]
-    result = np.tile(np.eye(dimension), (len(position), 1, 1))
+    key, identity = "deformation_gradient", np.tile(np.eye(position.shape[1]), (len(position), 1, 1))
     given = np.zeros(len(position), bool)
-    for here, rows in _stated(scene, body, regions, "deformation_gradient"):
+    for here, _ in _stated(scene, body, regions, key):
         given[here] = True
-        if isinstance(rows, PreviousField):
-            result[here] = rows.evaluate(position[here])
-            continue
-        for row, formulas in enumerate(rows):
-            result[here, row] = formulas.evaluate(position[here])
-    return result, given
+    return _filled(identity, scene, body, position, regions, key), given
 
 
 def states_stress(scene: Scene) -> bool:
@@ -95,44 +101,26 @@ def states_stress(scene: Scene) -> bool:
 def initial_stress(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
     """Initial stress (n, d, d) [Pa] that no deformation has made, 0 where none is stated."""
     d = position.shape[1]
-    result = np.zeros((len(position), d, d))
-    for here, rows in _stated(scene, body, regions, "stress"):
-        if isinstance(rows, PreviousField):
-            result[here] = rows.evaluate(position[here])
-            continue
-        for row, formulas in enumerate(rows):
-            result[here, row] = formulas.evaluate(position[here])
-    return result
+    return _filled(np.zeros((len(position), d, d)), scene, body, position, regions, "stress")
 
 
 def initial_temperature(
     scene: Scene, body: np.ndarray, position: np.ndarray, usual: np.ndarray, regions: Regions = None
 ) -> np.ndarray:
     """Initial temperature (n,) [K]; `usual` (bodies,) [K] is taken where nothing is stated."""
-    result = np.asarray(usual, float)[body]
-    for here, formula in _stated(scene, body, regions, "temperature"):
-        result[here] = formula.evaluate(position[here])
-    return result
+    return _filled(np.asarray(usual, float)[body], scene, body, position, regions, "temperature")
 
 
 def initial_plastic_strain(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
     """Initial equivalent plastic strain (n,), 0 where nothing is stated."""
-    result = np.zeros(len(body))
-    for here, values in _stated(scene, body, regions, "plastic_strain"):
-        result[here] = values.evaluate(position[here])
-    return result
+    return _filled(np.zeros(len(body)), scene, body, position, regions, "plastic_strain")
 
 
 def initial_micro_rate(scene: Scene, body: np.ndarray, position: np.ndarray) -> np.ndarray | None:
     """Initial micro-velocity v^p (n,) [1/s], 0 in bodies that state none; None when no body has one."""
-    if all(one.micro_rate is None for one in scene.bodies):
+    if not _anyone_states(scene, "micro_rate"):
         return None
-    result = np.zeros(len(position))
-    for i, one in enumerate(scene.bodies):
-        if one.micro_rate is not None:
-            here = np.flatnonzero(body == i)
-            result[here] = one.micro_rate.evaluate(position[here])
-    return result
+    return _filled(np.zeros(len(body)), scene, body, position, None, "micro_rate")
 
 
 def initial_zero_energy_temperature(
@@ -145,10 +133,3 @@ def initial_zero_energy_temperature(
     """
     held = np.array([one.thermal_reference == "at-constant-volume" for one in scene.bodies])[body]
     return np.where(held, reference, temperature)
-
-
-def _vectors(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions, key: str) -> np.ndarray:
-    result = np.zeros_like(position)
-    for here, formulas in _stated(scene, body, regions, key):
-        result[here] = formulas.evaluate(position[here])
-    return result
