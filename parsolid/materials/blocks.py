@@ -18,7 +18,8 @@ class MaterialBlock:
 def material_blocks(laws: list[Any], body: np.ndarray) -> tuple[list[MaterialBlock], np.ndarray]:
     """Groups of particles (n,) sorted by law, and their densities (n,) [kg/m^3], from one law a body."""
     distinct, number = block_numbers(laws, body)
-    return ranges(distinct, number), np.array([law.density for law in laws])[body]
+    bounds = np.searchsorted(number, np.arange(len(distinct) + 1))
+    return blocks_between(bounds, distinct), np.array([law.density for law in laws])[body]
 
 
 def block_numbers(laws: list[Any], body: np.ndarray) -> tuple[list[Any], np.ndarray]:
@@ -32,13 +33,3 @@ def blocks_between(bounds: np.ndarray, laws: list[Any]) -> list[MaterialBlock]:
     """Particles that share a law, law after law; law g has rows bounds[g] .. bounds[g + 1] - 1, maybe none."""
     ends = bounds.tolist()
     return [MaterialBlock(first, last, law) for first, last, law in zip(ends, ends[1:], laws) if last > first]
-
-
-def ranges(distinct: list[Any], number: np.ndarray) -> list[MaterialBlock]:
-    """Groups of particles sorted by block number; those without a particle on this rank are left out."""
-    blocks = []
-    for index, law in enumerate(distinct):
-        first, last = np.searchsorted(number, (index, index + 1))
-        if last > first:
-            blocks.append(MaterialBlock(int(first), int(last), law))
-    return blocks
