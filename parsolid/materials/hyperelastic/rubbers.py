@@ -10,12 +10,15 @@ from parsolid.elementary import exp, log
 from parsolid.kernels import inlined
 from parsolid.materials.declaration import Density, Parameter, law
 from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pressure_waves, stress
-from parsolid.materials.hyperelastic.volume import Volume, volume_energy, volume_part, volume_slopes
+from parsolid.materials.hyperelastic.volume import (
+    BulkModulus,
+    VolumeKind,
+    law_with_volume,
+    volume_energy,
+    volume_slopes,
+)
 from parsolid.materials.law_functions import law_function
 from parsolid.tensors import add_spherical, combine, combine_symmetric, contract, gram
-
-BulkModulus = Annotated[float, Parameter("Pa", "K of changes of the volume", above=0.0)]
-VolumeKind = Annotated[Volume, Parameter("1", "kind of the volumetric part", default="simo-taylor")]
 
 
 @law_function
@@ -68,10 +71,9 @@ class StatedYeoh:
     bulk_modulus: BulkModulus
     volume: VolumeKind
 
-    def equilibrium_law(self) -> Yeoh:
+    def equilibrium_law(self) -> Any:
         """The law without branches."""
-        part = volume_part(self.volume, self.bulk_modulus)
-        return Yeoh(float(self.density), float(self.c1), float(self.c2), float(self.c3), part, None, None)
+        return law_with_volume(Yeoh, self)
 
 
 @law("hyperelastic", "gent")
@@ -85,10 +87,9 @@ class StatedGent:
     bulk_modulus: BulkModulus
     volume: VolumeKind
 
-    def equilibrium_law(self) -> Gent:
+    def equilibrium_law(self) -> Any:
         """The law without branches."""
-        part = volume_part(self.volume, self.bulk_modulus)
-        return Gent(float(self.density), float(self.shear_modulus), float(self.limit), part, None, None)
+        return law_with_volume(Gent, self)
 
 
 @law("hyperelastic", "arruda-boyce")
@@ -102,11 +103,9 @@ class StatedArrudaBoyce:
     bulk_modulus: BulkModulus
     volume: VolumeKind
 
-    def equilibrium_law(self) -> ArrudaBoyce:
+    def equilibrium_law(self) -> Any:
         """The law without branches."""
-        part = volume_part(self.volume, self.bulk_modulus)
-        numbers = map(float, (self.density, self.modulus, self.locking_stretch))
-        return ArrudaBoyce._make((*numbers, part, None, None))
+        return law_with_volume(ArrudaBoyce, self)
 
 
 @chain.of(Yeoh)

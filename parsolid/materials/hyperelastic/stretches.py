@@ -11,8 +11,13 @@ from parsolid.elementary import exp, log
 from parsolid.kernels import inlined
 from parsolid.materials.declaration import Density, Parameter, law
 from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pressure_waves, stress
-from parsolid.materials.hyperelastic.rubbers import BulkModulus, VolumeKind
-from parsolid.materials.hyperelastic.volume import volume_energy, volume_part, volume_slopes
+from parsolid.materials.hyperelastic.volume import (
+    BulkModulus,
+    VolumeKind,
+    law_with_volume,
+    volume_energy,
+    volume_slopes,
+)
 from parsolid.materials.law_functions import law_function
 from parsolid.principal import from_principal, principal
 from parsolid.tensors import combine, combine_symmetric, general, gram, matmul
@@ -92,11 +97,9 @@ class StatedOgden:
                 found.append(((f"mu_{p}",), f"the sign of alpha_{p} = {alpha:g}", mu))
         return found
 
-    def equilibrium_law(self) -> Ogden:
+    def equilibrium_law(self) -> Any:
         """The law without branches."""
-        stated = (self.density, self.mu_1, self.alpha_1, self.mu_2, self.alpha_2, self.mu_3, self.alpha_3)
-        numbers = map(float, stated)
-        return Ogden._make((*numbers, volume_part(self.volume, self.bulk_modulus), None, None))
+        return law_with_volume(Ogden, self)
 
 
 @law("hyperelastic", "hencky")
@@ -109,10 +112,9 @@ class StatedHencky:
     bulk_modulus: BulkModulus
     volume: VolumeKind
 
-    def equilibrium_law(self) -> Hencky:
+    def equilibrium_law(self) -> Any:
         """The law without branches."""
-        part = volume_part(self.volume, self.bulk_modulus)
-        return Hencky(float(self.density), float(self.shear_modulus), part, None, None)
+        return law_with_volume(Hencky, self)
 
 
 @law("hyperelastic", "polynomial")
@@ -134,10 +136,9 @@ class StatedPolynomial:
         """A solid that does not resist shear at rest."""
         return [] if self.c10 + self.c01 > 0.0 else [(("c10",), "c10 + c01 > 0", self.c10)]
 
-    def equilibrium_law(self) -> Polynomial:
+    def equilibrium_law(self) -> Any:
         """The law without branches."""
-        numbers = map(float, (self.density, self.c10, self.c01, self.c20, self.c11, self.c02, self.c30))
-        return Polynomial._make((*numbers, volume_part(self.volume, self.bulk_modulus), None, None))
+        return law_with_volume(Polynomial, self)
 
 
 @inlined

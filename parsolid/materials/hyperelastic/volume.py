@@ -1,11 +1,17 @@
-"""Energies of a change of volume, U(J) of bulk modulus K: the volumetric parts of isochoric laws."""
+"""Energies of a change of volume, U(J) of bulk modulus K: the volumetric parts of laws of I1bar and of stretches."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from parsolid.elementary import log
+from parsolid.materials.declaration import Parameter
 from parsolid.materials.law_functions import law_function
 
-Volume = Literal["simo-taylor", "quadratic", "logarithmic"]
+# what a scene states of such a law: the kind of its volumetric part, and K
+VolumeKind = Annotated[
+    Literal["simo-taylor", "quadratic", "logarithmic"],
+    Parameter("1", "kind of the volumetric part", default="simo-taylor"),
+]
+BulkModulus = Annotated[float, Parameter("Pa", "K of changes of the volume", above=0.0)]
 
 
 class SimoTaylor(NamedTuple):
@@ -29,10 +35,11 @@ class Logarithmic(NamedTuple):
 _PARTS: dict[str, Any] = {"simo-taylor": SimoTaylor, "quadratic": Quadratic, "logarithmic": Logarithmic}
 
 
-def volume_part(kind: str, bulk_modulus: float) -> SimoTaylor | Quadratic | Logarithmic:
-    """The part of a kind, with K [Pa]."""
-    part: SimoTaylor | Quadratic | Logarithmic = _PARTS[kind](float(bulk_modulus))
-    return part
+def law_with_volume(law: Any, stated: Any) -> Any:
+    """The law without branches from what a scene states; law: a NamedTuple of numbers that are stated under its names,
+    then volume, branch_moduli and relaxation_times."""
+    numbers = [float(getattr(stated, name)) for name in law._fields[:-3]]
+    return law(*numbers, _PARTS[stated.volume](float(stated.bulk_modulus)), None, None)
 
 
 @law_function
