@@ -31,9 +31,8 @@ _OPERATORS: dict[type, Any] = {
 _MOST_CHARACTERS, _MOST_EXPONENT, _MOST_BITS = 2000, 64, 256
 # of the moduli, what stress and energy may be at rest; stretches that are exchanged
 _AT_REST, _TRIED = 1e-9, (1.1, 0.95, 1.23)
-# of the law that is written, by which nobody asks for it
+# of the law that is written; scenes ask for "formula"
 _KIND = "formula-of-a-scene"
-_ONE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 @law("hyperelastic", "formula")
@@ -217,7 +216,7 @@ def source_of(text: str, constants: tuple[str, ...]) -> str:
     fields = "".join(f"    c_{name}: float\n" for name in constants)
     written = [
         _HEAD.format(text=text, fields=fields, kind=_KIND),
-        _energy_source(W, s, names),
+        _energy_source(W, names),
         _stress_source(W, s, names),
     ]
     return "\n\n".join([*written, _waves_source(of_volume, rest, s, names)])
@@ -228,16 +227,17 @@ def _variables(e: Any) -> set[str]:
     return {symbol.name for symbol in e.free_symbols} & set(VARIABLES)
 
 
-def _state_lines(W: Any, s: Any, also: tuple[str, ...] = ()) -> list[str]:
-    used = {symbol.name for symbol in W.free_symbols} | set(also)
-    wanted = [name for name in ("I1", "I2") if name in used]
-    return [_STATE[name] for name in wanted] + ([_STATE["stretches"]] if used & {*_STRETCHES, "stretches"} else [])
+def _state_lines(W: Any) -> list[str]:
+    """Lines that compute the variables of an energy from F, H and J."""
+    used = _variables(W)
+    lines = [_STATE[name] for name in ("I1", "I2") if name in used]
+    return [*lines, _STATE["stretches"]] if used & {*_STRETCHES} else lines
 
 
-def _energy_source(W: Any, s: Any, names: dict[str, str]) -> str:
+def _energy_source(W: Any, names: dict[str, str]) -> str:
     lines, (value,) = _body([W], names)
     return "\n".join(
-        ["@energy.of(Formula)", "def _energy(law, F, H, J):", *_state_lines(W, s), *lines, f"    return {value}\n"]
+        ["@energy.of(Formula)", "def _energy(law, F, H, J):", *_state_lines(W), *lines, f"    return {value}\n"]
     )
 
 
@@ -250,7 +250,7 @@ def _stress_source(W: Any, s: Any, names: dict[str, str]) -> str:
     if any(slope != 0 for slope in slopes[3:]):
         over = ", ".join(f"({one}) / {name}" for one, name in zip(along, _STRETCHES))
         result.append(f"    P = combine(1.0, P, 1.0, matmul(F, general(from_principal(({over}), axes))))")
-    head = ["@stress.of(Formula)", "def _stress(law, F, H, J):", *_state_lines(W, s)]
+    head = ["@stress.of(Formula)", "def _stress(law, F, H, J):", *_state_lines(W)]
     return "\n".join([*head, *lines, *result, "    return P\n"])
 
 
@@ -340,15 +340,16 @@ def _check(law: Any) -> None:
     """No energy and stress at rest, which resists changes of shape and volume, and alike along all axes. Raises
     FormulaError."""
     from parsolid.materials.hyperelastic import functions as of
+    from parsolid.tensors import IDENTITY
 
     def at(stretches: tuple[float, ...]) -> float:
         a, b, c = stretches
         return float(of.energy_of(law, (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c)))
 
     try:
-        energy, stress = float(of.energy(law, _ONE, _ONE, 1.0)), of.stress(law, _ONE, _ONE, 1.0)
+        energy, stress = float(of.energy(law, IDENTITY, IDENTITY, 1.0)), of.stress(law, IDENTITY, IDENTITY, 1.0)
         shear, lame = map(float, of.elastic_moduli(law))
-        of.pressure_waves(law, _ONE, _ONE, 1.0)
+        of.pressure_waves(law, IDENTITY, IDENTITY, 1.0)
         exchanged = [at(tried) for tried in itertools.permutations(_TRIED)]
     except (ArithmeticError, ValueError, TypeError) as error:
         # such as the root of a negative number
