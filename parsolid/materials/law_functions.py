@@ -57,7 +57,7 @@ def law_function(declaration: Callable[..., Any]) -> Any:
     that does not implement it.
 
     function.of(*kinds) and function.otherwise (for all other laws) register implementations; function.has(kind) tells
-    whether a type of laws has its own.
+    whether a type of laws has its own, function.is_known_for(kind) whether it has any.
     """
     choices = _Choices(declaration.__name__)
 
@@ -84,4 +84,5 @@ def law_function(declaration: Callable[..., Any]) -> Any:
 
     chosen: Any = function
     chosen.of, chosen.otherwise, chosen.has = of, otherwise, lambda kind: kind in choices.of_kind
+    chosen.is_known_for = lambda kind: choices.of_kind.get(kind, choices.default) is not None
     return chosen

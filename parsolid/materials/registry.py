@@ -21,33 +21,30 @@ from parsolid.materials.failure.failure import Loading
 from parsolid.materials.installed import entry_points
 
 _LINE = re.compile(r'^@law\("([a-z-]+)", "([a-z0-9-]+)"\)', re.MULTILINE)
-# the functions that a law of a role implements; what else kernels ask for has defaults
-_FUNCTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "hyperelastic": ("parsolid.materials.hyperelastic.functions", ("energy",)),
-    "flow-stress": ("parsolid.materials.plastic.functions", ("flow_stress",)),
-    "shear-modulus": ("parsolid.materials.plastic.functions", ("shear_modulus",)),
-    "melting": ("parsolid.materials.plastic.functions", ("melting_temperature",)),
-    "failure": ("parsolid.materials.failure.functions", ("damage_after",)),
+_PLASTIC, _FAILURE = "parsolid.materials.plastic.functions", "parsolid.materials.failure.functions"
+# that of `parsolid.tensors`, which imports numba
+_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+_LOADING = Loading((0.0,) * 6, 0.0, 0.1, 0.01, 1.0, 300.0, 1e4)
+# of each role the functions of its laws by their module, with arguments of a state like that at rest
+_FUNCTIONS: dict[str, tuple[str, dict[str, tuple[Any, ...]]]] = {
+    "hyperelastic": (
+        "parsolid.materials.hyperelastic.functions",
+        dict.fromkeys(("energy", "stress", "pressure_waves"), (_IDENTITY, _IDENTITY, 1.0)) | {"elastic_moduli": ()},
+    ),
+    "flow-stress": (_PLASTIC, {"flow_stress": (0.1, 1.0, 300.0, 1e10, 1e4)}),
+    "shear-modulus": (_PLASTIC, {"shear_modulus": (1.0, 0.0, 300.0, 1e4)}),
+    "melting": (_PLASTIC, {"melting_temperature": (1.0,)}),
+    "failure": (_FAILURE, {"damage_after": (0.0, 1.0, _LOADING)}),
     "equation-of-state": (
-        "parsolid.materials.plastic.functions",
-        ("cold_pressure", "grueneisen_coefficient", "isentropic_bulk_modulus", "room_to_compress"),
+        _PLASTIC,
+        {
+            "cold_pressure": (1.0,),
+            "grueneisen_coefficient": (),
+            "isentropic_bulk_modulus": (1.0, 0.0),
+            "room_to_compress": (1.0,),
+        },
     ),
 }
-
-
-_LOADING = Loading((0.0,) * 6, 0.0, 0.1, 0.01, 1.0, 300.0, 1e4)
-# arguments of a state like that at rest
-_PROBES: dict[str, tuple[Any, ...]] = {
-    "flow_stress": (0.1, 1.0, 300.0, 1e10, 1e4),
-    "shear_modulus": (1.0, 0.0, 300.0, 1e4),
-    "melting_temperature": (1.0,),
-    "damage_after": (0.0, 1.0, _LOADING),
-    "cold_pressure": (1.0,),
-    "grueneisen_coefficient": (),
-    "isentropic_bulk_modulus": (1.0, 0.0),
-    "room_to_compress": (1.0,),
-}
-IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class LawError(Exception):
@@ -94,10 +91,9 @@ def declared(role: str, kind: str) -> Declared:
     if (role, kind) in _found():
         own = vars(import_module(_found()[role, kind])).values()
         return next(one for one in own if getattr(one, "role", None) == role and one.kind == kind)
+    point = _installed()[role, kind]
     try:
-        result = _installed()[role, kind].load()
-    except KeyError:
-        raise
+        result = point.load()
     except Exception as error:
         raise LawError(f"an installed law that can be loaded ({error})") from error
     _complete(result)
@@ -176,8 +172,8 @@ def _complete(declared: Declared) -> None:
     """Raise LawError where the law lacks a function that its role needs."""
     if not hasattr(declared, "_fields") or declared.role not in _FUNCTIONS:
         return
-    module, names = _FUNCTIONS[declared.role]
-    lacking = [name for name in names if not getattr(import_module(module), name).has(declared)]
+    module, functions = _FUNCTIONS[declared.role]
+    lacking = [name for name in functions if not getattr(import_module(module), name).is_known_for(declared)]
     if lacking:
         raise LawError(f"a law with {' and '.join(lacking)} (see docs/laws.md)")
 
@@ -193,16 +189,9 @@ def try_out(role: str, law: Any) -> str | None:
     Compiled in a kernel it would be told in a compiler's words.
     """
     try:
-        if role == "hyperelastic":
-            from parsolid.materials.hyperelastic import functions as of
-
-            for function in (of.energy, of.stress, of.pressure_waves):
-                function(law, IDENTITY, IDENTITY, 1.0)
-            of.elastic_moduli(law)
-        else:
-            module, names = _FUNCTIONS[role]
-            for name in names:
-                getattr(import_module(module), name)(law, *_PROBES[name])
+        module, functions = _FUNCTIONS[role]
+        for name, arguments in functions.items():
+            getattr(import_module(module), name)(law, *arguments)
     except Exception as error:
         places = traceback.extract_tb(error.__traceback__)
         return f"{type(error).__name__}: {error}, in {places[-1].name}, line {places[-1].lineno}"
