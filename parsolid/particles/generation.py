@@ -26,7 +26,7 @@ from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.schema import Scene
-from parsolid.scene.validation_errors import MeshFault, SceneError, fault, key_path, suggestion
+from parsolid.scene.validation_errors import MeshFault, SceneError, fault, key_path, place_in_words, suggestion
 
 
 def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
@@ -226,7 +226,7 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
             if worst is None:
                 faults.append(None)
                 continue
-            place = ", ".join(f"{x:g}" for x in particle_set.position[worst])
+            place = place_in_words(particle_set.position[worst])
             value = values[np.searchsorted(rows, worst), component]
             faults.append(
                 f"{key_path(key if of_results or len(formulas) == 1 else (*key, component))}: "

@@ -11,6 +11,12 @@ from parsolid.scene.validation_errors import NOTHING
 
 AxisName = Literal["X", "Y", "Z"]
 
+# files of geometry, which Gmsh meshes: of CAD programs, its own, and surfaces of triangles
+CAD = (".step", ".stp", ".brep", ".brp", ".iges", ".igs")
+GMSH_GEOMETRY = (".geo", ".geo_unrolled")
+SURFACES = (".stl",)
+GEOMETRY = CAD + GMSH_GEOMETRY + SURFACES
+
 # lower and upper corner [m] of the box around a shape
 Bounds = tuple[list[float], list[float]]
 
@@ -249,7 +255,7 @@ class BodyMesh(MeshFile):
 
     @model_validator(mode="after")
     def _sizes_of_geometry(self) -> "BodyMesh":
-        if not self.file.lower().endswith((".step", ".stp", ".brep", ".brp", ".iges", ".igs", ".geo", ".stl")):
+        if not self.file.lower().endswith(GEOMETRY):
             stated = [key for key in ("size", "around", "refine") if key in self.model_fields_set]
             expected = "no such key but for geometry (STEP, BREP, IGES, .geo, STL), as a mesh has its elements"
             reject(*(((key,), expected, getattr(self, key)) for key in stated if getattr(self, key)))

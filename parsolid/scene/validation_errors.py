@@ -111,6 +111,11 @@ def key_path(location: Iterable[object]) -> str:
     return ".".join(map(str, location)) or "scene"
 
 
+def place_in_words(place: Iterable[float]) -> str:
+    """Coordinates [m] as messages state them."""
+    return ", ".join(f"{x:g}" for x in place)
+
+
 def fault(location: Iterable[object], expected: str, found: object, code: str = "refused") -> Fault:
     """The fault of a key: what was expected, what was found."""
     return Fault(code, key_path(location), expected, describe(found))

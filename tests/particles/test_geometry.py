@@ -9,6 +9,7 @@ from mpi4py import MPI
 from solids import gathered, run_to_end, simulation
 
 from parsolid.scene import SceneError, parse_scene
+from parsolid.scene.shapes import GEOMETRY
 
 gmsh = pytest.importorskip("gmsh")
 SOFT = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.3}
@@ -137,6 +138,14 @@ def test_closed_and_open_surfaces(tmp_path):
         simulation(scene_of(file=tetrahedron(tmp_path / "open.stl", faces[:3]), size=0.3))
     (fault,) = error.value.faults
     assert (fault.code, fault.key) == ("open-surface", "bodies.0.shape.mesh.file") and fault.found.startswith("3 ")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("ending", GEOMETRY)
+def test_every_kind_of_geometry_has_a_size(tmp_path, ending):
+    (tmp_path / f"part{ending}").touch()
+    model = parse_scene(scene_of(file=str(tmp_path / f"part{ending}"), size=1e-3)).bodies[0].shape.model
+    assert model.size == 1e-3
 
 
 @pytest.mark.serial

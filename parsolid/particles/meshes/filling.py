@@ -12,7 +12,7 @@ from parsolid.particles.meshes.elements import shares_of_nodes
 from parsolid.particles.meshes.inside import Solid
 from parsolid.particles.meshes.membership import Membership
 from parsolid.particles.meshes.quality import refuse_double_nodes, refuse_hinges
-from parsolid.particles.meshes.slices import MeshSlices, in_words, read_slices, restricted
+from parsolid.particles.meshes.slices import MeshSlices, read_slices, restricted
 from parsolid.particles.meshes.topology import (
     Facets,
     boundary_facets,
@@ -23,7 +23,7 @@ from parsolid.particles.meshes.topology import (
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.bodies import FilledShape
 from parsolid.scene.named_regions import Region
-from parsolid.scene.validation_errors import MeshFault, SceneError
+from parsolid.scene.validation_errors import MeshFault, SceneError, place_in_words
 
 
 class MeshFilling:
@@ -56,7 +56,7 @@ class MeshFilling:
         self.solid = Solid(mesh, self.facets)
         count, place = self.solid.within_itself()
         if place is not None:
-            found = f"{count} facets of its surface in other elements, the first at ({in_words(place)})"
+            found = f"{count} facets of its surface in other elements, the first at ({place_in_words(place)})"
             raise SceneError([MeshFault("self-overlap", "a mesh that does not lie in itself", found)])
         if body.placed_on == "vertices":
             refuse_double_nodes(mesh, self.edge > 0.0, self.edge)

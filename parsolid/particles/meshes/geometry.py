@@ -13,11 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.scene.validation_errors import MeshFault, SceneError, suggestion
+from parsolid.scene.shapes import CAD, GEOMETRY, GMSH_GEOMETRY, SURFACES
+from parsolid.scene.validation_errors import MeshFault, SceneError, place_in_words, suggestion
 
-# what Gmsh reads as geometry; a surface of triangles is one in space alone
-OF_CAD = (".step", ".stp", ".brep", ".brp", ".iges", ".igs", ".geo", ".geo_unrolled")
-OF_SURFACES = (".stl",)
 # elements around a full turn of a curve, unless given, and the least size that curves ask for, over the size
 AROUND, _LEAST = 12, 0.25
 # by how much the size grows per distance from where it is smaller
@@ -37,7 +35,8 @@ _KINDS = {1: "line", 2: "triangle", 4: "tetra"}
 
 def is_geometry(path: str, dimension: int) -> bool:
     """Whether a file is one that is meshed first."""
-    return path.lower().endswith(OF_CAD + (OF_SURFACES if dimension == 3 else ()))
+    # a surface of triangles is a solid in space alone
+    return path.lower().endswith(GEOMETRY if dimension == 3 else CAD + GMSH_GEOMETRY)
 
 
 def meshed(stated: Any, dimension: int) -> Any:
@@ -94,7 +93,7 @@ def _read(gmsh: Any, path: str, dimension: int) -> None:
     try:
         with _quiet():
             gmsh.merge(path)
-            if dimension == 3 and not gmsh.model.getEntities(3) and path.lower().endswith(OF_CAD[:6]):
+            if dimension == 3 and not gmsh.model.getEntities(3) and path.lower().endswith(CAD):
                 # IGES has faces alone
                 area = _area(gmsh)
                 gmsh.model.occ.healShapes(tolerance=_SEWN, sewFaces=True, makeSolids=True)
@@ -107,7 +106,7 @@ def _read(gmsh: Any, path: str, dimension: int) -> None:
         expected = "faces that can be sewn to one surface, or a file with volumes (STEP, BREP)"
         found = f"faces that are not, {left_out / area:.2g} of the area of all, in {path}"
         raise SceneError([MeshFault("geometry", expected, found)])
-    if path.lower().endswith(OF_SURFACES):
+    if path.lower().endswith(SURFACES):
         _close(gmsh, path)
     if not gmsh.model.getEntities(dimension):
         found = {0: "points", 1: "curves", 2: "surfaces", 3: "volumes"}.get(gmsh.model.getDimension(), "nothing")
@@ -145,17 +144,13 @@ def _close(gmsh: Any, path: str) -> None:
     wrong = different[count != 2]
     if len(wrong):
         place = np.asarray(places).reshape(-1, 3)[np.flatnonzero(np.asarray(tags) == wrong[0, 0])[0]]
-        found = f"{len(wrong)} edges that do not have two triangles, the first at ({_in_words(place)}) in {path}"
+        found = f"{len(wrong)} edges that do not have two triangles, the first at ({place_in_words(place)}) in {path}"
         raise SceneError([MeshFault("open-surface", "a closed surface", found)])
     # few triangles cannot be cut into patches with coordinates of their own, and need not be
     gmsh.model.mesh.classifySurfaces(np.radians(_EDGE), True, len(corners) > _FEW, np.pi)
     gmsh.model.mesh.createGeometry()
     gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])])
     gmsh.model.geo.synchronize()
-
-
-def _in_words(place: np.ndarray) -> str:
-    return ", ".join(f"{x:g}" for x in place)
 
 
 def _names(gmsh: Any, dimension: int) -> dict[str, dict[int, list[int]]]:
@@ -176,7 +171,7 @@ def _names(gmsh: Any, dimension: int) -> dict[str, dict[int, list[int]]]:
 def _set_sizes(gmsh: Any, stated: Any, dimension: int, names: dict[str, dict[int, list[int]]]) -> None:
     """Sizes of elements: the one for all, smaller ones around curves, and those of `refine`. Raises SceneError for a
     name that is not there."""
-    own = stated.file.lower().endswith((".geo", ".geo_unrolled"))
+    own = stated.file.lower().endswith(GMSH_GEOMETRY)
     if stated.size is None and not own:
         raise SceneError([MeshFault("geometry", "a size of elements [m] for geometry (the key size)", "none")])
     option = gmsh.option.setNumber

@@ -7,9 +7,9 @@ import numpy as np
 from decomposition.migration import migrate
 from parsolid.collective import minimum
 from parsolid.particles.meshes.elements import ELEMENTS, facet_areas, lumped_volumes
-from parsolid.particles.meshes.slices import MeshSlices, first_place, in_words
+from parsolid.particles.meshes.slices import MeshSlices, first_place
 from parsolid.particles.meshes.topology import Facets
-from parsolid.scene.validation_errors import MeshFault, SceneError
+from parsolid.scene.validation_errors import MeshFault, SceneError, place_in_words
 
 # of the shortest mean edge, within which two nodes are at one place
 _ONE_PLACE = 1e-6
@@ -60,7 +60,7 @@ def _refuse(
     least = bad[np.argmin(found["number"][bad])] if len(bad) else -1
     number = int(found["number"][least]) if len(bad) else np.iinfo(np.int64).max
     place = found["place"][least] if len(bad) else np.full(mesh.points.shape[1], np.inf)
-    told = f"{total} {words}, the first at ({in_words(first_place(mesh.comm, number, place))})"
+    told = f"{total} {words}, the first at ({place_in_words(first_place(mesh.comm, number, place))})"
     raise SceneError([MeshFault(code, expected, told)])
 
 

@@ -256,8 +256,3 @@ def first_place(comm: MPI.Comm, number: int, place: np.ndarray) -> np.ndarray:
     mine, result = np.where(number == least, place, np.inf), np.empty(len(place))
     comm.Allreduce(mine, result, MPI.MIN)
     return result
-
-
-def in_words(place: np.ndarray) -> str:
-    """A place as messages state it."""
-    return ", ".join(f"{x:g}" for x in place)

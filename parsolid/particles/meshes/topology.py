@@ -7,8 +7,8 @@ from mpi4py import MPI
 from decomposition.migration import migrate
 from parsolid.checksums import mixed
 from parsolid.particles.meshes.elements import ELEMENTS, facet_areas, lumped_volumes
-from parsolid.particles.meshes.slices import MeshSlices, first_place, in_words
-from parsolid.scene.validation_errors import MeshFault, SceneError
+from parsolid.particles.meshes.slices import MeshSlices, first_place
+from parsolid.scene.validation_errors import MeshFault, SceneError, place_in_words
 
 # of the whole mesh, after the last element
 _NONE = np.iinfo(np.int64).max
@@ -35,7 +35,9 @@ def sound_volumes(mesh: MeshSlices) -> list[np.ndarray]:
     total = mesh.comm.allreduce(np.array(counts))
     for b in np.flatnonzero(total)[:1]:
         place = first_place(mesh.comm, numbers[b], places[b])
-        found = f"{total[b]} {mesh.local.blocks[b][0]} elements inside out or flat, the first at ({in_words(place)})"
+        found = (
+            f"{total[b]} {mesh.local.blocks[b][0]} elements inside out or flat, the first at ({place_in_words(place)})"
+        )
         raise SceneError([MeshFault("element", "elements of positive volume", found)])
     return lumped
 
@@ -69,7 +71,7 @@ def refuse_repeated(mesh: MeshSlices) -> None:
             here = row < len(number) and number[row] == least
             place = points[cells[row]].mean(axis=0) if here else np.full(points.shape[1], np.inf)
             found = f"{total} {kind} elements more than once, the first at "
-            found += f"({in_words(first_place(comm, 0 if here else 1, place))})"
+            found += f"({place_in_words(first_place(comm, 0 if here else 1, place))})"
             raise SceneError([MeshFault("repeated", "every element once", found)])
 
 
