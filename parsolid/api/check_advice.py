@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.particles.meshes.quality import quality_of
-from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices, restricted
+from parsolid.particles.meshes.slices import MeshSlices, part_of_body, whole_mesh
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.previous_results import methods_of
@@ -94,10 +94,11 @@ def _uneven(body: Body) -> bool:
     return bool(body.jitter > 0.0 or body.shape.kind == "mesh")
 
 
-def advice(simulation: Simulation) -> list[Note]:
-    """The same, and bodies that are slender and have too few particles across; collective, the same on all ranks."""
+def advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None = None) -> list[Note]:
+    """The same, and what the particles and meshes tell; meshes: see `quality_advice`. Collective, the same on all
+    ranks."""
     scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
-    result += quality_advice(simulation)
+    result += quality_advice(simulation, meshes)
     result += cost_advice(simulation)
     for stated in scene.systems:
         result += stated.settings.choices(scene, stated.bodies)
@@ -122,20 +123,16 @@ def cost_advice(simulation: Simulation) -> list[Note]:
     return [note for system in simulation.systems for note in system.cost_notes()]
 
 
-def quality_advice(simulation: Simulation) -> list[Note]:
-    """Shape and size of the elements of meshes, which are read for it; collective, the same on all ranks."""
+def quality_advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None = None) -> list[Note]:
+    """Shape and size of the elements of meshes; meshes: those that have been read, see `slices.whole_mesh`. Collective,
+    the same on all ranks."""
     scene, comm, result = simulation.scene, simulation.comm, list[Note]()
-    meshes: dict[Any, MeshSlices] = {}
+    meshes = {} if meshes is None else meshes
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh":
             continue
-        key = mesh_key(body)
-        if key not in meshes:
-            meshes[key] = read_slices(comm, body.shape.model, scene.dimension)
-        mesh = meshes[key]
-        if body.shape.model.group is not None:
-            mesh = restricted(mesh, [body.shape.model.group])
-        found = quality_of(mesh)
+        stated = body.shape.model
+        found = quality_of(part_of_body(whole_mesh(comm, stated, scene.dimension, meshes), stated))
         where = ", ".join(f"{x:.4g}" for x in found.place)
         shape = f"the worst aspect is {found.worst:.3g}, of 1 % more than {found.high:.3g}"
         edge = f"the shortest edge, {found.shortest:.3g} m at ({where}), sets the step"

@@ -4,6 +4,7 @@ import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -19,6 +20,7 @@ from parsolid.contact.report import describe_contacts
 from parsolid.machine import cores
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
+from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.scene import Scene
 from parsolid.scene.warned import Note, Warned
 from parsolid.simulation.loop import Simulation
@@ -67,19 +69,21 @@ def check_scene(
     elsewhere: a number of ranks on which the cost is told, too; picture: the file into which bodies, regions, supports,
     loads and interfaces are drawn first. Raises SceneError or SolverError on all ranks.
     """
+    # each is read once, and geometry meshed once
+    meshes: dict[Any, MeshSlices] = {}
     if picture is not None:
         if missing():
             raise SolverError(f"picture: expected the packages {', '.join(missing())}, found them not installed")
         from parsolid.api.scene_picture import draw_scene
 
-        draw_scene(comm, scene, picture)
+        draw_scene(comm, scene, picture, meshes)
     warm_up(comm, scene)
     base, idle = 0, 0.0
     if elsewhere:
         # what the program takes once its kernels are there
         idle = load_kernels(scene)
         base = peak_memory_bytes(present=True)
-    return report_of(comm, Simulation(comm, scene), elsewhere, base, idle)
+    return report_of(comm, Simulation(comm, scene, meshes=meshes), elsewhere, base, idle, meshes)
 
 
 def check(
@@ -99,14 +103,21 @@ def check(
 
 
 def report_of(
-    comm: MPI.Intracomm, simulation: Simulation, elsewhere: int | None = None, base: int = 0, idle: float = 0.0
+    comm: MPI.Intracomm,
+    simulation: Simulation,
+    elsewhere: int | None = None,
+    base: int = 0,
+    idle: float = 0.0,
+    meshes: dict[Any, MeshSlices] | None = None,
 ) -> Report:
     """The report on a simulation, of which a few steps are taken to measure the wall time of one; collective.
 
     elsewhere: a number of ranks to tell the cost on, too; base: memory [bytes] of the program without particles; idle:
-    seconds [s] of a step without them.
+    seconds [s] of a step without them; meshes: those of bodies that have been read, which are let go.
     """
-    systems, scene, notes = simulation.systems, simulation.scene, advice(simulation)
+    meshes = {} if meshes is None else meshes
+    systems, scene, notes = simulation.systems, simulation.scene, advice(simulation, meshes)
+    meshes.clear()
     stable = minimum(comm, simulation.stable_step())
     numbers = _counts(comm, systems)
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2

@@ -45,15 +45,16 @@ _VIEWS = ((2.0, -2.5, 1.5), (-2.0, 2.5, -1.2))
 _MOST_INSIDE = 20_000
 
 
-def draw_scene(comm: MPI.Comm, scene: Scene, path: str | Path) -> None:
-    """Draw bodies with regions, supports, loads and interfaces into a file; collective.
+def draw_scene(comm: MPI.Comm, scene: Scene, path: str | Path, meshes: dict[Any, Any] | None = None) -> None:
+    """Draw bodies with regions, supports, loads and interfaces into a file; meshes: see `generation.generate`.
+    Collective.
 
     Raises SceneError, on all ranks, for a scene without particles where they are wanted, and for an ending of the
     file's name that is none of png, pdf, svg.
     """
     if Path(path).suffix not in _SUFFIXES:
         raise SceneError([f"picture: expected a file that ends in {', '.join(_SUFFIXES)}, found {str(path)!r}"])
-    scenery, fault = scenery_of(comm, scene), None
+    scenery, fault = scenery_of(comm, scene, meshes), None
     if scenery is not None:
         try:
             Path(path).parent.mkdir(parents=True, exist_ok=True)

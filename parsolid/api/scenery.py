@@ -47,9 +47,12 @@ class Scenery(NamedTuple):
     velocity: np.ndarray
 
 
-def scenery_of(comm: MPI.Comm, scene: Scene) -> Scenery | None:
-    """All that a picture of a scene shows, on rank 0; collective. Raises SceneError on all ranks."""
-    drawn = generate(scene, comm)
+def scenery_of(comm: MPI.Comm, scene: Scene, meshes: dict[Any, Any] | None = None) -> Scenery | None:
+    """All that a picture of a scene shows, on rank 0; meshes: see `generation.generate`. Collective.
+
+    Raises SceneError on all ranks.
+    """
+    drawn = generate(scene, comm, meshes)
     held = [one for one in scene.boundaries if one.on_particles]
     masks = [selected(scene, one, drawn, comm) for one in held]
     arrays: list[Any] = [drawn.position, drawn.spacing, drawn.body, drawn.area, drawn.regions, *masks]

@@ -58,4 +58,4 @@ def extent_of(body: FilledShape, dimension: int) -> Extent:
 def _key(body: FilledShape, dimension: int) -> tuple[Any, ...]:
     """What the extent of a mesh follows from."""
     model, state = body.shape.model, os.stat(body.shape.model.file)
-    return *model.of_whole, model.group, body.placed_on, dimension, state.st_mtime_ns, state.st_size
+    return *model.mesh_key, model.group, body.placed_on, dimension, state.st_mtime_ns, state.st_size

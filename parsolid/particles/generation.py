@@ -14,7 +14,7 @@ from parsolid.particles.lattices.lattice import Filling
 from parsolid.particles.marks import mark_lattice
 from parsolid.particles.memory import check_memory
 from parsolid.particles.meshes.filling import MeshFilling
-from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices
+from parsolid.particles.meshes.slices import MeshSlices, whole_mesh
 from parsolid.particles.overlap import overlap_faults
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import NOBODY, nearest_particles, particles_of, selected
@@ -29,15 +29,17 @@ from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import MeshFault, SceneError, fault, key_path, place_in_words, suggestion
 
 
-def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
+def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None = None) -> ParticleSet:
     """This rank's share of the scene's particles (collective).
+
+    meshes: those that have been read, by their keys, to which those of bodies are added.
 
     Global ids run body by body in the order of each body's lattice or mesh; rank r has the ids from r N / size. Raises
     SceneError, the same on all ranks, for a mesh that cannot be used, more particles than the memory holds, a body
     without particles, in another one or touching one that no table names with it, a plane that bounds no mesh, a region
     without particles, a probe away from all particles, and a formula that is not finite at some particle.
     """
-    fillings, known = _fillings(scene, comm), scene.named_regions
+    fillings, known = _fillings(scene, comm, {} if meshes is None else meshes), scene.named_regions
     agree(comm, _mark_meshes(scene, fillings, known))
     check_memory(comm, sum(filling.count for filling in fillings))
     ends = np.cumsum([filling.count for filling in fillings])
@@ -58,7 +60,7 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     coarsest = max(filling.coarsest for filling in fillings)
     particle_set = ParticleSet.joined(pieces, scene.dimension, len(known))
     particle_set.meshes = {
-        mesh_key(filling.body): filling.whole
+        filling.body.shape.model.mesh_key: filling.whole
         for filling in fillings
         if isinstance(filling, MeshFilling) and filling.body.placed_on == "vertices"
     }
@@ -72,23 +74,20 @@ def generate(scene: Scene, comm: MPI.Comm) -> ParticleSet:
     return particle_set
 
 
-def _fillings(scene: Scene, comm: MPI.Comm) -> list[Filling]:
+def _fillings(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices]) -> list[Filling]:
     fillings: dict[int, Filling] = {}
     faults: list[str] = []
-    meshes: dict[Any, MeshSlices] = {}
     groups: dict[Any, list[str]] = {}
     for body in scene.bodies:
         if body.shape.kind == "mesh" and body.shape.model.group is not None:
-            groups.setdefault(mesh_key(body), []).append(body.shape.model.group)
+            groups.setdefault(body.shape.model.mesh_key, []).append(body.shape.model.group)
     for i, body in enumerate(scene.bodies):
         try:
             if body.shape.kind != "mesh":
                 fillings[i] = filling_of(body, scene.dimension, comm)
                 continue
-            mesh = mesh_key(body)
-            if mesh not in meshes:
-                meshes[mesh] = read_slices(comm, body.shape.model, scene.dimension)
-            fillings[i] = filling_of(body, scene.dimension, comm, meshes[mesh], groups.get(mesh, ()))
+            mesh = whole_mesh(comm, body.shape.model, scene.dimension, meshes)
+            fillings[i] = filling_of(body, scene.dimension, comm, mesh, groups.get(body.shape.model.mesh_key, ()))
         except SceneError as error:
             place = ("bodies", i, "shape", "mesh")
             faults += [

@@ -19,7 +19,7 @@ class ParticleSet:
     area       (n, d)       outward boundary area vector [m^2]: one component per direction, zero inside
     regions    (n, r) int64 1 in each of the scene's r regions with a name, else 0; None without any
     surfaces   (n, r d)     outward area vectors [m^2] of what of its boundary is in each of them
-    meshes                  slices of the meshes that they are nodes of, by `slices.mesh_key`, until systems are set up
+    meshes                  slices of the meshes that they are nodes of, by their keys, until systems are set up
     """
 
     identifier: np.ndarray

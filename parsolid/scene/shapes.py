@@ -225,7 +225,7 @@ class MeshFile(SceneModel):
 
 def of_one_mesh(one: Any, other: Any) -> bool:
     """Whether two shapes are groups of one mesh, whose nodes bodies share where they touch."""
-    meshes = one.kind == other.kind == "mesh" and one.model.of_whole == other.model.of_whole
+    meshes = one.kind == other.kind == "mesh" and one.model.mesh_key == other.model.mesh_key
     return bool(meshes and None not in (one.model.group, other.model.group))
 
 
@@ -248,7 +248,7 @@ class BodyMesh(MeshFile):
     refine: list[Refinement] = Field([], description="of geometry: where elements are smaller")
 
     @property
-    def of_whole(self) -> tuple[Any, ...]:
+    def mesh_key(self) -> tuple[Any, ...]:
         """What is the same of bodies that have elements of one mesh."""
         finer = tuple((one.where, one.size) for one in self.refine)
         return self.file, self.scale, self.size, self.around, finer

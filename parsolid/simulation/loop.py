@@ -67,8 +67,8 @@ class Simulation:
     systems: methods with their bodies, see `setup`; interactions: what acts between their particles besides.
     """
 
-    def __init__(self, comm: Any, scene: Scene, restart: Restart | None = None):
-        """restart: to continue from, or None for a new run. Collective.
+    def __init__(self, comm: Any, scene: Scene, restart: Restart | None = None, meshes: dict[Any, Any] | None = None):
+        """restart: to continue from, or None for a new run; meshes: see `generation.generate`. Collective.
 
         Raises SceneError or SolverError on all ranks when the scene cannot be set up.
         """
@@ -77,7 +77,7 @@ class Simulation:
         self.ledger, self.energy_check = ledger_of(scene), EnergyCheck(limits, viscous_terms_of(scene))
         if restart:
             restart.check(scene)
-        self.systems, self.particle_sets = build_systems(comm, scene, restart)
+        self.systems, self.particle_sets = build_systems(comm, scene, restart, meshes)
         self.warnings = representation(comm, scene, self.systems)
         # None where something acts from outside
         self.momenta = MomentumBalance(comm, self.systems) if isolated(scene) else None

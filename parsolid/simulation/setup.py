@@ -13,6 +13,7 @@ from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.distribution import distribute, take
 from parsolid.particles.generation import generate
+from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.method_settings import named_observables
@@ -23,17 +24,19 @@ from parsolid.simulation.restart import Restart
 from parsolid.simulation.starting_state import refuse_damaged_results, refuse_unsound_start
 
 
-def build_systems(comm: Any, scene: Scene, restart: Restart | None) -> tuple[list[ParticleSystem], list[ParticleSet]]:
+def build_systems(
+    comm: Any, scene: Scene, restart: Restart | None, meshes: dict[Any, MeshSlices] | None = None
+) -> tuple[list[ParticleSystem], list[ParticleSet]]:
     """Systems in their state at time 0, or in that of a restart, and the sorted particles of each; collective.
 
-    Raises SceneError or SolverError on all ranks when the scene cannot be set up.
+    meshes: see `generation.generate`. Raises SceneError or SolverError on all ranks when the scene cannot be set up.
     """
     plans = scene.systems
     if not restart:
         refuse_damaged_results(comm, scene)
     if restart and not restart.same_ranks:
         restart.distribute(scene)
-    drawn = restart.particle_sets if restart else _generated(comm, scene, plans)
+    drawn = restart.particle_sets if restart else _generated(comm, scene, plans, meshes)
     systems: list[ParticleSystem] = []
     particle_sets, orders = [], []
     for plan, particle_set in zip(plans, drawn):
@@ -84,9 +87,11 @@ def _keys_of(scene: Scene, plan: SystemOfScene) -> Iterator[None]:
         raise SolverError(qualify_keys(scene, plan, str(error))) from error
 
 
-def _generated(comm: Any, scene: Scene, plans: tuple[SystemOfScene, ...]) -> list[ParticleSet]:
+def _generated(
+    comm: Any, scene: Scene, plans: tuple[SystemOfScene, ...], meshes: dict[Any, MeshSlices] | None
+) -> list[ParticleSet]:
     """This rank's particles of each system, whose bodies are numbered anew from 0; collective."""
-    whole = generate(scene, comm)
+    whole = generate(scene, comm, meshes)
     pieces = []
     for plan in plans:
         piece = whole

@@ -8,9 +8,12 @@ from mpi4py import MPI
 from solids import simulation
 
 from parsolid.api.check_advice import quality_advice, size_advice
+from parsolid.api.report import check_scene
+from parsolid.particles.meshes import slices
+from parsolid.particles.meshes.files import read_file
 from parsolid.particles.meshes.quality import quality_of
 from parsolid.particles.meshes.slices import read_slices
-from parsolid.scene import SceneError
+from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.shapes import BodyMesh
 
 SOFT = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.3}
@@ -108,3 +111,12 @@ def test_size_in_words(tmp_path, scale, unit, doubtful):
     notes = {note.code: note.text for note in (*size_advice(sim), *quality_advice(sim))}
     assert notes["part-size"].endswith(f" {unit}") and "mesh-quality" in notes
     assert ("mesh-scale" in notes) == doubtful
+
+
+@pytest.mark.serial
+def test_a_check_with_a_picture_reads_a_mesh_once(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    scene, read = parse_scene(scene_of(tmp_path, *element_mesh("quad", (3, 2), 0.0), 2)), []
+    monkeypatch.setattr(slices, "read_file", lambda *stated: read.append(stated) or read_file(*stated))
+    report = check_scene(MPI.COMM_SELF, scene, picture=tmp_path / "scene.png")
+    assert "mesh-quality" in [note.code for note in report.notes] and len(read) == 1

@@ -33,7 +33,6 @@ from parsolid.pairs.mesh_weights import (
 from parsolid.pairs.pair_list import MirrorImages, PairList, weights_of_pairs
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.meshes.around import elements_around, shared_nodes
-from parsolid.particles.meshes.slices import mesh_key
 
 # part of the largest stable step that method.safety = 1 means, and iterations that find the highest frequency
 _SAFETY, _ITERATIONS = 0.9, 30
@@ -173,7 +172,7 @@ class MeshBodies(ListBodies):
         for number in numbers:
             body, own = scene.bodies[number], particle_set.identifier[particle_set.body == number]
             found[number] = elements_around(comm, body, self.dimension, own, particle_set.meshes)
-            of_meshes.setdefault(mesh_key(body), []).append(found[number])
+            of_meshes.setdefault(body.shape.model.mesh_key, []).append(found[number])
         self.of_second_order = {number: one.of_second_order for number, one in found.items() if one.of_second_order}
         elements = [block for one in found.values() for block in one.blocks]
         extent = max(one.extent for one in found.values())

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from decomposition.migration import migrate
 from decomposition.slices import Slices, count_before
 from parsolid.collective import SolverError, anywhere, maximum
-from parsolid.particles.meshes.slices import MeshSlices, mesh_key, read_slices, restricted
+from parsolid.particles.meshes.slices import MeshSlices, part_of_body, whole_mesh
 from parsolid.scene.validation_errors import SceneError
 
 
@@ -32,16 +32,12 @@ def elements_around(
     """The elements of a body's mesh around this rank's particles, those of a kind in the order of the mesh.
 
     body: of a scene, with a mesh as its shape and particles on the nodes; identifiers (n,): of this rank's particles of
-    the body; meshes: those that have been read, by `mesh_key`, to which that of the body is added. Collective. Raises
-    SolverError on all ranks for a mesh that cannot be read or is not that of the particles.
+    the body; meshes: see `slices.whole_mesh`. Collective. Raises SolverError on all ranks for a mesh
+    that cannot be read or is not that of the particles.
     """
-    meshes = {} if meshes is None else meshes
     try:
-        if mesh_key(body) not in meshes:
-            meshes[mesh_key(body)] = read_slices(comm, body.shape.model, dimension)
-        mesh = meshes[mesh_key(body)]
-        if body.shape.model.group is not None:
-            mesh = restricted(mesh, [body.shape.model.group])
+        stated = body.shape.model
+        mesh = part_of_body(whole_mesh(comm, stated, dimension, {} if meshes is None else meshes), stated)
     except SceneError as error:
         raise SolverError(f"bodies: {error.faults[0]}") from None
     local = mesh.local

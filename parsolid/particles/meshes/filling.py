@@ -12,7 +12,7 @@ from parsolid.particles.meshes.elements import shares_of_nodes
 from parsolid.particles.meshes.inside import Solid
 from parsolid.particles.meshes.membership import Membership
 from parsolid.particles.meshes.quality import refuse_double_nodes, refuse_hinges
-from parsolid.particles.meshes.slices import MeshSlices, read_slices, restricted
+from parsolid.particles.meshes.slices import MeshSlices, part_of_body, read_slices, restricted
 from parsolid.particles.meshes.topology import (
     Facets,
     boundary_facets,
@@ -43,7 +43,7 @@ class MeshFilling:
         self.comm, self.body = comm, body
         self.whole = read_slices(comm, body.shape.model, dimension) if whole is None else whole
         group = body.shape.model.group
-        self.mesh = mesh = self.whole if group is None else restricted(self.whole, [group])
+        self.mesh = mesh = part_of_body(self.whole, body.shape.model)
         self.groups = sorted(mesh.groups.names)
         volumes = sound_volumes(mesh)
         refuse_repeated(mesh)

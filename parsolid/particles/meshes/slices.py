@@ -54,9 +54,17 @@ class MeshSlices:
     of_second_order: tuple[str, ...]
 
 
-def mesh_key(body: Any) -> tuple[Any, ...]:
-    """What is the same of bodies that have elements of one mesh."""
-    return body.shape.model.of_whole
+def whole_mesh(comm: Any, stated: Any, dimension: int, meshes: dict[Any, MeshSlices]) -> MeshSlices:
+    """The whole mesh of a body, stated: `scene.shapes.BodyMesh`; meshes: those that have been read, by their keys, to
+    which it is added. Raises SceneError as `read_slices`. Collective."""
+    if stated.mesh_key not in meshes:
+        meshes[stated.mesh_key] = read_slices(comm, stated, dimension)
+    return meshes[stated.mesh_key]
+
+
+def part_of_body(mesh: MeshSlices, stated: Any) -> MeshSlices:
+    """The elements of a body, which may be those of a group. Raises SceneError as `restricted`. Collective."""
+    return mesh if stated.group is None else restricted(mesh, [stated.group])
 
 
 def restricted(mesh: MeshSlices, groups: Sequence[str]) -> MeshSlices:
