@@ -14,6 +14,7 @@ from parsolid.scene import parse_scene
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import Limits, Simulation
 from parsolid.simulation.outputs import Cadence, Output
+from parsolid.simulation.restart import Restart
 from parsolid.simulation.time_step import TimeSteps
 from parsolid.solvers.runge_kutta import Stage
 
@@ -164,6 +165,25 @@ def run_to_end(data: dict, comm=MPI.COMM_SELF, more=None) -> tuple[Simulation, d
     return sim, follow(sim, Record(more), policy=StepsToEnd)
 
 
+def run_alone_and_on_all(data: dict, comm, names=("time", "kinetic", "strain_energy")) -> dict[str, np.ndarray]:
+    """The columns of a run to the end on one rank, of which those with names are the same on all ranks, to 1e-9 of
+    their maxima."""
+    together, alone = (run_to_end(data, some)[1] for some in (comm, MPI.COMM_SELF))
+    assert len(together["time"]) == len(alone["time"])
+    for name in names:
+        atol = 1e-9 * np.abs(alone[name]).max()
+        np.testing.assert_allclose(together[name], alone[name], rtol=0.0, atol=atol, err_msg=name)
+    return alone
+
+
+def run_through_and_in_two(folder, comm, scene, first: int, steps: int | None = None) -> tuple[Job, Job]:
+    """A run of so many steps, or to its end, and another that stops after its first ones and is restarted."""
+    through = run_into(folder / "through", comm, scene, steps)
+    run_into(folder / "pieces", comm, scene, first)
+    restart = Restart(comm, folder / "pieces" / "checkpoint.h5")
+    return through, run_into(folder / "pieces", comm, scene, steps and steps - first, restart)
+
+
 CONSTANT = ("identifier", "body", "reference_position", "volume", "spacing", "axes", "area")
 
 
@@ -180,6 +200,14 @@ def gathered(sim, *names: str) -> list[np.ndarray]:
     table = sim.systems[0].particles
     order = np.argsort(np.concatenate(sim.comm.allgather(table.owned_rows("identifier").copy())))
     return [np.concatenate(sim.comm.allgather(np.array(table.owned_rows(name))))[order] for name in names]
+
+
+def momenta(sim) -> dict[str, np.ndarray]:
+    """Momentum "p" and angular momentum "l" of all particles about the origin."""
+    v, x, m = (sim.systems[0].particles.owned_rows(name) for name in ("velocity", "position", "mass"))
+    p = m[:, None] * v
+    turning = np.cross(x, p) if x.shape[1] == 3 else x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]
+    return {"p": sim.comm.allreduce(p.sum(axis=0)), "l": sim.comm.allreduce(turning.sum(axis=0))}
 
 
 # --- random states -----------------------------------------------------------------------------------------------

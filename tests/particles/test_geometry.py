@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import gathered, run_to_end, simulation
+from solids import gathered, run_alone_and_on_all, simulation
 
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.shapes import GEOMETRY
@@ -178,7 +178,4 @@ def test_all_ranks_have_one_mesh(shared_path, comm):
     data = scene_of(file=file, size=3e-3, scale=1e-3, around=8)
     data |= {"end_time": 2e-3, "boundaries": [{"plane": "X = 0", "kind": "fixed"}]}
     data["bodies"][0]["velocity"] = ["0", "0", "X"]
-    together, alone = (run_to_end(data, some)[1] for some in (comm, MPI.COMM_SELF))
-    assert len(together["time"]) == len(alone["time"]) > 5
-    for name in ("time", "kinetic", "strain_energy"):
-        np.testing.assert_allclose(together[name], alone[name], rtol=0.0, atol=1e-9 * np.abs(alone[name]).max())
+    assert len(run_alone_and_on_all(data, comm)["time"]) > 5
