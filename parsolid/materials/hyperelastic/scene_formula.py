@@ -29,8 +29,10 @@ _OPERATORS: dict[type, Any] = {
 }
 # characters of a formula, its numeric exponents and bits of its whole numbers
 _MOST_CHARACTERS, _MOST_EXPONENT, _MOST_BITS = 2000, 64, 256
-# of the moduli, what stress and energy may be at rest; stretches that are exchanged
-_AT_REST, _TRIED = 1e-9, (1.1, 0.95, 1.23)
+# share of the moduli that stress and energy may be at rest
+_AT_REST = 1e-9
+# stretches near rest at which a formula is tried, in every order
+_TRIED = (1.1, 0.95, 1.23)
 # of the law that is written; scenes ask for "formula"
 _KIND = "formula-of-a-scene"
 
@@ -111,7 +113,8 @@ def expression_of(text: str, constants: tuple[str, ...]) -> Any:
 
 
 def _bounded(value: Any, text: str) -> Any:
-    """The value, unless it is no finite real number or a whole number as large as no constant is."""
+    """The value. Raises FormulaError for one that is no finite real number, and for whole numbers and fractions of more
+    than `_MOST_BITS` bits, which would take sympy's time."""
     large = value.is_Rational and max(int(value.p).bit_length(), int(value.q).bit_length()) > _MOST_BITS
     if large or (value.is_number and not (value.is_real and value.is_finite)):
         raise FormulaError("numbers that are finite", text[:200])
@@ -324,7 +327,7 @@ def _faults(text: str, constants: tuple[tuple[str, float], ...]) -> tuple[Any, .
 
 
 def _check_real(formula: Any, constants: tuple[tuple[str, float], ...]) -> None:
-    """That no root or logarithm of a negative number is taken near rest. Raises FormulaError."""
+    """Raise FormulaError where a root or a logarithm of a negative number is taken near rest."""
     a, b, c = _TRIED
     J = a * b * c
     first, second = a * a + b * b + c * c, (a * b) ** 2 + (a * c) ** 2 + (b * c) ** 2
@@ -337,8 +340,8 @@ def _check_real(formula: Any, constants: tuple[tuple[str, float], ...]) -> None:
 
 
 def _check(law: Any) -> None:
-    """No energy and stress at rest, which resists changes of shape and volume, and alike along all axes. Raises
-    FormulaError."""
+    """Raise FormulaError for a law that has energy or stress at rest, does not resist changes of shape and volume, or
+    is not the same along all axes."""
     from parsolid.materials.hyperelastic import functions as of
     from parsolid.tensors import IDENTITY
 

@@ -1,8 +1,7 @@
 """Laws of the principal stretches at constant volume, and a volumetric part: Ogden, Hencky, the generalised polynomial.
 
 W = w(e1, e2, e3) + U(J) with e = ln(J^-1/3 lambda). A law of this kind is a NamedTuple with `volume` and a function
-`of_stretches`. Principal values are those of Jacobi's rotations, and no difference of stretches is divided by in
-stresses.
+`of_stretches`. Principal values come from Jacobi's rotations; stresses divide by no difference of stretches.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -234,7 +233,7 @@ def _stress(law, F, H, J):
 
 @inlined
 def _pair(l1, l2, w1, w2, w11, w22, w12):
-    """d and c of a pair of axes, see `_waves`."""
+    """d_12 and c_12 of two axes, see `stretch_waves`; of equal stretches their limits."""
     apart = l1 - l2
     close = abs(apart) < _CLOSE * l1
     a = 0.5 * (w11 + w22) - w12 if close else (w1 - w2) / (1.0 if close else apart)
@@ -244,9 +243,16 @@ def _pair(l1, l2, w1, w2, w11, w22, w12):
 
 @inlined
 def stretch_waves(squares, axes, w, ww):
-    """A tensor with the principal axes whose N.QN is no less than any wave's, of slopes w_i = dW/d lambda_i and
-    curvatures w_ij: of the second derivative along rank one, each axis bears its own stiffness, the larger shear with
-    another axis, and what couples it to the others."""
+    """Symmetric tensor Q [Pa], rho0 c^2 <= N.QN of every wave along N, from the slopes w_i = dW/d lambda_i and the
+    curvatures w_ij (11, 22, 33, 12, 13, 23) of an energy of the principal stretches, and their axes.
+
+    Of a wave of polarisation m, with p_i = m_i N_i along the axes, rho0 c^2 is
+
+        sum_i w_ii p_i^2 + sum_{i<j} [d_ij (m_i^2 N_j^2 + m_j^2 N_i^2) + 2 c_ij p_i p_j]
+
+    The terms of d_ij are at most sum_i D_i (N_i^2 - p_i^2), D_i the largest d_ij. With g_i^2 = max(w_ii - D_i, 0),
+    (sum_i g_i p_i)^2 <= sum_i g_i^2 N_i^2; what is left of the products of p is at most r_ij (p_i^2 + p_j^2).
+    """
     l1, l2, l3 = squares[0] ** 0.5, squares[1] ** 0.5, squares[2] ** 0.5
     w11, w22, w33, w12, w13, w23 = ww
     d12, c12 = _pair(l1, l2, w[0], w[1], w11, w22, w12)
