@@ -52,7 +52,7 @@ def touching_faults(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> 
         return []
     home, bonded, contact = homes(scene), scene.bonded, scene.unbonded
     tied = BodyPairs(pair[:2] for pair in tied_pairs(scene))
-    rows = dict(_rows_of_bodies(particle_set.body))
+    rows = _rows_of_bodies(particle_set.body)
     boxes, spacing = _extents(scene, particle_set, comm)
     settings = [scene.systems[number].settings for number in home]
     within = np.array([np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, spacing)])
@@ -61,8 +61,8 @@ def touching_faults(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> 
     close = close.where(np.array(free, bool))
     # boxes of particles are as close as their bounds
     boxed = np.array([body.shape.kind == "box" for body in scene.bodies])[close.bodies].all(axis=1)
-    places_of = lambda body: particle_set.position[rows.get(body, slice(0, 0))]  # noqa: E731
-    boxed[~boxed] = touch(comm, close.where(~boxed), places_of)[0]
+    uneven = close.where(~boxed)
+    boxed[~boxed] = touch(comm, uneven, lambda body: particle_set.position[rows.get(body, slice(0, 0))])[0]
     touching = close.bodies[boxed].tolist()
     shapes = [body.shape for body in scene.bodies]
     silent = [(i, j) for i, j in touching if not bonded.has(i, j) and not of_one_mesh(shapes[i], shapes[j])]
@@ -104,17 +104,17 @@ def _without_effect(scene: Scene, joined: list[tuple[int, int]]) -> list[Fault]:
     return faults
 
 
-def _rows_of_bodies(body: np.ndarray) -> list[tuple[int, slice]]:
-    """Bodies of particles that are sorted by them (n,), and the rows of each."""
+def _rows_of_bodies(body: np.ndarray) -> dict[int, slice]:
+    """The rows of each body that has any, of particles that are sorted by their bodies (n,)."""
     numbers, first = np.unique(body, return_index=True)
     ends = [*first[1:].tolist(), len(body)]
-    return [(int(one), slice(start, end)) for one, start, end in zip(numbers, first.tolist(), ends)]
+    return {one: slice(start, end) for one, start, end in zip(numbers.tolist(), first.tolist(), ends)}
 
 
 def _extents(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:
     """Boxes (bodies, 2, d) [m] of all bodies and their widest spacings (bodies, d) [m]; collective."""
     extents = np.full((len(scene.bodies), 3, scene.dimension), -np.inf)
-    for body, rows in _rows_of_bodies(particle_set.body):
+    for body, rows in _rows_of_bodies(particle_set.body).items():
         position, spacing = particle_set.position[rows], particle_set.spacing[rows].max(axis=0)
         # axes of particles that are not those of space
         widest = spacing if particle_set.axes is None else np.full_like(spacing, spacing.max())

@@ -18,11 +18,11 @@ class SharedNodes:
 
     def __init__(self, halo: Any, own: np.ndarray, rows: np.ndarray, mass: np.ndarray) -> None:
         """halo: in which all of these particles are ghosts; mass (owned,) [kg]. Collective."""
-        d = 3
         self.own, self.rows, self.there = own, rows, rows >= 0
         self.mass = mass[own]
         self.total = self._summed(halo.with_ghosts(np.ascontiguousarray(mass)[:, None]))[:, 0]
-        self._sent = np.zeros((halo.owned + halo.ghosts, 2 * d))
+        # two vectors
+        self._sent = np.zeros((halo.owned + halo.ghosts, 6))
         self._message = halo.forward(self._sent)
 
     def _summed(self, values: np.ndarray) -> np.ndarray:

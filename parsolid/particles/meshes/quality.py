@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from decomposition.migration import migrate
-from parsolid.collective import minimum
+from parsolid.collective import maximum, minimum
 from parsolid.particles.meshes.elements import ELEMENTS, facet_areas, lumped_volumes
 from parsolid.particles.meshes.slices import MeshSlices, first_place
 from parsolid.particles.meshes.topology import Facets
@@ -92,8 +92,8 @@ def quality_of(mesh: MeshSlices) -> Quality:
     first = int(np.argmin(numbers)) if len(here) else -1
     number = int(numbers[first]) if len(here) else np.iinfo(np.int64).max
     where = first_place(comm, number, place[here[first]] if len(here) else np.full(d, np.inf))
-    worst = -minimum(comm, float(-aspect.max(initial=0.0)))
-    longest = -minimum(comm, float(-edge.max(initial=0.0)))
+    worst = maximum(comm, float(aspect.max(initial=0.0)))
+    longest = maximum(comm, float(edge.max(initial=0.0)))
     high = _quantile(comm, aspect, 0.99, 1.0, max(worst, 1.0 + 1e-9))
     short = _quantile(comm, edge, 0.01, shortest, max(longest, shortest * (1.0 + 1e-9)))
     return Quality(worst, min(high, worst), shortest, where, max(short, shortest))
