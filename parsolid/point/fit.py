@@ -9,7 +9,7 @@ from parsolid.materials import registry
 from parsolid.materials.declaration import parameters_of
 from parsolid.materials.hyperelastic.functions import stress
 
-# of a law's parameters, what a test of matter that keeps its volume does not see, and what is xi in other words
+# parameters that tests at constant volume do not determine, and those that state xi of the Mooney-Rivlin law otherwise
 _UNSEEN = ("density", "bulk_modulus", "lambda_hat", "youngs_modulus", "poissons_ratio")
 # principal stretches of each kind of test, and the free axis, by which the pressure is known
 _KINDS = {
@@ -18,8 +18,12 @@ _KINDS = {
     "pure-shear": lambda a: (a, 1.0, 1.0 / a),
 }
 KINDS = tuple(_KINDS)
-# starts of the search, factors of moduli and values of pure numbers around which they lie, and 95 % of a normal spread
-_STARTS, _NUMBERS, _CONFIDENCE = 24, (2.0, 30.0), 1.96
+# starts of the search, and the range of pure numbers that they cover
+_STARTS, _NUMBERS = 24, (2.0, 30.0)
+# standard deviations in half a 95 % interval
+_CONFIDENCE = 1.96
+# residual of parameters that the law refuses, and the cost from which no start has led to others
+_REFUSED, _LOST = 1e3, 1e2
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ def nominal_stress(law: Any, kind: str, stretch: np.ndarray) -> np.ndarray:
 def fitted_parameters(kind: str) -> dict[str, Any]:
     """Name -> `Parameter` of those of a hyperelastic kind that such tests tell."""
     found = parameters_of(registry.declared("hyperelastic", kind))
-    # words and numbers that cannot be other ones are no matter of fitting
+    # not one of several words (the volumetric part), nor what has one value (zeta of neo-Hookean solids)
     numbers = {name: note for name, (annotation, note) in found.items() if get_origin(annotation) is not Literal}
     return {name: note for name, note in numbers.items() if name not in _UNSEEN}
 
@@ -79,11 +83,11 @@ def fit(kind: str, tests: list[Measured], fixed: dict[str, float]) -> Fit:
     def residual(x: np.ndarray) -> np.ndarray:
         law = law_with(kind, dict(zip(names, x * units)) | fixed)
         if law is None:
-            return np.full(sum(len(one.stress) for one in tests), 1e3)
+            return np.full(sum(len(one.stress) for one in tests), _REFUSED)
         parts = [
             (nominal_stress(law, one.kind, one.stretch) - one.stress) / scale for one, scale in zip(tests, largest)
         ]
-        return np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3)
+        return np.nan_to_num(np.concatenate(parts), nan=_REFUSED, posinf=_REFUSED, neginf=-_REFUSED)
 
     random, best = np.random.default_rng(0), None
     for start in range(_STARTS):
@@ -96,7 +100,7 @@ def fit(kind: str, tests: list[Measured], fixed: dict[str, float]) -> Fit:
             continue
         if np.isfinite(found.cost) and (best is None or found.cost < best.cost):
             best = found
-    if best is None or best.cost > 1e2:
+    if best is None or best.cost > _LOST:
         raise ValueError("a start that leads to parameters")
     law = law_with(kind, dict(zip(names, best.x * units)) | fixed)
     points = sum(len(one.stress) for one in tests)

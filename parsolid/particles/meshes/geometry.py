@@ -26,7 +26,7 @@ _EDGE = 40.0
 _MOST = 1e8
 # triangles up to which a surface is one of flat faces
 _FEW = 100
-# distance, as files count, within which faces without a volume are sewn
+# distance, in units of the file, within which faces without a volume are sewn
 _SEWN = 1e-4
 # of the area of all faces, by how much healing and sewing may change it
 _LEFT_OUT = 1e-4
@@ -115,7 +115,7 @@ def _read(gmsh: Any, path: str, dimension: int) -> None:
 
 
 def _area(gmsh: Any) -> float:
-    """Of all faces, as files count."""
+    """Area of all faces, in units of the file."""
     return float(sum(gmsh.model.occ.getMass(2, face) for _, face in gmsh.model.occ.getEntities(2)))
 
 
@@ -171,8 +171,8 @@ def _names(gmsh: Any, dimension: int) -> dict[str, dict[int, list[int]]]:
 def _set_sizes(gmsh: Any, stated: Any, dimension: int, names: dict[str, dict[int, list[int]]]) -> None:
     """Sizes of elements: the one for all, smaller ones around curves, and those of `refine`. Raises SceneError for a
     name that is not there."""
-    own = stated.file.lower().endswith(GMSH_GEOMETRY)
-    if stated.size is None and not own:
+    # Gmsh's own files may state sizes
+    if stated.size is None and not stated.file.lower().endswith(GMSH_GEOMETRY):
         raise SceneError([MeshFault("geometry", "a size of elements [m] for geometry (the key size)", "none")])
     option = gmsh.option.setNumber
     finest = [one.size / stated.scale for one in stated.refine]
