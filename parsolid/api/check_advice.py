@@ -139,7 +139,9 @@ def quality_advice(simulation: Simulation) -> list[Note]:
         where = ", ".join(f"{x:.4g}" for x in found.place)
         shape = f"the worst aspect of an element is {found.worst:.3g}, 1 % are above {found.high:.3g}"
         edge = f"the shortest edge, {found.shortest:.3g} m at ({where}), sets the step"
-        saved = f"without the 1 % of elements with the shortest edges {1.0 - found.shortest / found.short:.0%} fewer steps"
+        saved = (
+            f"without the 1 % of elements with the shortest edges {1.0 - found.shortest / found.short:.0%} fewer steps"
+        )
         result.append(Note("mesh-quality", f"bodies.{i}: {shape}; {edge}: {saved}"))
     return result
 
