@@ -120,7 +120,7 @@ class DistributedLoad:
         self._values = course_at(self.course, places)
         self._found_at = np.nan, False
 
-    def forget(self) -> None:
+    def masses_changed(self) -> None:
         """Find rows and scale anew at the next call, after masses have changed."""
         self._layout = -1
 
@@ -209,12 +209,12 @@ class PressureLoad:
         self._area: np.ndarray | None = None
         self._layout = -1
 
-    def look(self) -> None:
+    def keep_deformation(self) -> None:
         """Keep the present deformation for the forces that are asked for next."""
         self._area = self._deformed_areas()
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
-        """See `Load`; by the present deformation gradients of the particles, or those of the last `look`."""
+        """See `Load`; by the present deformation gradients of the particles, or those of the last `keep_deformation`."""
         area = self._deformed_areas() if self._area is None else self._area
         with np.errstate(all="ignore"):
             (pressure,) = self._pressure(time, before_jump)
@@ -268,6 +268,6 @@ class SpringLoad:
         rate = np.sqrt(self.stiffness * per_mass) + self.damping * per_mass
         self._largest_step = float(_SAFETY * 1.7 / rate.max(initial=1e-300))
 
-    def forget(self) -> None:
+    def masses_changed(self) -> None:
         """Find the step anew at the next call, after masses have changed."""
         self._layout = -1
