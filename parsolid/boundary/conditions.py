@@ -19,9 +19,9 @@ Stages of SSP-RK3 begin with `begin_step`, and call `external_force(time of the 
 method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCondition)`, with its `course`) and
 `walls.RigidWall` to nodes; it calls `find_loads`, `observe(duration, velocity)` and `report` at the end of its step.
 
-Vectors are arrays (d, n) with a row for each component. `external_force` and `find_loads` give forces [N] on the parts of
-particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact, tools
-and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it, too.
+Vectors are arrays (d, n) with a row for each component. `external_force` and `find_loads` give forces [N] on the parts
+of particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact,
+tools and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it, too.
 
 A new kind is a class of its keys in `scene/boundaries/`; if it derives from `Traction`, `Pressure` or `MotionCondition`
 there, that is all. A new load is a class in `boundary.forces`; a new constraint is one in `boundary.constraints`.

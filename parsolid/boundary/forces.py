@@ -214,7 +214,7 @@ class PressureLoad:
         self._area = self._deformed_areas()
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
-        """See `Load`; by the present deformation gradients of the particles, or those of the last `keep_deformation`."""
+        """See `Load`; by the present deformation gradients, or those of the last `keep_deformation`."""
         area = self._deformed_areas() if self._area is None else self._area
         with np.errstate(all="ignore"):
             (pressure,) = self._pressure(time, before_jump)

@@ -101,7 +101,7 @@ class Loads:
         return min((load.largest_step for load, _ in self.loads_of), default=np.inf)
 
     def find_loads(self, time: float, before_jump: bool = False) -> np.ndarray | None:
-        """Forces (d, owned) [N] of all loads at a time [s], at a jump before or after it; None where a scene has no loads.
+        """Forces (d, owned) [N] of all loads at a time [s], at a jump before or after it; None where there are none.
 
         They are void when others are found; `observe` counts those that are reported.
         """

@@ -302,7 +302,7 @@ class Simulation:
         told = None if jump else steps, self.ledger.last_work
         self.energy_check.check(row, self.energy_scale, self.ledger.initial or 0.0, *told)
         if self.momenta is not None:
-            self.momenta.look()
+            self.momenta.check()
         if self._warm:
             temperatures = [one.particles.owned_rows("temperature") for one in self._warm]
             self.coldest = minimum(self.comm, min(float(one.min(initial=inf)) for one in temperatures))
