@@ -91,12 +91,12 @@ def figure_of(scene: Scene, scenery: Scenery) -> Figure:
 
 def _caption(scene: Scene) -> str:
     methods = ", ".join(dict.fromkeys(system.settings.kind for system in scene.systems))
-    told = [f"{scene.title or 'scene'}: {methods}, {scene.dimension}-D"]
+    lines = [f"{scene.title or 'scene'}: {methods}, {scene.dimension}-D"]
     for key, unit in (("acceleration", "m/s²"), ("body_force", "N/m³")):
         stated = getattr(scene.loads, key)
         if stated is not None:
-            told.append(f"{key.replace('_', ' ')} ({', '.join(map(str, stated.sources))}) {unit}")
-    return "\n".join(told)
+            lines.append(f"{key.replace('_', ' ')} ({', '.join(map(str, stated.sources))}) {unit}")
+    return "\n".join(lines)
 
 
 def _numbered(marks: list[Mark]) -> list[tuple[Mark, str]]:
@@ -121,8 +121,8 @@ def _handles(scene: Scene, scenery: Scenery) -> list[Line2D]:
 
     parts: dict[str, list[Line2D]] = {"Bodies": []}
     for number, body in enumerate(scene.bodies):
-        told = f"{body.name or f'bodies.{number}'}: {body.material.kind}"
-        parts["Bodies"].append(entry(told, "s", _BODIES[number % len(_BODIES)]))
+        label = f"{body.name or f'bodies.{number}'}: {body.material.kind}"
+        parts["Bodies"].append(entry(label, "s", _BODIES[number % len(_BODIES)]))
     for one, colour in _numbered(scenery.marks):
         ring = one.kind in _INTERFACES
         marker = r"$\rightarrow$" if one.arrows is not None else "o"
@@ -299,11 +299,11 @@ def _draw_space(axes: Any, scene: Scene, scenery: Scenery) -> None:
     axes.set_axis_off()
     original = scenery.position
     bounds = zip("XYZ", original.min(axis=0), original.max(axis=0))
-    told = ", ".join(f"{axis} {a:.4g} to {b:.4g} m" for axis, a, b in bounds)
+    sizes = ", ".join(f"{axis} {a:.4g} to {b:.4g} m" for axis, a, b in bounds)
     axes.text(
         0.0,
         -0.03,
-        f"from the front and above, and from behind and below; {told}"
+        f"from the front and above, and from behind and below; {sizes}"
         + ("; bodies that meet are moved apart" if moved else ""),
         transform=axes.transAxes,
         fontsize=8,

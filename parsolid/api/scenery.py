@@ -80,8 +80,8 @@ def _label(one: Condition) -> str:
     """A boundary condition in words."""
     place = one.region_name or (None if one.plane is None else f"{AXES[one.plane.axis]} = {one.plane.offset:g}")
     name = getattr(one, "name", None)
-    told = f"{one.kind} {name!r}" if name else one.kind
-    return told if place is None else f"{told}, {place}"
+    label = f"{one.kind} {name!r}" if name else one.kind
+    return label if place is None else f"{label}, {place}"
 
 
 def _regions(scene: Scene, regions: np.ndarray) -> list[Mark]:
@@ -139,7 +139,7 @@ def _interfaces(scene: Scene, position: np.ndarray, spacing: np.ndarray, body: n
             if i in members and j in members and (stated != ALL or bonded.has(i, j)):
                 for one, other in ((rows_of[i], rows_of[j]), (rows_of[j], rows_of[i])):
                     met.append(one[within_reach(position[one] / scale, position[other] / scale, 1.0)])
-        told = "all" if stated == ALL else ", ".join(stated[:_NAMES]) + (", ..." if len(stated) > _NAMES else "")
+        label = "all" if stated == ALL else ", ".join(stated[:_NAMES]) + (", ..." if len(stated) > _NAMES else "")
         rows = np.unique(np.concatenate(met))
-        marks.append(Mark(kind, f"{told}{'' if len(rows) else ' (apart)'}", rows))
+        marks.append(Mark(kind, f"{label}{'' if len(rows) else ' (apart)'}", rows))
     return marks

@@ -42,8 +42,8 @@ def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> li
     found: list[Warned] = contact_warnings(scene, systems)
     plans = {plan.bodies: plan for plan in scene.systems}
     for system in systems:
-        told = (one._replace(text=qualify_keys(scene, plans[system.bodies], one.text)) for one in system.warnings())
-        found += told
+        for one in system.warnings():
+            found.append(one._replace(text=qualify_keys(scene, plans[system.bodies], one.text)))
         for number, body in enumerate(system.bodies):
             extents[body] = layers(comm, system, number)
             found += _too_few(scene, body, extents[body], system.settings.largest_spacing())
@@ -57,8 +57,8 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
     found, body = [], scene.bodies[number]
     spacing = float(extent[2].max())
     if largest is not None and spacing > largest * (1.0 + _ROUND_OFF):
-        told = f"bodies.{number}: a spacing of {spacing:.4g} m in cells of {largest:.4g} m, so that points fly freely"
-        found.append(Warned("cell-below-spacing", f"{told}; at least one point a cell and direction is needed", True))
+        text = f"bodies.{number}: a spacing of {spacing:.4g} m in cells of {largest:.4g} m, so that points fly freely"
+        found.append(Warned("cell-below-spacing", f"{text}; at least one point a cell and direction is needed", True))
     if body.shape.kind == "cylindrical_shell":
         shape = body.shape.model
         counts = [(round(shape.thickness / float(extent[2][-1])) + (body.placed_on == "vertices"), "the thickness")]
@@ -66,8 +66,8 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
         counts = [(one.particles, "XYZ"[one.axis]) for one in _across(scene, body, extent)]
     few = [axis for count, axis in counts if count <= 1]
     if few and scene.dimension > 1:
-        told = f"bodies.{number}: one particle across {' and '.join(few)}, where it is free"
-        found.append(Warned("one-layer", f"{told}; bending and strain across it are not represented", True))
+        text = f"bodies.{number}: one particle across {' and '.join(few)}, where it is free"
+        found.append(Warned("one-layer", f"{text}; bending and strain across it are not represented", True))
     return found
 
 
