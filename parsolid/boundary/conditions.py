@@ -21,7 +21,7 @@ method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCon
 
 Vectors are arrays (d, n) with a row for each component. `external_force` and `find_loads` give forces [N] on the parts
 of particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact,
-tools and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it, too.
+tools and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it.
 
 A new kind is a class of its keys in `scene/boundaries/`; if it derives from `Traction`, `Pressure` or `MotionCondition`
 there, that is all. A new load is a class in `boundary.forces`; a new constraint is one in `boundary.constraints`.

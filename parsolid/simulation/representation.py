@@ -42,8 +42,8 @@ def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> li
     found: list[Warned] = contact_warnings(scene, systems)
     plans = {plan.bodies: plan for plan in scene.systems}
     for system in systems:
-        for one in system.warnings():
-            found.append(one._replace(text=qualify_keys(scene, plans[system.bodies], one.text)))
+        plan = plans[system.bodies]
+        found += [one._replace(text=qualify_keys(scene, plan, one.text)) for one in system.warnings()]
         for number, body in enumerate(system.bodies):
             extents[body] = layers(comm, system, number)
             found += _too_few(scene, body, extents[body], system.settings.largest_spacing())

@@ -40,7 +40,7 @@ class Subcycling:
         return len(self.requested) if self.active else 0
 
     def to_agree(self, own: Sequence[float]) -> Sequence[float]:
-        """What all ranks take the least of: stable steps [s] of this rank's systems, those of the checkpoint at first."""
+        """Numbers that travel: stable steps [s] of this rank's systems, those of the checkpoint at first."""
         if not self.active:
             return []
         resumed, self._resumed = self._resumed, False
