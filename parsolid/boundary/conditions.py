@@ -16,7 +16,7 @@ A step of leapfrog (`methods.leapfrog.Leapfrog` makes these calls):
 
 Stages of SSP-RK3 begin with `begin_step`, and call `external_force(time of the stage, ...)`, `observe(weight step)` and
 `impose(next time)` in turn. A static solution calls `find_loads` and `motion.displace(t, step, u)`. The material point
-method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCondition)`, with its `course`) and
+method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCondition)`) and
 `walls.RigidWall` to nodes; it calls `find_loads`, `observe(duration, velocity)` and `report` at the end of its step.
 
 Vectors are arrays (d, n) with a row for each component. `external_force` and `find_loads` give forces [N] on the parts

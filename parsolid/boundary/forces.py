@@ -5,7 +5,7 @@ keys in `scene/boundaries/` and a class here, entered with `@load_of`; all metho
 and report its force.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -20,6 +20,7 @@ from parsolid.scene.boundaries.surface import Pressure, Spring
 from parsolid.scene.boundaries.traction import Traction
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.schema import Scene
+from parsolid.scene.space_time import SpaceTimeFunction
 
 # rows of some particles, or all of them
 Rows = np.ndarray | slice
@@ -45,34 +46,8 @@ class Load(Protocol):
         """Infinite for all but springs and dashpots."""
 
 
-class Course(Protocol):
-    """Values of place and time, as of `scene.load_histories.LoadHistory`."""
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether they change."""
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """Values (k, components) at reference positions (k, d) [m] and a time [s], at a jump after or before it."""
-
-
-def jumps_of(course: Course) -> frozenset[float]:
-    """Times [s] at which `before` decides about the values of a course."""
-    return frozenset((*getattr(course, "jump_times", ()), *getattr(course, "jumps", ())))
-
-
-def course_at(course: Course, places: np.ndarray) -> Callable[[float, bool], Sequence[Any]]:
-    """The components of a course at places (k, d) [m] as a function of `time` and `before`, as in `Course.evaluate`:
-    (k,), or a number where it is the same at all places. Warnings of numpy are the caller's."""
-    if hasattr(course, "separated"):
-        with np.errstate(all="ignore"):
-            values: Callable[[float, bool], Sequence[Any]] = course.separated(places).values
-        return values
-    return lambda time, before: list(course.evaluate(places, time, before).T)
-
-
 class DistributedLoad:
-    """scale(rows) * course(X, t): a load that depends on reference positions and time alone."""
+    """scale(rows) * function(X, t): a load that depends on reference positions and time alone."""
 
     largest_step = np.inf
 
@@ -81,14 +56,14 @@ class DistributedLoad:
         particles: Particles,
         selection: Selection | None,
         scale: Callable[[Rows], np.ndarray],
-        course: Course,
+        function: SpaceTimeFunction,
         plane: Any = None,
     ):
         """selection: the particles, None for all; scale(rows) (k,): from fields that travel with the particles; plane:
-        where the course is evaluated, at the particles' own places unless given."""
-        self.particles, self.selection, self.scale, self.course, self.plane = particles, selection, scale, course, plane
-        self.constant = not course.depends_on_time
-        self.times, self._jumps = tuple(getattr(course, "jump_times", ())), jumps_of(course)
+        where the function is evaluated, at the particles' own places unless given."""
+        self.particles, self.selection, self.scale, self.plane = particles, selection, scale, plane
+        self.function, self.constant = function, not function.depends_on_time
+        self.times, self._two_sided = tuple(function.jump_times), function.two_sided_times
         self._layout = -1
         # forces found last, and for what time
         self._forces, self._found_at = np.zeros((0, 0)), (np.nan, False)
@@ -96,7 +71,7 @@ class DistributedLoad:
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
         """See `Load`; found once for each time, and void when another one is asked for."""
         self._follow_layout()
-        moment = 0.0 if self.constant else time, before_jump and time in self._jumps
+        moment = 0.0 if self.constant else time, before_jump and time in self._two_sided
         if moment != self._found_at:
             with np.errstate(all="ignore"):
                 values = self._values(*moment)
@@ -117,7 +92,7 @@ class DistributedLoad:
         places = np.array(self.particles.owned_rows("reference_position")[self._rows], order="C")
         if self.plane is not None:
             places[:, self.plane.axis] = self.plane.offset
-        self._values = course_at(self.course, places)
+        self._values = self.function.at(places)
         self._found_at = np.nan, False
 
     def masses_changed(self) -> None:
@@ -125,10 +100,8 @@ class DistributedLoad:
         self._layout = -1
 
 
-class ManufacturedBodyForce:
-    """The acceleration [m/s^2] under which an exact solution holds, as a course."""
-
-    depends_on_time = True
+class ManufacturedBodyForce(SpaceTimeFunction):
+    """The acceleration [m/s^2] under which an exact solution holds."""
 
     def __init__(self, scene: Scene):
         # the import takes half a second, which a run without it is spared
@@ -194,7 +167,7 @@ class TractionLoad(DistributedLoad):
     """A traction per reference area."""
 
     def __init__(self, condition: Traction, surface: Surface):
-        super().__init__(surface.particles, surface.selection, surface.areas, condition.course)
+        super().__init__(surface.particles, surface.selection, surface.areas, condition.prescribed)
 
 
 @load_of(Pressure)
@@ -204,8 +177,8 @@ class PressureLoad:
     constant, largest_step = False, np.inf
 
     def __init__(self, condition: Pressure, surface: Surface):
-        self.course, self.surface, self.particles = condition.course, surface, surface.particles
-        self.times = tuple(self.course.jump_times)
+        self.pressure, self.surface, self.particles = condition.prescribed, surface, surface.particles
+        self.times = tuple(self.pressure.jump_times)
         self._area: np.ndarray | None = None
         self._layout = -1
 
@@ -225,7 +198,7 @@ class PressureLoad:
         if self._layout != self.particles.layout:
             self._layout, self._rows = self.particles.layout, self.surface.selection.rows
             places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[self._rows])
-            self._pressure, self._vectors = course_at(self.course, places), self.surface.vectors(self._rows)
+            self._pressure, self._vectors = self.pressure.at(places), self.surface.vectors(self._rows)
         areas = np.empty(self._vectors.T.shape)
         deformed_areas(self._rows, self.particles.owned_rows("deformation_gradient").T, self._vectors, areas)
         return areas

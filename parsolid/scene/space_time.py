@@ -1,9 +1,40 @@
-"""Values of place and time as sums of products of both, of which only the factors in time are found anew."""
+"""Functions of place and time, which loads and prescribed motion follow.
+
+Most are sums of products of a function of time and one of place, of which only the former are found anew.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+
+
+class SpaceTimeFunction:
+    """Values (components) at reference places and times."""
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether they change."""
+        return True
+
+    @property
+    def jump_times(self) -> Sequence[float]:
+        """Times [s] at which they jump."""
+        return ()
+
+    @property
+    def two_sided_times(self) -> frozenset[float]:
+        """Times [s] at which the values just before and just after differ."""
+        return frozenset(self.jump_times)
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """Values (n, components) at points (n, d) [m] and a time [s]; where they jump just after, or just before it."""
+        raise NotImplementedError
+
+    def at(self, points: np.ndarray) -> Callable[[float, bool], Sequence[Any]]:
+        """The components at points (n, d) [m] as a function of `time` and `before`, see `evaluate`: (n,), or a number
+        where it is the same at all points. Warnings of numpy are the caller's to silence."""
+        return lambda time, before: list(self.evaluate(points, time, before).T)
 
 
 class Mode(NamedTuple):
@@ -15,10 +46,10 @@ class Mode(NamedTuple):
 
 
 class Separated(NamedTuple):
-    """A course at some places: each component is the sum of its modes times their factors.
+    """A function at some places: each component is the sum of its modes times their factors.
 
-    factors(time, before): at a time [s], of a jump just after it or just before; pointwise: whether each is (n,), of
-    what is no such product, else it is a number. Warnings of numpy are the caller's to silence.
+    factors(time, before): at a time [s], see `SpaceTimeFunction.evaluate`; pointwise: whether each is (n,), of what is
+    no such product, else it is a number. Warnings of numpy are the caller's to silence.
     """
 
     components: int
@@ -35,11 +66,21 @@ class Separated(NamedTuple):
         return result
 
 
-def evaluated(course: Any, points: np.ndarray, time: float, before: bool) -> np.ndarray:
-    """Values (n, components) of a course with a method `separated` at points (n, d) [m] and a time [s]."""
-    with np.errstate(all="ignore"):
-        values = course.separated(points).values(time, before)
-    result = np.empty((len(points), len(values)))
-    for i, one in enumerate(values):
-        result[:, i] = one
-    return result
+class SeparatedFunction(SpaceTimeFunction):
+    """A function that is known by its factors and modes."""
+
+    def separated(self, points: np.ndarray) -> Separated:
+        """The values at points (n, d) [m]."""
+        raise NotImplementedError
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            values = self.separated(points).values(time, before)
+        result = np.empty((len(points), len(values)))
+        for i, one in enumerate(values):
+            result[:, i] = one
+        return result
+
+    def at(self, points: np.ndarray) -> Callable[[float, bool], Sequence[Any]]:
+        with np.errstate(all="ignore"):
+            return self.separated(points).values
