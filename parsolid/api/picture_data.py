@@ -24,8 +24,9 @@ _LOADS = ("traction", "pressure", "temperature", "heat-flux", "rotation", "veloc
 
 
 class Mark(NamedTuple):
-    """Particles that something is about: rows (n,) of `Scenery`; kind: "region", "support", "load", "contact", "tie" or
-    "bond"; arrows (n, d): directions, the longest of length 1, None without; inwards: they end at the particles."""
+    """Particles of a region, a condition or an interface: rows (n,) of `PictureData`; kind: "region", "support", "load",
+    "contact", "tie" or "bond"; arrows (n, d): directions, the longest of length 1, None without; inwards: they end at
+    the particles."""
 
     kind: str
     label: str
@@ -34,7 +35,7 @@ class Mark(NamedTuple):
     inwards: bool = False
 
 
-class Scenery(NamedTuple):
+class PictureData(NamedTuple):
     """Particles of all ranks, position and spacing (n, d) [m], body (n,), outer (n,): whether on a surface; marks;
     walls: label, axis and offset [m] of each plane; velocity (bodies, d) [m/s]: mean one at the start."""
 
@@ -47,7 +48,7 @@ class Scenery(NamedTuple):
     velocity: np.ndarray
 
 
-def scenery_of(comm: MPI.Comm, scene: Scene) -> Scenery | None:
+def picture_data(comm: MPI.Comm, scene: Scene) -> PictureData | None:
     """All that a picture of a scene shows, on rank 0; collective. Raises SceneError on all ranks."""
     drawn = generate(scene, comm)
     held = [one for one in scene.boundaries if one.on_particles]
@@ -73,7 +74,7 @@ def scenery_of(comm: MPI.Comm, scene: Scene) -> Scenery | None:
     velocity = np.stack(sums, axis=1) / count[:, None]
     # bodies that turn about their middle fly nowhere
     velocity[np.abs(velocity).max(axis=1) < _ROUND_OFF * np.abs(whole[-1]).max(initial=0.0)] = 0.0
-    return Scenery(position, spacing, body, area.any(axis=1), marks, walls, velocity)
+    return PictureData(position, spacing, body, area.any(axis=1), marks, walls, velocity)
 
 
 def _label(one: Condition) -> str:
