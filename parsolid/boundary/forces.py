@@ -6,7 +6,7 @@ and report its force.
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,28 +28,47 @@ Rows = np.ndarray | slice
 _SAFETY = 0.8
 
 
-class Load(Protocol):
+class Load:
     """Forces on some particles of a rank.
 
-    constant: whether they depend on the reference configuration alone; times [s]: at which they jump; largest_step [s]:
-    the largest stable step of its particles under this load alone.
+    constant: whether they depend on the reference configuration alone; times [s]: at which they jump.
     """
 
-    constant: bool
-    times: tuple[float, ...]
+    constant = False
+    times: tuple[float, ...] = ()
 
-    def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
-        """Rows and forces (d, k) [N] at a time [s]; at a jump those before it, or after it."""
+    def __init__(self, particles: Particles):
+        self.particles, self._layout = particles, -1
 
     @property
     def largest_step(self) -> float:
-        """Infinite for all but springs and dashpots."""
+        """The largest stable step [s] of its particles under this load alone; infinite but for springs and dashpots."""
+        return np.inf
+
+    def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
+        """Rows and forces (d, k) [N] at a time [s]; at a jump those before it, or after it."""
+        raise NotImplementedError
+
+    def keep_deformation(self) -> None:
+        """Use the present deformation for the forces that are asked for next."""
+
+    def masses_changed(self) -> None:
+        """Find what follows from the particles anew at the next call, after some were deleted."""
+        self._layout = -1
+
+    def _follow_layout(self) -> None:
+        """Find what follows from the particles anew after these have changed their rows."""
+        if self._layout != self.particles.layout:
+            self._layout = self.particles.layout
+            self._find_rows()
+
+    def _find_rows(self) -> None:
+        """Find rows, and what follows from the particles in them."""
+        raise NotImplementedError
 
 
-class DistributedLoad:
+class DistributedLoad(Load):
     """scale(rows) * function(X, t): a load that depends on reference positions and time alone."""
-
-    largest_step = np.inf
 
     def __init__(
         self,
@@ -61,10 +80,10 @@ class DistributedLoad:
     ):
         """selection: the particles, None for all; scale(rows) (k,): from fields that travel with the particles; plane:
         where the function is evaluated, at the particles' own places unless given."""
-        self.particles, self.selection, self.scale, self.plane = particles, selection, scale, plane
+        super().__init__(particles)
+        self.selection, self.scale, self.plane = selection, scale, plane
         self.function, self.constant = function, not function.depends_on_time
         self.times, self._two_sided = tuple(function.jump_times), function.two_sided_times
-        self._layout = -1
         # forces found last, and for what time
         self._forces, self._found_at = np.zeros((0, 0)), (np.nan, False)
 
@@ -82,11 +101,7 @@ class DistributedLoad:
             self._found_at = moment
         return self._rows, self._forces
 
-    def _follow_layout(self) -> None:
-        """Look rows, scale and places up, anew after particles have changed their rows."""
-        if self._layout == self.particles.layout:
-            return
-        self._layout = self.particles.layout
+    def _find_rows(self) -> None:
         self._rows: Rows = slice(None) if self.selection is None else self.selection.rows
         self._scale = self.scale(self._rows)
         places = np.array(self.particles.owned_rows("reference_position")[self._rows], order="C")
@@ -94,10 +109,6 @@ class DistributedLoad:
             places[:, self.plane.axis] = self.plane.offset
         self._values = self.function.at(places)
         self._found_at = np.nan, False
-
-    def masses_changed(self) -> None:
-        """Find rows and scale anew at the next call, after masses have changed."""
-        self._layout = -1
 
 
 class ManufacturedBodyForce(SpaceTimeFunction):
@@ -171,19 +182,16 @@ class TractionLoad(DistributedLoad):
 
 
 @load_of(Pressure)
-class PressureLoad:
+class PressureLoad(Load):
     """A pressure on the deformed surface: -p cof(F) dA."""
 
-    constant, largest_step = False, np.inf
-
     def __init__(self, condition: Pressure, surface: Surface):
-        self.pressure, self.surface, self.particles = condition.prescribed, surface, surface.particles
+        super().__init__(surface.particles)
+        self.pressure, self.surface = condition.prescribed, surface
         self.times = tuple(self.pressure.jump_times)
         self._area: np.ndarray | None = None
-        self._layout = -1
 
     def keep_deformation(self) -> None:
-        """Keep the present deformation for the forces that are asked for next."""
         self._area = self._deformed_areas()
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
@@ -195,25 +203,26 @@ class PressureLoad:
 
     def _deformed_areas(self) -> np.ndarray:
         """cof(F) dA (d, k) [m^2]."""
-        if self._layout != self.particles.layout:
-            self._layout, self._rows = self.particles.layout, self.surface.selection.rows
-            places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[self._rows])
-            self._pressure, self._vectors = self.pressure.at(places), self.surface.vectors(self._rows)
+        self._follow_layout()
         areas = np.empty(self._vectors.T.shape)
         deformed_areas(self._rows, self.particles.owned_rows("deformation_gradient").T, self._vectors, areas)
         return areas
 
+    def _find_rows(self) -> None:
+        self._rows = self.surface.selection.rows
+        places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[self._rows])
+        self._pressure, self._vectors = self.pressure.at(places), self.surface.vectors(self._rows)
+
 
 @load_of(Spring)
-class SpringLoad:
+class SpringLoad(Load):
     """Springs and dashpots from the surface to rest: -k u - c v per reference area, or the part along its normal."""
 
-    constant, times = False, ()
-
     def __init__(self, condition: Spring, surface: Surface):
+        super().__init__(surface.particles)
         self.stiffness, self.damping = float(condition.stiffness), float(condition.damping)
         self.along_normal = condition.along == "normal"
-        self.surface, self.particles, self._layout = surface, surface.particles, -1
+        self.surface = surface
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
         """See `Load`; by the present positions and velocities."""
@@ -229,18 +238,11 @@ class SpringLoad:
         self._follow_layout()
         return self._largest_step
 
-    def _follow_layout(self) -> None:
-        """Look rows, areas and masses up, anew after particles have changed their rows."""
-        if self._layout == self.particles.layout:
-            return
-        self._layout, self._rows = self.particles.layout, self.surface.selection.rows
+    def _find_rows(self) -> None:
+        self._rows = self.surface.selection.rows
         self._areas = self.surface.areas(self._rows)
         self._normals = self.surface.normals(self._rows) if self.along_normal else None
         self._shape = self.particles.owned_rows("position").shape[1], len(self._rows)
         per_mass = self._areas / tributary_mass(self.particles, self._rows)
         rate = np.sqrt(self.stiffness * per_mass) + self.damping * per_mass
         self._largest_step = float(_SAFETY * 1.7 / rate.max(initial=1e-300))
-
-    def masses_changed(self) -> None:
-        """Find the step anew at the next call, after masses have changed."""
-        self._layout = -1

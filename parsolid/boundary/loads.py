@@ -144,15 +144,13 @@ class Loads:
     def keep_deformation(self) -> None:
         """Let loads use the present deformation, which a stage changes before its forces are asked for."""
         for load, _ in self.loads_of:
-            if hasattr(load, "keep_deformation"):
-                load.keep_deformation()
+            load.keep_deformation()
 
     def masses_changed(self) -> None:
         """Find loads anew, after particles were deleted."""
         self._layout = -1
         for load, _ in self.loads_of:
-            if hasattr(load, "masses_changed"):
-                load.masses_changed()
+            load.masses_changed()
 
     def observe(self, duration: float, velocity: np.ndarray | None = None) -> None:
         """Count impulses and works over a duration [s] of the forces found last, at present places and with velocities
