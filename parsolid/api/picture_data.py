@@ -24,9 +24,9 @@ _LOADS = ("traction", "pressure", "temperature", "heat-flux", "rotation", "veloc
 
 
 class Mark(NamedTuple):
-    """Particles of a region, a condition or an interface: rows (n,) of `PictureData`; kind: "region", "support", "load",
-    "contact", "tie" or "bond"; arrows (n, d): directions, the longest of length 1, None without; inwards: they end at
-    the particles."""
+    """Particles of a region, a condition or an interface: rows (n,) of `PictureData`; kind: "region", "support",
+    "load", "contact", "tie" or "bond"; arrows (n, d): directions, the longest of length 1, None without; inwards: they
+    end at the particles."""
 
     kind: str
     label: str

@@ -10,6 +10,7 @@ from decomposition.pair_search import close_boxes
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.contact.report import contact_warnings
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.touching import TOUCHING
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.systems import qualify_keys
@@ -17,8 +18,6 @@ from parsolid.scene.warned import Warned
 
 # a part is bent rather than sheared where it is so many times as long as thick
 _SLENDER = 4.0
-# bodies closer than so many of the larger spacing touch, as in `contact.report`
-_TOUCHING = 1.5
 _ROUND_OFF = 1e-6
 
 # lower and upper bounds of a body's particles, and their mean spacing, each (d,) [m]
@@ -76,13 +75,13 @@ def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dic
     bonded, settings = scene.bonded, system.settings
     bonding = dict(zip(system.bodies, settings.bonding(scene, system.bodies)))
     lowest, highest, spacings = (np.array(one) for one in zip(*(extents[body] for body in system.bodies)))
-    close = np.transpose(close_boxes(lowest, highest, 2.0 * _TOUCHING * spacings.max(axis=1)))
+    close = np.transpose(close_boxes(lowest, highest, 2.0 * TOUCHING * spacings.max(axis=1)))
     for i, j in sorted(np.array(system.bodies)[close].tolist()):
         if not (bonding[i] and bonding[j] and bonded.has(i, j)):
             continue
         (lower, upper, spacing), (other_lower, other_upper, other) = extents[i], extents[j]
         gap = np.linalg.norm(np.maximum(np.maximum(lower - other_upper, other_lower - upper), 0.0))
-        if gap > _TOUCHING * max(spacing.max(), other.max()):
+        if gap > TOUCHING * max(spacing.max(), other.max()):
             continue
         ratio = float(max((spacing / other).max(), (other / spacing).max()))
         density = [system.wave_modulus(system.bodies.index(k))[1] for k in (i, j)]
