@@ -8,7 +8,7 @@ pytest.importorskip("pyvista")
 import meshio
 
 from parsolid.commands.plot.cuts import Cut, cut_body
-from parsolid.commands.plot.skins import skins_of
+from parsolid.particles.skins import skins_of
 from parsolid.scene import parse_scene
 
 pytestmark = pytest.mark.serial
