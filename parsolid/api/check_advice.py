@@ -114,7 +114,7 @@ def thin_advice(simulation: Simulation) -> list[Note]:
         for number, i in enumerate(stated.bodies):
             thin = thinnest(scene, i, layers(simulation.comm, system, number))
             if thin is not None:
-                result += _told(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
+                result += _few_layers(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
     return result
 
 
@@ -178,7 +178,7 @@ def size_advice(simulation: Simulation) -> list[Note]:
     return result
 
 
-def _told(body: str, across: int, axis: str, kind: str, placement: str) -> Iterator[Note]:
+def _few_layers(body: str, across: int, axis: str, kind: str, placement: str) -> Iterator[Note]:
     figure = BENDING.get((kind, placement), {}).get(across)
     here = f"{body}: {across} {'particle' if across == 1 else 'particles'} across {axis}, where it is thin"
     if figure is not None:

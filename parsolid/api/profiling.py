@@ -34,7 +34,7 @@ def profiled(comm: Any, folder: Path | None) -> Iterator[None]:
     path = folder / f"profile-{comm.rank}.txt"
     with together(comm, f"cannot write {path}"):
         text = io.StringIO()
-        for order, told in (("tottime", "own time"), ("cumulative", "time with what they call")):
-            text.write(f"rank {comm.rank} of {comm.size}: functions by {told}\n")
+        for order, meaning in (("tottime", "own time"), ("cumulative", "time with what they call")):
+            text.write(f"rank {comm.rank} of {comm.size}: functions by {meaning}\n")
             pstats.Stats(profile, stream=text).strip_dirs().sort_stats(order).print_stats(SHOWN)
         path.write_text(text.getvalue(), encoding="utf-8")

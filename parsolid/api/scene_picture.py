@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from mpi4py import MPI
 
-from parsolid.api.scenery import Mark, Scenery, scenery_of
+from parsolid.api.picture_data import Mark, PictureData, picture_data
 from parsolid.scene import Scene, SceneError
 
 # suffixes that matplotlib writes without other packages
@@ -54,20 +54,20 @@ def draw_scene(comm: MPI.Comm, scene: Scene, path: str | Path, meshes: dict[Any,
     """
     if Path(path).suffix not in _SUFFIXES:
         raise SceneError([f"picture: expected a file that ends in {', '.join(_SUFFIXES)}, found {str(path)!r}"])
-    scenery, fault = scenery_of(comm, scene, meshes), None
-    if scenery is not None:
+    data, fault = picture_data(comm, scene, meshes), None
+    if data is not None:
         try:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
-            figure_of(scene, scenery).savefig(path, dpi=130)
+            figure_of(scene, data).savefig(path, dpi=130)
         except OSError as error:
             fault = f"picture: expected a file that can be written, found {error}"
     if (fault := comm.bcast(fault)) is not None:
         raise SceneError([fault])
 
 
-def figure_of(scene: Scene, scenery: Scenery) -> Figure:
+def figure_of(scene: Scene, data: PictureData) -> Figure:
     """The picture beside its legend."""
-    low, high = (getattr(scenery.position, end)(axis=0) for end in ("min", "max"))
+    low, high = (getattr(data.position, end)(axis=0) for end in ("min", "max"))
     sides = np.resize((high - low) / float((high - low).max()), 2) if scene.dimension == 2 else np.array([1.0, 0.0])
     # of the axes, and around them [inches]; the legend is on the right
     width, height = (9.6, 5.2) if scene.dimension == 3 else np.maximum(8.0 * sides, (3.0, 2.2))
@@ -76,12 +76,12 @@ def figure_of(scene: Scene, scenery: Scenery) -> Figure:
     whole = figure.get_size_inches()
     axes = figure.add_axes((left / whole[0], below / whole[1], width / whole[0], height / whole[1]))
     if scene.dimension == 3:
-        _draw_space(axes, scene, scenery)
+        _draw_space(axes, scene, data)
     else:
-        _draw_plane(axes, scene, scenery)
+        _draw_plane(axes, scene, data)
     axes.set_title(_caption(scene), fontsize=9, loc="left")
     figure.legend(
-        handles=_handles(scene, scenery),
+        handles=_handles(scene, data),
         loc="center left",
         bbox_to_anchor=(1.0 - (right - 0.2) / whole[0], 0.5),
         fontsize=8,
@@ -92,12 +92,12 @@ def figure_of(scene: Scene, scenery: Scenery) -> Figure:
 
 def _caption(scene: Scene) -> str:
     methods = ", ".join(dict.fromkeys(system.settings.kind for system in scene.systems))
-    told = [f"{scene.title or 'scene'}: {methods}, {scene.dimension}-D"]
+    lines = [f"{scene.title or 'scene'}: {methods}, {scene.dimension}-D"]
     for key, unit in (("acceleration", "m/s²"), ("body_force", "N/m³")):
         stated = getattr(scene.loads, key)
         if stated is not None:
-            told.append(f"{key.replace('_', ' ')} ({', '.join(map(str, stated.sources))}) {unit}")
-    return "\n".join(told)
+            lines.append(f"{key.replace('_', ' ')} ({', '.join(map(str, stated.sources))}) {unit}")
+    return "\n".join(lines)
 
 
 def _numbered(marks: list[Mark]) -> list[tuple[Mark, str]]:
@@ -111,7 +111,7 @@ def _numbered(marks: list[Mark]) -> list[tuple[Mark, str]]:
     return result
 
 
-def _handles(scene: Scene, scenery: Scenery) -> list[Line2D]:
+def _handles(scene: Scene, data: PictureData) -> list[Line2D]:
     """The legend, a part for each kind of thing; of many the first are named."""
 
     def entry(label: str, marker: str, colour: str, filled: bool = True) -> Line2D:
@@ -122,17 +122,17 @@ def _handles(scene: Scene, scenery: Scenery) -> list[Line2D]:
 
     parts: dict[str, list[Line2D]] = {"Bodies": []}
     for number, body in enumerate(scene.bodies):
-        told = f"{body.name or f'bodies.{number}'}: {body.material.kind}"
-        parts["Bodies"].append(entry(told, "s", _BODIES[number % len(_BODIES)]))
-    for one, colour in _numbered(scenery.marks):
+        label = f"{body.name or f'bodies.{number}'}: {body.material.kind}"
+        parts["Bodies"].append(entry(label, "s", _BODIES[number % len(_BODIES)]))
+    for one, colour in _numbered(data.marks):
         ring = one.kind in _INTERFACES
         marker = r"$\rightarrow$" if one.arrows is not None else "o"
         parts.setdefault(_TITLES[one.kind], []).append(entry(one.label, marker, colour, not ring))
-    for label, _, _ in scenery.walls:
+    for label, _, _ in data.walls:
         parts.setdefault("Planes", []).append(entry(label, "_", _WALL))
     for tool in scene.tools:
         parts.setdefault("Tools", []).append(entry(f"{tool.name} ({tool.shape.kind})", "s", _TOOL))
-    if scenery.velocity.any():
+    if data.velocity.any():
         parts.setdefault("At the start", []).append(entry("velocity of a body", r"$\rightarrow$", _VELOCITY))
     handles: list[Line2D] = []
     for title, entries in parts.items():
@@ -151,11 +151,11 @@ def _few(rows: np.ndarray, most: int) -> np.ndarray:
 # --- in a plane -----------------------------------------------------------------------------------------------------
 
 
-def _draw_plane(axes: Any, scene: Scene, scenery: Scenery) -> None:
+def _draw_plane(axes: Any, scene: Scene, data: PictureData) -> None:
     """One or two dimensions, lengths in metres."""
-    flat = scenery.position.shape[1] == 1
-    place = np.pad(scenery.position, ((0, 0), (0, 1))) if flat else scenery.position
-    spacing = np.repeat(scenery.spacing, 2, axis=1) if flat else scenery.spacing
+    flat = data.position.shape[1] == 1
+    place = np.pad(data.position, ((0, 0), (0, 1))) if flat else data.position
+    spacing = np.repeat(data.spacing, 2, axis=1) if flat else data.spacing
     low, high = place.min(axis=0), place.max(axis=0)
     length, margin = _ARROW * float((high - low).max()), 0.14 * float((high - low).max())
 
@@ -170,8 +170,8 @@ def _draw_plane(axes: Any, scene: Scene, scenery: Scenery) -> None:
         axes.quiver(*tails.T, *along.T, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.0045, zorder=6)
 
     for number in range(len(scene.bodies)):
-        discs(np.flatnonzero(scenery.body == number), 0.98, facecolor=_BODIES[number % len(_BODIES)], lw=0)
-    for one, colour in _numbered(scenery.marks):
+        discs(np.flatnonzero(data.body == number), 0.98, facecolor=_BODIES[number % len(_BODIES)], lw=0)
+    for one, colour in _numbered(data.marks):
         ring = one.kind in _INTERFACES
         look: dict[str, Any] = {"facecolor": "none", "edgecolor": colour, "lw": 1.1} if ring else {"facecolor": colour}
         discs(one.rows, _SIZES[one.kind], zorder=3 + ring, **look)
@@ -181,9 +181,9 @@ def _draw_plane(axes: Any, scene: Scene, scenery: Scenery) -> None:
             along = np.pad(along, ((0, 0), (0, 1))) if flat else along
             tails = place[one.rows[chosen]]
             arrows(tails - along if one.inwards else tails, along, colour)
-    fastest = np.linalg.norm(scenery.velocity, axis=1).max()
-    for number, velocity in enumerate(scenery.velocity):
-        middle = place[scenery.body == number].mean(axis=0)
+    fastest = np.linalg.norm(data.velocity, axis=1).max()
+    for number, velocity in enumerate(data.velocity):
+        middle = place[data.body == number].mean(axis=0)
         if velocity.any():
             along = 1.4 * length * velocity / fastest
             arrows(middle[None], np.pad(along, (0, 2 - len(along)))[None], _VELOCITY)
@@ -197,7 +197,7 @@ def _draw_plane(axes: Any, scene: Scene, scenery: Scenery) -> None:
                 fontsize=8,
                 zorder=7,
             )
-    for _, axis, offset in scenery.walls:
+    for _, axis, offset in data.walls:
         (axes.axvline if axis == 0 else axes.axhline)(offset, color=_WALL, lw=2.0, zorder=2)
         low[axis], high[axis] = min(low[axis], offset), max(high[axis], offset)
     for tool in scene.tools:
@@ -236,13 +236,13 @@ def _draw_tool_in_plane(axes: Any, shape: Any, low: np.ndarray, high: np.ndarray
 # --- in space -------------------------------------------------------------------------------------------------------
 
 
-def _draw_space(axes: Any, scene: Scene, scenery: Scenery) -> None:
+def _draw_space(axes: Any, scene: Scene, data: PictureData) -> None:
     """Three dimensions from two sides, Z upright; bodies that meet are moved apart."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkLogger
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-    place, moved = _moved_apart(scene, scenery)
+    place, moved = _moved_apart(scene, data)
     low, high = place.min(axis=0), place.max(axis=0)
     size = float((high - low).max())
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=[1000, 1000])
@@ -250,7 +250,7 @@ def _draw_space(axes: Any, scene: Scene, scenery: Scenery) -> None:
 
     def grains(rows: np.ndarray, share: float, colour: str) -> None:
         if len(rows):
-            sizes = share * np.median(scenery.spacing[rows], axis=0)
+            sizes = share * np.median(data.spacing[rows], axis=0)
             cube = pyvista.Cube(x_length=sizes[0], y_length=sizes[1], z_length=sizes[2])
             cloud = pyvista.PolyData(np.ascontiguousarray(place[rows], float))
             plotter.add_mesh(cloud.glyph(geom=cube, scale=False, orient=False), color=colour, ambient=0.25)
@@ -264,8 +264,8 @@ def _draw_space(axes: Any, scene: Scene, scenery: Scenery) -> None:
             plotter.add_mesh(drawn, color=colour, ambient=0.4)
 
     drawn_by_elements = set()
-    for skin in scenery.meshes:
-        number = int(scenery.body[skin.first])
+    for skin in data.meshes:
+        number = int(data.body[skin.first])
         drawn_by_elements.add(number)
         faces = np.concatenate([np.insert(patch, 0, patch.shape[1], axis=1).ravel() for patch in skin.patches or ()])
         surface = pyvista.PolyData(np.ascontiguousarray(place[skin.first : skin.last], float), faces)
@@ -273,25 +273,25 @@ def _draw_space(axes: Any, scene: Scene, scenery: Scenery) -> None:
             surface, color=_BODIES[number % len(_BODIES)], ambient=0.25, show_edges=True, edge_color=_EDGES
         )
     for number in sorted(set(range(len(scene.bodies))) - drawn_by_elements):
-        here = scenery.body == number
-        inside = _few(np.flatnonzero(here & ~scenery.outer), _MOST_INSIDE)
-        rows = np.concatenate((np.flatnonzero(here & scenery.outer), inside))
+        here = data.body == number
+        inside = _few(np.flatnonzero(here & ~data.outer), _MOST_INSIDE)
+        rows = np.concatenate((np.flatnonzero(here & data.outer), inside))
         grains(rows, 0.98, _BODIES[number % len(_BODIES)])
     shares = {"region": 1.02, "contact": 1.04, "tie": 1.04, "bond": 1.04, "support": 1.06, "load": 1.08}
-    for one, colour in _numbered(scenery.marks):
+    for one, colour in _numbered(data.marks):
         grains(one.rows, shares[one.kind], colour)
         if one.arrows is not None:
             for k in _few(np.arange(len(one.rows)), _MOST_ARROWS):
                 along, tail = _ARROW * size * one.arrows[k], place[one.rows[k]]
                 arrow(tail - along if one.inwards else tail, along, colour)
-    fastest = np.linalg.norm(scenery.velocity, axis=1).max()
-    for number, velocity in enumerate(scenery.velocity):
+    fastest = np.linalg.norm(data.velocity, axis=1).max()
+    for number, velocity in enumerate(data.velocity):
         if velocity.any():
-            middle = place[scenery.body == number]
+            middle = place[data.body == number]
             along = velocity / fastest
             tip = middle.mean(axis=0) + along * float(((middle - middle.mean(axis=0)) @ along).max())
             arrow(tip, 1.5 * _ARROW * size * along, _VELOCITY)
-    for _, axis, offset in scenery.walls:
+    for _, axis, offset in data.walls:
         centre, normal = 0.5 * (low + high), np.eye(3)[axis]
         centre[axis] = offset
         wall = pyvista.Plane(center=centre, direction=normal, i_size=1.3 * size, j_size=1.3 * size)
@@ -307,13 +307,13 @@ def _draw_space(axes: Any, scene: Scene, scenery: Scenery) -> None:
     tallest = max(len(one) for one in views)
     axes.imshow(np.concatenate([_as_tall(one, tallest) for one in views], axis=1))
     axes.set_axis_off()
-    original = scenery.position
+    original = data.position
     bounds = zip("XYZ", original.min(axis=0), original.max(axis=0))
-    told = ", ".join(f"{axis} {a:.4g} to {b:.4g} m" for axis, a, b in bounds)
+    sizes = ", ".join(f"{axis} {a:.4g} to {b:.4g} m" for axis, a, b in bounds)
     axes.text(
         0.0,
         -0.03,
-        f"from the front and above, and from behind and below; {told}"
+        f"from the front and above, and from behind and below; {sizes}"
         + ("; bodies that meet are moved apart" if moved else ""),
         transform=axes.transAxes,
         fontsize=8,
@@ -334,17 +334,17 @@ def _as_tall(picture: np.ndarray, rows: int) -> np.ndarray:
     return np.pad(picture, ((0, rows - len(picture)), (0, 60), (0, 0)), constant_values=255)
 
 
-def _moved_apart(scene: Scene, scenery: Scenery) -> tuple[np.ndarray, bool]:
+def _moved_apart(scene: Scene, data: PictureData) -> tuple[np.ndarray, bool]:
     """Places (n, 3) [m] at which faces between bodies can be seen, and whether any are moved."""
-    met = any(one.kind in _INTERFACES and len(one.rows) for one in scenery.marks)
+    met = any(one.kind in _INTERFACES and len(one.rows) for one in data.marks)
     if not met:
-        return scenery.position, False
-    low, high = scenery.position.min(axis=0), scenery.position.max(axis=0)
-    middles = np.array([scenery.position[scenery.body == k].mean(axis=0) for k in range(len(scene.bodies))])
+        return data.position, False
+    low, high = data.position.min(axis=0), data.position.max(axis=0)
+    middles = np.array([data.position[data.body == k].mean(axis=0) for k in range(len(scene.bodies))])
     away = middles - 0.5 * (low + high)
     farthest = max(float(np.linalg.norm(away, axis=1).max()), 1e-300)
     shift = 2.0 * _APART * float((high - low).max()) * away / farthest
-    return scenery.position + shift[scenery.body], True
+    return data.position + shift[data.body], True
 
 
 def _tool_in_space(pyvista: Any, shape: Any, centre: np.ndarray, size: float) -> Any:

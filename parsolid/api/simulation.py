@@ -21,7 +21,7 @@ from parsolid.simulation.job import FAILED, Job
 from parsolid.simulation.loop import FINISHED, STOPPED, Limits, RunFailed
 from parsolid.simulation.loop import Simulation as Core
 from parsolid.simulation.observables import Observables
-from parsolid.simulation.outputs import Cadence, Callback, EnergyCheck, Output
+from parsolid.simulation.outputs import Cadence, Callback, EnergyCheckOutput, Output
 from parsolid.simulation.probes import Probes
 from parsolid.simulation.restart import Restart
 
@@ -144,7 +144,7 @@ class Simulation:
     def _outputs(self) -> list[Output]:
         """What is done with each state: files first, the checkpoint after all that a callback may change."""
         if self._job is None:
-            return [*self._callbacks, EnergyCheck()]
+            return [*self._callbacks, EnergyCheckOutput()]
         *first, checkpoints, shown = self._job.outputs
         return [*first, *self._callbacks, checkpoints, shown]
 

@@ -15,13 +15,13 @@ A step of leapfrog (`methods.leapfrog.Leapfrog` makes these calls):
     work = conditions.end_step(step, ledger)      # external work of what moves prescribed components
 
 Stages of SSP-RK3 begin with `begin_step`, and call `external_force(time of the stage, ...)`, `observe(weight step)` and
-`impose(next time)` in turn. A static solution calls `loads` and `motion.displace(t, step, u)`. The material point
-method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCondition)`, with its `course`) and
+`impose(next time)` in turn. A static solution calls `find_loads` and `motion.displace(t, step, u)`. The material point
+method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCondition)`) and
 `walls.RigidWall` to nodes; it calls `find_loads`, `observe(duration, velocity)` and `report` at the end of its step.
 
-Vectors are arrays (d, n) with a row for each component. `external_force` and `loads` are forces [N] on the parts of
-particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact, tools
-and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it, too.
+Vectors are arrays (d, n) with a row for each component. `external_force` and `find_loads` give forces [N] on the parts
+of particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact,
+tools and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it.
 
 A new kind is a class of its keys in `scene/boundaries/`; if it derives from `Traction`, `Pressure` or `MotionCondition`
 there, that is all. A new load is a class in `boundary.forces`; a new constraint is one in `boundary.constraints`.
@@ -258,7 +258,7 @@ class Conditions(Loads):
             held = -roller.held(acting)
             external[:, rows] += held
             if reaction is not None:
-                self._found.append((self.number_of(roller.condition), rows, held))
+                self._reported.append((self.number_of(roller.condition), rows, held))
 
     def _acting(self) -> tuple[np.ndarray | None, np.ndarray | None]:
         """The part (owned,) of particles on this side of mirror planes, and forces (d, capacity) [N] of contact, tools

@@ -5,8 +5,8 @@ keys in `scene/boundaries/` and a class here, entered with `@load_of`; all metho
 and report its force.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from parsolid.scene.boundaries.surface import Pressure, Spring
 from parsolid.scene.boundaries.traction import Traction
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.schema import Scene
+from parsolid.scene.space_time import SpaceTimeFunction
 
 # rows of some particles, or all of them
 Rows = np.ndarray | slice
@@ -27,76 +28,69 @@ Rows = np.ndarray | slice
 _SAFETY = 0.8
 
 
-class Load(Protocol):
+class Load:
     """Forces on some particles of a rank.
 
-    constant: whether they depend on the reference configuration alone; times [s]: at which they jump; largest_step [s]:
-    the largest stable step of its particles under this load alone.
+    constant: whether they depend on the reference configuration alone; times [s]: at which they jump.
     """
 
-    constant: bool
-    times: tuple[float, ...]
+    constant = False
+    times: tuple[float, ...] = ()
 
-    def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
-        """Rows and forces (d, k) [N] at a time [s]; at a jump those before it, or after it."""
+    def __init__(self, particles: Particles):
+        self.particles, self._layout = particles, -1
 
     @property
     def largest_step(self) -> float:
-        """Infinite for all but springs and dashpots."""
+        """The largest stable step [s] of its particles under this load alone; infinite but for springs and dashpots."""
+        return np.inf
+
+    def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
+        """Rows and forces (d, k) [N] at a time [s]; at a jump those before it, or after it."""
+        raise NotImplementedError
+
+    def keep_deformation(self) -> None:
+        """Use the present deformation for the forces that are asked for next."""
+
+    def masses_changed(self) -> None:
+        """Find what follows from the particles anew at the next call, after some were deleted."""
+        self._layout = -1
+
+    def _follow_layout(self) -> None:
+        """Find what follows from the particles anew after these have changed their rows."""
+        if self._layout != self.particles.layout:
+            self._layout = self.particles.layout
+            self._find_rows()
+
+    def _find_rows(self) -> None:
+        """Find rows, and what follows from the particles in them."""
+        raise NotImplementedError
 
 
-class Course(Protocol):
-    """Values of place and time, as of `scene.load_histories.LoadHistory`."""
-
-    @property
-    def depends_on_time(self) -> bool:
-        """Whether they change."""
-
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """Values (k, components) at reference positions (k, d) [m] and a time [s], at a jump after or before it."""
-
-
-def jumps_of(course: Course) -> frozenset[float]:
-    """Times [s] at which `before` decides about the values of a course."""
-    return frozenset((*getattr(course, "jump_times", ()), *getattr(course, "jumps", ())))
-
-
-def course_at(course: Course, places: np.ndarray) -> Callable[[float, bool], Sequence[Any]]:
-    """The components of a course at places (k, d) [m] as a function of `time` and `before`, as in `Course.evaluate`:
-    (k,), or a number where it is the same at all places. Warnings of numpy are the caller's."""
-    if hasattr(course, "separated"):
-        with np.errstate(all="ignore"):
-            values: Callable[[float, bool], Sequence[Any]] = course.separated(places).values
-        return values
-    return lambda time, before: list(course.evaluate(places, time, before).T)
-
-
-class DistributedLoad:
-    """scale(rows) * course(X, t): a load that depends on reference positions and time alone."""
-
-    largest_step = np.inf
+class DistributedLoad(Load):
+    """scale(rows) * function(X, t): a load that depends on reference positions and time alone."""
 
     def __init__(
         self,
         particles: Particles,
         selection: Selection | None,
         scale: Callable[[Rows], np.ndarray],
-        course: Course,
+        function: SpaceTimeFunction,
         plane: Any = None,
     ):
         """selection: the particles, None for all; scale(rows) (k,): from fields that travel with the particles; plane:
-        where the course is evaluated, at the particles' own places unless given."""
-        self.particles, self.selection, self.scale, self.course, self.plane = particles, selection, scale, course, plane
-        self.constant = not course.depends_on_time
-        self.times, self._jumps = tuple(getattr(course, "jump_times", ())), jumps_of(course)
-        self._layout = -1
+        where the function is evaluated, at the particles' own places unless given."""
+        super().__init__(particles)
+        self.selection, self.scale, self.plane = selection, scale, plane
+        self.function, self.constant = function, not function.depends_on_time
+        self.times, self._two_sided = tuple(function.jump_times), function.two_sided_times
         # forces found last, and for what time
         self._forces, self._found_at = np.zeros((0, 0)), (np.nan, False)
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
         """See `Load`; found once for each time, and void when another one is asked for."""
         self._follow_layout()
-        moment = 0.0 if self.constant else time, before_jump and time in self._jumps
+        moment = 0.0 if self.constant else time, before_jump and time in self._two_sided
         if moment != self._found_at:
             with np.errstate(all="ignore"):
                 values = self._values(*moment)
@@ -107,28 +101,18 @@ class DistributedLoad:
             self._found_at = moment
         return self._rows, self._forces
 
-    def _follow_layout(self) -> None:
-        """Look rows, scale and places up, anew after particles have changed their rows."""
-        if self._layout == self.particles.layout:
-            return
-        self._layout = self.particles.layout
+    def _find_rows(self) -> None:
         self._rows: Rows = slice(None) if self.selection is None else self.selection.rows
         self._scale = self.scale(self._rows)
         places = np.array(self.particles.owned_rows("reference_position")[self._rows], order="C")
         if self.plane is not None:
             places[:, self.plane.axis] = self.plane.offset
-        self._values = course_at(self.course, places)
+        self._values = self.function.at(places)
         self._found_at = np.nan, False
 
-    def forget(self) -> None:
-        """Find rows and scale anew at the next call, after masses have changed."""
-        self._layout = -1
 
-
-class ManufacturedBodyForce:
-    """The acceleration [m/s^2] under which an exact solution holds, as a course."""
-
-    depends_on_time = True
+class ManufacturedBodyForce(SpaceTimeFunction):
+    """The acceleration [m/s^2] under which an exact solution holds."""
 
     def __init__(self, scene: Scene):
         # the import takes half a second, which a run without it is spared
@@ -194,27 +178,24 @@ class TractionLoad(DistributedLoad):
     """A traction per reference area."""
 
     def __init__(self, condition: Traction, surface: Surface):
-        super().__init__(surface.particles, surface.selection, surface.areas, condition.course)
+        super().__init__(surface.particles, surface.selection, surface.areas, condition.prescribed)
 
 
 @load_of(Pressure)
-class PressureLoad:
+class PressureLoad(Load):
     """A pressure on the deformed surface: -p cof(F) dA."""
 
-    constant, largest_step = False, np.inf
-
     def __init__(self, condition: Pressure, surface: Surface):
-        self.course, self.surface, self.particles = condition.course, surface, surface.particles
-        self.times = tuple(self.course.jump_times)
+        super().__init__(surface.particles)
+        self.pressure, self.surface = condition.prescribed, surface
+        self.times = tuple(self.pressure.jump_times)
         self._area: np.ndarray | None = None
-        self._layout = -1
 
-    def look(self) -> None:
-        """Keep the present deformation for the forces that are asked for next."""
+    def keep_deformation(self) -> None:
         self._area = self._deformed_areas()
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
-        """See `Load`; by the present deformation gradients of the particles, or those of the last `look`."""
+        """See `Load`; by the present deformation gradients, or those of the last `keep_deformation`."""
         area = self._deformed_areas() if self._area is None else self._area
         with np.errstate(all="ignore"):
             (pressure,) = self._pressure(time, before_jump)
@@ -222,25 +203,26 @@ class PressureLoad:
 
     def _deformed_areas(self) -> np.ndarray:
         """cof(F) dA (d, k) [m^2]."""
-        if self._layout != self.particles.layout:
-            self._layout, self._rows = self.particles.layout, self.surface.selection.rows
-            places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[self._rows])
-            self._pressure, self._vectors = course_at(self.course, places), self.surface.vectors(self._rows)
+        self._follow_layout()
         areas = np.empty(self._vectors.T.shape)
         deformed_areas(self._rows, self.particles.owned_rows("deformation_gradient").T, self._vectors, areas)
         return areas
 
+    def _find_rows(self) -> None:
+        self._rows = self.surface.selection.rows
+        places = np.ascontiguousarray(self.particles.owned_rows("reference_position")[self._rows])
+        self._pressure, self._vectors = self.pressure.at(places), self.surface.vectors(self._rows)
+
 
 @load_of(Spring)
-class SpringLoad:
+class SpringLoad(Load):
     """Springs and dashpots from the surface to rest: -k u - c v per reference area, or the part along its normal."""
 
-    constant, times = False, ()
-
     def __init__(self, condition: Spring, surface: Surface):
+        super().__init__(surface.particles)
         self.stiffness, self.damping = float(condition.stiffness), float(condition.damping)
         self.along_normal = condition.along == "normal"
-        self.surface, self.particles, self._layout = surface, surface.particles, -1
+        self.surface = surface
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
         """See `Load`; by the present positions and velocities."""
@@ -256,18 +238,11 @@ class SpringLoad:
         self._follow_layout()
         return self._largest_step
 
-    def _follow_layout(self) -> None:
-        """Look rows, areas and masses up, anew after particles have changed their rows."""
-        if self._layout == self.particles.layout:
-            return
-        self._layout, self._rows = self.particles.layout, self.surface.selection.rows
+    def _find_rows(self) -> None:
+        self._rows = self.surface.selection.rows
         self._areas = self.surface.areas(self._rows)
         self._normals = self.surface.normals(self._rows) if self.along_normal else None
         self._shape = self.particles.owned_rows("position").shape[1], len(self._rows)
         per_mass = self._areas / tributary_mass(self.particles, self._rows)
         rate = np.sqrt(self.stiffness * per_mass) + self.damping * per_mass
         self._largest_step = float(_SAFETY * 1.7 / rate.max(initial=1e-300))
-
-    def forget(self) -> None:
-        """Find the step anew at the next call, after masses have changed."""
-        self._layout = -1

@@ -25,8 +25,8 @@ class HeatSupply:
         self._fluxes = [self._through(one, None if one.body is None else bodies.index(one.body)) for one in fluxes]
         self._source = None
         if formula is not None:
-            course = LoadHistory(FormulaVector((formula,)))
-            self._source = DistributedLoad(particles, None, lambda rows: np.ones(particles.owned), course)
+            power = LoadHistory(FormulaVector((formula,)))
+            self._source = DistributedLoad(particles, None, lambda rows: np.ones(particles.owned), power)
 
     def _through(self, flux: HeatFlux, body: int | None) -> DistributedLoad:
         """Heat [W] through the faces of particles at a plane, of all bodies or of one."""
@@ -41,7 +41,7 @@ class HeatSupply:
             radius = particles.owned_rows("reference_position")[rows, 0] if self.per_radian else 1.0
             return np.asarray(np.abs(particles.owned_rows("area")[rows, axis]) * radius)
 
-        return DistributedLoad(particles, particles.selection(here), area, flux.course)
+        return DistributedLoad(particles, particles.selection(here), area, flux.prescribed)
 
     def powers(self, plane: int, time: float) -> tuple[Rows, np.ndarray]:
         """Rows (k,) of particles at one of the planes and the heat (k,) [W] that enters each at a time [s]."""

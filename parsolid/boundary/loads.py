@@ -43,13 +43,13 @@ class Loads:
         self.loads_of: list[tuple[Load, Reaction | None]] = []
         # of all reactions, see `boundary.kernels`
         self._make_sums()
-        # forces (d, k) found last on some rows, and by their number who reports them
-        self._found: list[tuple[int, Rows, np.ndarray]] = []
+        # forces (d, k) found last that reactions report: number of the reaction, rows, forces
+        self._reported: list[tuple[int, Rows, np.ndarray]] = []
         self._layout = -1
         self._jumps = {*scene.loads.jump_times}
         for _, one in self.all:
             if getattr(one, "quantity", "") == "displacement":
-                self._jumps.update(one.course.jump_times)  # type: ignore[attr-defined]
+                self._jumps.update(one.prescribed.jump_times)  # type: ignore[attr-defined]
         for key, one in self.all:
             make = None if isinstance(one, others) else surface_load(one)
             if make is not None:
@@ -100,35 +100,25 @@ class Loads:
         """Largest stable step [s] of this rank's springs and dashpots."""
         return min((load.largest_step for load, _ in self.loads_of), default=np.inf)
 
-    def loads(self, time: float, before_jump: bool = False) -> np.ndarray | None:
-        """Forces (d, owned) [N] of all loads at a time [s], at a jump before or after it; not to be changed. None where
-        a scene has no loads."""
-        if not self.loads_of:
-            return None
-        self._follow_layout()
-        if not self._changing:
-            return self._constant_loads
-        result = self._constant_loads.copy()
-        for load, _ in self._changing:
-            _add(*load.forces(time, before_jump), result)
-        return result
-
     def find_loads(self, time: float, before_jump: bool = False) -> np.ndarray | None:
-        """`loads`, of which `observe` counts those that are reported; void when others are found."""
-        self._found.clear()
+        """Forces (d, owned) [N] of all loads at a time [s], at a jump before or after it; None where there are none.
+
+        They are void when others are found; `observe` counts those that are reported.
+        """
+        self._reported.clear()
         if not self.loads_of:
             return None
         self._follow_layout()
-        for rows in self._touched:
+        for rows in self._loaded_rows:
             _restore(rows, self._constant_loads, self._present_loads)
-        self._touched.clear()
+        self._loaded_rows.clear()
         for load, reported_by in self._changing:
             rows, forces = load.forces(time, before_jump)
             _add(rows, forces, self._present_loads)
-            self._touched.append(rows)
+            self._loaded_rows.append(rows)
             if reported_by is not None:
-                self._found.append((reported_by, rows, forces))
-        self._found += self._constant_found
+                self._reported.append((reported_by, rows, forces))
+        self._reported += self._constant_reported
         return self._present_loads
 
     def _follow_layout(self) -> None:
@@ -138,7 +128,7 @@ class Loads:
         self._layout = self.particles.layout
         self._constant_loads = np.zeros((self.dimension, self.particles.owned))
         self._changing: list[tuple[Load, int | None]] = []
-        self._constant_found: list[tuple[int, Rows, np.ndarray]] = []
+        self._constant_reported: list[tuple[int, Rows, np.ndarray]] = []
         for load, reaction in self.loads_of:
             reported_by = None if reaction is None else self.reactions.index(reaction)
             if not load.constant:
@@ -147,30 +137,28 @@ class Loads:
             rows, forces = load.forces(0.0, False)
             _add(rows, forces, self._constant_loads)
             if reported_by is not None:
-                self._constant_found.append((reported_by, rows, forces))
+                self._constant_reported.append((reported_by, rows, forces))
         self._present_loads = self._constant_loads.copy()
-        self._touched: list[Rows] = []
+        self._loaded_rows: list[Rows] = []
 
-    def look(self) -> None:
-        """Keep what loads need of the present deformation, which a stage changes before its forces are asked for."""
+    def keep_deformation(self) -> None:
+        """Let loads use the present deformation, which a stage changes before its forces are asked for."""
         for load, _ in self.loads_of:
-            if hasattr(load, "look"):
-                load.look()
+            load.keep_deformation()
 
-    def forget_masses(self) -> None:
+    def masses_changed(self) -> None:
         """Find loads anew, after particles were deleted."""
         self._layout = -1
         for load, _ in self.loads_of:
-            if hasattr(load, "forget"):
-                load.forget()
+            load.masses_changed()
 
     def observe(self, duration: float, velocity: np.ndarray | None = None) -> None:
         """Count impulses and works over a duration [s] of the forces found last, at present places and with velocities
         (d, n) [m/s], the present ones unless given."""
-        if self._found:
+        if self._reported:
             position = self.particles.owned_rows("position").T
             velocity = self._velocity() if velocity is None else velocity
-            for one, rows, forces in self._found:
+            for one, rows, forces in self._reported:
                 observe_forces(one, rows, duration, forces, velocity, position, self._about, self._sums)
 
     def report(self, step: float, ledger: Any) -> None:

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.forces import jumps_of
 from parsolid.boundary.kernels import add_modes, put
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
@@ -17,9 +16,9 @@ from parsolid.scene.boundaries.prescribed import MotionCondition
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.schema import Scene
-from parsolid.scene.separated import Separated
+from parsolid.scene.space_time import Separated
 
-# of so many times the factors of courses are kept: start, middle and end of a step
+# of so many times factors are kept: start, middle and end of a step
 _KEPT = 3
 
 
@@ -29,12 +28,12 @@ class _Driven(NamedTuple):
 
     condition: MotionCondition
     is_velocity: bool
-    course: LoadHistory | RigidMotion
+    function: LoadHistory | RigidMotion
     axes: list[tuple[int, Selection]]
     rotation: RigidMotion | None
 
 
-class _Here(NamedTuple):
+class _LocalCondition(NamedTuple):
     """A condition on this rank: rows (k,) of its particles, start (k, d) [m]: where they were, components (k, d) that
     it prescribes; entries: all of this condition; parts: entries, axis, and which of its particles they are."""
 
@@ -47,40 +46,41 @@ class _Here(NamedTuple):
 
 
 class _Values:
-    """Values (count,) of entries in time, sums of factors times modes (`scene.separated`); base (count,): those that do
-    not change."""
+    """Values (count,) of entries in time, sums of factors times modes, see `scene.space_time`."""
 
-    def __init__(self, count: int, courses: list[tuple[_Here, Separated]], jumps: frozenset[float]) -> None:
-        """jumps [s]: times at which `before` decides."""
-        self._courses, self._jumps = [course for _, course in courses], jumps
+    def __init__(
+        self, count: int, functions: list[tuple[_LocalCondition, Separated]], two_sided_times: frozenset[float]
+    ) -> None:
+        """two_sided_times: see `SpaceTimeFunction`."""
+        self._functions, self._two_sided = [function for _, function in functions], two_sided_times
         self._known: dict[tuple[float, bool], list[Any]] = {}
         self._base, modes, table, size, first = np.zeros(count), [], [np.zeros(0)], 0, 0
         # entries with factors of their own: their number, and mode (k,)
         self._pointwise: list[tuple[slice, Any, int, np.ndarray]] = []
-        for here, course in courses:
+        for here, function in functions:
             for where, axis, which in here.parts:
-                for _, number, mode in (one for one in course.modes if one.component == axis):
+                for _, number, mode in (one for one in function.modes if one.component == axis):
                     values = np.broadcast_to(mode, len(here.rows))[which]
                     if number is None:
                         self._base[where] += values
-                    elif course.pointwise[number]:
+                    elif function.pointwise[number]:
                         self._pointwise.append((where, which, first + number, values))
                     else:
                         modes.append((where.start, where.stop, first + number, size))
                         table.append(values)
                         size += len(values)
-            first += len(course.pointwise)
+            first += len(function.pointwise)
         self._modes, self._table = np.array(modes, np.int64).reshape(-1, 4), np.concatenate(table)
 
     def factors(self, time: float, before_jump: bool) -> list[Any]:
         """All factors at a time [s], found once for each of the last times."""
-        moment = time, before_jump and time in self._jumps
+        moment = time, before_jump and time in self._two_sided
         found = self._known.get(moment)
         if found is None:
             if len(self._known) == _KEPT:
                 del self._known[next(iter(self._known))]
             with np.errstate(all="ignore"):
-                found = [one for course in self._courses for one in course.factors(time, before_jump)]
+                found = [one for function in self._functions for one in function.factors(time, before_jump)]
             self._known[moment] = found
         return found
 
@@ -129,17 +129,17 @@ class PrescribedMotion:
         motions = [one for _, one in conditions if isinstance(one, MotionCondition)]
         number = np.full(particle_set.position.shape, -1)
         for k, one in enumerate(motions):
-            here, axes = selected(scene, one, particle_set, comm), ~one.course.free[: scene.dimension]
+            here, axes = selected(scene, one, particle_set, comm), ~one.prescribed.free[: scene.dimension]
             number[here[:, None] & axes] = k
         self.driven: list[_Driven] = []
         for k, one in enumerate(motions):
-            course, is_velocity, rotation = one.course, one.quantity == "velocity", None
-            if isinstance(course, RigidMotion) and "displacement" not in scene.method.prescribes:
-                course, is_velocity, rotation = course.velocity(), True, course
-            free = one.course.free[: scene.dimension]
+            function, is_velocity, rotation = one.prescribed, one.quantity == "velocity", None
+            if isinstance(function, RigidMotion) and "displacement" not in scene.method.prescribes:
+                function, is_velocity, rotation = function.velocity(), True, function
+            free = one.prescribed.free[: scene.dimension]
             chosen = [(axis, particles.selection(number[:, axis] == k)) for axis in map(int, np.flatnonzero(~free))]
-            self.driven.append(_Driven(one, is_velocity, course, chosen, rotation))
-        self._jumps = frozenset().union(*(jumps_of(one.course) for one in self.driven))
+            self.driven.append(_Driven(one, is_velocity, function, chosen, rotation))
+        self._two_sided = frozenset().union(*(one.function.two_sided_times for one in self.driven))
         self.there = any(one.axes for one in self.driven)
 
     @property
@@ -161,42 +161,42 @@ class PrescribedMotion:
     def parts(self, owner: Callable[[Condition], int]) -> np.ndarray:
         """All entries in parts (p, 4), see `boundary.kernels`; owner: number of the reaction of a condition."""
         self._follow_layout()
-        return _parts_of(self._here, owner)
+        return _parts_of(self._local, owner)
 
     def held_by(self, condition: Condition) -> tuple[np.ndarray, np.ndarray]:
         """Rows (k,) of the particles of one condition, and which of their components (k, d) it prescribes."""
         self._follow_layout()
-        return next((one.rows, one.components) for one in self._here if one.driven.condition is condition)
+        return next((one.rows, one.components) for one in self._local if one.driven.condition is condition)
 
     def _follow_layout(self) -> None:
         """Look the rows of all entries up, anew after particles have changed their rows."""
         if self._layout == self.particles.layout:
             return
-        self._layout, self._here, count = self.particles.layout, [], 0
+        self._layout, self._local, count = self.particles.layout, [], 0
         for one in self.driven:
-            self._here.append(self._looked_up(one, count))
-            count = self._here[-1].entries.stop
+            self._local.append(self._find_local(one, count))
+            count = self._local[-1].entries.stop
         self._rows, self._axes = np.zeros((2, count), np.int64)
         self._is_velocity, self._start = np.zeros(count, bool), np.zeros(count)
-        for here in self._here:
+        for here in self._local:
             self._is_velocity[here.entries] = here.driven.is_velocity
             for where, axis, which in here.parts:
                 self._rows[where], self._axes[where] = here.rows[which], axis
         self.all_velocities, self._any_velocity = bool(self._is_velocity.all()), bool(self._is_velocity.any())
         of_velocity, of_displacement = (
-            [(one, one.driven.course.separated(one.start)) for one in self._here if one.driven.is_velocity == kind]
+            [(one, one.driven.function.separated(one.start)) for one in self._local if one.driven.is_velocity == kind]
             for kind in (True, False)
         )
-        self._velocities = _Values(count, of_velocity, self._jumps)
-        self._displacements = _Values(count, of_displacement, self._jumps)
-        turning = [(one, one.driven.rotation) for one in self._here if one.driven.rotation is not None]
-        self._turned = _Values(count, [(one, motion.separated(one.start)) for one, motion in turning], self._jumps)
+        self._velocities = _Values(count, of_velocity, self._two_sided)
+        self._displacements = _Values(count, of_displacement, self._two_sided)
+        turning = [(one, one.driven.rotation) for one in self._local if one.driven.rotation is not None]
+        self._turned = _Values(count, [(one, motion.separated(one.start)) for one, motion in turning], self._two_sided)
         self._turning = _parts_of([one for one, _ in turning], lambda condition: 0)
         for here, _ in turning:
             for where, axis, which in here.parts:
                 self._start[where] = here.start[which, axis]
 
-    def _looked_up(self, one: _Driven, first: int) -> _Here:
+    def _find_local(self, one: _Driven, first: int) -> _LocalCondition:
         """A condition on this rank, whose first entry has this number."""
         start = self.particles.owned_rows("reference_position")
         mask, parts, last = np.zeros(start.shape, bool), [], first
@@ -208,7 +208,7 @@ class PrescribedMotion:
             which = slice(None) if whole else np.searchsorted(rows, selection.rows)
             parts.append((slice(last, last + len(selection)), axis, which))
             last += len(selection)
-        return _Here(one, rows, np.ascontiguousarray(start[rows]), mask[rows], slice(first, last), parts)
+        return _LocalCondition(one, rows, np.ascontiguousarray(start[rows]), mask[rows], slice(first, last), parts)
 
     def mean_velocity(self, time: float, step: float, displacement: np.ndarray | None) -> np.ndarray:
         """Mean velocities (k,) [m/s] of the entries in a step [s] from a time [s], 0 in one of no length; displacement
@@ -262,7 +262,7 @@ class PrescribedMotion:
         return np.where(self._is_velocity, values, mean)
 
 
-def _parts_of(conditions: list[_Here], owner: Callable[[Condition], int]) -> np.ndarray:
+def _parts_of(conditions: list[_LocalCondition], owner: Callable[[Condition], int]) -> np.ndarray:
     """Their entries in parts (p, 4), see `boundary.kernels`; owner: number of the reaction of a condition."""
     parts = [(w.start, w.stop, axis, owner(one.driven.condition)) for one in conditions for w, axis, _ in one.parts]
     return np.array(parts, np.int64).reshape(-1, 4)

@@ -172,6 +172,8 @@ class Leapfrog:
         # particles that move as one, see `tlsph.shared_nodes`; their internal forces are shared already
         self.shared: Any = None
         self.given = 0.0
+        # forces (d, n) [N] of the last half kick from loads and inclined rollers, None without
+        self.external: np.ndarray | None = None
         # length [s] of the step before the present one, 0 at the start and after a jump of the loads
         self.last_step = 0.0
 
@@ -216,6 +218,7 @@ class Leapfrog:
             conditions.observe(0.5 * step)
         if self.shared is not None:
             external, interaction = self._shared(external), self._shared(interaction)
+        self.external = external
         arrays = velocity, force, damping, mass, share, external, interaction, conditions.free
         return KickEnergies(*kick(particles.owned, opening, 0.5 * step, *arrays))
 

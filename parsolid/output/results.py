@@ -19,10 +19,10 @@ from parsolid.output.history import read_history
 from parsolid.output.summary import read_summary
 from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
+from parsolid.scene.error_recovery import Repairs, validate_with_recovery
 from parsolid.scene.methods import context_of
 from parsolid.scene.observation import DISSIPATIONS, HISTORY_COLUMNS
 from parsolid.scene.renamed import RENAMED
-from parsolid.scene.sound_part import LeftOut, sound_part
 from parsolid.scene.validation_errors import describe, suggestion
 
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
@@ -80,20 +80,20 @@ class Results:
         return f"<results of {self.title!r} in {self.directory}>"
 
     @cached_property
-    def _sound(self) -> tuple[Any, LeftOut]:
-        """The sound part of the scene: a reference or mesh that has gone since the run is left out."""
-        return sound_part(self.scene, context_of(self.scene, self.directory))[:2]
+    def _readable(self) -> tuple[Any, Repairs]:
+        """The scene, without a reference or mesh that has gone since the run, and what was repaired for it."""
+        return validate_with_recovery(self.scene, context_of(self.scene, self.directory))[:2]
 
     @property
     def bodies(self) -> dict[int, Any]:
         """The bodies whose shapes could be read, by number."""
-        scene, left_out = self._sound
-        return {i: body for i, body in enumerate(scene.bodies if scene else ()) if i not in left_out.misplaced}
+        scene, repairs = self._readable
+        return {i: body for i, body in enumerate(scene.bodies if scene else ()) if i not in repairs.misplaced}
 
     @property
     def _reference(self) -> Any:
         """The scene's reference, where it could be read."""
-        return self._sound[0] and self._sound[0].reference
+        return self._readable[0] and self._readable[0].reference
 
     @property
     def method(self) -> Any:

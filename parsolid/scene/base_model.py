@@ -133,8 +133,8 @@ class SceneModel(BaseModel):
         for name, key in made.get("properties", {}).items():
             # where a table changes a default of its base, the meaning stays
             fields = (owner.model_fields.get(name) for owner in cls.__mro__ if issubclass(owner, SceneModel))
-            if told := next((one.description for one in fields if one is not None and one.description), None):
-                key.setdefault("description", told)
+            if meaning := next((one.description for one in fields if one is not None and one.description), None):
+                key.setdefault("description", meaning)
         if rules := rules_of_keys(cls, made):
             made["allOf"] = rules
         return made

@@ -18,13 +18,13 @@ from parsolid.scene.contact import (
     grid_faults,
     of_model,
 )
+from parsolid.scene.error_recovery import Repairs
 from parsolid.scene.initial_state import initial_details
 from parsolid.scene.method_settings import named_observables
 from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
 from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
-from parsolid.scene.sound_part import LeftOut
 from parsolid.scene.substeps import substep_faults
 from parsolid.scene.systems import carriers_of, faults_of_systems
 from parsolid.scene.tie import TIE_TERMS, tie_faults
@@ -35,62 +35,62 @@ from parsolid.scene.validation_errors import NOTHING, Fault, suggestion
 MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint_interval": 10**7}
 
 
-def check_scene(scene: Scene, left_out: LeftOut | None = None) -> list[Fault]:
-    """Faults between the tables of a scene, or of the sound part of one that lacks what is left out.
+def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
+    """Faults between the tables of a scene, or of one whose tables were repaired.
 
-    What depends on a method or a material that is itself at fault is not told.
+    What depends on a method or a material that is itself at fault is not checked.
     """
-    lacking = LeftOut.nothing(scene.resolved()) if left_out is None else left_out
-    extents = _extents(scene, lacking)
-    details = _unfilled_bodies(scene, lacking)
-    details += _repeated_names("bodies", scene.bodies, lacking) + _repeated_names("probes", scene.probes, lacking)
-    details += [] if lacking.incomplete else _contact_fields(scene)
-    details += _boundary_details(scene, extents, lacking)
+    repairs = Repairs.none(scene.resolved()) if repairs is None else repairs
+    extents = _extents(scene, repairs)
+    details = _unfilled_bodies(scene, repairs)
+    details += _repeated_names("bodies", scene.bodies, repairs) + _repeated_names("probes", scene.probes, repairs)
+    details += [] if repairs.incomplete else _contact_fields(scene)
+    details += _boundary_details(scene, extents, repairs)
     details += clashes(scene.boundaries)
     if len(extents) == len(scene.bodies):
         details += _distant_probes(scene, extents)
-    details += contact_faults(scene.contact, lacking.body_names) + tool_faults(scene, lacking.body_names)
-    details += region_details(scene, lacking.regions, lacking.shape_unknown) + _loads_details(scene, lacking.incomplete)
-    if lacking.end_known:
+    details += contact_faults(scene.contact, repairs.body_names) + tool_faults(scene, repairs.body_names)
+    details += region_details(scene, repairs.regions, repairs.shape_unknown) + _loads_details(scene, repairs.incomplete)
+    if repairs.end_known:
         details += _output_details(scene)
-    if lacking.models_known:
+    if repairs.models_known:
         if len(extents) == len(scene.bodies):
             details += _fields_elsewhere(scene, extents)
-        if lacking.systems_known:
+        if repairs.systems_known:
             details += faults_of_systems(scene) + still_faults(scene) + substep_faults(scene)
-        if lacking.systems_known and lacking.body_names is not None:
+        if repairs.systems_known and repairs.body_names is not None:
             details += tie_faults(scene) + bond_faults(scene)
-        details += grid_faults(scene) + ([] if lacking.body_names is None else initial_details(scene))
+        details += grid_faults(scene) + ([] if repairs.body_names is None else initial_details(scene))
         names = [probe.name for probe in scene.probes]
         details += reaction_details(scene.boundaries, names, carriers_of(scene))
-        details += _solution_details(scene) + _reference_details(scene, lacking.incomplete)
-    return list(dict.fromkeys(lacking.faults(details)))
+        details += _solution_details(scene) + _reference_details(scene, repairs.incomplete)
+    return list(dict.fromkeys(repairs.faults(details)))
 
 
-def _extents(scene: Scene, lacking: LeftOut) -> dict[int, Extent]:
+def _extents(scene: Scene, repairs: Repairs) -> dict[int, Extent]:
     """How far bodies reach that are where the file would have them, but for meshes, which are not read here."""
     return {
         i: body.extent()
         for i, body in enumerate(scene.bodies)
-        if body.shape.kind != "mesh" and i not in lacking.misplaced
+        if body.shape.kind != "mesh" and i not in repairs.misplaced
     }
 
 
-def _unfilled_bodies(scene: Scene, lacking: LeftOut) -> list[FaultDetail]:
+def _unfilled_bodies(scene: Scene, repairs: Repairs) -> list[FaultDetail]:
     """Bodies of which no particles can be made."""
     details: list[FaultDetail] = []
     for i, body in enumerate(scene.bodies):
-        if body.shape.kind != "mesh" and i not in lacking.misplaced:
+        if body.shape.kind != "mesh" and i not in repairs.misplaced:
             details += [(("bodies", i), expected, found) for expected, found in body.lattice_faults()]
     return details
 
 
-def _repeated_names(key: str, entries: list[Any], lacking: LeftOut) -> list[FaultDetail]:
+def _repeated_names(key: str, entries: list[Any], repairs: Repairs) -> list[FaultDetail]:
     details: list[FaultDetail] = []
     seen: dict[str, int] = {}
     for i, entry in enumerate(entries):
         if entry.name is not None and entry.name in seen:
-            before = f"{key}.{lacking.number(key, seen[entry.name])}"
+            before = f"{key}.{repairs.number(key, seen[entry.name])}"
             details.append(((key, i, "name"), f"a name other than that of {before}", entry.name, "repeated"))
         seen.setdefault(entry.name, i)
     return details
@@ -105,11 +105,11 @@ def plane_side(plane: Plane, extent: Extent) -> int:
     return 1 if abs(plane.offset - upper) <= tolerance else 0
 
 
-def _boundary_details(scene: Scene, extents: dict[int, Extent], lacking: LeftOut) -> list[FaultDetail]:
+def _boundary_details(scene: Scene, extents: dict[int, Extent], repairs: Repairs) -> list[FaultDetail]:
     details: list[FaultDetail] = []
     for i, boundary in enumerate(scene.boundaries):
-        if boundary.body is not None and lacking.body_names is not None and boundary.body not in lacking.body_names:
-            expected = f"the name of a body{suggestion(boundary.body, lacking.body_names)}"
+        if boundary.body is not None and repairs.body_names is not None and boundary.body not in repairs.body_names:
+            expected = f"the name of a body{suggestion(boundary.body, repairs.body_names)}"
             details.append((("boundaries", i, "body"), expected, boundary.body, "unknown-name"))
         else:
             details += unbounded_plane(i, boundary, scene.bodies, extents)

@@ -135,11 +135,11 @@ def grid_faults(scene: Any) -> list[Any]:
             details.append((place, "1 with a contact on the grid", settings[0].substeps))
     if not details:
         numbers = {number: k for k, system in enumerate(scene.systems) for number in system.bodies}
-        told = grid_pairs(scene)
+        on_grid = grid_pairs(scene)
         names = [body.name for body in scene.bodies]
-        for first, second, contact in contact_pairs(scene.contact, names) if told else ():
+        for first, second, contact in contact_pairs(scene.contact, names) if on_grid else ():
             pair = min(numbers[first], numbers[second]), max(numbers[first], numbers[second])
-            other = told.get(pair)
+            other = on_grid.get(pair)
             if other is not None and (other.model, other.friction) != (contact.model, contact.friction):
                 i = scene.contact.index(contact)
                 expected = "the same model and friction for all bodies that share two grids"

@@ -47,20 +47,19 @@ class DeclaredModel(SceneModel):
         return built(type(self).declared, self, **of_material)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # classes made at run time have no place to be found at
-        kind = type(self).declared
-        source = getattr(kind, "source", None)
-        if source is None:
-            # an entry of a list has no role, but is found by its own name
-            source = (kind.role, kind.kind) if hasattr(kind, "role") else (kind,)
-        return _restored, (source, self.__getstate__())
+        # models made at run time cannot be found by their names: they are made again of what declares them
+        kind, state = type(self).declared, self.__getstate__()
+        if hasattr(kind, "source"):
+            return _restored, (registry.from_text, kind.source, state)
+        if hasattr(kind, "role"):
+            return _restored, (registry.declared, (kind.role, kind.kind), state)
+        # an entry of a list has no role, but is found by its own name
+        return _restored, (None, (kind,), state)
 
 
-def _restored(source: tuple[Any, ...], state: dict[Any, Any]) -> DeclaredModel:
+def _restored(find: Callable[..., Declared] | None, arguments: tuple[Any, ...], state: dict[Any, Any]) -> DeclaredModel:
     """A table that another rank has validated, with the text of the law's file as that rank has read it."""
-    ways: dict[int, Any] = {1: lambda kind: kind, 2: registry.declared, 3: registry.from_text}
-    find = ways[len(source)]
-    model = model_of(find(*source))
+    model = model_of(arguments[0] if find is None else find(*arguments))
     result = model.__new__(model)
     result.__setstate__(state)
     return result

@@ -13,8 +13,8 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import NotNegative, SceneModel, reject
 from parsolid.scene.csv_table import read_csv_table
 from parsolid.scene.formulas import FormulaVector
-from parsolid.scene.separated import Mode, Separated, evaluated
 from parsolid.scene.shapes import ExistingFile
+from parsolid.scene.space_time import Mode, Separated, SeparatedFunction
 
 # just before and just after a jump, relative to its time [1] and absolute [s]
 NEAR = 1e-13
@@ -104,8 +104,11 @@ class Timed(SceneModel):
         return sorted({*(self.jumps or ()), *(self.history.jumps if self.history is not None else ())})
 
 
-class LoadHistory:
-    """Formulas with the history and jumps of a `Timed` table, if they have any, evaluated as a `FormulaVector` is."""
+class LoadHistory(SeparatedFunction):
+    """Formulas with the history and jumps of a `Timed` table, if they have any.
+
+    jumps: times [s] at which the formulas are taken just before or just after.
+    """
 
     def __init__(self, formulas: FormulaVector, timed: Timed | None = None):
         self.formulas, self.timed = formulas, timed
@@ -117,6 +120,10 @@ class LoadHistory:
     def jump_times(self) -> list[float]:
         """Times [s] at which formulas or history jump."""
         return sorted({*(self.timed.jump_times if self.timed is not None else ()), *self.formulas.jumps})
+
+    @property
+    def two_sided_times(self) -> frozenset[float]:
+        return frozenset((*self.jump_times, *self.jumps))
 
     @property
     def depends_on_time(self) -> bool:
@@ -134,12 +141,7 @@ class LoadHistory:
         """Which components are free, (d,) bool."""
         return self.formulas.free
 
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """Values (n, components) at points (n, d) [m] and a time [s], of a jump just after, or just before it."""
-        return evaluated(self, points, time, before)
-
     def separated(self, points: np.ndarray) -> Separated:
-        """The values at points (n, d) [m]."""
         factors: list[Any] = []
         modes, pointwise, history = [], list[bool](), self.history
         with np.errstate(all="ignore"):

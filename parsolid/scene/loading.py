@@ -9,10 +9,10 @@ import tomli_w
 
 from parsolid.checksums import sealed
 from parsolid.scene.checks import check_scene
+from parsolid.scene.error_recovery import validate_with_recovery
 from parsolid.scene.methods import context_of
 from parsolid.scene.raw_tables import apply_override, raw_faults, read_tables
 from parsolid.scene.schema import Scene
-from parsolid.scene.sound_part import sound_part
 from parsolid.scene.systems import resolve_defaults
 from parsolid.scene.validation_errors import SceneError
 
@@ -56,10 +56,10 @@ def parse_scene(
         raise SceneError(raw)
     context = context_of(data, folder)
     context |= {"trust_code": trust_code, "again": again}
-    scene, left_out, faults = sound_part(data, context)
+    scene, repairs, faults = validate_with_recovery(data, context)
     if scene is not None:
-        scene = resolve_defaults(scene) if left_out.systems_known else scene
-        faults += check_scene(scene, left_out)
+        scene = resolve_defaults(scene) if repairs.systems_known else scene
+        faults += check_scene(scene, repairs)
     if faults:
         raise SceneError(dict.fromkeys(faults))
     return scene

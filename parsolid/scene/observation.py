@@ -186,8 +186,8 @@ class Reference(SceneModel):
         if self.exact is not None:
             wanted, _ = SOLUTIONS_KNOWN[self.exact]
             if set(self.parameters) not in map(set, wanted):
-                told = " or ".join(", ".join(names) for names in wanted) or "none"
-                reject((("parameters",), f"the parameters {told}", Phrase(", ".join(self.parameters) or "none")))
+                text = " or ".join(", ".join(names) for names in wanted) or "none"
+                reject((("parameters",), f"the parameters {text}", Phrase(", ".join(self.parameters) or "none")))
         if self.series is not None:
             reject(*_series_faults(self.series, self.columns or {}))
         return self

@@ -1,6 +1,4 @@
-"""Elastic-plastic solids of the material point method, as a scene states them: a law in parts, each told apart by its
-`kind`.
-"""
+"""Elastic-plastic solids as a scene states them: a law in parts, each with a `kind`."""
 
 from functools import cache, cached_property
 from importlib import import_module

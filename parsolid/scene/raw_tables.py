@@ -1,5 +1,6 @@
 """Raw tables of a TOML file: reading them, setting single keys, and what no key takes whatever it is for."""
 
+import re
 import tomllib
 from collections.abc import Iterator
 from math import isfinite
@@ -18,6 +19,9 @@ DEEPEST = 32
 # a table that a file of a kind has to have, and the command that takes it
 _MARKS = {"scene": "bodies", "study": "series", "material point": "path"}
 _COMMANDS = {"scene": "run", "study": "study", "material point": "point"}
+
+# numbers as other programs write them
+_SHORT_NUMBER = re.compile(r"[+-]?(\d+\.|\.\d+)([eE][+-]?\d+)?")
 
 
 def read_tables(path: Path, what: str) -> dict[str, Any]:
@@ -124,7 +128,9 @@ def _toml_key(key: str) -> str:
 
 
 def override_value(text: str) -> Any:
-    """A TOML value, or the text itself where it is none."""
+    """A TOML value, a number without digits on one side of its point, which TOML refuses, or else the text itself."""
+    if _SHORT_NUMBER.fullmatch(text):
+        return float(text)
     try:
         tables = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):

@@ -6,11 +6,11 @@ import numpy as np
 
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.load_histories import NEAR
-from parsolid.scene.separated import Mode, Separated, evaluated
+from parsolid.scene.space_time import Mode, Separated, SeparatedFunction
 
 
-class RigidMotion:
-    """x = c + d(t) + R(angle(t)) (X - c), as a course of displacement, or of velocity; see `LoadHistory`.
+class RigidMotion(SeparatedFunction):
+    """The displacement, or the velocity, of x = c + d(t) + R(angle(t)) (X - c).
 
     jumps: times [s] at which a rate jumps.
     """
@@ -34,7 +34,6 @@ class RigidMotion:
         self.formulas = FormulaVector((angle, *moved))
         self.rates = FormulaVector([one.rate() for one in self.formulas])
         self.jumps = tuple(sorted(self.formulas.corners))
-        self.depends_on_time = True
 
     @property
     def free(self) -> np.ndarray:
@@ -46,16 +45,15 @@ class RigidMotion:
         """Times [s] at which the motion jumps."""
         return sorted(self.formulas.jumps)
 
+    @property
+    def two_sided_times(self) -> frozenset[float]:
+        return frozenset(self.jumps)
+
     def velocity(self) -> "RigidMotion":
         """The velocity of the motion."""
         return RigidMotion(*self.stated, "velocity")
 
-    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """(n, d) at points (n, d) [m] and a time [s], of a corner just after, or just before it."""
-        return evaluated(self, points, time, before)
-
     def separated(self, points: np.ndarray) -> Separated:
-        """The values at points (n, d) [m]."""
         d, origin, is_velocity = self.dimension, np.zeros((1, 3)), self.quantity == "velocity"
         arm = (points - self.centre).T
         # R - 1 = sin S + (1 - cos) S^2 with the spin S, and S^3 = -S; sums that are the same whatever the other points

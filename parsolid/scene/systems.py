@@ -43,8 +43,8 @@ def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
     for name, place, settings, bodies in stated:
         groups = fields_of(scene, bodies) if settings.shared_field else [bodies]
         for number, group in enumerate(groups if bodies else ()):
-            told = f"{name or settings.kind}-{number + 1}" if len(groups) > 1 else name
-            result.append(SystemOfScene(settings, group, told, place))
+            own_name = f"{name or settings.kind}-{number + 1}" if len(groups) > 1 else name
+            result.append(SystemOfScene(settings, group, own_name, place))
     return tuple(result)
 
 
@@ -162,7 +162,7 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
     """What methods cannot make of the tables of their bodies, and what of a scene is for no method."""
     systems = scene.systems
     details: list[Detail] = []
-    # of what a probe or the output names, a method that has no such thing can say nothing
+    # fields of probes and of the output that some methods refuse: faults where no method knows them
     doubted: dict[tuple[str | int, ...], list[Detail]] = {}
     for system in systems:
         part = scene.part(system)
@@ -174,10 +174,10 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
                 doubted.setdefault(place, []).append((place, expected, found))
             else:
                 details.append((_in_scene(scene, system, place), expected, found))
-    for told in doubted.values():
-        knowing = [one for one in systems if _knows(one.settings, told[0][2], scene.dimension)]
-        if len(told) >= len(knowing):
-            details.append(told[0])
+    for faults in doubted.values():
+        knowing = [one for one in systems if _knows(one.settings, faults[0][2], scene.dimension)]
+        if len(faults) >= len(knowing):
+            details.append(faults[0])
     return details + (_uncarried(scene, systems) if len(systems) > 1 else []) + _faults_of_methods(scene)
 
 

@@ -72,8 +72,8 @@ class StepAgreement:
 
     def _begin(self, stable: Sequence[float], allowed: float, of_systems: Sequence[float]) -> None:
         rebuilds = [-1.0 if part.rebuild_needed else 0.0 for part in self._parts]
-        told = self.subcycling.told(of_systems)
-        self._minimum.begin((min(stable), allowed, *self._requests, *rebuilds, *told))
+        of_subcycling = self.subcycling.to_agree(of_systems)
+        self._minimum.begin((min(stable), allowed, *self._requests, *rebuilds, *of_subcycling))
 
     def result(self) -> tuple[float, list[bool]]:
         """The step [s] that all ranks agree on, which requests any rank had; sets `rebuild_anywhere`. Collective."""

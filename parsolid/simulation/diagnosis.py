@@ -71,8 +71,8 @@ def _first_of(comm: Any, local: Found | None) -> Found | None:
 def _advice(scene: Scene, *systems: ParticleSystem) -> str:
     """What systems advise, in the keys of the scene."""
     plans = {plan.bodies: plan for plan in scene.systems}
-    told = [qualify_keys(scene, plans[system.bodies], system.advice()) for system in systems]
-    return "; ".join(dict.fromkeys(told))
+    advice = [qualify_keys(scene, plans[system.bodies], system.advice()) for system in systems]
+    return "; ".join(dict.fromkeys(advice))
 
 
 def _unsound_particle(scene: Scene, systems: list[ParticleSystem]) -> Found | None:

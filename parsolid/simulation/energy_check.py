@@ -178,27 +178,27 @@ class EnergyCheck:
         limits, found = self.limits, []
         allowed = f"(method.balance_warning = {limits.balance_warning:g})"
         if not balance <= limits.balance_warning or self.violation is not None:
-            told = f"{balance:.2g} of the largest energy is not accounted for {allowed}"
-            found.append(Finding("unbalanced", ENERGY_UNACCOUNTED, told))
+            reason = f"{balance:.2g} of the largest energy is not accounted for {allowed}"
+            found.append(Finding("unbalanced", ENERGY_UNACCOUNTED, reason))
         if gained > limits.balance_warning:
-            told = f"the scheme gave {gained:.2g} of the largest energy, {self.gained:.3g} J {allowed}"
-            found.append(Finding("unbalanced", ENERGY_GIVEN, told))
+            reason = f"the scheme gave {gained:.2g} of the largest energy, {self.gained:.3g} J {allowed}"
+            found.append(Finding("unbalanced", ENERGY_GIVEN, reason))
         if offset > _OFFSET:
-            told = f"within a step kinetic energy swings by {offset:.2g} of the largest energy"
-            found.append(Finding("unbalanced", LONG_STEP, f"the time step is too long: {told}"))
+            reason = f"within a step kinetic energy swings by {offset:.2g} of the largest energy"
+            found.append(Finding("unbalanced", LONG_STEP, f"the time step is too long: {reason}"))
         for lost, code in zip(momenta, (MOMENTUM_LOST, ANGULAR_MOMENTUM_LOST)):
             if not lost <= _MOMENTUM:
-                told = f"nothing acts from outside, and the {code.removesuffix('-lost').replace('-', ' ')} changes by"
-                found.append(Finding("unbalanced", code, f"{told} {lost:.2g} of what moves"))
+                reason = f"nothing acts from outside, and the {code.removesuffix('-lost').replace('-', ' ')} changes by"
+                found.append(Finding("unbalanced", code, f"{reason} {lost:.2g} of what moves"))
         found += [Finding("inapplicable", BEYOND_THE_METHOD, doubt) for doubt in doubts]
         if max(abs(share), abs(share + viscous)) > limits.dissipation_warning:
             own = abs(share) > limits.dissipation_warning
-            told = f"the scheme, not the material, took {share:.2g} of the energy that went in"
+            reason = f"the scheme, not the material, took {share:.2g} of the energy that went in"
             if viscous:
-                told += f", its artificial viscosity {viscous:.2g}"
-            told += f" (method.dissipation_warning = {limits.dissipation_warning:g})"
+                reason += f", its artificial viscosity {viscous:.2g}"
+            reason += f" (method.dissipation_warning = {limits.dissipation_warning:g})"
             code = NUMERICAL_DISSIPATION if own else ARTIFICIAL_VISCOSITY
-            found.append(Finding("dissipative", code, told))
+            found.append(Finding("dissipative", code, reason))
         return found
 
 

@@ -26,16 +26,16 @@ FAILED = "failed"
 class ProgressOutput(Output):
     """Shows every state to the lines of progress that rank 0 has; they know themselves when one is due."""
 
-    def __init__(self, lines: Sequence[Progress], history: HistoryOutput, told: int):
-        """told: warnings that are known at the start."""
-        self.lines, self.history, self._told = lines, history, told
+    def __init__(self, lines: Sequence[Progress], history: HistoryOutput, warned: int):
+        """warned: warnings that are known at the start."""
+        self.lines, self.history, self._warned = lines, history, warned
 
     def due(self, simulation: Simulation) -> bool:
         return True
 
     def write(self, simulation: Simulation) -> None:
-        now, new = simulation.clock, simulation.warnings[self._told :]
-        self._told += len(new)
+        now, new = simulation.clock, simulation.warnings[self._warned :]
+        self._warned += len(new)
         for one in self.lines:
             for warning in new:
                 one.say(str(warning))

@@ -9,7 +9,6 @@ from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
 from parsolid.scene.contact import energy_terms
 from parsolid.scene.observation import STRAIN_ENERGY, stored_column
-from parsolid.scene.systems import SystemOfScene
 from parsolid.scene.tie import TIE_TERMS
 
 ACCUMULATED = ("material_dissipation", "numerical_dissipation", "external_work")
@@ -99,7 +98,7 @@ def names_of_terms(scene: Scene) -> list[dict[str, str]]:
     signs: dict[str, int] = {}
     names = []
     for system in scene.systems:
-        terms, kind = _own_terms(scene, system), system.settings.kind
+        terms, kind = system.settings.energy_terms(scene, system.bodies), system.settings.kind
         own = {name: name if signs.get(name, sign) == sign else f"{name}_{kind}" for name, sign in terms.items()}
         signs |= {own[name]: sign for name, sign in terms.items()}
         names.append(own)
@@ -114,15 +113,12 @@ def viscous_terms_of(scene: Scene) -> tuple[str, ...]:
 
 def terms_of(scene: Scene) -> dict[str, int]:
     """The energy terms that the methods and contacts of a scene and their bodies' materials add, with their signs."""
-    named = zip(scene.systems, names_of_terms(scene))
-    terms = {names[one]: sign for system, names in named for one, sign in _own_terms(scene, system).items()}
+    terms: dict[str, int] = {}
+    for system, names in zip(scene.systems, names_of_terms(scene)):
+        own = system.settings.energy_terms(scene, system.bodies)
+        terms |= {names[name]: sign for name, sign in own.items()}
     works = {f"{one.reports}.work": 0 for one in scene.boundaries if one.reports is not None}
     met = energy_terms(scene.contact, scene.tools, [body.material for body in scene.bodies]) | (
         TIE_TERMS if scene.tie else {}
     )
     return terms | met | works
-
-
-def _own_terms(scene: Scene, system: SystemOfScene) -> dict[str, int]:
-    """Those of one system, with the names that its method gives them."""
-    return system.settings.energy_terms(scene, system.bodies)

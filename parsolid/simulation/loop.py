@@ -299,10 +299,10 @@ class Simulation:
         row = self.ledger.row(self.comm, *self.energies())
         steps, self.checked_step = self.clock.step - self.checked_step, self.clock.step
         jump = steps > 0 and self.clock.step_size == 0.0
-        told = None if jump else steps, self.ledger.last_work
-        self.energy_check.check(row, self.energy_scale, self.ledger.initial or 0.0, *told)
+        counted = None if jump else steps
+        self.energy_check.check(row, self.energy_scale, self.ledger.initial or 0.0, counted, self.ledger.last_work)
         if self.momenta is not None:
-            self.momenta.look()
+            self.momenta.check()
         if self._warm:
             temperatures = [one.particles.owned_rows("temperature") for one in self._warm]
             self.coldest = minimum(self.comm, min(float(one.min(initial=inf)) for one in temperatures))
@@ -324,8 +324,8 @@ class Simulation:
             met, part.met = part.met, []
             if met and self.scene.undeclared_contact != "warn":
                 raise RunFailed(describe_meetings(self, met))
-            told = f"without [[contact]] {meetings_in_words(self.scene, met)} at t = {self.clock.time:.6g} s"
-            self.warnings += [Warned("undeclared-contact", told)] if met else []
+            text = f"without [[contact]] {meetings_in_words(self.scene, met)} at t = {self.clock.time:.6g} s"
+            self.warnings += [Warned("undeclared-contact", text)] if met else []
 
     def _check_energy(self) -> None:
         """Raise RunFailed on all ranks when the last row of the ledger is not what it may be."""

@@ -32,7 +32,7 @@ class MomentumBalance:
 
     first, largest: linear momentum and angular momentum about the origin at the start, and the largest
     sum m |v| [kg m/s] and sum m |x - x_c| |v - v_c| [kg m^2/s] about the centre of mass so far, 0 where that is
-    rounding; lost: the largest changes of the momenta so far. None until `look`.
+    rounding; lost: the largest changes of the momenta so far. None until `check`.
     """
 
     def __init__(self, comm: Any, systems: Sequence[ParticleSystem]) -> None:
@@ -40,14 +40,14 @@ class MomentumBalance:
         self.first: np.ndarray | None = None
         self.largest, self.lost = np.zeros(2), np.zeros(2)
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Take the present state in; collective."""
         momenta, sizes, centre = self._present()
         d = self.observables.dimension
         if self.first is None:
             self.first = momenta
         change = momenta - self.first
-        # what a change of linear momentum does to the angular momentum about the origin is told once
+        # what a change of linear momentum does to the angular momentum about the origin is counted once
         change[d:] -= _cross(centre, change[:d])
         self.largest = np.maximum(self.largest, sizes)
         self.lost = np.maximum(self.lost, [np.linalg.norm(change[:d]), np.linalg.norm(change[d:])])

@@ -78,7 +78,7 @@ class Callback(Output):
         self.function(simulation if self._argument is None else self._argument)
 
 
-class EnergyCheck(Output):
+class EnergyCheckOutput(Output):
     """Checks the energy balance every so many steps, where no history does."""
 
     def __init__(self, every: Cadence = Cadence(steps=32)):

@@ -10,6 +10,7 @@ from decomposition.pair_search import close_boxes
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.contact.report import contact_warnings
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.touching import TOUCHING
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.systems import qualify_keys
@@ -17,8 +18,6 @@ from parsolid.scene.warned import Warned
 
 # a part is bent rather than sheared where it is so many times as long as thick
 _SLENDER = 4.0
-# bodies closer than so many of the larger spacing touch, as in `contact.report`
-_TOUCHING = 1.5
 _ROUND_OFF = 1e-6
 
 # lower and upper bounds of a body's particles, and their mean spacing, each (d,) [m]
@@ -42,8 +41,8 @@ def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> li
     found: list[Warned] = contact_warnings(scene, systems)
     plans = {plan.bodies: plan for plan in scene.systems}
     for system in systems:
-        told = (one._replace(text=qualify_keys(scene, plans[system.bodies], one.text)) for one in system.warnings())
-        found += told
+        plan = plans[system.bodies]
+        found += [one._replace(text=qualify_keys(scene, plan, one.text)) for one in system.warnings()]
         for number, body in enumerate(system.bodies):
             extents[body] = layers(comm, system, number)
             found += _too_few(scene, body, extents[body], system.settings.largest_spacing())
@@ -57,8 +56,8 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
     found, body = [], scene.bodies[number]
     spacing = float(extent[2].max())
     if largest is not None and spacing > largest * (1.0 + _ROUND_OFF):
-        told = f"bodies.{number}: a spacing of {spacing:.4g} m in cells of {largest:.4g} m, so that points fly freely"
-        found.append(Warned("cell-below-spacing", f"{told}; at least one point a cell and direction is needed", True))
+        text = f"bodies.{number}: a spacing of {spacing:.4g} m in cells of {largest:.4g} m, so that points fly freely"
+        found.append(Warned("cell-below-spacing", f"{text}; at least one point a cell and direction is needed", True))
     if body.shape.kind == "cylindrical_shell":
         shape = body.shape.model
         counts = [(round(shape.thickness / float(extent[2][-1])) + (body.placed_on == "vertices"), "the thickness")]
@@ -66,8 +65,8 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
         counts = [(one.particles, "XYZ"[one.axis]) for one in _across(scene, body, extent)]
     few = [axis for count, axis in counts if count <= 1]
     if few and scene.dimension > 1:
-        told = f"bodies.{number}: one particle across {' and '.join(few)}, where it is free"
-        found.append(Warned("one-layer", f"{told}; bending and strain across it are not represented", True))
+        text = f"bodies.{number}: one particle across {' and '.join(few)}, where it is free"
+        found.append(Warned("one-layer", f"{text}; bending and strain across it are not represented", True))
     return found
 
 
@@ -76,13 +75,13 @@ def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dic
     bonded, settings = scene.bonded, system.settings
     bonding = dict(zip(system.bodies, settings.bonding(scene, system.bodies)))
     lowest, highest, spacings = (np.array(one) for one in zip(*(extents[body] for body in system.bodies)))
-    close = np.transpose(close_boxes(lowest, highest, 2.0 * _TOUCHING * spacings.max(axis=1)))
+    close = np.transpose(close_boxes(lowest, highest, 2.0 * TOUCHING * spacings.max(axis=1)))
     for i, j in sorted(np.array(system.bodies)[close].tolist()):
         if not (bonding[i] and bonding[j] and bonded.has(i, j)):
             continue
         (lower, upper, spacing), (other_lower, other_upper, other) = extents[i], extents[j]
         gap = np.linalg.norm(np.maximum(np.maximum(lower - other_upper, other_lower - upper), 0.0))
-        if gap > _TOUCHING * max(spacing.max(), other.max()):
+        if gap > TOUCHING * max(spacing.max(), other.max()):
             continue
         ratio = float(max((spacing / other).max(), (other / spacing).max()))
         density = [system.wave_modulus(system.bodies.index(k))[1] for k in (i, j)]

@@ -46,7 +46,7 @@ def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
     index, what = found
     rows = system.particles.owned_rows
     body = int(rows("body")[index])
-    place = _told(rows("reference_position")[index])
+    place = _numbers(rows("reference_position")[index])
     number = int(rows("identifier")[index])
     stated = [key for key in ("deformation_gradient", "displacement") if getattr(scene.bodies[body], key) is not None]
     key = ".".join(["bodies", str(system.bodies[body]), *stated[:1]])
@@ -89,7 +89,7 @@ def _first(regions: np.ndarray | None) -> np.ndarray | None:
 def _start_of(system: ParticleSystem, particle_set: ParticleSet, bad: np.ndarray, expected: str) -> str:
     index = int(np.argmax(bad))
     key = f"bodies.{system.bodies[int(particle_set.body[index])]}.displacement"
-    return f"{key}: expected {expected}, found one at X = ({_told(particle_set.position[index])})"
+    return f"{key}: expected {expected}, found one at X = ({_numbers(particle_set.position[index])})"
 
 
 def _misfit(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> str | None:
@@ -114,7 +114,7 @@ def _misfit(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> 
     body = system.bodies[int(particle_set.body[index])]
     return (
         f"bodies.{body}.deformation_gradient: expected 1 + the gradient of bodies.{body}.displacement, found one that "
-        f"differs from it by {off[index]:.3g} of its size at X = ({_told(particle_set.position[index])})"
+        f"differs from it by {off[index]:.3g} of its size at X = ({_numbers(particle_set.position[index])})"
     )
 
 
@@ -129,5 +129,5 @@ def _column(scene: Scene, particle_set: ParticleSet, axis: int, step: np.ndarray
     return result
 
 
-def _told(values: np.ndarray) -> str:
+def _numbers(values: np.ndarray) -> str:
     return ", ".join(f"{value:.6g}" for value in values)

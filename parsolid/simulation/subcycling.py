@@ -28,8 +28,8 @@ class Subcycling:
 
     def __init__(self, comm: Any, systems: Sequence[ParticleSystem], kept: list[float] | None):
         """kept: `stable` of a checkpoint. Collective."""
-        self.wanted = [system.settings.substeps or 1 for system in systems]
-        self.systems, self.active = systems, any(wanted != 1 for wanted in self.wanted)
+        self.requested = [system.settings.substeps or 1 for system in systems]
+        self.systems, self.active = systems, any(requested != 1 for requested in self.requested)
         self.stable, self._resumed = list(kept or ()), kept is not None
         if self.active and not kept:
             self.stable = [minimum(comm, system.stable_step()) for system in systems]
@@ -37,10 +37,10 @@ class Subcycling:
     @property
     def extra(self) -> int:
         """Numbers that travel with the minimum of a step besides those of all scenes."""
-        return len(self.wanted) if self.active else 0
+        return len(self.requested) if self.active else 0
 
-    def told(self, own: Sequence[float]) -> Sequence[float]:
-        """Those numbers, from the stable steps [s] of this rank's systems; those of the checkpoint at first."""
+    def to_agree(self, own: Sequence[float]) -> Sequence[float]:
+        """Numbers that travel: stable steps [s] of this rank's systems, those of the checkpoint at first."""
         if not self.active:
             return []
         resumed, self._resumed = self._resumed, False
@@ -57,8 +57,8 @@ class Subcycling:
         "auto" a share of it, or of the slowest of all, but no less than the least."""
         if not self.active or stable < 0.0:
             return stable
-        stated = [step * wanted for step, wanted in zip(of_systems, self.wanted) if wanted != "auto"]
-        own = [step for step, wanted in zip(of_systems, self.wanted) if wanted == "auto"]
+        stated = [step * requested for step, requested in zip(of_systems, self.requested) if requested != "auto"]
+        own = [step for step, requested in zip(of_systems, self.requested) if requested == "auto"]
         if not own:
             return min(stated)
         share = max(_SHARE * min(stated, default=max(own)), min(of_systems))
@@ -68,9 +68,9 @@ class Subcycling:
         """Steps of a system in a common one [s]."""
         if not self.active:
             return 1
-        wanted = self.wanted[number]
-        if wanted == "auto":
-            wanted = max(1, ceil(step / self.stable[number] * (1.0 - _ROUND_OFF)))
-        count = wanted if step > 0.0 else 1
+        requested = self.requested[number]
+        if requested == "auto":
+            requested = max(1, ceil(step / self.stable[number] * (1.0 - _ROUND_OFF)))
+        count = requested if step > 0.0 else 1
         self.systems[number].substeps = count
         return count

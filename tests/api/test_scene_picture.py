@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 import parsolid
+from parsolid.api.picture_data import picture_data
 from parsolid.api.scene_picture import draw_scene
-from parsolid.api.scenery import scenery_of
 from parsolid.scene import SceneError, parse_scene
 
 SOFT = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
@@ -37,25 +37,25 @@ def tables(dimension: int = 2, **more) -> dict:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_what_is_drawn_is_what_the_scene_states(comm, dimension):
-    scenery = scenery_of(comm, parse_scene(tables(dimension)))
+    data = picture_data(comm, parse_scene(tables(dimension)))
     if comm.rank > 0:
-        assert scenery is None
+        assert data is None
         return
     a_face = 4 ** (dimension - 1)
-    assert len(scenery.position) == 3 * 4 * a_face
-    assert np.array_equal(scenery.velocity[:, 0], [0.0, 0.0, -2.0]) and not scenery.velocity[:, 1:].any()
-    marks = {one.kind: one for one in scenery.marks}
-    assert [one.kind for one in scenery.marks] == ["region", "load", "support", "contact", "bond"]
+    assert len(data.position) == 3 * 4 * a_face
+    assert np.array_equal(data.velocity[:, 0], [0.0, 0.0, -2.0]) and not data.velocity[:, 1:].any()
+    marks = {one.kind: one for one in data.marks}
+    assert [one.kind for one in data.marks] == ["region", "load", "support", "contact", "bond"]
     assert len(marks["region"].rows) == 1 and np.array_equal(marks["support"].rows, marks["region"].rows)
     load = marks["load"]
-    assert len(load.rows) == a_face and (scenery.position[load.rows, 0] == 0.125).all()
+    assert len(load.rows) == a_face and (data.position[load.rows, 0] == 0.125).all()
     expected = np.zeros((a_face, dimension))
     expected[:, 0] = -1.0
     np.testing.assert_array_equal(load.arrows, expected)
     assert len(marks["contact"].rows) == 0 and "apart" in marks["contact"].label
-    bonded = scenery.position[marks["bond"].rows, 0]
+    bonded = data.position[marks["bond"].rows, 0]
     assert set(bonded) == {0.875, 1.125}
-    assert scenery.outer.sum() == len(scenery.position) - 3 * 2**dimension
+    assert data.outer.sum() == len(data.position) - 3 * 2**dimension
 
 
 def test_a_picture_has_the_colours_of_what_it_shows(shared_path, comm):

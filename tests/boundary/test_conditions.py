@@ -96,14 +96,14 @@ def step_through(particles, conditions, leapfrog, ledger: Ledger, seeds: list[in
     force, damping = new_forces(particles, 0)
     for seed in seeds:
         started = particles.owned_rows("position").T.copy()
-        impulse = force + damping + conditions.loads(time)
+        impulse = force + damping + conditions.find_loads(time)
         leapfrog.open_step(time, STEP)
         drift(0, particles.owned, STEP, particles.storage("velocity"), particles.storage("position"))
         leapfrog.place(time + STEP, STEP)
         moved, work = particles.owned_rows("position").T - started, force
         force, damping = new_forces(particles, seed)
         work, impulse, time = work + force, impulse + force + damping, time + STEP
-        impulse += conditions.loads(time, True)
+        impulse += conditions.find_loads(time, True)
         leapfrog.close_step(time, STEP)
         leapfrog.book(STEP, ledger, 0.0, "offset")
         yield 0.5 * np.sum(work * moved), 0.5 * STEP * impulse.sum(axis=1)
@@ -162,8 +162,8 @@ def test_loads_and_motion_stay_with_their_particles(comm):
     for _ in range(2):
         shuffle(particles)
         for time in (0.0, 0.7):
-            loads = by_particle(particles, found.loads(time).T)
-            assert np.array_equal(loads, by_particle(still, fixed.loads(time).T))
+            loads = by_particle(particles, found.find_loads(time).T)
+            assert np.array_equal(loads, by_particle(still, fixed.find_loads(time).T))
             values = []
             for mine, conditions in ((still, fixed), (particles, found)):
                 conditions.impose(time)

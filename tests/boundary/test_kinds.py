@@ -109,7 +109,7 @@ class Push(Traction):
     outward: float
 
     @property
-    def course(self):
+    def prescribed(self):
         force = [-self.outward * self.pressure * (axis == self.plane.axis) for axis in range(2)]
         return LoadHistory(FormulaVector(map(Formula, force)))
 '''

@@ -134,7 +134,7 @@ def test_a_static_pull_is_in_balance_at_every_particle(dimension, weights, comm)
     method = sim.systems[0]
     stress = method.shown("first_piola_kirchhoff_stress", 0, method.owned)[:, :dimension, :dimension]
     assert np.abs(stress - P).max(initial=0.0) < 1e-10 * np.abs(P).max()
-    loads = method.conditions.loads(0.0).T / method.share[:, None]
+    loads = method.conditions.find_loads(0.0).T / method.share[:, None]
     left = ~method.conditions.held * (evaluate(sim)["T"] + loads)
     # a rank may have no particle that is loaded
     largest = comm.allreduce(np.abs(loads).max(initial=0.0), MPI.MAX)

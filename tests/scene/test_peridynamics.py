@@ -317,19 +317,19 @@ def test_histories_of_loads(by_file, tmp_path):
     at = np.zeros((1, 2))
     sides = {0.0: (0.0, 0.0), 0.5: (1.0, 1.0), 1.0: (2.0, 5.0), 2.0: (5.0, 5.0), 3.0: (5.0, 0.0), 9.0: (0.0, 0.0)}
     for time, (before, after) in sides.items():
-        values = [traction.course.evaluate(at, time, side)[0, 0] for side in (True, False)]
+        values = [traction.prescribed.evaluate(at, time, side)[0, 0] for side in (True, False)]
         assert values == pytest.approx([before * 1e6, after * 1e6]), time
 
 
 def test_formulas_that_jump():
     held = HELD | {"displacement": ["where(t < 2, 0.1, where(t <= 4, 0.2, 0.3))", "free"], "jumps": [2.0, 4.0]}
-    course = parse_scene(plate(boundaries=[held])).boundaries[0].course
+    prescribed = parse_scene(plate(boundaries=[held])).boundaries[0].prescribed
     at = np.zeros((1, 2))
     sides = {
-        time: [course.evaluate(at, time, before)[0, 0] for before in (True, False)] for time in (1.0, 2.0, 3.0, 4.0)
+        time: [prescribed.evaluate(at, time, before)[0, 0] for before in (True, False)] for time in (1.0, 2.0, 3.0, 4.0)
     }
     assert sides == {1.0: [0.1, 0.1], 2.0: [0.1, 0.2], 3.0: [0.2, 0.2], 4.0: [0.2, 0.3]}
-    assert list(course.free) == [False, True] and not course.component(0).free[0]
+    assert list(prescribed.free) == [False, True] and not prescribed.component(0).free[0]
 
 
 def test_a_history_that_starts_with_a_load_jumps_there():

@@ -102,6 +102,9 @@ def test_overrides_come_before_validation(tmp_path):
     [
         ("3", 3),
         ("0.5", 0.5),
+        (".5", 0.5),
+        ("-5.e-3", -5e-3),
+        (".", "."),
         ("true", True),
         ("[1, 2]", [1, 2]),
         ('"3"', "3"),

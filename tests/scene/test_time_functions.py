@@ -54,13 +54,13 @@ def test_values(folder, source, time, expected):
 )
 def test_values_are_sums_of_factors_in_time_times_modes(source, pointwise):
     formula = Formula(source)
-    course = LoadHistory(FormulaVector((formula, None)), Timed(history={"rows": [[0.0, 2.0], [1.0, 3.0]]}))
+    load = LoadHistory(FormulaVector((formula, None)), Timed(history={"rows": [[0.0, 2.0], [1.0, 3.0]]}))
     plain = LoadHistory(FormulaVector((formula,))).separated(POINTS)
     assert plain.pointwise == pointwise
     for time in (0.0, 0.3, 0.9, 2.0):
         expected = formula.evaluate(POINTS, time)
         np.testing.assert_allclose(plain.values(time, False)[0] + np.zeros(2), expected, rtol=1e-13)
-        values = course.evaluate(POINTS, time)
+        values = load.evaluate(POINTS, time)
         np.testing.assert_allclose(values[:, 0], (2.0 + min(time, 1.0)) * expected, rtol=1e-13)
         assert not values[:, 1].any()
 

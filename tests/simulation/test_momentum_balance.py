@@ -34,9 +34,9 @@ def momenta_of(monkeypatch, before, after, centre_moves=None):
     monkeypatch.setattr("parsolid.observables.sums.AngularMomentum._own", staticmethod(lambda watched: 0.0))
     system = Points(len(before[0]), *before[1])
     balance = MomentumBalance(MPI.COMM_SELF, [system])
-    balance.look()
+    balance.check()
     system.fields.update(position=np.array(after[0]), velocity=np.array(after[1]))
-    balance.look()
+    balance.check()
     return balance
 
 

@@ -183,7 +183,7 @@ def test_pressure_on_all_sides_turned_with_the_body_pushes_nowhere():
     sim = simulation(tables((5, 9), [1.0, 2.0], body=body, boundaries=[press], regions=[everywhere]))
     sim.take_step(1e-6)
     assert np.abs(sim.systems[0].reaction("press")).max() < 1e-6
-    loads = sim.systems[0].conditions.loads(0.0).T
+    loads = sim.systems[0].conditions.find_loads(0.0).T
     X = sim.systems[0].particles.owned_rows("reference_position")
     # on the side X = 1 the force is along the turned normal
     side = (X[:, 0] == 1.0) & (X[:, 1] > 0.1) & (X[:, 1] < 1.9)

@@ -118,9 +118,9 @@ class DrivenRegion:
         if isinstance(motion.region, NearestTo):
             raise SolverError(f"{key}.point: expected a plane, box or ball of grid nodes, found a point")
         self.region, self.reaction, self._seen = region_of(scene, key, motion), reaction, -1
-        course = motion.course
-        assert isinstance(course, LoadHistory)
-        self.components = [(int(i), course.component(int(i))) for i in np.flatnonzero(~course.free)]
+        velocity = motion.prescribed
+        assert isinstance(velocity, LoadHistory)
+        self.components = [(int(i), velocity.component(int(i))) for i in np.flatnonzero(~velocity.free)]
         self.plane = _bounding(motion, *bounds)
         self.moved, self.at, self._chosen_at = 0.0, 0.0, np.nan
 
@@ -134,9 +134,9 @@ class DrivenRegion:
         self.at = time
 
     def _normal_speed(self) -> LoadHistory | None:
-        """The course of a plane's own motion; None where it stays."""
-        courses = dict(self.components)
-        found = courses.get(self.plane[0]) if self.plane is not None else None
+        """Of a plane's own motion; None where it stays."""
+        velocities = dict(self.components)
+        found = velocities.get(self.plane[0]) if self.plane is not None else None
         return found if found is not None and not set(found.formulas[0].names) - {"t"} else None
 
     def choose(self, nodes: Nodes) -> np.ndarray:
@@ -158,8 +158,8 @@ class DrivenRegion:
         """Set the nodes' velocities to those of a time [s]; the work on the nodes that this rank counts, and 0 [J]."""
         slots, work = self.choose(nodes), 0.0
         mass = array[slots, 3] * nodes.share[slots]
-        for axis, course in self.components:
-            wanted, found = course.evaluate(self._places, time)[:, 0], array[slots, axis]
+        for axis, velocity in self.components:
+            wanted, found = velocity.evaluate(self._places, time)[:, 0], array[slots, axis]
             change = np.where(array[slots, 3] > 0.0, wanted - found, 0.0)
             work += sum_in_order(mass * (change * (found + 0.5 * change - 0.5 * array[slots, 4 + axis])))
             array[slots, axis] += change
@@ -183,16 +183,16 @@ def _bounding(motion: MotionCondition, lower: np.ndarray, upper: np.ndarray) -> 
 
 
 class ThermalPlane:
-    """A plane at a temperature, course(X, t) [K], or a plane of symmetry (course None) through which fluxes [W/m^2] may
-    enter matter of a conductivity [W/(m K)]. sign: of the image's temperatures, less those of the plane."""
+    """A plane at a prescribed temperature [K], or a plane of symmetry (None) through which fluxes [W/m^2] may enter
+    matter of a conductivity [W/(m K)]. sign: of the image's temperatures, less those of the plane."""
 
     def __init__(
-        self, mirror: Mirror, plane: Plane, course: LoadHistory | None = None, fluxes: Any = (), k: float = 1.0
+        self, mirror: Mirror, plane: Plane, prescribed: LoadHistory | None = None, fluxes: Any = (), k: float = 1.0
     ):
         """k: the conductivity."""
         self.mirror, self.axis, self.offset = mirror, plane.axis, float(plane.offset)
-        self.course, self.fluxes, self.conductivity = course, tuple(fluxes), k
-        self.sign = 1.0 if course is None else -1.0
+        self.prescribed, self.fluxes, self.conductivity = prescribed, tuple(fluxes), k
+        self.sign = 1.0 if prescribed is None else -1.0
 
     def _feet(self, places: np.ndarray) -> np.ndarray:
         feet = places.copy()
@@ -201,12 +201,14 @@ class ThermalPlane:
 
     def temperatures(self, places: np.ndarray, time: float) -> np.ndarray:
         """Temperatures [K] at the feet of places (n, d) [m]."""
-        return np.zeros(len(places)) if self.course is None else self.course.evaluate(self._feet(places), time)[:, 0]
+        if self.prescribed is None:
+            return np.zeros(len(places))
+        return self.prescribed.evaluate(self._feet(places), time)[:, 0]
 
     def lift(self, places: np.ndarray, time: float) -> np.ndarray:
         """What the image's temperatures (n,) [K] are beyond those of the matter times the sign, at a time [s]; places
         (n, d) [m]: behind the plane."""
-        if self.course is not None:
+        if self.prescribed is not None:
             return 2.0 * self.temperatures(places, time)
         slope, feet = np.zeros(len(places)), self._feet(places)
         for flux in self.fluxes:
@@ -320,7 +322,7 @@ class GridConditions:
         result, heated = [], []
         for key, one in self.loads.of(PrescribedTemperature):
             mirror = self._mirror(key, one.plane.axis, float(one.plane.offset))
-            result.append(ThermalPlane(mirror, one.plane, one.course))
+            result.append(ThermalPlane(mirror, one.plane, one.prescribed))
         held = [plane.mirror for plane in result]
         for fold in self.planes:
             if fold.mirror in held:
@@ -330,7 +332,7 @@ class GridConditions:
             if not entering:
                 result.append(ThermalPlane(fold.mirror, plane))
             elif conductivity and all(one.body is None for one in entering):
-                fluxes = [one.course for one in entering]
+                fluxes = [one.prescribed for one in entering]
                 heated.append(ThermalPlane(fold.mirror, plane, None, fluxes, conductivity))
         return heated + result
 

@@ -102,7 +102,7 @@ class StepEnergies:
             self.external.follow(step)
         gone = self.points.delete_failed()
         if gone:
-            loads.forget_masses()
+            loads.masses_changed()
             if self.external is not None:
                 # velocities that went with it were half a step behind, too
                 gone[DELETED_KINETIC] -= self.external.follow(step)

@@ -434,7 +434,7 @@ class Conduction:
         """
         result = []
         for (plane, _, images, _), wanted in zip(self._folds, held):
-            if plane.course is None:
+            if plane.prescribed is None:
                 result.append(np.zeros(len(images)))
                 continue
             n, depth = self.points.owned, np.zeros(self.thermal.shape)

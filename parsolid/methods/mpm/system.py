@@ -202,7 +202,7 @@ class MaterialPoint(Reports):
     def resume(self) -> None:
         """Continue with the checkpoint's owners of cells; on other ranks with new ones; collective."""
         self.points.without_deleted()
-        self.loads.forget_masses()
+        self.loads.masses_changed()
         self.migration.redistribute(self._partition)
         self._look_at_heat()
 

@@ -142,8 +142,8 @@ class Operator:
 
     def external(self, time: float, before_jump: bool = False) -> np.ndarray:
         """Forces (owned, d) [N] of all loads at a time [s], at a jump after or before it."""
-        found = self.conditions.loads(time, before_jump)
-        return np.zeros(self.free.shape) if found is None else np.ascontiguousarray(found.T)
+        found = self.conditions.find_loads(time, before_jump)
+        return np.zeros(self.free.shape) if found is None else np.array(found.T, order="C")
 
     def settled_state(self) -> Settled:
         """The last committed state, as a copy."""

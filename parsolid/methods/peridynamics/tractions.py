@@ -20,13 +20,14 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.boundary.conditions import Conditions
-from parsolid.boundary.forces import Course, DistributedLoad, TractionLoad
+from parsolid.boundary.forces import DistributedLoad, TractionLoad
 from parsolid.boundary.surface import Surface
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.particles.regions import selected
 from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries.surface import Pressure
 from parsolid.scene.boundaries.traction import Traction
+from parsolid.scene.space_time import SpaceTimeFunction
 from parsolid.scene.warned import Warned
 from parsolid.solvers import start_vector
 
@@ -39,46 +40,46 @@ _MISSED = 0.1
 
 
 @dataclass(frozen=True)
-class DerivedCourse:
-    """What follows from a course in time; derive(points, time, before) -> (n, components)."""
+class DerivedFunction(SpaceTimeFunction):
+    """What follows from another function; derive(points, time, before) -> (n, components)."""
 
-    course: Any
+    function: SpaceTimeFunction
     derive: Callable[[np.ndarray, float, bool], np.ndarray]
 
     @property
     def depends_on_time(self) -> bool:
         """Whether it changes."""
-        return bool(self.course.depends_on_time)
+        return bool(self.function.depends_on_time)
 
     @property
     def jump_times(self) -> tuple[float, ...]:
         """Times [s] at which it jumps."""
-        return tuple(getattr(self.course, "jump_times", ()))
+        return tuple(self.function.jump_times)
 
     def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
         """(n, components) at points (n, d) [m] and a time [s]."""
         return self.derive(points, time, before)
 
 
-def mean_over_face(course: Any, places: np.ndarray, area: np.ndarray) -> DerivedCourse:
-    """The mean of a course at places (k, d) [m] of a face, by their areas (k,) [m^2], the same at all points."""
+def mean_over_face(function: SpaceTimeFunction, places: np.ndarray, area: np.ndarray) -> DerivedFunction:
+    """The mean of a function at places (k, d) [m] of a face, by their areas (k,) [m^2], the same at all points."""
 
     def derive(points: np.ndarray, time: float, before: bool) -> np.ndarray:
-        mean = area @ course.evaluate(places, time, before) / area.sum()
+        mean = area @ function.evaluate(places, time, before) / area.sum()
         return np.broadcast_to(mean, (len(points), len(mean)))
 
-    return DerivedCourse(course, derive)
+    return DerivedFunction(function, derive)
 
 
-def beyond_mean(course: Any, mean: DerivedCourse) -> DerivedCourse:
-    """What a course has beyond its mean over a face."""
-    return DerivedCourse(course, lambda *at: np.asarray(course.evaluate(*at) - mean.evaluate(*at)))
+def beyond_mean(function: SpaceTimeFunction, mean: DerivedFunction) -> DerivedFunction:
+    """What a function has beyond its mean over a face."""
+    return DerivedFunction(function, lambda *at: np.asarray(function.evaluate(*at) - mean.evaluate(*at)))
 
 
-def along_axis(course: Any, axis: int, dimension: int) -> DerivedCourse:
-    """The first component of a course along one axis of d; all but one column 0."""
+def along_axis(function: SpaceTimeFunction, axis: int, dimension: int) -> DerivedFunction:
+    """The first component of a function along one axis of d; all but one column 0."""
     direction = np.eye(dimension)[axis]
-    return DerivedCourse(course, lambda *at: course.evaluate(*at)[:, :1] * direction)
+    return DerivedFunction(function, lambda *at: function.evaluate(*at)[:, :1] * direction)
 
 
 class Tractions:
@@ -104,18 +105,20 @@ class Tractions:
             elif kind == "horizon":
                 self._add_spread(one, one.plane)
             elif kind == "single-layer":
-                self._add_at_face(one, one.plane, one.course)
+                self._add_at_face(one, one.plane, one.prescribed)
             else:
                 mean = self._mean(one, one.plane)
                 self._add_consistent(one, one.plane, mean, 2.0 * self.horizon if kind == "consistent" else np.inf)
-                self._add_at_face(one, one.plane, beyond_mean(one.course, mean))
+                self._add_at_face(one, one.plane, beyond_mean(one.prescribed, mean))
         for key, pressure in conditions.of(Pressure):
             self._add_pressure(key, pressure)
 
-    def _add(self, one: Traction | Pressure, here: np.ndarray, scale: np.ndarray, course: Course, plane: Any) -> None:
-        """Add scale (owned,) [m^2] times a course on particles (owned,) bool."""
+    def _add(
+        self, one: Traction | Pressure, here: np.ndarray, scale: np.ndarray, function: SpaceTimeFunction, plane: Any
+    ) -> None:
+        """Add scale (owned,) [m^2] times a function on particles (owned,) bool."""
         selection = self.particles.selection(here)
-        self.conditions.add_load(DistributedLoad(self.particles, selection, scale.__getitem__, course, plane), one)
+        self.conditions.add_load(DistributedLoad(self.particles, selection, scale.__getitem__, function, plane), one)
 
     def _add_pressure(self, key: str, one: Pressure) -> None:
         """The forces that balance a uniform pressure, in the region of the pressure."""
@@ -127,7 +130,7 @@ class Tractions:
         self._warn_of_thin_region(key, within)
         for axis in range(d):
             here = within & (np.abs(self.unit[:, axis]) > self.least.max())
-            self._add(one, here, self.unit[:, axis].copy(), along_axis(one.course, axis, d), None)
+            self._add(one, here, self.unit[:, axis].copy(), along_axis(one.prescribed, axis, d), None)
 
     def _warn_of_thin_region(self, key: str, within: np.ndarray) -> None:
         """The forces that balance a pressure reach over two horizons; a region that cuts them off bears another force
@@ -162,18 +165,18 @@ class Tractions:
         surface = Surface(self.comm, self.scene, key, one, self.particle_set, self.particles)
         self.conditions.add_load(TractionLoad(one, surface), one)
 
-    def _add_at_face(self, one: Traction, plane: Plane, course: Course) -> None:
+    def _add_at_face(self, one: Traction, plane: Plane, function: SpaceTimeFunction) -> None:
         """Traction times area on the particles of the face."""
         area = np.abs(self.particle_set.area[:, plane.axis])
-        self._add(one, self._face(one), area, course, plane)
+        self._add(one, self._face(one), area, function, plane)
 
     def _add_spread(self, one: Traction, plane: Plane) -> None:
         """The face's force on the volume within the horizon."""
         volume, beneath = self.particle_set.volume, self._beneath(one, plane)[0] <= self.horizon
         depth = float(sums(self.comm, volume[beneath].sum())) / self._area(one, plane)
-        self._add(one, beneath, volume / depth, one.course, plane)
+        self._add(one, beneath, volume / depth, one.prescribed, plane)
 
-    def _add_consistent(self, one: Traction, plane: Plane, mean: DerivedCourse, depth: float) -> None:
+    def _add_consistent(self, one: Traction, plane: Plane, mean: DerivedFunction, depth: float) -> None:
         """Forces that balance the uniform stress t (x) n of the mean traction down to a depth [m]."""
         unit = self.unit[:, plane.axis]
         distance, outward = self._beneath(one, plane)
@@ -185,7 +188,7 @@ class Tractions:
             scale *= self._area(one, plane) / float(sums(self.comm, scale[within].sum()))
         self._add(one, within, scale, mean, None)
 
-    def _mean(self, one: Traction, plane: Plane) -> DerivedCourse:
+    def _mean(self, one: Traction, plane: Plane) -> DerivedFunction:
         """The mean of a traction over its face, or over some particles of a large one, the same on any number of
         ranks."""
         mine, particles = self._face(one), self.particle_set
@@ -196,7 +199,7 @@ class Tractions:
         rows = sorted(zip(lot, area, *places.T))[:_SAMPLE]
         found = sorted(row for piece in self.comm.allgather(rows) for row in piece)[:_SAMPLE]
         sample = np.array(found).reshape(-1, 2 + places.shape[1])
-        return mean_over_face(one.course, np.ascontiguousarray(sample[:, 2:]), sample[:, 1])
+        return mean_over_face(one.prescribed, np.ascontiguousarray(sample[:, 2:]), sample[:, 1])
 
     def _face(self, one: Traction) -> np.ndarray:
         """Which particles (owned,) bool are those of the face."""

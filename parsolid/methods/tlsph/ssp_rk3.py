@@ -49,7 +49,7 @@ class StagedStep:
         conditions, walls = system.conditions, system.fixed_walls
         conditions.begin_step()
         for stage in SSP_RK3:
-            conditions.look()
+            conditions.keep_deformation()
             positive, internal, stable = True, 0.0, conditions.largest_step
             for bodies in system.sweeps:
                 good, rate, allowed = bodies.advance_stage(stage, step)

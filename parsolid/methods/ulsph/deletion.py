@@ -71,7 +71,7 @@ class Deletion:
                 of(name)[rows] = 0.0
             self.lighten()
             self.stop()
-            self.system.conditions.forget_masses()
+            self.system.conditions.masses_changed()
             left = self.system.energies()
             self._energies = {DELETED_KINETIC: kinetic - left[0], DELETED_INTERNAL: stored - left[1]}
         else:

@@ -51,15 +51,15 @@ class Temperatures:
         self._prescribed = []
         for one in scene.boundaries:
             if isinstance(one, PrescribedTemperature):
-                self._prescribed.append((particles.selection(selected(scene, one, particle_set, comm)), one.course))
+                self._prescribed.append((particles.selection(selected(scene, one, particle_set, comm)), one.prescribed))
 
     def prescribe(self, time: float) -> None:
         """Give particles their prescribed temperatures at a time [s]."""
         self.supplied = self.stored = 0.0
         of = self.particles.owned_rows
-        for chosen, course in self._prescribed:
+        for chosen, temperature in self._prescribed:
             rows = chosen.rows
-            values = course.evaluate(np.ascontiguousarray(of("reference_position")[rows]), time)[:, 0]
+            values = temperature.evaluate(np.ascontiguousarray(of("reference_position")[rows]), time)[:, 0]
             heat = self._capacity[of("body")[rows]] * (values - of("temperature")[rows]) * of("mass")[rows]
             of("temperature")[rows] = values
             self.supplied += float(heat.sum())

@@ -91,7 +91,7 @@ class Kicks:
         offset = kick.offset - centred if opening else kick.offset + centred
         energies = np.array([kick.external, kick.dissipated + centred, offset, -gained])
         if self.walls.all:
-            acting = of("force").T, of("viscous_force").T, self.conditions.loads(time)
+            acting = of("force").T, of("viscous_force").T, self.leapfrog.external
             energies += self.walls.catch(time, 0.5 * step, opening, before, acting)
         to_come = energies[1]
         if self.warms and not all(solid.stores_heat for solid in self.system.solids):

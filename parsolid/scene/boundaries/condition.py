@@ -91,10 +91,10 @@ def reaction_details(conditions: list[Any], probes: list[str], carriers: list[li
 
     carriers: settings of the methods that carry each condition.
     """
-    told = [(i, one.reports) for i, one in enumerate(conditions) if one.reports is not None]
-    names = [name for _, name in told] + probes
+    reported = [(i, one.reports) for i, one in enumerate(conditions) if one.reports is not None]
+    names = [name for _, name in reported] + probes
     details: list[Detail] = []
-    for i, name in told:
+    for i, name in reported:
         silent = [settings for settings in carriers[i] if conditions[i].kind not in settings.reactions]
         if silent:
             known = ", ".join(map(repr, silent[0].reactions)) or "none"

@@ -42,12 +42,12 @@ class RegionCondition(Condition):
 
 class MotionCondition(Condition):
     """A condition that prescribes motion; quantity: "velocity" [m/s] or "displacement" [m], whose values in time are
-    `course`. Components that are None in its formulas are free."""
+    `prescribed`. Components that are None in its formulas are free."""
 
     quantity: ClassVar[Literal["velocity", "displacement"]] = "displacement"
 
     @property
-    def course(self) -> LoadHistory | RigidMotion:
+    def prescribed(self) -> LoadHistory | RigidMotion:
         """The values in time."""
         raise NotImplementedError
 
@@ -61,7 +61,7 @@ class PrescribedVelocity(RegionCondition, Reporting, MotionCondition):
     velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
 
     @property
-    def course(self) -> LoadHistory:
+    def prescribed(self) -> LoadHistory:
         """The velocity in time."""
         return LoadHistory(self.velocity)
 
@@ -74,7 +74,7 @@ class PrescribedDisplacement(RegionCondition, Timed, Reporting, MotionCondition)
     displacement: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m]")
 
     @property
-    def course(self) -> LoadHistory:
+    def prescribed(self) -> LoadHistory:
         """The displacement in time."""
         return LoadHistory(self.displacement, self)
 
@@ -101,6 +101,6 @@ class FictitiousLayer(Timed, Reporting, MotionCondition):
         return Beside(self.plane, self.side)
 
     @property
-    def course(self) -> LoadHistory:
+    def prescribed(self) -> LoadHistory:
         """The displacement in time."""
         return LoadHistory(self.displacement or FormulaVector([Formula(0.0)] * 3), self)

@@ -52,6 +52,6 @@ class Rotation(RegionCondition, Reporting, MotionCondition):
         return [(("angle",), self.angle), *moved]
 
     @property
-    def course(self) -> RigidMotion:
-        """The displacement in time; `course.velocity()` is its velocity."""
+    def prescribed(self) -> RigidMotion:
+        """The displacement in time; `prescribed.velocity()` is its velocity."""
         return RigidMotion(self.centre, self.axis, self.angle, self.displacement)

@@ -39,7 +39,7 @@ class Support(Condition, Reporting):
         return {"mirror": False} | table if isinstance(table, dict) and table.get("where") is not None else table
 
     @model_validator(mode="after")
-    def _told_by_particles(self) -> "Support":
+    def _refuse_images(self) -> "Support":
         if self.where is not None and self.mirror:
             reject((("mirror",), "false in a region with a name (images are beyond a plane)", self.mirror))
         return self

@@ -63,7 +63,7 @@ class Pressure(Condition, Timed, Reporting):
         return super().region
 
     @property
-    def course(self) -> LoadHistory:
+    def prescribed(self) -> LoadHistory:
         """The pressure in time."""
         return LoadHistory(FormulaVector((self.pressure,)), self)
 

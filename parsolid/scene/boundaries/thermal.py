@@ -28,7 +28,7 @@ class PrescribedTemperature(Condition):
         return self
 
     @property
-    def course(self) -> LoadHistory:
+    def prescribed(self) -> LoadHistory:
         """The temperature in time."""
         return LoadHistory(FormulaVector((self.temperature,)))
 
@@ -44,6 +44,6 @@ class HeatFlux(Condition):
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
 
     @property
-    def course(self) -> LoadHistory:
+    def prescribed(self) -> LoadHistory:
         """The heat flux in time."""
         return LoadHistory(FormulaVector((self.heat_flux,)))

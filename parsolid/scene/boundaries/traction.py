@@ -24,6 +24,6 @@ class Traction(Condition, Timed, Reporting):
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
 
     @property
-    def course(self) -> LoadHistory:
+    def prescribed(self) -> LoadHistory:
         """The traction in time."""
         return LoadHistory(self.traction, self)

@@ -25,8 +25,9 @@ _LOADS = ("traction", "pressure", "temperature", "heat-flux", "rotation", "veloc
 
 
 class Mark(NamedTuple):
-    """Particles that something is about: rows (n,) of `Scenery`; kind: "region", "support", "load", "contact", "tie" or
-    "bond"; arrows (n, d): directions, the longest of length 1, None without; inwards: they end at the particles."""
+    """Particles of a region, a condition or an interface: rows (n,) of `PictureData`; kind: "region", "support",
+    "load", "contact", "tie" or "bond"; arrows (n, d): directions, the longest of length 1, None without; inwards: they
+    end at the particles."""
 
     kind: str
     label: str
@@ -35,7 +36,7 @@ class Mark(NamedTuple):
     inwards: bool = False
 
 
-class Scenery(NamedTuple):
+class PictureData(NamedTuple):
     """Particles of all ranks by identifier, position and spacing (n, d) [m], body (n,), outer (n,): whether on a
     surface; marks; walls: label, axis and offset [m] of each plane; velocity (bodies, d) [m/s]: mean one at the start;
     meshes: of bodies of elements in space, their surfaces."""
@@ -50,7 +51,7 @@ class Scenery(NamedTuple):
     meshes: list[Skin]
 
 
-def scenery_of(comm: MPI.Comm, scene: Scene, meshes: dict[Any, Any] | None = None) -> Scenery | None:
+def picture_data(comm: MPI.Comm, scene: Scene, meshes: dict[Any, Any] | None = None) -> PictureData | None:
     """All that a picture of a scene shows, on rank 0; meshes: see `generation.generate`. Collective.
 
     Raises SceneError on all ranks.
@@ -82,15 +83,15 @@ def scenery_of(comm: MPI.Comm, scene: Scene, meshes: dict[Any, Any] | None = Non
     velocity[np.abs(velocity).max(axis=1) < _ROUND_OFF * np.abs(whole[-1]).max(initial=0.0)] = 0.0
     of_elements = {k: one for k, one in enumerate(scene.bodies) if scene.dimension == 3 and one.shape.kind == "mesh"}
     meshes = [skin for skin in skins_of(of_elements, 3, body) if skin.elements is not None]
-    return Scenery(position, spacing, body, area.any(axis=1), marks, walls, velocity, meshes)
+    return PictureData(position, spacing, body, area.any(axis=1), marks, walls, velocity, meshes)
 
 
 def _label(one: Condition) -> str:
     """A boundary condition in words."""
     place = one.region_name or (None if one.plane is None else f"{AXES[one.plane.axis]} = {one.plane.offset:g}")
     name = getattr(one, "name", None)
-    told = f"{one.kind} {name!r}" if name else one.kind
-    return told if place is None else f"{told}, {place}"
+    label = f"{one.kind} {name!r}" if name else one.kind
+    return label if place is None else f"{label}, {place}"
 
 
 def _regions(scene: Scene, regions: np.ndarray) -> list[Mark]:
@@ -148,7 +149,7 @@ def _interfaces(scene: Scene, position: np.ndarray, spacing: np.ndarray, body: n
             if i in members and j in members and (stated != ALL or bonded.has(i, j)):
                 for one, other in ((rows_of[i], rows_of[j]), (rows_of[j], rows_of[i])):
                     met.append(one[within_reach(position[one] / scale, position[other] / scale, 1.0)])
-        told = "all" if stated == ALL else ", ".join(stated[:_NAMES]) + (", ..." if len(stated) > _NAMES else "")
+        label = "all" if stated == ALL else ", ".join(stated[:_NAMES]) + (", ..." if len(stated) > _NAMES else "")
         rows = np.unique(np.concatenate(met))
-        marks.append(Mark(kind, f"{told}{'' if len(rows) else ' (apart)'}", rows))
+        marks.append(Mark(kind, f"{label}{'' if len(rows) else ' (apart)'}", rows))
     return marks

@@ -1,7 +1,7 @@
-"""What of a scene's tables is sound.
+"""Validation that goes on after an error, so that one message has every fault of a scene.
 
-A table that is at fault is mended just as far as the others need it to be judged: an unknown key is taken away, an
-entry of a list is left out, a number out of its bounds and a formula stand for one that would do.
+A table that is at fault is repaired just as far as the others need it to be checked: an unknown key is taken away, an
+entry of a list is left out, a number out of its bounds and a formula are replaced by one that is valid.
 """
 
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from parsolid.scene.raw_tables import numbers_out_of_range
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import Fault, fault
 
-# passes over the tables, each of which mends what is at fault, until the tables are given up
+# passes over the tables, each of which repairs what is at fault, until the tables are given up
 MOST_PASSES = 8
 # lists of which an entry at fault is left out
 _ENTRIES = ("boundaries", "initial", "contact", "bond", "tie", "tools", "probes")
@@ -30,8 +30,8 @@ _PLACES = ("shape", "particles", "spacing")
 
 
 @dataclass
-class LeftOut:
-    """What the sound part of a scene lacks of what its file states.
+class Repairs:
+    """How the repaired tables of a scene differ from those of its file.
 
     numbers: of the entries of each list, those in the file; body_names: of all bodies, None where one is at fault;
     regions: those that entries name which are left out; incomplete: entries are missing; misplaced: bodies that are not
@@ -54,8 +54,8 @@ class LeftOut:
     reduced_methods: set[Place] = field(default_factory=set)
 
     @classmethod
-    def nothing(cls, tables: dict[str, Any]) -> "LeftOut":
-        """Before any table is left out."""
+    def none(cls, tables: dict[str, Any]) -> "Repairs":
+        """Before any table is repaired."""
         numbers = {key: list(range(len(tables[key]))) for key in _ENTRIES if isinstance(tables.get(key), list)}
         bodies = tables["bodies"] if isinstance(tables.get("bodies"), list) else []
         sound = all(isinstance(body, dict) and isinstance(body.get("name", ""), str) for body in bodies)
@@ -66,7 +66,7 @@ class LeftOut:
         return self.numbers[key][entry] if key in self.numbers else entry
 
     def stated(self, place: Place) -> Place:
-        """The place in the file of one in the sound part."""
+        """The place in the file of one in the repaired tables."""
         if len(place) > 1 and isinstance(place[1], int):
             return place[0], self.number(str(place[0]), place[1]), *place[2:]
         return place
@@ -98,12 +98,12 @@ def is_within(place: Place, tables: set[Place]) -> bool:
     return any(place[: len(one)] == one for one in tables)
 
 
-def sound_part(data: dict[str, Any], context: dict[str, Any]) -> tuple[Any, LeftOut, list[Fault]]:
-    """The scene as far as its tables are sound in themselves, what it lacks, and the faults of single tables.
+def validate_with_recovery(data: dict[str, Any], context: dict[str, Any]) -> tuple[Any, Repairs, list[Fault]]:
+    """The scene of the repaired tables, the repairs, and the faults of single tables.
 
-    The scene is None where nothing can be told of the others: without a dimension, or a body.
+    The scene is None where no repair lets the other tables be checked: without a dimension, or a body.
     """
-    tables, left_out = _copied(data), LeftOut.nothing(data)
+    tables, repairs = _copied(data), Repairs.none(data)
     faults: dict[Fault, None] = {}
     for number in range(MOST_PASSES):
         found: list[Any] = []
@@ -112,21 +112,21 @@ def sound_part(data: dict[str, Any], context: dict[str, Any]) -> tuple[Any, Left
             scene = Scene.model_validate(tables, context=context)
         except ValidationError as error:
             found = error.errors(include_url=False)
-        skipped = left_out.stand_ins | left_out.reduced_methods
+        skipped = repairs.stand_ins | repairs.reduced_methods
         for item in found:
-            place = left_out.stated(item["loc"])
+            place = repairs.stated(item["loc"])
             if not is_within(place, skipped):
                 faults[fault_of_error(item, place)] = None
         if number == 0:
-            told = {item["loc"] for item in found}
-            out_of_range = [one for one in numbers_out_of_range(data) if not is_within(one[0], told)]
+            known = {item["loc"] for item in found}
+            out_of_range = [one for one in numbers_out_of_range(data) if not is_within(one[0], known)]
             faults.update((fault(*one, code="bound"), None) for one in out_of_range)
             found += [{"loc": place, "ctx": {"code": "bound"}, "input": value} for place, _, value in out_of_range]
         if not found:
-            return scene, left_out, list(faults)
-        if context["dimension"] is None or not _mend(tables, found, left_out, context):
+            return scene, repairs, list(faults)
+        if context["dimension"] is None or not _repair(tables, found, repairs, context):
             break
-    return None, left_out, list(faults)
+    return None, repairs, list(faults)
 
 
 def _copied(tables: Any) -> Any:
@@ -136,37 +136,37 @@ def _copied(tables: Any) -> Any:
     return [_copied(value) for value in tables] if isinstance(tables, list) else tables
 
 
-def _mend(tables: dict[str, Any], found: list[ErrorDetails], left_out: LeftOut, context: dict[str, Any]) -> bool:
-    """Mend tables where errors were found; whether that could be done."""
+def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs, context: dict[str, Any]) -> bool:
+    """Repair tables where errors were found; whether that could be done."""
     dropped: set[tuple[str, int]] = set()
     for item in found:
         place = item["loc"]
         top: Any = place[0] if place else None
         table = _table_at(tables, place[:-1])
         if place and not isinstance(table, dict | list):
-            # it has been mended as a whole
+            # it has been repaired as a whole
             continue
         if item["ctx"]["code"] == "unknown-key":
             table.pop(place[-1], None)
         elif top in _ENTRIES and len(place) > 1:
             dropped.add((top, int(place[1])))
         elif top == "bodies" and len(place) > 1:
-            _mend_body(tables["bodies"], item, left_out, context)
+            _repair_body(tables["bodies"], item, repairs, context)
         elif top == "regions" and len(place) > 1:
-            _mend_region(tables["regions"], int(place[1]))
+            _repair_region(tables["regions"], int(place[1]))
         elif top in (None, "method", "methods"):
-            _mend_method(tables, item, left_out)
+            _repair_method(tables, item, repairs)
         elif top == "end_time":
-            tables[top], left_out.end_known = 1.0, False
+            tables[top], repairs.end_known = 1.0, False
         elif top in ("output", "loads") and len(place) > 1:
             tables[top].pop(place[1], None)
         elif top in ("dimension", "bodies") or top not in tables:
             return False
         else:
             tables.pop(top)
-            left_out.incomplete = True
+            repairs.incomplete = True
     for key, number in sorted(dropped, reverse=True):
-        _leave_out(tables, key, number, left_out)
+        _leave_out(tables, key, number, repairs)
     return True
 
 
@@ -179,23 +179,23 @@ def _table_at(tables: Any, place: tuple[Any, ...]) -> Any:
     return tables
 
 
-def _leave_out(tables: dict[str, Any], key: str, number: int, left_out: LeftOut) -> None:
+def _leave_out(tables: dict[str, Any], key: str, number: int, repairs: Repairs) -> None:
     """Leave an entry of a list out; regions that it names are in use all the same."""
     entry = tables[key].pop(number)
-    left_out.numbers[key].pop(number)
-    left_out.incomplete = True
+    repairs.numbers[key].pop(number)
+    repairs.incomplete = True
     if isinstance(entry, dict) and isinstance(entry.get("where"), str):
-        left_out.regions.add(entry["where"])
+        repairs.regions.add(entry["where"])
 
 
-def _mend_region(regions: list[Any], number: int) -> None:
+def _repair_region(regions: list[Any], number: int) -> None:
     """A region of the same name stands for one at fault."""
     named = isinstance(regions[number], dict) and isinstance(regions[number].get("name"), str)
     name = regions[number]["name"] if named else f"region {number}"
     regions[number] = {"name": name.replace(".", " ").replace(",", " ").strip() or "region", "plane": "X = 0"}
 
 
-def _mend_method(tables: dict[str, Any], item: ErrorDetails, left_out: LeftOut) -> None:
+def _repair_method(tables: dict[str, Any], item: ErrorDetails, repairs: Repairs) -> None:
     """A method without the keys that are at fault, if it can do without them; else nothing is known of it."""
     place: tuple[Any, ...] = item["loc"]
     depth = 1 if place[:1] == ("method",) else 2
@@ -206,12 +206,12 @@ def _mend_method(tables: dict[str, Any], item: ErrorDetails, left_out: LeftOut) 
     own = model.model_fields.get(place[depth]) if table and model else None
     if table and own is not None and not own.is_required():
         table.pop(place[depth], None)
-        left_out.stand_ins.add(place[: depth + 1])
-        left_out.reduced_methods.add(place[:depth])
+        repairs.stand_ins.add(place[: depth + 1])
+        repairs.reduced_methods.add(place[:depth])
         # the usual number will do for what others ask of the method
-        left_out.systems_known = left_out.systems_known and item["ctx"]["code"] == "bound" and len(place) == depth + 1
+        repairs.systems_known = repairs.systems_known and item["ctx"]["code"] == "bound" and len(place) == depth + 1
         return
-    left_out.models_known = left_out.systems_known = False
+    repairs.models_known = repairs.systems_known = False
     if place[:1] == ("methods",) and len(place) > 1:
         methods = tables["methods"]
         name = methods[place[1]].get("name") if isinstance(methods[place[1]], dict) else None
@@ -221,25 +221,25 @@ def _mend_method(tables: dict[str, Any], item: ErrorDetails, left_out: LeftOut) 
         tables["method"] = unknown_method()
 
 
-def _mend_body(bodies: list[Any], item: ErrorDetails, left_out: LeftOut, context: dict[str, Any]) -> None:
+def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, context: dict[str, Any]) -> None:
     dimension, methods = context["dimension"], context["methods"]
     place: tuple[Any, ...] = item["loc"]
     number, key = place[1], place[2] if len(place) > 2 else None
     if not isinstance(bodies[number], dict):
         bodies[number] = {"material": unknown_material()}
-        left_out.models_known = left_out.systems_known = False
-        left_out.stand_ins.add(place[:2])
+        repairs.models_known = repairs.systems_known = False
+        repairs.stand_ins.add(place[:2])
     body = bodies[number]
     if key == "material":
-        _mend_material(body, item, left_out)
+        _repair_material(body, item, repairs)
     elif key == "method":
-        left_out.models_known = left_out.systems_known = False
-        left_out.stand_ins.add(place[:2])
+        repairs.models_known = repairs.systems_known = False
+        repairs.stand_ins.add(place[:2])
         body.pop(key, None)
         if methods:
             body[key] = next(iter(methods))
     elif key in _FORMULAS:
-        left_out.stand_ins.add(place[:3])
+        repairs.stand_ins.add(place[:3])
         if len(place) > 3 and not isinstance(item["input"], list | dict):
             _table_at(bodies, place[1:-1])[place[-1]] = 0.0
         elif key == "deformation_gradient":
@@ -248,35 +248,35 @@ def _mend_body(bodies: list[Any], item: ErrorDetails, left_out: LeftOut, context
             body[key] = [0.0] * dimension if key in ("velocity", "displacement") else 300.0
     elif key in (None, *_PLACES) or key not in body:
         # somewhere else, if it has been tried where the file has it
-        if key == "shape" or number in left_out.misplaced or not isinstance(body.get("shape"), dict):
+        if key == "shape" or number in repairs.misplaced or not isinstance(body.get("shape"), dict):
             body["shape"] = {"box": {"lower": [0.0] * dimension, "upper": [1.0] * dimension}}
-            left_out.shape_unknown = True
+            repairs.shape_unknown = True
         body.pop("spacing", None)
         body["particles"] = [3] * dimension
         if "mesh" in body["shape"]:
             body.pop("particles")
-        left_out.misplaced.add(number)
-        left_out.systems_known = False
-        left_out.stand_ins.update(("bodies", number, word) for word in (*_PLACES, "placement", "grading"))
+        repairs.misplaced.add(number)
+        repairs.systems_known = False
+        repairs.stand_ins.update(("bodies", number, word) for word in (*_PLACES, "placement", "grading"))
     else:
-        left_out.stand_ins.add(place[:3])
+        repairs.stand_ins.add(place[:3])
         body.pop(key)
         if key == "name":
-            left_out.body_names = None
+            repairs.body_names = None
 
 
-def _mend_material(body: dict[str, Any], item: ErrorDetails, left_out: LeftOut) -> None:
+def _repair_material(body: dict[str, Any], item: ErrorDetails, repairs: Repairs) -> None:
     """A number within its bounds stands for one that is not; of another fault nothing is known of the material."""
     place: tuple[Any, ...] = item["loc"]
     table = place[:3]
-    if item["ctx"]["code"] == "bound" and len(place) > 3 and table not in left_out.stand_ins:
+    if item["ctx"]["code"] == "bound" and len(place) > 3 and table not in repairs.stand_ins:
         bounds = item["ctx"]
         within = (
             bounds.get("gt", 0.0) + 1.0 if "gt" in bounds else bounds.get("ge", bounds.get("le", bounds.get("lt", 1.0)))
         )
         _table_at(body, place[2:-1])[place[-1]] = float(within)
-        left_out.stand_ins.add(place if place[3:] == ("density",) else table)
+        repairs.stand_ins.add(place if place[3:] == ("density",) else table)
         return
     body["material"] = unknown_material()
-    left_out.models_known = left_out.systems_known = False
-    left_out.stand_ins.update([table, (*table[:2], "thermal_reference"), (*table[:2], "micro_rate")])
+    repairs.models_known = repairs.systems_known = False
+    repairs.stand_ins.update([table, (*table[:2], "thermal_reference"), (*table[:2], "micro_rate")])
