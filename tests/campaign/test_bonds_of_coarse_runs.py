@@ -60,7 +60,7 @@ def test_bodies_that_are_apart_stay_apart_in_coarse_runs(comm, method, bond):
 
 def test_levels_of_a_search_have_the_bonds_of_the_scene(comm):
     scene = parse_scene(tables("tlsph", True))
-    level = level_of(scene, 2.25)
+    level = level_of(scene, 3.4)
     with pytest.raises(SceneError):
         Simulation(comm, parse_scene(level.tables))
     Simulation(comm, parsed(level.tables, False, level.ratio))
