@@ -13,6 +13,8 @@ from mpi4py import MPI
 _PLACE, _FIRST, _SECOND = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 # words that are worked on at once stay in the cache
 _BLOCK = 2**15
+# before the checksum of a text, at its end
+_COMMENT = "# checksum "
 _STEPS = np.arange(1, _BLOCK + 1, dtype=np.uint64) * _PLACE
 
 
@@ -45,18 +47,15 @@ def digest(data: bytes) -> str:
     return hashlib.blake2b(data, digest_size=16).hexdigest()
 
 
-_SEAL = "# checksum "
-
-
-def sealed(text: str) -> str:
+def with_checksum(text: str) -> str:
     """Lines, and a comment with their checksum."""
-    return f"{text}{_SEAL}{digest(text.encode())}\n"
+    return f"{text}{_COMMENT}{digest(text.encode())}\n"
 
 
-def is_as_sealed(text: str) -> bool:
-    """Whether lines are what `sealed` was given; true of lines without its comment."""
-    lines, mark, stated = text.rpartition(_SEAL)
-    return not mark or stated == f"{digest(lines.encode())}\n"
+def matches_checksum(text: str) -> bool:
+    """Whether lines are what `with_checksum` was given; true of lines without its comment."""
+    lines, comment, stated = text.rpartition(_COMMENT)
+    return not comment or stated == f"{digest(lines.encode())}\n"
 
 
 def added(comm: MPI.Intracomm, sums: dict[str, int]) -> dict[str, int]:

@@ -10,7 +10,7 @@ from parsolid.particles.generation import generate
 from parsolid.particles.initial_fields import initial_velocity
 from parsolid.particles.regions import selected
 from parsolid.particles.skins import Skin, skins_of
-from parsolid.particles.touching import TOUCHING, close_pairs, homes
+from parsolid.particles.touching import TOUCHING, close_pairs, homes, within_touch
 from parsolid.scene import Scene
 from parsolid.scene.base_model import AXES
 from parsolid.scene.bond import ALL
@@ -135,11 +135,9 @@ def _interfaces(scene: Scene, position: np.ndarray, spacing: np.ndarray, body: n
     rows_of = [order[ends[k] : ends[k + 1]] for k in range(count)]
     boxes = np.array([[position[rows].min(axis=0), position[rows].max(axis=0)] for rows in rows_of])
     widest = np.array([np.full(d, spacing[rows].max()) for rows in rows_of])
-    home, names = homes(scene), {one.name: k for k, one in enumerate(scene.bodies)}
-    settings = [scene.systems[k].settings for k in home]
-    own = np.array([np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, widest)])
-    touching = close_pairs(boxes, home, TOUCHING * widest, TOUCHING * widest)
-    acting = close_pairs(boxes, home, own, TOUCHING * widest)
+    names = {one.name: k for k, one in enumerate(scene.bodies)}
+    touching = close_pairs(boxes, homes(scene), TOUCHING * widest, TOUCHING * widest)
+    acting = within_touch(scene, boxes, widest)
     marks, bonded = [], scene.bonded
     for kind, stated in tables:
         close = acting if kind == "bond" else touching

@@ -194,6 +194,7 @@ def _run_campaign(
     from parsolid.campaign.error_bars import Campaign, run_with_error_bars
     from parsolid.campaign.runner import has_checkpoint
     from parsolid.campaign.targets import run_to_targets
+    from parsolid.particles.generation import generate
 
     limits = Limits(None, None if options.wall_time is None else began + options.wall_time)
 
@@ -208,6 +209,8 @@ def _run_campaign(
         if comm.rank == 0 and options.level != QUIET:
             print_line(text)
 
+    # refuses bodies that touch and that no table names, which coarser runs keep apart (`CoarserScene`)
+    generate(scene, comm)
     campaign = Campaign(comm, folder, options.trust_code, limits, say, alone)
     if target:
         stated = scene.run.core_seconds if scene.run else None

@@ -15,6 +15,7 @@ import numpy as np
 
 from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, parse_scene
+from parsolid.scene.contact import BodyPairs
 
 # fewest intervals of a lattice along a direction of which it had more
 LEAST = {"tlsph": 2, "ulsph": 3, "mpm": 2, "peridynamics": 3}
@@ -51,9 +52,23 @@ class BodyLattice(NamedTuple):
         return result
 
 
+class CoarserScene(Scene):
+    """A scene at a coarser level, whose particles reach farther: it has the bonds of the scene that it is made from.
+
+    Bodies that no table names are apart there and stay so. Those of one background grid act on one another where points
+    have nodes in common.
+    """
+
+    @property
+    def unbonded(self) -> BodyPairs | None:
+        """All pairs that no bond names."""
+        return BodyPairs([range(len(self.bodies))], self.bonded)
+
+
 @dataclass(frozen=True)
-class CoarseScene:
-    """A coarser scene as tables; ratio: of the spacings, the actual one; lattices: numbers of particles, in words."""
+class Level:
+    """A scene at another resolution as tables; ratio: of the spacings, the actual one; lattices: numbers of particles,
+    in words."""
 
     tables: dict[str, Any]
     ratio: float
@@ -85,7 +100,7 @@ def lattice_words(scene: Scene) -> str:
     return ", ".join(" x ".join(str(n + end) for n, end in zip(one.intervals, one.ends)) for one in lattices)
 
 
-def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> CoarseScene:
+def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> Level:
     """The coarser scene at a ratio of spacings near the one requested for, and above another.
 
     Raises NotCoarsened with the reason: a mesh, a body of too few particles, a grid that does not fit.
@@ -113,7 +128,7 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
     if not any("cell" in method for method in methods_of(tables)):
         actual = _mean_ratio(lattices, new)
     words = ", ".join(" x ".join(map(str, tables["bodies"][one.number]["particles"])) for one in lattices)
-    return CoarseScene(tables, actual, words)
+    return Level(tables, actual, words)
 
 
 def without_requests(scene: Scene) -> dict[str, Any]:
@@ -126,9 +141,10 @@ def methods_of(tables: dict[str, Any]) -> list[dict[str, Any]]:
     return tables["methods"] if "methods" in tables else [tables["method"]]
 
 
-def parsed(tables: dict[str, Any], trust_code: bool) -> Scene:
-    """The scene of tables that another scene has been resolved to. Raises SceneError."""
-    return parse_scene(tables, trust_code=trust_code)
+def parsed(tables: dict[str, Any], trust_code: bool, ratio: float) -> Scene:
+    """The scene of tables that another scene has been resolved to; ratio: of its spacing. Raises SceneError."""
+    scene = parse_scene(tables, trust_code=trust_code)
+    return CoarserScene.model_construct(**dict(scene)) if ratio > 1.0 else scene
 
 
 def _mean_ratio(lattices: list[BodyLattice], new: list[tuple[int, ...]]) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from parsolid.campaign.coarsening import CoarseScene, NotCoarsened, lattice_words, parsed
+from parsolid.campaign.coarsening import Level, NotCoarsened, lattice_words, parsed
 from parsolid.campaign.options import Option, options_of
 from parsolid.campaign.reference import Reference, observed_reference, stated_reference
 from parsolid.campaign.runner import InProcess, VariantRun
@@ -62,8 +62,9 @@ class Plan:
             one if one.get("reports") == probe else {key: part for key, part in one.items() if key != "reports"}
             for one in tables.get("boundaries", ())
         ]
-        scene = parsed(tables, self.trust_code)
-        return Variant(scene, SPACING, self.ratios[level], lattice_words(scene))
+        ratio = self.ratios[level]
+        scene = parsed(tables, self.trust_code, ratio)
+        return Variant(scene, SPACING, ratio, lattice_words(scene))
 
     def work(self, level: int) -> float:
         """Particles times steps of a level over those of the coarsest."""
@@ -111,7 +112,7 @@ def plan_of(scene: Scene, column: str, axes: list[str], trust_code: bool) -> Pla
     """Levels and options of a scene. Raises SolverError where no coarser scene can be made, or of several methods."""
     if len(scene.systems) > 1 or "methods" in scene.resolved():
         raise SolverError("pareto: expected a scene of one method, found several")
-    found: list[CoarseScene] = []
+    found: list[Level] = []
     reason = ""
     for ratio in sorted(RATIOS):
         try:
@@ -120,7 +121,7 @@ def plan_of(scene: Scene, column: str, axes: list[str], trust_code: bool) -> Pla
             reason = str(error)
     if len(found) < FEWEST:
         raise SolverError(f"pareto: expected a scene of which coarser ones can be made, found: {reason}")
-    levels = [parsed(one.tables, trust_code) for one in found]
+    levels = [parsed(one.tables, trust_code, one.ratio) for one in found]
     plan = Plan(scene, column, trust_code, levels, [one.ratio for one in found])
     for option in [Option(), *options_of(scene, axes)]:
         plan.add(option)

@@ -14,6 +14,7 @@ from parsolid.collective import SolverError
 from parsolid.exit_status import DONE, TO_BE_CONTINUED
 from parsolid.machine import cores_in_words
 from parsolid.output.errors import together
+from parsolid.particles.generation import generate
 
 # a smaller gain in error is none
 _LEAST_GAIN = 0.99
@@ -66,13 +67,15 @@ def run_pareto(
     runner: InProcess, plan: Plan, budget: float, command: str, say: Callable[[str], None], dry_run: bool = False
 ) -> int:
     """Compare the options of a plan and report into the runner's folder; the exit status: 0, or 75 when a signal ended
-    it. Raises SolverError for a scene that does not run. Collective.
+    it. Raises SceneError, or SolverError for a scene that does not run. Collective.
     """
     search = SuccessiveHalving(plan, InProcess(runner.comm, runner.folder / "runs"), budget, say)
     for line in plan.in_words(budget):
         say(f"pareto: {line}")
     if dry_run:
         return DONE
+    # refuses bodies that touch and that no table names, which coarser runs keep apart (`CoarserScene`)
+    generate(plan.scene, runner.comm)
     own = plan.configurations[0]
     try:
         search.advance(own, 0, "first")

@@ -85,10 +85,10 @@ class Search:
     def level(self, ratio: float) -> Variant:
         """The scene nearest to a ratio, below 1 for a finer one. Raises NotCoarsened."""
         trust_code, made = self.campaign.trust_code, level_of(self.scene, ratio)
-        scene = parsed(made.tables, trust_code)
+        scene = parsed(made.tables, trust_code, made.ratio)
         # values of all levels are those at the places that are requested
         tables, corners = with_corners(scene, scene, made.tables)
-        watching = parsed(tables, trust_code) if corners else scene
+        watching = parsed(tables, trust_code, made.ratio) if corners else scene
         return Variant(watching, SPACING, made.ratio, lattice_words(scene), corners)
 
     def coarse_variants(self, level: Variant) -> tuple[list[Variant], list[str]]:
@@ -97,7 +97,7 @@ class Search:
         if added:
             tables = scene.resolved()
             tables["probes"] = [probe for probe in tables["probes"] if probe["name"] not in added]
-            scene = parsed(tables, self.campaign.trust_code)
+            scene = parsed(tables, self.campaign.trust_code, level.ratio)
         return coarse_variants(scene, self.campaign.trust_code, self.ratios)
 
     def folder_of(self, level: Variant) -> Path:

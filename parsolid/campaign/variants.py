@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from parsolid.campaign.coarsening import (
-    CoarseScene,
+    Level,
     NotCoarsened,
     coarsen,
     lattice_words,
@@ -21,7 +21,6 @@ from parsolid.campaign.coarsening import (
 from parsolid.campaign.orders import step_is_stated
 from parsolid.campaign.probes import Corners, with_corners
 from parsolid.scene import Scene
-from parsolid.scene.contact import BodyPairs
 from parsolid.scene.declared import law_files
 from parsolid.sources import source_digest
 
@@ -39,19 +38,6 @@ _LEAST_RATIO, _NEXT_RATIO = 1.15, 1.25
 _ENOUGH, _ENOUGH_ELSEWHERE = {"tlsph": 2}, 12
 # of the tolerance that a solver stops at
 LOOSER = 100.0
-
-
-class CoarserScene(Scene):
-    """A scene of a coarse run, whose particles reach farther: it has the bonds of the scene that it is made from.
-
-    Bodies that no table names are apart there and stay so. Those of one background grid act on one another where points
-    have nodes in common.
-    """
-
-    @property
-    def unbonded(self) -> BodyPairs | None:
-        """All pairs that no bond names."""
-        return BodyPairs([range(len(self.bodies))], self.bonded)
 
 
 @dataclass(frozen=True)
@@ -98,16 +84,16 @@ def digest_of(scene: Scene, ranks: int | None = None) -> str:
     return found.hexdigest()[:12]
 
 
-def level_of(scene: Scene, ratio: float, more_than: float = 0.0) -> CoarseScene:
+def level_of(scene: Scene, ratio: float, more_than: float = 0.0) -> Level:
     """The scene nearest to a ratio of the spacing, below 1 for a finer one. Raises NotCoarsened."""
     if ratio == 1.0:
-        return CoarseScene(without_requests(scene), 1.0, lattice_words(scene))
+        return Level(without_requests(scene), 1.0, lattice_words(scene))
     return coarsen(scene, ratio, more_than)
 
 
-def coarse_scenes(scene: Scene, ratios: Iterable[float]) -> tuple[list[CoarseScene], list[str]]:
+def coarse_scenes(scene: Scene, ratios: Iterable[float]) -> tuple[list[Level], list[str]]:
     """The scenes of rising ratios that can be made, and why others cannot."""
-    found: list[CoarseScene] = []
+    found: list[Level] = []
     refused: list[str] = []
     for ratio in ratios:
         try:
@@ -123,7 +109,7 @@ def coarse_variants(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()
     found: list[Variant] = []
     for number, one in enumerate(reversed(made)):
         tables, corners = with_corners(
-            scene, parsed(one.tables, trust_code), history_alone(scene, one.tables, one.ratio)
+            scene, parsed(one.tables, trust_code, one.ratio), history_alone(scene, one.tables, one.ratio)
         )
         purposes: list[tuple[str, dict[str, Any] | None]] = [(SPACING, tables)]
         if number == 0:
@@ -131,13 +117,7 @@ def coarse_variants(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()
             purposes.append((STEP, half_step(tables) if step_is_stated(scene) else None))
             purposes.append((SOLVER, looser_solver(tables)))
         found += [
-            Variant(
-                CoarserScene.model_construct(**dict(parsed(changed, trust_code))),
-                purpose,
-                one.ratio,
-                one.lattices,
-                corners,
-            )
+            Variant(parsed(changed, trust_code, one.ratio), purpose, one.ratio, one.lattices, corners)
             for purpose, changed in purposes
             if changed is not None
         ]
@@ -152,13 +132,13 @@ def usual_ratios(scene: Scene) -> tuple[float, ...]:
     return next((ratios for ratios in narrow if None not in _all_or_none(scene, ratios)), narrow[0])
 
 
-def _all_or_none(scene: Scene, ratios: tuple[float, ...]) -> list[CoarseScene | None]:
+def _all_or_none(scene: Scene, ratios: tuple[float, ...]) -> list[Level | None]:
     """The coarse scenes of ratios, and None for each that cannot be made."""
     found = coarse_scenes(scene, ratios)[0]
     return [*found, *[None] * (len(ratios) - len(found))]
 
 
-def _is_enough(scene: Scene, made: CoarseScene | None) -> bool:
+def _is_enough(scene: Scene, made: Level | None) -> bool:
     if made is None:
         return False
     kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}

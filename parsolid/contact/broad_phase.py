@@ -25,7 +25,7 @@ _SHARE = 0.25
 # of contacts of so many bodies all pairs are looked at, of more those nearer than so many reaches of the kernel
 _FEW, _FAR = 64, 3.5
 # of its speed of waves, by which a body's particles are taken to get faster until the next look
-_FASTER = 0.01
+SPEED_GAIN = 0.01
 
 
 class MovingBoxes(NamedTuple):
@@ -114,7 +114,7 @@ class BroadPhase:
         self.numbers = [np.array(system.bodies) for system in systems]
         self.faster = np.zeros(bodies)
         for body, kind in contact.kinds.items():
-            self.faster[body] = _FASTER * kind.speed
+            self.faster[body] = SPEED_GAIN * kind.speed
         self.used = np.array(sorted(contact.kinds))
 
     def agree(self, time: float, far: float = 0.0) -> None:

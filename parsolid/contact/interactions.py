@@ -9,8 +9,8 @@ from parsolid.scene import Scene
 from parsolid.scene.contact import grid_pairs, of_model
 
 
-def declare_interactions(scene: Scene, number: int, system: ParticleSystem) -> None:
-    """What particles of a system, of a number in the scene, need for contact, ties and tools, before its state is set.
+def declare_interactions(scene: Scene, system: ParticleSystem) -> None:
+    """What particles of a system need for contact, ties and tools, before its state is set.
 
     A system with contact on its grid gives energies of one time where others act on its nodes.
     """
@@ -26,7 +26,8 @@ def declare_interactions(scene: Scene, number: int, system: ParticleSystem) -> N
         from parsolid.contact.tools.touch import declare_tool_fields
 
         declare_tool_fields(scene, system)
-    if any(number in pair for pair in grid_pairs(scene)):
+    on_grid = {name for one in of_model(scene.contact, "grid") for name in one.bodies}
+    if any(scene.bodies[body].name in on_grid for body in system.bodies):
         system.take_external_forces(keep_rows=False)
 
 
@@ -48,9 +49,10 @@ def build_interactions(comm: Any, scene: Scene, systems: list[ParticleSystem]) -
         from parsolid.contact.ties import Ties
 
         result.append(Ties(comm, scene, systems))
-    if on_grid := grid_pairs(scene):
+    if of_model(scene.contact, "grid"):
         from parsolid.methods.mpm.nodal_contact import NodalContact
 
-        result.append(NodalContact(comm, [((systems[i], systems[j]), one.friction) for (i, j), one in on_grid.items()]))
+        pairs = [((systems[i], systems[j]), friction) for (i, j), friction in grid_pairs(scene).items()]
+        result.append(NodalContact(comm, pairs))
     looks = undeclared_contact(comm, scene, systems)
     return result if looks is None else [*result, looks]

@@ -10,6 +10,7 @@ from decomposition.pair_search import close_boxes
 from parsolid.contact.broad_phase import body_motions, meetings
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.scene.contact import BodyPairs
 from parsolid.scene.tie import tied_pairs
 from parsolid.scene.warned import Note, Warned
 
@@ -87,15 +88,12 @@ class _Stated:
         self.contacts = [(one, sorted(number[name] for name in one.bodies)) for one in scene.contact]
         self.contacts.sort(key=lambda one: len(one[1]) > 1)
         self.tied = {one[:2] for one in tied_pairs(scene)}
-        self._of_body: dict[int, set[int]] = {}
-        for k, (_, members) in enumerate(self.contacts):
-            for body in members:
-                self._of_body.setdefault(body, set()).add(k)
+        self._in_contact = BodyPairs(members for _, members in self.contacts)
         self.count = len(self.tied) + sum(len(each) * (len(each) - 1) // 2 for _, each in self.contacts)
 
     def has(self, i: int, j: int) -> bool:
         """Whether two bodies are in contact or tied."""
-        return (i, j) in self.tied or bool(self._of_body.get(i, set()) & self._of_body.get(j, set()))
+        return (i, j) in self.tied or self._in_contact.has(i, j)
 
 
 class _Pairs:

@@ -1,4 +1,4 @@
-"""Bodies that meet in a run though no table of the scene names them: seen, so that no run goes on unnoticed."""
+"""Bodies that meet in a run though no table of the scene names them."""
 
 from collections.abc import Callable, Sequence
 from itertools import combinations
@@ -7,23 +7,20 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import maximum
-from parsolid.contact.broad_phase import body_motions
+from parsolid.contact.broad_phase import SPEED_GAIN, body_motions
 from parsolid.methods.interaction import Interaction, Meeting
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.pairs.displacement import body_bounds
-from parsolid.particles.touching import TOUCHING, close_pairs, homes, touch
+from parsolid.particles.touching import ClosePairs, close_pairs, homes, touch, within_touch
 from parsolid.scene import Scene
 from parsolid.scene.contact import BodyPairs
-from parsolid.scene.shapes import of_one_mesh
 from parsolid.scene.tie import tied_pairs
 
-# steps between looks at where bodies are: at most, and where they are near
-_MOST_STEPS, _LEAST_STEPS = 64, 8
-# of the distance of contact, by which bodies may have come closer than that before it is seen
-_LATE = 0.25
-# of the speed of waves, by which particles are taken to get faster until the next look
-_FASTER = 0.01
-# bodies up to which all pairs are looked through for one that no table names
+# steps between looks at where bodies are: of bodies that are far apart, and at most of those that are near
+_FAR_STEPS, _NEAR_STEPS = 64, 8
+# share of the reach of a contact by which bodies may come closer between two looks
+_CLOSED = 0.25
+# in scenes of more bodies it is not looked up whether tables name every pair
 _FEW = 64
 
 
@@ -40,7 +37,7 @@ def undeclared_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -
 class UndeclaredContact(Interaction):
     """Looks for bodies that meet and that no table names; nothing acts by it.
 
-    A bond names bodies that it joins: those that touched at the start. Bodies meet where their particles are within a
+    Bodies that touched at the start are named, or the scene is refused. Bodies meet where their particles are within a
     spacing of one another, or, where a method finds neighbours anew, within its reach. Looks are as far apart as speeds
     allow; all ranks take them together.
 
@@ -51,27 +48,25 @@ class UndeclaredContact(Interaction):
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
         """Collective."""
         self.comm, self.scene, self.systems = comm, scene, systems
-        self.home, self._contact = homes(scene), scene.unbonded
+        self.home, self._contact = homes(scene), scene.in_contact
         self._tied = BodyPairs(pair[:2] for pair in tied_pairs(scene))
         self.met: Sequence[Meeting] = []
         self.due: float | None = None
-        self._known: set[tuple[int, int]] = set()
+        self._known, self._touching = set[tuple[int, int]](), set[tuple[int, int]]()
         moduli = [system.wave_modulus(k) for system in systems for k in range(len(system.bodies))]
-        self._faster = _FASTER * max((modulus / density) ** 0.5 for modulus, density in moduli)
+        self._faster = SPEED_GAIN * max((modulus / density) ** 0.5 for modulus, density in moduli)
         spacing = np.zeros((len(self.home), scene.dimension))
         for system in systems:
             rows = system.particles.owned_rows
             np.maximum.at(spacing, np.array(system.bodies)[rows("body")], rows("spacing"))
         self._spacing = maximum(comm, spacing)
-        distances = [systems[k].settings.contact_distance(one) for k, one in zip(self.home, self._spacing)]
-        self._own = np.array(distances)
-        self._joined = self._bonded_at_the_start()
+        reach = [systems[k].settings.contact_distance(one) for k, one in zip(self.home, self._spacing)]
+        self._reach = np.array(reach)
+        self._touching = self._touching_at_the_start()
 
-    def _bonded_at_the_start(self) -> set[tuple[int, int]]:
-        """Bodies that bonds name, or of one mesh, and that touched at the start, which alone are joined; collective."""
-        shapes, bonded = [body.shape for body in self.scene.bodies], self.scene.bonded
-        if not self.scene.bond and all(shape.kind != "mesh" for shape in shapes):
-            return set()
+    def _touching_at_the_start(self) -> set[tuple[int, int]]:
+        """Bodies without contact or tie that touched at the start: bonded, of one mesh, or, at a coarser level of a
+        scene, apart in that; collective."""
         count, d = self._spacing.shape
         bounds = np.full((count, 2, d), -np.inf)
         for system in self.systems:
@@ -80,17 +75,18 @@ class UndeclaredContact(Interaction):
             bounds[numbers] = body_bounds(place, rows("body"), len(numbers))
         bounds = maximum(self.comm, bounds)
         boxes = np.stack((-bounds[:, 0], bounds[:, 1]), axis=1)
-        settings = [self.systems[number].settings for number in self.home]
-        within = [np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, self._spacing)]
-        close = close_pairs(boxes, self.home, np.array(within), TOUCHING * self._spacing)
-        joined = [bonded.has(i, j) or of_one_mesh(shapes[i], shapes[j]) for i, j in close.bodies.tolist()]
-        close = close.where(np.array(joined, bool))
+        close = self._unnamed(within_touch(self.scene, boxes, self._spacing))
         return set(map(tuple, close.bodies[touch(self.comm, close, self._places("reference_position"))[0]].tolist()))
 
     def is_named(self, i: int, j: int) -> bool:
-        """Whether two bodies, i < j, are in contact, tied, or bonded since the start."""
+        """Whether two bodies, i < j, are in contact, tied, or have touched since the start."""
         in_contact = self._contact is not None and self._contact.has(i, j)
-        return in_contact or self._tied.has(i, j) or (i, j) in self._joined
+        return in_contact or self._tied.has(i, j) or (i, j) in self._touching
+
+    def _unnamed(self, close: ClosePairs) -> ClosePairs:
+        """Those of some pairs that no table names and that have not been found."""
+        free = [not self.is_named(i, j) and (i, j) not in self._known for i, j in close.bodies.tolist()]
+        return close.where(np.array(free, bool))
 
     def begin(self, time: float) -> None:
         """A new run looks after its first step, one that goes on when the one before it would have."""
@@ -108,19 +104,17 @@ class UndeclaredContact(Interaction):
         speeds = [np.abs(system.particles.owned_rows("velocity") - mean).max(initial=0.0) for system in self.systems]
         # of two particles that approach one another, along an axis
         fastest = 2.0 * (maximum(self.comm, max(speeds)) + self._faster)
-        later = _MOST_STEPS * step
+        later = _FAR_STEPS * step
         if not self._within(boxes, fastest * later):
             return later
         self.met = [*self.met, *self._within(boxes, 0.0)]
         self._known.update((i, j) for i, j, _ in self.met)
-        return float(np.clip(_LATE * self._own.min() / fastest, step, _LEAST_STEPS * step))
+        return float(np.clip(_CLOSED * self._reach.min() / fastest, step, _NEAR_STEPS * step))
 
     def _within(self, boxes: np.ndarray, room: float) -> list[Meeting]:
         """Pairs that no table names of bodies in boxes (bodies, 2, d) [m] whose particles are within their distance of
         contact and a room [m], and the places [m]; collective."""
-        close = close_pairs(boxes, self.home, self._own + room, self._spacing + room)
-        free = [not self.is_named(i, j) and (i, j) not in self._known for i, j in close.bodies.tolist()]
-        close = close.where(np.array(free, bool))
+        close = self._unnamed(close_pairs(boxes, self.home, self._reach + room, self._spacing + room))
         if not len(close.bodies):
             return []
         found, places = touch(self.comm, close, self._places("position"))

@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from parsolid.checksums import is_as_sealed
+from parsolid.checksums import matches_checksum
 from parsolid.output.errors import OutputError, words
 from parsolid.output.field_sums import rows_of_step
 from parsolid.output.fields import DEFAULT_NAME
@@ -68,7 +68,7 @@ class Results:
             ) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SceneError([f"{scene}: expected TOML, found a fault: {error}"]) from None
-        if not is_as_sealed(text):
+        if not matches_checksum(text):
             raise SceneError([f"{scene}: damaged: it is not as it was written (checksums differ)"])
         self.dimension = self.scene.get("dimension")
         if self.dimension not in (1, 2, 3):

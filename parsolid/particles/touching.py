@@ -44,19 +44,14 @@ def homes(scene: Scene) -> np.ndarray:
 
 def touching_faults(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> list[Fault]:
     """Bodies that touch and that no table names, and bonds of bodies that touch none, the same on all ranks;
-    collective.
-
-    Bodies of one method touch where it lets their particles act on one another.
-    """
+    collective."""
     if len(scene.bodies) == 1:
         return []
     home, bonded, contact = homes(scene), scene.bonded, scene.unbonded
     tied = BodyPairs(pair[:2] for pair in tied_pairs(scene))
     rows = _rows_of_bodies(particle_set.body)
     boxes, spacing = _extents(scene, particle_set, comm)
-    settings = [scene.systems[number].settings for number in home]
-    within = np.array([np.maximum(one.reach(each), TOUCHING * each) for one, each in zip(settings, spacing)])
-    close = close_pairs(boxes, home, within, TOUCHING * spacing)
+    close = within_touch(scene, boxes, spacing)
     free = [not tied.has(i, j) and (contact is None or not contact.has(i, j)) for i, j in close.bodies.tolist()]
     close = close.where(np.array(free, bool))
     # boxes of particles are as close as their bounds
@@ -140,6 +135,17 @@ def close_pairs(boxes: np.ndarray, home: np.ndarray, own: np.ndarray, others: np
     near = np.flatnonzero((gap**2).sum(axis=1) < 1.0)
     near = near[np.lexsort((second[near], first[near]))]
     return ClosePairs(np.stack((first, second), axis=1)[near], semi_axes[near], boxes)
+
+
+def within_touch(scene: Scene, boxes: np.ndarray, spacing: np.ndarray) -> ClosePairs:
+    """Bodies in boxes (bodies, 2, d) [m], with spacings (bodies, d) [m], that may touch one another.
+
+    Bodies of one method touch where it lets their particles act on one another.
+    """
+    settings = [system.settings for system in scene.systems]
+    home = homes(scene)
+    within = [np.maximum(settings[k].reach(each), TOUCHING * each) for k, each in zip(home, spacing)]
+    return close_pairs(boxes, home, np.array(within), TOUCHING * spacing)
 
 
 def _sorted_along(places: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from itertools import combinations
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -56,14 +56,6 @@ class Contact(SceneModel):
         return USUAL | value if forces else value
 
 
-class BodyPair(NamedTuple):
-    """Numbers of two bodies of a scene, or twice the same, and how they meet."""
-
-    first: int
-    second: int
-    contact: Contact
-
-
 def energy_terms(contacts: Any, tools: Any, materials: list[Any]) -> dict[str, int]:
     """What contacts and tools of a scene with these materials add to the ledger."""
     forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
@@ -71,19 +63,6 @@ def energy_terms(contacts: Any, tools: Any, materials: list[Any]) -> dict[str, i
     rubs = any(one.friction for one in (*forces, *grid, *tools))
     warms = rubs and any(map(holds_heat, materials))
     return terms | (FRICTION_HEAT if warms else {})
-
-
-def contact_pairs(contacts: list[Contact], names: list[str | None]) -> list[BodyPair]:
-    """Every pair of bodies in contact, by the names of the scene's bodies; none of a contact that names another, which
-    is told where it does."""
-    result = []
-    for one in contacts:
-        if not set(one.bodies) <= set(names):
-            continue
-        numbers = [names.index(name) for name in one.bodies]
-        pairs = [(numbers[0], numbers[0])] if len(numbers) == 1 else list(combinations(sorted(numbers), 2))
-        result += [BodyPair(i, j, one) for i, j in pairs]
-    return result
 
 
 def of_model(contacts: Any, model: str) -> list[Contact]:
@@ -97,53 +76,50 @@ def in_contact(scene: Any, bodies: Iterable[int]) -> list[str]:
     return [scene.bodies[i].name for i in bodies if scene.bodies[i].name in named]
 
 
-def grid_pairs(scene: Any) -> dict[tuple[int, int], Contact]:
-    """Numbers of two systems that meet on their grid, and how."""
-    names, home = [body.name for body in scene.bodies], dict[int, int]()
-    for number, system in enumerate(scene.systems):
-        home |= dict.fromkeys(system.bodies, number)
-    result: dict[tuple[int, int], Contact] = {}
-    for first, second, contact in contact_pairs(of_model(scene.contact, "grid"), names):
-        result.setdefault((min(home[first], home[second]), max(home[first], home[second])), contact)
+def grid_pairs(scene: Any) -> dict[tuple[int, int], float]:
+    """Friction between every two systems that meet on their grid, by their numbers."""
+    names = {body.name: number for number, body in enumerate(scene.bodies)}
+    home = {body: number for number, system in enumerate(scene.systems) for body in system.bodies}
+    result: dict[tuple[int, int], float] = {}
+    for contact in of_model(scene.contact, "grid"):
+        for i, j in combinations(sorted(names[name] for name in contact.bodies), 2):
+            result.setdefault((min(home[i], home[j]), max(home[i], home[j])), contact.friction)
     return result
 
 
-# what a method must be for its nodes to know of contact
-_OF_GRID = {"order": "musl"}
-
-
-def grid_faults(scene: Any) -> list[Any]:
+def grid_faults(scene: Any) -> list[FaultDetail]:
     """Grid contacts of bodies that have no grid in common, with keys that are for forces, or without agreement."""
-    details: list[Any] = []
+    details = list[FaultDetail]()
     home = {scene.bodies[number].name: one for one in scene.systems for number in one.bodies}
     for i, contact in enumerate(scene.contact):
-        if contact.model == "kernel":
+        # names that no body has are told elsewhere
+        systems = [home[name] for name in contact.bodies if name in home]
+        if contact.model == "kernel" or not systems:
             continue
-        settings = [home[name].settings for name in contact.bodies if name in home]
-        if len(contact.bodies) < 2 or any(one.kind != "mpm" or one is not settings[0] for one in settings):
-            details.append(
-                (("contact", i, "bodies"), "bodies of one method of kind 'mpm' (model = 'grid')", contact.bodies)
-            )
+        place, settings = systems[0].place, systems[0].settings
+        of_one = settings.kind == "mpm" and all(one.settings is settings for one in systems)
+        if len(contact.bodies) < 2 or not of_one:
+            expected = "bodies of one method of kind 'mpm' (model = 'grid')"
+            details.append((("contact", i, "bodies"), expected, contact.bodies))
             continue
-        stated, wording = [key for key in USUAL if getattr(contact, key) is not None], "no such key with model = 'grid'"
-        details += [(("contact", i, key), wording, getattr(contact, key)) for key in stated]
-        for key, wanted in _OF_GRID.items():
-            if (found := getattr(settings[0], key)) != wanted:
-                details.append(((*home[contact.bodies[0]].place, key), f"{wanted!r} with a contact on the grid", found))
-        if settings[0].substeps not in (None, 1):
-            place = (*home[contact.bodies[0]].place, "substeps")
-            details.append((place, "1 with a contact on the grid", settings[0].substeps))
-    if not details:
-        numbers = {number: k for k, system in enumerate(scene.systems) for number in system.bodies}
-        on_grid = grid_pairs(scene)
-        names = [body.name for body in scene.bodies]
-        for first, second, contact in contact_pairs(scene.contact, names) if on_grid else ():
-            pair = min(numbers[first], numbers[second]), max(numbers[first], numbers[second])
-            other = on_grid.get(pair)
-            if other is not None and (other.model, other.friction) != (contact.model, contact.friction):
-                i = scene.contact.index(contact)
-                expected = "the same model and friction for all bodies that share two grids"
-                details.append((("contact", i), expected, contact.bodies))
+        stated = [(key, value) for key in USUAL if (value := getattr(contact, key)) is not None]
+        details += [(("contact", i, key), "no such key with model = 'grid'", value) for key, value in stated]
+        for key, allowed in (("order", ("musl",)), ("substeps", (1, None))):
+            if (found := getattr(settings, key)) not in allowed:
+                details.append(((*place, key), f"{allowed[0]!r} with a contact on the grid", found))
+    if details:
+        return details
+    # contacts on a grid that name a body of each system, by the first of its bodies
+    earlier = defaultdict[int, set[int]](set)
+    for i, contact in sorted(enumerate(scene.contact), key=lambda one: one[1].model != "grid"):
+        first = {home[name].bodies[0] for name in contact.bodies if name in home}
+        shared = Counter(other for body in first for other in earlier[body])
+        others = [scene.contact[other] for other, count in shared.items() if count > 1]
+        if any((one.model, one.friction) != (contact.model, contact.friction) for one in others):
+            expected = "the same model and friction for all bodies that share two grids"
+            details.append((("contact", i), expected, contact.bodies))
+        for body in first if contact.model == "grid" else ():
+            earlier[body].add(i)
     return details
 
 

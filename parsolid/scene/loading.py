@@ -7,7 +7,7 @@ from typing import Any
 
 import tomli_w
 
-from parsolid.checksums import sealed
+from parsolid.checksums import with_checksum
 from parsolid.scene.checks import check_scene
 from parsolid.scene.error_recovery import validate_with_recovery
 from parsolid.scene.methods import context_of
@@ -68,5 +68,5 @@ def parse_scene(
 def dump_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write the resolved scene as TOML with its checksum, beside and renamed; it loads again to the same scene."""
     partial = Path(f"{os.fspath(path)}.partial")
-    partial.write_text(sealed(tomli_w.dumps(scene.resolved())), encoding="utf-8")
+    partial.write_text(with_checksum(tomli_w.dumps(scene.resolved())), encoding="utf-8")
     os.replace(partial, path)

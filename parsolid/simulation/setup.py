@@ -49,7 +49,7 @@ def build_systems(
             orders.append(order)
             system = kind(comm, part, particle_sets[-1])
             system.bodies, system.name = plan.bodies, plan.name
-            declare_interactions(scene, len(systems), system)
+            declare_interactions(scene, system)
             systems.append(system)
             if not restart:
                 system.begin(part, particle_sets[-1])

@@ -1,9 +1,12 @@
-"""Coarse runs have the bonds of the scene that they are made from, also where their particles reach farther."""
+"""Coarser runs have the bonds of the scene that they are made from, also where their particles reach farther."""
 
 import numpy as np
 import pytest
 
-from parsolid.campaign.variants import coarse_variants
+from parsolid.api.running import RunOptions, run_scene
+from parsolid.campaign.coarsening import parsed
+from parsolid.campaign.halving import plan_of
+from parsolid.campaign.variants import coarse_variants, level_of
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 
@@ -53,3 +56,24 @@ def test_bodies_that_are_apart_stay_apart_in_coarse_runs(comm, method, bond):
         velocity, body = (system.particles.owned_rows(name) for name in ("velocity", "body"))
         expected = np.where(body == len(scene.bodies) - 1, 1e-3, -1e-3)
         np.testing.assert_allclose(velocity[:, 0], expected, rtol=1e-12)
+
+
+def test_levels_of_a_search_have_the_bonds_of_the_scene(comm):
+    scene = parse_scene(tables("tlsph", True))
+    level = level_of(scene, 3.4)
+    with pytest.raises(SceneError):
+        Simulation(comm, parse_scene(level.tables))
+    Simulation(comm, parsed(level.tables, False, level.ratio))
+    plan = plan_of(scene, "kinetic", [], False)
+    assert plan.ratios[0] > 2.0
+    Simulation(comm, plan.variant(plan.configurations[0].option, 0).scene)
+
+
+@pytest.mark.parametrize("asked", [{"error_bars": True}, {"target": ("kinetic=50%",)}])
+def test_touching_bodies_that_no_table_names_are_refused_before_coarse_runs(comm, shared_path, asked):
+    found = tables("tlsph", True)
+    del found["bond"]
+    with pytest.raises(SceneError) as error:
+        run_scene(comm, parse_scene(found), shared_path / "run", RunOptions(**asked), 0.0)
+    assert [fault.code for fault in error.value.faults] == ["touching"]
+    assert not (shared_path / "run").exists()

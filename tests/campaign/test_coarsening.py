@@ -35,7 +35,7 @@ def mass_and_bounds(scene):
 def test_bodies_keep_shape_and_mass_with_nearly_one_ratio_of_spacings(name, lattices):
     scene = load_scene(RUNS / f"{name}.toml")
     made = coarsen(scene, 1.5 if scene.dimension != 2 else 1.6)
-    other = parsed(made.tables, False)
+    other = parsed(made.tables, False, made.ratio)
     assert made.lattices == lattice_words(other) == lattices
     # the staircase of a hole is as exact as its cells are small
     exact = 5e-3 if "hole" in name else 1e-12

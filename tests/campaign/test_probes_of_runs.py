@@ -103,7 +103,7 @@ def test_levels_of_a_search_are_compared_where_probes_are_asked_for(scene):
     """Each has its own particle near the place, and an error of the second order that is the same at any of them."""
     found, _ = coarse_variants(scene, False)
     tables, corners = with_corners(scene, scene, scene.resolved())
-    level = Variant(parsed(tables, False), SPACING, 1.0, "", corners)
+    level = Variant(parsed(tables, False, 1.0), SPACING, 1.0, "", corners)
     own = run_of(level, 0.5).history | {"step": np.arange(101.0)}
     scene.__dict__["end_time"] = 1.0
     table = error_table(scene, own, [run_of(one, 0.5) for one in found], corners)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mpi_launch import clean_environment
 
-from parsolid.checksums import sealed
+from parsolid.checksums import with_checksum
 from parsolid.output import OutputError
 from parsolid.output.results import load
 from parsolid.output.summary import git_hash, peak_memory_bytes, provenance, read_summary, write_summary
@@ -36,7 +36,7 @@ def test_keys_keep_their_order_and_numbers_become_json(tmp_path):
 def test_a_changed_digit_of_a_summary_or_a_resolved_scene_is_told(tmp_path):
     summary, scene = tmp_path / "summary.json", tmp_path / "scene.toml"
     write_summary(summary, {"energy": 1.25, "words": "Säule", "none": None})
-    scene.write_text(sealed('dimension = 2\ntitle = "1.25"\n'))
+    scene.write_text(with_checksum('dimension = 2\ntitle = "1.25"\n'))
     assert load(tmp_path).title == "1.25" and load(tmp_path).summary["energy"] == 1.25
     for path, read in ((summary, lambda: load(tmp_path).summary), (scene, lambda: load(tmp_path))):
         text = path.read_text()
