@@ -182,6 +182,12 @@ def gathered(sim, *names: str) -> list[np.ndarray]:
     return [np.concatenate(sim.comm.allgather(np.array(table.owned_rows(name))))[order] for name in names]
 
 
+def assert_same_fields(sim, other, names, part: float) -> None:
+    """Fields of all particles of two simulations are the same, but for a part of the greatest value of the other's."""
+    for name, found, wanted in zip(names, gathered(sim, *names), gathered(other, *names)):
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=part * np.abs(wanted).max(), err_msg=name)
+
+
 # --- random states -----------------------------------------------------------------------------------------------
 
 
