@@ -63,21 +63,28 @@ def environment(folder: Path) -> dict[str, str]:
 
 # --- runs
 
-# scenes whose bodies touch, which versions before 0.2 bonded unasked
-_BONDED = ("tlsph_two_boxes", "ulsph_micro_inertia", "ulsph_micro")
+# scenes are in the words of versions before 0.2, which both checkouts read but for these
+_BOND = 'bond=[{bodies="all"}]'
+_SINCE_0_2 = {
+    "tlsph_two_boxes": [_BOND],
+    "ulsph_micro_inertia": [_BOND],
+    "ulsph_micro": [_BOND],
+    "ulsph_micro_clamped": ["boundaries.1.kind=micro-hard", "boundaries.2.kind=micro-hard"],
+    "mesh": ["bodies.0.placement=vertices"],
+}
 
 
-def bonds(folder: Path, scene: str) -> list[str]:
-    """What a command line says besides of the touching bodies of a scene, for a checkout that wants them named."""
-    asked = scene in _BONDED and (folder / "parsolid" / "scene" / "bond.py").exists()
-    return ["--set", 'bond=[{bodies="all"}]'] if asked else []
+def present_words(folder: Path, scene: str) -> list[str]:
+    """Options of a command line that state a scene in the words of a checkout."""
+    present = (folder / "parsolid" / "scene" / "renamed.py").exists()
+    return [word for change in _SINCE_0_2.get(scene, []) if present for word in ("--set", change)]
 
 
 def run_scenes(folder: Path, ranks: int, steps: int, scenes: list[Path], restarts: bool, place: Path) -> None:
     """Run scenes with one checkout, all in one job; the results of a scene are in place/<scene>/{whole,halves}."""
     jobs = []
     for scene in scenes:
-        where, stated = place / scene.stem, [str(scene), *bonds(folder, scene.stem)]
+        where, stated = place / scene.stem, [str(scene), *present_words(folder, scene.stem)]
         jobs.append([["run", *stated, "-q", "-o", str(where / "whole"), "--max-steps", str(steps)]])
         if restarts:
             halves = ["-q", "-o", str(where / "halves"), "--max-steps"]

@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from histories import FROZEN_AT, HERE, bonds, checkout, environment
+from histories import FROZEN_AT, HERE, checkout, environment, present_words
 
 TIMED = HERE / "timed"
 
@@ -55,7 +55,7 @@ def run(
     Python keeps compiled modules, which are compiled anew if there is none."""
     with tempfile.TemporaryDirectory() as results:
         command = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        stated = [str(TIMED / f"{scene}.toml"), *bonds(folder, scene)] if scene else []
+        stated = [str(TIMED / f"{scene}.toml"), *present_words(folder, scene)] if scene else []
         command += [sys.executable, "-m", "parsolid", "run", *stated, "-q"]
         command += ["-o", results, "--max-steps", str(steps), "--set", "output.pictures=false"]
         variables = environment(folder) | ({"XDG_CACHE_HOME": str(cache)} if cache else {})
@@ -71,13 +71,8 @@ def run(
 def nanoseconds(summary: dict) -> float:
     """Processor time of rank 0 a particle and step, times the ranks, without the first step."""
     spent = summary["loop_processor_seconds"] - summary["first_step_processor_seconds"]
-    return (
-        1e9
-        * spent
-        * summary["ranks"]
-        / summary["particles"]
-        / ((summary.get("steps_this_run") or summary["steps_this_run"]) - 1)
-    )
+    steps = summary["steps_this_run" if "steps_this_run" in summary else "steps_of_this_call"]
+    return 1e9 * spent * summary["ranks"] / summary["particles"] / (steps - 1)
 
 
 def compare(old: Path, new: Path, names: list[str], pairs: int) -> None:

@@ -137,10 +137,12 @@ def quality_advice(simulation: Simulation) -> list[Note]:
             mesh = restricted(mesh, [body.shape.model.group])
         found = quality_of(mesh)
         where = ", ".join(f"{x:.4g}" for x in found.place)
-        shape = f"the worst aspect is {found.worst:.3g}, of 1 % more than {found.high:.3g}"
+        shape = f"the worst aspect of an element is {found.worst:.3g}, 1 % are above {found.high:.3g}"
         edge = f"the shortest edge, {found.shortest:.3g} m at ({where}), sets the step"
-        cost = f"without the 1 % of elements with the shortest edges {1.0 - found.shortest / found.short:.0%} of it go"
-        result.append(Note("mesh-quality", f"bodies.{i}: {shape}; {edge}, and the cost: {cost}"))
+        saved = (
+            f"without the 1 % of elements with the shortest edges {1.0 - found.shortest / found.short:.0%} fewer steps"
+        )
+        result.append(Note("mesh-quality", f"bodies.{i}: {shape}; {edge}: {saved}"))
     return result
 
 

@@ -38,7 +38,7 @@ _INTERFACES = ("contact", "tie", "bond")
 _MOST_ARROWS, _MOST_IN_LEGEND = 24, 8
 # of the size of all bodies: the longest arrow, and how far bodies of an interface are moved apart in space
 _ARROW, _APART = 0.12, 0.1
-_VELOCITY, _WALL, _TOOL = "#404040", "#303030", "#9a9a9a"
+_VELOCITY, _WALL, _TOOL, _EDGES = "#404040", "#303030", "#9a9a9a", "#8d97a3"
 # directions towards the viewer: from the front, the right and above, and from behind, the left and below
 _VIEWS = ((2.0, -2.5, 1.5), (-2.0, 2.5, -1.2))
 # so many particles inside of bodies are drawn in space: the surface hides the others
@@ -262,7 +262,16 @@ def _draw_space(axes: Any, scene: Scene, scenery: Scenery) -> None:
             )
             plotter.add_mesh(drawn, color=colour, ambient=0.4)
 
-    for number in range(len(scene.bodies)):
+    drawn_by_elements = set()
+    for skin in scenery.meshes:
+        number = int(scenery.body[skin.first])
+        drawn_by_elements.add(number)
+        faces = np.concatenate([np.insert(patch, 0, patch.shape[1], axis=1).ravel() for patch in skin.patches or ()])
+        surface = pyvista.PolyData(np.ascontiguousarray(place[skin.first : skin.last], float), faces)
+        plotter.add_mesh(
+            surface, color=_BODIES[number % len(_BODIES)], ambient=0.25, show_edges=True, edge_color=_EDGES
+        )
+    for number in sorted(set(range(len(scene.bodies))) - drawn_by_elements):
         here = scenery.body == number
         inside = _few(np.flatnonzero(here & ~scenery.outer), _MOST_INSIDE)
         rows = np.concatenate((np.flatnonzero(here & scenery.outer), inside))

@@ -9,6 +9,7 @@ from decomposition.pair_search import within_reach
 from parsolid.particles.generation import generate
 from parsolid.particles.initial_fields import initial_velocity
 from parsolid.particles.regions import selected
+from parsolid.particles.skins import Skin, skins_of
 from parsolid.particles.touching import TOUCHING, close_pairs, homes
 from parsolid.scene import Scene
 from parsolid.scene.base_model import AXES
@@ -35,8 +36,9 @@ class Mark(NamedTuple):
 
 
 class Scenery(NamedTuple):
-    """Particles of all ranks, position and spacing (n, d) [m], body (n,), outer (n,): whether on a surface; marks;
-    walls: label, axis and offset [m] of each plane; velocity (bodies, d) [m/s]: mean one at the start."""
+    """Particles of all ranks by identifier, position and spacing (n, d) [m], body (n,), outer (n,): whether on a
+    surface; marks; walls: label, axis and offset [m] of each plane; velocity (bodies, d) [m/s]: mean one at the start;
+    meshes: of bodies of elements in space, their surfaces."""
 
     position: np.ndarray
     spacing: np.ndarray
@@ -45,6 +47,7 @@ class Scenery(NamedTuple):
     marks: list[Mark]
     walls: list[tuple[str, int, float]]
     velocity: np.ndarray
+    meshes: list[Skin]
 
 
 def scenery_of(comm: MPI.Comm, scene: Scene) -> Scenery | None:
@@ -52,12 +55,13 @@ def scenery_of(comm: MPI.Comm, scene: Scene) -> Scenery | None:
     drawn = generate(scene, comm)
     held = [one for one in scene.boundaries if one.on_particles]
     masks = [selected(scene, one, drawn, comm) for one in held]
-    arrays: list[Any] = [drawn.position, drawn.spacing, drawn.body, drawn.area, drawn.regions, *masks]
+    arrays: list[Any] = [drawn.identifier, drawn.position, drawn.spacing, drawn.body, drawn.area, drawn.regions, *masks]
     arrays.append(initial_velocity(scene, drawn.body, drawn.position, drawn.regions))
     pieces = comm.gather(arrays)
     if pieces is None:
         return None
-    whole: list[Any] = [None if each[0] is None else np.concatenate(each) for each in zip(*pieces)]
+    order = np.argsort(np.concatenate([piece[0] for piece in pieces]))
+    whole: list[Any] = [None if each[0] is None else np.concatenate(each)[order] for each in zip(*pieces)][1:]
     position, spacing, body, area, regions = whole[:5]
     rows = [np.flatnonzero(mask) for mask in whole[5:-1]]
     marks = [] if regions is None else _regions(scene, regions)
@@ -73,7 +77,9 @@ def scenery_of(comm: MPI.Comm, scene: Scene) -> Scenery | None:
     velocity = np.stack(sums, axis=1) / count[:, None]
     # bodies that turn about their middle fly nowhere
     velocity[np.abs(velocity).max(axis=1) < _ROUND_OFF * np.abs(whole[-1]).max(initial=0.0)] = 0.0
-    return Scenery(position, spacing, body, area.any(axis=1), marks, walls, velocity)
+    of_elements = {k: one for k, one in enumerate(scene.bodies) if scene.dimension == 3 and one.shape.kind == "mesh"}
+    meshes = [skin for skin in skins_of(of_elements, 3, body) if skin.elements is not None]
+    return Scenery(position, spacing, body, area.any(axis=1), marks, walls, velocity, meshes)
 
 
 def _label(one: Condition) -> str:

@@ -16,9 +16,9 @@ from parsolid.api import pictures
 from parsolid.commands.cli import main
 from parsolid.commands.plot import add_arguments, run_plot
 from parsolid.commands.plot.scales import scale_of
-from parsolid.commands.plot.skins import Skin, lattice_faces
 from parsolid.commands.view import add_arguments as add_view_arguments
 from parsolid.commands.view import run_view
+from parsolid.particles.skins import Skin, lattice_faces
 from parsolid.scene import SceneError
 
 pytest.importorskip("matplotlib")

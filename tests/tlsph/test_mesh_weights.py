@@ -164,6 +164,18 @@ def test_the_same_on_all_ranks(shared_path, comm):
     assert np.abs(alone["energy_error"]).max() < 1e-4 * alone["kinetic"].max()
 
 
+def test_a_tool_on_a_mesh_is_the_same_on_all_ranks(shared_path, comm):
+    """Particles of a mesh have unlike masses on springs of contact: those near the tool alone limit the step."""
+    shape = {"sphere": {"centre": [1.7, 1.31], "radius": 0.3}}
+    tool = {"name": "ball", "shape": shape, "mass": 0.05, "velocity": [0.0, -1.0]}
+    data = of_mesh(shared_path, "triangle", 2, counts=(8, 4), tools=[tool])
+    together, alone = (run_to_end(data, some)[1] for some in (comm, MPI.COMM_SELF))
+    assert alone["contact_energy"].max() > 0.1 * alone["kinetic"][0] and len(together["time"]) == len(alone["time"])
+    for name in ("time", "kinetic", "contact_energy"):
+        atol = 1e-9 * np.abs(alone[name]).max()
+        np.testing.assert_allclose(together[name], alone[name], rtol=0.0, atol=atol, err_msg=name)
+
+
 def test_restart_has_the_same_bits(shared_path, comm):
     body, output = {"velocity": ["0.1*Y", "-0.2*X", "0"]}, {"checkpoint_steps": 20}
     data = of_mesh(shared_path, "mixed", 3, body=body, output=output, end_time=5.0)

@@ -26,10 +26,10 @@ def pressed(shape, places, friction=None):
     """Forces (n, 3) and their resultant; all particles of radius 0.1."""
     n = len(places)
     body, touchable = np.zeros(n, np.int64), np.ones(1, bool)
-    numbers = np.full(n, 0.1), np.full(n, 3.0), np.zeros(n)
+    numbers = np.full(n, 0.1), np.full(n, 3.0), np.zeros(n), np.arange(1.0, n + 1.0)
     particles = Particles(n, places, np.zeros((n, 3)), body, touchable, *numbers)
     touched = Touched.of_size(n)
-    count, *near = press(shape, FRAME, friction, 2.0, particles, Approach(0.0, 0.0), False, touched)
+    count, *near = press(shape, FRAME, friction, 2.0, particles, Approach(0.0, 0.0, 0.0, 0.0), False, touched)
     touched, result = touched.first(count), np.zeros((n, 3))
     result[touched.row] = touched.force
     return result, Resultant.of(touched, Nearby(*near))
@@ -93,6 +93,19 @@ def test_distances_are_negative_inside_and_those_of_the_surface_outside():
         assert np.linalg.norm(normal) == pytest.approx(1.0)
 
 
+def test_particles_that_the_tool_reaches_limit_the_step():
+    """Of three particles at 0.1, 0.3 and 0.9 from a half-space, by the speed of the tool and their own."""
+    places = np.array([[0.2, 0.0, 0.0], [0.4, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    velocity, square = np.array([[0.0, 0, 0], [0.0, 1.5, 0], [0.0, 0, 0]]), np.array([1.0, 3.0, 9.0])
+    for time, limit in ((0.0, 0.0), (0.05, 0.0), (0.11, 1.0), (0.13, 3.0), (0.5, 3.0), (0.95, 9.0)):
+        numbers = np.full(3, 0.1), np.full(3, 3.0), np.zeros(3), square
+        particles = Particles(3, places, velocity, np.zeros(3, np.int64), np.ones(1, bool), *numbers)
+        approach, touched = Approach(0.0, 0.0, time, 1.0), Touched.of_size(3)
+        shape, frame = HalfSpace(1.0, 0.0, 0.0), Frame(np.zeros(3), np.eye(3))
+        _, *near = press(shape, frame, None, 1.0, particles, approach, False, touched)
+        assert Nearby(*near).square == limit, time
+
+
 def test_what_an_impulse_has_besides_acts_along_the_normal():
     """A particle that has come from a depth to another: by `gap_correction`, away from the shape."""
     place = np.array([[0.03, 0.0, 0.0]])
@@ -100,9 +113,10 @@ def test_what_an_impulse_has_besides_acts_along_the_normal():
     body, touchable = np.zeros(n, np.int64), np.ones(1, bool)
     for before in (0.02, -0.05, 0.09):
         level = np.full(n, before)
-        particles = Particles(n, place, np.zeros((n, 3)), body, touchable, np.full(n, 0.1), np.full(n, 3.0), level)
+        numbers = np.full(n, 0.1), np.full(n, 3.0), level, np.zeros(n)
+        particles = Particles(n, place, np.zeros((n, 3)), body, touchable, *numbers)
         touched, frame = Touched.of_size(n), Frame(np.zeros(3), np.eye(3))
-        count, *_ = press(shape, frame, None, 2.0, particles, Approach(0.0, 0.0), True, touched)
+        count, *_ = press(shape, frame, None, 2.0, particles, Approach(0.0, 0.0, 0.0, 0.0), True, touched)
         assert count == 1 and level[0] == pytest.approx(0.07)
         np.testing.assert_allclose(touched.force[0], [6.0 * 0.07, 0.0, 0.0])
         np.testing.assert_allclose(touched.correction[0], [6.0 * gap_correction(before, level[0]), 0.0, 0.0])

@@ -7,7 +7,7 @@ import numpy as np
 import pyvista
 from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
 
-from parsolid.commands.plot.skins import Skin
+from parsolid.particles.skins import Skin
 
 
 @dataclass(frozen=True)

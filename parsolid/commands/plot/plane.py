@@ -11,8 +11,8 @@ from matplotlib.tri import Triangulation
 from scipy.spatial import cKDTree
 
 from parsolid.commands.plot.scales import Scale
-from parsolid.commands.plot.skins import Skin
 from parsolid.output.results import Frame
+from parsolid.particles.skins import Skin
 
 # not snapped to pixels: short lines of one edge would be moved apart
 _EDGES: dict[str, Any] = {"colors": "#202020", "linewidths": 0.4, "alpha": 0.3, "snap": False}

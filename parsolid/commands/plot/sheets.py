@@ -19,8 +19,8 @@ from parsolid.commands.plot.marks import HEIGHT as MARKS
 from parsolid.commands.plot.marks import add_marks
 from parsolid.commands.plot.plane import PlaneView, draw_plane
 from parsolid.commands.plot.scales import scale_of, time_labels
-from parsolid.commands.plot.skins import skins_of
 from parsolid.output.results import Frame, Results
+from parsolid.particles.skins import skins_of
 from parsolid.scene import SceneError
 
 DOTS_PER_INCH = 100

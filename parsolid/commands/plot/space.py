@@ -9,8 +9,8 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from parsolid.commands.plot.cuts import Cut, cut_body
 from parsolid.commands.plot.scales import Scale
-from parsolid.commands.plot.skins import Skin
 from parsolid.output.results import Frame
+from parsolid.particles.skins import Skin
 
 # VTK tells of every way of drawing that it tries in vain
 vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)

@@ -36,7 +36,8 @@ class Friction(NamedTuple):
 
 class Particles(NamedTuple):
     """Of owned particles: position, velocity (n, d); body (n,); radius (n,) [m] and stiffness (n,) [N/m] of a tool with
-    alpha = 1; level (n,) [m]: how deep each is, below zero where it is apart, of the last call.
+    alpha = 1; level (n,) [m]: how deep each is, below zero where it is apart, of the last call; square (n,) [1/s^2]:
+    of the angular frequency of each on the spring of the contact.
 
     touchable (bodies,): bodies that the tool is for.
     """
@@ -49,6 +50,7 @@ class Particles(NamedTuple):
     radius: np.ndarray
     stiffness: np.ndarray
     level: np.ndarray
+    square: np.ndarray
 
 
 class Touched(NamedTuple):
@@ -81,20 +83,25 @@ class Touched(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """How far particles and tool may come nearer: a time [s], and the greatest speed of the tool's points [m/s]."""
+    """How far particles and tool may come nearer: a time [s], and the greatest speed of the tool's points [m/s];
+    step_time, step_speed: the same of particles that limit the step."""
 
     time: float
     speed: float
+    step_time: float
+    step_speed: float
 
 
 class Nearby(NamedTuple):
     """Of all particles that the tool may touch in the time of `Approach`: stiffness [N/m], the same times squared arms
     [N m] of normal and tangential springs; clearance [m]: the least distance of any face of a particle from the shape,
-    below zero where it touches."""
+    below zero where it touches; square [1/s^2]: the greatest of particles that limit the step, 0 where there are none.
+    """
 
     stiffness: float
     turning: float
     clearance: float
+    square: float
 
 
 @inlined
@@ -173,7 +180,7 @@ def press(shape, frame, friction, alpha, particles, approach, known, touched):
 
     alpha: factor on the stiffness; friction: None without any; known: whether particles.level is that of the last step.
     """
-    count, clearance, together, turning = 0, math.inf, 0.0, 0.0
+    count, clearance, together, turning, square = 0, math.inf, 0.0, 0.0, 0.0
     position, level, d = particles.position, particles.level, particles.position.shape[1]
     for i in range(particles.owned):
         if not particles.touchable[particles.body[i]]:
@@ -182,14 +189,18 @@ def press(shape, frame, friction, alpha, particles, approach, known, touched):
         arm = (x[0] - frame.place[0], x[1] - frame.place[1], x[2] - frame.place[2])
         local, stiffness = _to_frame(frame, arm), alpha * particles.stiffness[i]
         before = level[i] if known else 0.0
-        reach = approach.time * (approach.speed + math.sqrt(dot(v, v)))
+        own = math.sqrt(dot(v, v))
+        reach = approach.time * (approach.speed + own)
+        near = approach.step_time * (approach.step_speed + own)
         # of what has just parted the direction counts, too
-        look = math.inf if before > 0.0 else particles.radius[i] + reach
+        look = math.inf if before > 0.0 else particles.radius[i] + max(reach, near)
         away, nx, ny, nz = distance(shape, local[0], local[1], local[2], look)
         depth = particles.radius[i] - away
         correction = stiffness * gap_correction(before, depth) if known else 0.0
         level[i] = depth
         clearance = min(clearance, -depth)
+        if depth >= -near:
+            square = max(square, particles.square[i])
         if depth > -reach:
             # the tangential spring of friction has half the stiffness
             share = 0.0 if friction is None else 0.5
@@ -214,7 +225,7 @@ def press(shape, frame, friction, alpha, particles, approach, known, touched):
             _put(touched.force, count, 0, 3, force)
             _put(touched.correction, count, 0, 3, combined(correction, normal, 0.0, normal))
             count += 1
-    return count, together, turning, clearance
+    return count, together, turning, clearance, square
 
 
 @kernel

@@ -26,7 +26,7 @@ from parsolid.scene import Scene
 RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
 # of the time in which particle and tool would meet, should both gain the speed of sound
 _LOOK_AFTER = 0.5
-# in so many of the longest steps what is near may be touched: until then steps are as short as contact wants
+# particles that may be touched in so many of the longest steps limit the step
 _NEAR = 2.0
 # radius [m] of particles that no tool touches
 _OUT_OF_REACH = -1e9
@@ -116,7 +116,7 @@ class Touch:
         self.clearance, self.greatest_square, self.deleted = np.inf, 0.0, 0.0
         # whether places of the last step were looked at
         self._followed = False
-        self._layout, self._hardest, self.quiet_until = -1, 0.0, -np.inf
+        self._layout, self._squares, self.quiet_until = -1, np.zeros(0), -np.inf
 
     @property
     def rows(self) -> np.ndarray:
@@ -145,6 +145,7 @@ class Touch:
             particles[RADIUS],
             particles[STIFFNESS],
             particles.storage(level_of(tool.name)),
+            self._squares_of_particles(),
         )
         count, *near = press(
             tool.shape,
@@ -152,12 +153,13 @@ class Touch:
             friction,
             tool.stiffness,
             seen,
-            Approach(tool.longest, tool.speed(time)),
+            Approach(tool.longest, tool.speed(time), _NEAR * tool.longest, self.signal + tool.speed(time)),
             self._followed,
             self._room,
         )
-        self._followed, self.touched = True, self._room.first(count)
-        self.resultant, self.clearance = Resultant.of(self.touched, Nearby(*near)), near[-1]
+        self._followed, self.touched, nearby = True, self._room.first(count), Nearby(*near)
+        self.resultant, self.clearance = Resultant.of(self.touched, nearby), nearby.clearance
+        self.greatest_square = nearby.square
         self._look_ahead(time)
 
     def _leave_out_deleted(self) -> None:
@@ -179,25 +181,22 @@ class Touch:
         rows(RADIUS)[gone] = _OUT_OF_REACH
 
     def _look_ahead(self, time: float) -> None:
-        """When to look again, and how stiff what may be touched by then is."""
-        system, layout = self.system, self.system.particles.layout
-        if layout != self._layout:
-            self._layout, self._hardest = layout, self._hardest_of_all()
-        speed = self.signal + self.tool.speed(time)
-        if self.clearance > _NEAR * self.tool.longest * speed:
-            # what moves faster than that will be seen in time
-            speed += fastest(system.particles.owned, system.particles["velocity"])
-        near = self.clearance <= _NEAR * self.tool.longest * speed
-        self.greatest_square = self._hardest if near else 0.0
-        self.quiet_until = -np.inf if near else time + _LOOK_AFTER * self.clearance / speed
+        """When to look again: at once while a particle limits the step."""
+        self.quiet_until = -np.inf
+        if self.greatest_square == 0.0:
+            particles = self.system.particles
+            speed = self.signal + self.tool.speed(time) + fastest(particles.owned, particles["velocity"])
+            self.quiet_until = time + _LOOK_AFTER * self.clearance / speed
 
-    def _hardest_of_all(self) -> float:
-        """The greatest square of an angular frequency [1/s^2] that the contact may add to that of a particle."""
-        system = self.system
-        rows = system.particles.owned_rows
-        here = np.flatnonzero(self.touchable[rows("body")] & (rows(RADIUS) > _OUT_OF_REACH))
-        mass = tributary_mass(system.particles, here)
-        return self.tool.stiffness * float((rows(STIFFNESS)[here] / mass).max(initial=0.0))
+    def _squares_of_particles(self) -> np.ndarray:
+        """Squares (owned,) [1/s^2] of the angular frequencies that the contact may add to those of particles."""
+        particles = self.system.particles
+        if self._layout != particles.layout:
+            self._layout = particles.layout
+            mass = tributary_mass(particles, slice(particles.owned))
+            springs = self.tool.stiffness * particles.owned_rows(STIFFNESS)
+            self._squares = np.divide(springs, mass, out=np.zeros(particles.owned), where=mass > 0.0)
+        return self._squares
 
     def warm(self) -> float:
         """Give the particles half of what friction took of each, for the tool has no temperature; what of it their

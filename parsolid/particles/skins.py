@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -78,18 +79,19 @@ def _to_corners(grid: np.ndarray, axis: int, closed: bool, linear: bool) -> np.n
 def skins_of(bodies: Mapping[int, Any], dimension: int, body: np.ndarray) -> list[Skin]:
     """The skin of every body of a scene.
 
-    bodies: place -> `FilledShape`, those that could be read; body (n,): the body of each particle, by identifier.
+    bodies: place -> `FilledShape`, those that could be read; body (n,): the body of each particle, in the order of
+    identifiers, body by body, in a scene of several methods first those of the first method.
     """
     skins = []
-    for place in np.unique(body):
-        # identifiers run body by body
-        first, last = np.searchsorted(body, [place, place + 1])
+    ends = np.flatnonzero(np.diff(body, prepend=-1, append=-1)).tolist()
+    for first, last in pairwise(ends):
+        place = int(body[first])
         known: tuple[Any, ...] = (None, None, None, None)
-        if int(place) in bodies:
+        if place in bodies:
             # a mesh that has gone since the run is drawn particle by particle
             with suppress(SceneError):
-                known = _patches(bodies[int(place)], dimension, int(last - first))
-        skins.append(Skin(int(first), int(last), *known))
+                known = _patches(bodies[place], dimension, last - first)
+        skins.append(Skin(first, last, *known))
     return skins
 
 
