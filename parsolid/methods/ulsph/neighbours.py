@@ -228,6 +228,6 @@ class Neighbours:
 
     def arrays(self) -> list[np.ndarray]:
         """All rows, for what counts memory."""
-        rows = [self._rows_of_motion, self._rows_of_record, self._rows_of_mean, self.rates, self.flows, self.slopes]
-        rows += [self._forces, self._heating]
-        return [*rows, *(one for one in (self._reference, self._rows_of_flux) if one is not None)]
+        rows: list[Any] = [self._rows_of_motion, self._rows_of_record, self._rows_of_mean, self.rates, self.flows]
+        rows += [self.slopes, self._forces, self._heating, self._reference, self._rows_of_flux]
+        return [one for one in rows if one is not None]
