@@ -210,6 +210,12 @@ def momenta(sim) -> dict[str, np.ndarray]:
     return {"p": sim.comm.allreduce(p.sum(axis=0)), "l": sim.comm.allreduce(turning.sum(axis=0))}
 
 
+def assert_same_fields(sim, other, names, part: float) -> None:
+    """Fields of all particles of two simulations are the same, but for a part of the greatest value of the other's."""
+    for name, found, wanted in zip(names, gathered(sim, *names), gathered(other, *names)):
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=part * np.abs(wanted).max(), err_msg=name)
+
+
 # --- random states -----------------------------------------------------------------------------------------------
 
 

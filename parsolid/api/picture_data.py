@@ -82,8 +82,8 @@ def picture_data(comm: MPI.Comm, scene: Scene, meshes: dict[Any, Any] | None = N
     # bodies that turn about their middle fly nowhere
     velocity[np.abs(velocity).max(axis=1) < _ROUND_OFF * np.abs(whole[-1]).max(initial=0.0)] = 0.0
     of_elements = {k: one for k, one in enumerate(scene.bodies) if scene.dimension == 3 and one.shape.kind == "mesh"}
-    meshes = [skin for skin in skins_of(of_elements, 3, body) if skin.elements is not None]
-    return PictureData(position, spacing, body, area.any(axis=1), marks, walls, velocity, meshes)
+    skins = [skin for skin in skins_of(of_elements, 3, body) if skin.elements is not None]
+    return PictureData(position, spacing, body, area.any(axis=1), marks, walls, velocity, skins)
 
 
 def _label(one: Condition) -> str:

@@ -186,10 +186,10 @@ def _elsewhere(measured: "_Steps", ranks: int, base: int, work: float, idle: flo
     step, messages = seconds_a_step(systems, work, maximum(comm, idle), now, then, ranks)
     program = maximum(comm, base) + (BESIDES if comm.size == 1 < ranks else 0)
     memory = memory_on(program, maximum(comm, peak_memory_bytes()) + program - maximum(comm, base), now, then)
-    measured = f"measured with {busy} busy {'core' if busy == 1 else 'cores'} of {max(busy, cores())}"
+    how = f"measured with {busy} busy {'core' if busy == 1 else 'cores'} of {max(busy, cores())}"
     parts = f"{step * 1e3:.4g} ms of the processor, {messages * 1e3:.3g} ms messages"
     return [
-        f"\non {ranks} {'rank' if ranks == 1 else 'ranks'}, a core to each ({measured}):",
+        f"\non {ranks} {'rank' if ranks == 1 else 'ranks'}, a core to each ({how}):",
         f"{'particles of a rank':<28} {then.particles:>14,.0f}   and {then.ghosts:,.0f} ghosts at most",
         f"{'memory a rank':<28} {_mib(memory)}   of which {program / 2**20:,.0f} MiB the program",
         f"{'time a step':<28} {(step + messages) * 1e3:>14,.4g} ms   of which {parts}",

@@ -1,6 +1,6 @@
 """What particles carry of laws that fail, for the methods of plastic flow: fields, deletion, what is measured and told.
 
-Kernels do the rest, see `materials.failure.failing`.
+Kernels do the rest, see `materials.plastic.tile_update`.
 """
 
 from typing import Any

@@ -116,9 +116,8 @@ class VerletList:
         names = ("position", "velocity", "listed_position", "smoothing_length", "body")
         arrays = (self.particles.storage(name) for name in names)
         use = skin_use(self.particles.owned, *arrays, self.motions, allowance)
-        far_ones = time - self.built_at + 2.0 * next_step > self._far_apart
         self.late += use == LATE
-        return bool(use) or far_ones
+        return bool(use) or time - self.built_at + 2.0 * next_step > self._far_apart
 
     # --- making the list --------------------------------------------------------------------------------------
 

@@ -205,9 +205,11 @@ def test_waves_bound_those_of_the_elastic_tangent():
     assert min(ratios) >= 1.0 and np.mean(ratios) < 1.07, (min(ratios), max(ratios))
 
 
-def test_failed_matter_bears_pressure_alone_and_its_energy_is_the_work_on_it():
-    failure = Failure(chained([MaximumTension(1e9)]), False, None)
-    point, work = Point(VOCE, failure=failure, count=1), 0.0
+@pytest.mark.parametrize("slope", [0.0, 300.0])
+def test_failed_matter_bears_pressure_alone_and_its_energy_is_the_work_on_it(slope):
+    """All that warms this solid, which has no thermal expansion, is what failure released."""
+    failure, law = Failure(chained([MaximumTension(1e9)]), False, None), VOCE._replace(specific_heat_slope=slope)
+    point, work = Point(law, failure=failure, count=1), 0.0
     path = [np.diag([1.0 + 0.002 * i, 1.0, 1.0]) for i in range(1, 16)]
     path += [np.diag([1.03 - 0.004 * i, 1.0, 1.0]) + 0.01 * i * SHEAR for i in range(1, 16)]
     released = 0.0
@@ -221,6 +223,7 @@ def test_failed_matter_bears_pressure_alone_and_its_energy_is_the_work_on_it():
             pressure = max(float(evaluation.pressure(VOCE, J, point[update.ENERGY])), 0.0)
             np.testing.assert_allclose(point.cauchy, -pressure * ONE, atol=1e-9 * 164e9)
     assert point[update.DAMAGE] == 1.0 and released > 0.0 and point[update.PRESSURE] > 1e9
+    assert law.internal_energy(point[update.TEMPERATURE]) == pytest.approx(released, rel=1e-9)
     assert point[update.ENERGY] == pytest.approx(work, rel=1e-12)
 
 

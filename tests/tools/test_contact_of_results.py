@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import gathered, run_into, simulation
+from solids import assert_same_fields, gathered, run_into, simulation
 from tool_scenes import METHODS, block, floor
 
 from parsolid.collective import SolverError
@@ -36,9 +36,8 @@ def goes_on(folder, comm, data):
 def compare(whole, later, stick: str) -> None:
     assert whole.clock.step == 2 * later.clock.step
     names = ["position", "velocity", stick]
-    for name, old, new in zip(names, gathered(whole, *names), gathered(later, *names)):
-        assert np.abs(old).max() > 0.0
-        np.testing.assert_allclose(new, old, rtol=0.0, atol=1e-11 * np.abs(old).max(), err_msg=name)
+    assert all(np.abs(values).max() > 0.0 for values in gathered(whole, *names))
+    assert_same_fields(later, whole, names, 1e-11)
 
 
 @pytest.mark.parametrize("method", METHODS)

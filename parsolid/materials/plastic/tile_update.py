@@ -4,7 +4,7 @@
 
 A method makes a tile (`parsolid.tiles`) by `new_tile`, and for every 32 particles
 
-    load_state(...), and loads what else they carry; `fill_idle` gives rows of a part-filled tile a state at rest
+    load_state(...), and loads DEVIATOR and what else they carry; `fill_idle` gives the rest of a tile a state at rest
     start_step(law, law.failure, tile)         pressure, melting temperature, shear modulus, heat capacity, wave speed
     adds to HEAT what else heats, which may depend on these (viscous pressure)
     flow(law, law.failure, step, tile)         return to the flow stress, plastic work
@@ -91,13 +91,12 @@ def new_tile(criteria: int = 0) -> np.ndarray:
 
 
 @inlined
-def load_state(deviator, numbers, failing, strength, first, count, tile):
-    """What particles first .. first + count - 1 carry, fields (components, particles).
+def load_state(numbers, failing, strength, first, count, tile):
+    """What particles first .. first + count - 1 carry besides stress or strain, fields (components, particles).
 
     numbers: fields of PLASTIC_STRAIN, ENERGY and TEMPERATURE; failing: damage and damage by each criterion, None where
     the law never fails; strength: its factors, or None.
     """
-    load_rows(deviator, first, count, tile, DEVIATOR)
     load_rows(numbers[0], first, count, tile, PLASTIC_STRAIN)
     load_rows(numbers[1], first, count, tile, ENERGY)
     load_rows(numbers[2], first, count, tile, TEMPERATURE)
@@ -109,9 +108,8 @@ def load_state(deviator, numbers, failing, strength, first, count, tile):
 
 
 @inlined
-def store_state(deviator, numbers, failing, first, count, tile):
+def store_state(numbers, failing, first, count, tile):
     """The way back of `load_state`."""
-    store_rows(deviator, first, count, tile, DEVIATOR)
     store_rows(numbers[0], first, count, tile, PLASTIC_STRAIN)
     store_rows(numbers[1], first, count, tile, ENERGY)
     store_rows(numbers[2], first, count, tile, TEMPERATURE)

@@ -110,7 +110,7 @@ def advance_tile(law, failure, step, tile):
         plastic_increments(law.flow_stress, law.taylor_quinney, step, tile)
     find_flow(law, step, tile)
     if failure is not None:
-        fail(failure, step, tile)
+        fail(law, failure, step, tile)
     find_stress(law, failure, tile)
 
 
@@ -183,7 +183,7 @@ def find_flow(law, step, tile):
 
 
 @kernel
-def fail(failure, step, tile):
+def fail(law, failure, step, tile):
     """DAMAGE after a step [s]; where it reaches 1 the deviator goes, and what it stored is RELEASED as heat."""
     for p in range(TILE):
         tile[WORST * TILE + p] = tile[DAMAGE * TILE + p]
@@ -199,7 +199,7 @@ def fail(failure, step, tile):
             tile[(LOGARITHMS + c) * TILE + p] *= left
         store_symmetric(tile, DEVIATOR * TILE + p, times_symmetric(left, s))
         tile[DAMAGE * TILE + p], tile[RELEASED * TILE + p] = damage, released
-        tile[TEMPERATURE * TILE + p] += released / tile[CAPACITY * TILE + p]
+        tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[CAPACITY * TILE + p], released)
 
 
 @kernel

@@ -59,7 +59,17 @@ from parsolid.tensors import (
     times_symmetric,
     transpose,
 )
-from parsolid.tiles import TILE, load, load_placed, load_symmetric, store, store_placed, store_symmetric
+from parsolid.tiles import (
+    TILE,
+    load,
+    load_placed,
+    load_rows,
+    load_symmetric,
+    store,
+    store_placed,
+    store_rows,
+    store_symmetric,
+)
 
 
 class State(NamedTuple):
@@ -220,7 +230,8 @@ def advance_state(
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
         load_placed(deformation, places, i, count, tile, DEFORMATION)
-        load_state(deviator, numbers, failing, strength, i, count, tile)
+        load_rows(deviator, i, count, tile, DEVIATOR)
+        load_state(numbers, failing, strength, i, count, tile)
         load_rates(tile, rate, deleted, i, count)
         if count < TILE:
             fill_idle(law, tile, count)
@@ -232,7 +243,8 @@ def advance_state(
         if failing is not None:
             forget_shape(plane, tile)
         store_placed(deformation, places, i, count, tile, DEFORMATION)
-        store_state(deviator, numbers, failing, i, count, tile)
+        store_rows(deviator, i, count, tile, DEVIATOR)
+        store_state(numbers, failing, i, count, tile)
         for p in range(count):
             r = np.uintp(i + p)
             volume = motion[r, 7]

@@ -96,7 +96,7 @@ class ListBodies(StepBound):
     def arrays(self) -> list[np.ndarray]:
         """Arrays that count as memory."""
         lists = [*self.near.inner, *self.near.outer]
-        rows = [*lists, self.motion, self.operator, self.record, self.force, self.fast, self.slow]
+        rows = [*lists, self.motion, self.operator, self.record, self.force, self.heat, self.fast, self.slow]
         return [one for one in rows if one is not None]
 
     def bytes_a_step(self) -> int:
@@ -113,7 +113,7 @@ class ListBodies(StepBound):
                 block.solid, step, self.dimension, self.signals, block.branches(step), self.half,
                 block.first, block.last, block.places, *fields, self.near.inner, self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
-                block.plastic(step, self.last_step),
+                block.plastic_fields(step, self.last_step),
             )  # fmt: skip
             sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))

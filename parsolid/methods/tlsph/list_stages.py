@@ -1,10 +1,7 @@
 """SSP-RK3: a stage of particles whose neighbours stand in lists, as `list_update` takes a step of leapfrog."""
 
 from parsolid.kernels import kernel
-from parsolid.methods.tlsph.list_update import (
-    find_gradients,
-    store_stresses,
-)
+from parsolid.methods.tlsph.list_update import find_gradients, store_stresses
 from parsolid.methods.tlsph.point_stages import load_start, relax_over_step, stage_tile, store_deformation
 from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, load, store
 from parsolid.methods.tlsph.tile_fields import (

@@ -4,11 +4,7 @@ the divergence sweep (`pairs.list_sweeps`), tile by tile."""
 import numpy as np
 
 from parsolid.kernels import inlined, kernel
-from parsolid.methods.tlsph.point_update import (
-    TILE,
-    add_initial_stress,
-    update_tile,
-)
+from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
 from parsolid.methods.tlsph.tile_fields import (
     copy,
     copy_branches_in,

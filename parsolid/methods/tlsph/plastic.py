@@ -13,34 +13,30 @@ from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
-    CRITERIA,
     DAMAGE,
     DEFORMATION,
-    ENERGY,
     HEAT,
     JACOBIAN,
     METRIC,
     NEW_JACOBIAN,
-    PLASTIC_STRAIN,
     PLASTIC_WORK,
     RELEASED,
     ROOM,
     SHEAR_MODULUS,
-    STRENGTH,
     STRESS,
-    TEMPERATURE,
     VELOCITY_GRADIENT,
     WAVES,
     fill_idle,
+    load_state,
     new_tile,
+    store_state,
 )
 from parsolid.materials.plastic.total_lagrangian import advance_tile
 from parsolid.materials.registry import laws_of
 from parsolid.methods import failed_matter
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.plastic_fields import PLASTIC_STATE
-from parsolid.methods.tlsph.point_update import TILE, in_directions, mean_impedance, update_tile
-from parsolid.methods.tlsph.point_update import load as load_from_wide
+from parsolid.methods.tlsph.point_update import TILE, in_directions, store_speeds, update_tile
 from parsolid.methods.tlsph.point_update import store as store_into_wide
 from parsolid.methods.tlsph.state import LawBlock
 from parsolid.particles.container import Particles
@@ -50,7 +46,7 @@ from parsolid.particles.initial_fields import (
     initial_temperature,
     initial_zero_energy_temperature,
 )
-from parsolid.tensors import cofactor, congruence, gram, largest_eigenvalue, largest_eigenvalue_bound, times_symmetric
+from parsolid.tensors import cofactor, gram, largest_eigenvalue, largest_eigenvalue_bound, times_symmetric
 from parsolid.tiles import TILE as PART
 from parsolid.tiles import load, load_placed, load_rows, load_symmetric, store_placed, store_rows
 
@@ -95,14 +91,13 @@ def begin_plastic(scene: Any, particles: Particles, particle_set: Any, blocks: l
 class PlasticFields(NamedTuple):
     """Fields (components, n) of particles that flow, and of all; None where there is no such thing.
 
-    heat: what the Riemann dissipation takes [W]; mean_step [s]: for which it has acted, halves of the steps before and
-    of this one. totals (4,): see above; tile: of `tile_update`.
+    numbers, failing, strength: see `tile_update.load_state`; jacobian (n,): of the start of a step; heat: what the
+    Riemann dissipation takes [W]; mean_step [s]: for which it has acted, halves of the steps before and of this one.
+    totals (4,): see above; tile: of `tile_update`.
     """
 
     metric: np.ndarray
-    plastic_strain: np.ndarray
-    energy: np.ndarray
-    temperature: np.ndarray
+    numbers: tuple[np.ndarray, ...]
     stress: np.ndarray
     jacobian: np.ndarray
     volume: np.ndarray
@@ -111,8 +106,7 @@ class PlasticFields(NamedTuple):
     stress_force: np.ndarray
     dissipative_force: np.ndarray
     heat: np.ndarray | None
-    damage: np.ndarray | None
-    criterion_damage: np.ndarray | None
+    failing: tuple[np.ndarray, np.ndarray] | None
     strength: np.ndarray | None
     stress_places: np.ndarray
     mean_step: float
@@ -121,33 +115,13 @@ class PlasticFields(NamedTuple):
 
 
 @inlined
-def load_state(fields, damage, criteria, strength, jacobian, first, count, tile):
-    """What particles first .. first + count - 1 carry."""
+def load_particles(fields, first, count, tile):
+    """What particles first .. first + count - 1 carry, and no HEAT."""
     load_rows(fields.metric, first, count, tile, METRIC)
     load_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
-    load_rows(fields.plastic_strain, first, count, tile, PLASTIC_STRAIN)
-    load_rows(fields.energy, first, count, tile, ENERGY)
-    load_rows(fields.temperature, first, count, tile, TEMPERATURE)
-    if damage is not None:
-        load_rows(damage, first, count, tile, DAMAGE)
-        load_rows(criteria, first, count, tile, CRITERIA)
-    if strength is not None:
-        load_rows(strength, first, count, tile, STRENGTH)
+    load_state(fields.numbers, fields.failing, fields.strength, first, count, tile)
     for p in range(count):
-        tile[JACOBIAN * PART + p], tile[HEAT * PART + p] = jacobian[first + p], 0.0
-
-
-@inlined
-def store_state(fields, damage, criteria, first, count, tile):
-    """The way back of `load_state`."""
-    store_rows(fields.metric, first, count, tile, METRIC)
-    store_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
-    store_rows(fields.plastic_strain, first, count, tile, PLASTIC_STRAIN)
-    store_rows(fields.energy, first, count, tile, ENERGY)
-    store_rows(fields.temperature, first, count, tile, TEMPERATURE)
-    if damage is not None:
-        store_rows(damage, first, count, tile, DAMAGE)
-        store_rows(criteria, first, count, tile, CRITERIA)
+        tile[JACOBIAN * PART + p], tile[HEAT * PART + p] = fields.jacobian[first + p], 0.0
 
 
 @inlined
@@ -180,25 +154,17 @@ def wave_tensors(tile, p):
 def _update_plastic(
     law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, plastic, row, n
 ):
-    damage, criteria, strength, heat = plastic.damage, plastic.criterion_damage, plastic.strength, plastic.heat
-    _advance(
-        law, law.failure, plastic, damage, criteria, strength, heat, plastic.jacobian, row, n, step, third, signals,
-        F, G, push, J, P, impedance, signal,
-    )  # fmt: skip
+    # a function of its own, compiled once for lists and boxes
+    _advance(law, plastic, plastic.heat, row, n, step, third, signals, F, G, push, J, P, impedance, signal)
 
 
 @kernel
-def _advance(
-    law, failure, fields, damage, criteria, strength, heat, jacobian, row, n, step, third, signals, F, G, push, J, P,
-    impedance, signal,
-):  # fmt: skip
-    """See `point_update.update_tile`. Fields, which may be None, are arguments of their own, by which the kernel is
-    chosen; jacobian (rows,): of the start of the step."""
+def _advance(law, fields, heat, row, n, step, third, signals, F, G, push, J, P, impedance, signal):
+    """See `point_update.update_tile`; heat: that of the fields, which may be None."""
     tile, totals = fields.tile, fields.totals
-    p1, s1, p2, s2, p3, s3 = signals
     for start in range(0, n, PART):
         count, first = min(PART, n - start), row + start
-        load_state(fields, damage, criteria, strength, jacobian, first, count, tile)
+        load_particles(fields, first, count, tile)
         if heat is not None:
             take_riemann_heat(fields, heat, first, count, tile)
         fill_idle(law, tile, count)
@@ -208,44 +174,39 @@ def _advance(
                 change = step * G[at]
                 F[at] += change
                 tile[(DEFORMATION + c) * PART + p], tile[(VELOCITY_GRADIENT + c) * PART + p] = F[at], change
-        advance_tile(law, failure, step, tile)
-        store_state(fields, damage, criteria, first, count, tile)
+        advance_tile(law, law.failure, step, tile)
+        store_rows(fields.metric, first, count, tile, METRIC)
+        store_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
+        store_state(fields.numbers, fields.failing, first, count, tile)
         for p in range(count):
             volume, q = fields.volume[first + p], start + p
-            totals[0] += volume * tile[PLASTIC_WORK * PART + p]
-            totals[1] += volume * tile[RELEASED * PART + p]
-            totals[2] += volume * tile[HEAT * PART + p]
+            totals[_WORK] += volume * tile[PLASTIC_WORK * PART + p]
+            totals[_RELEASED] += volume * tile[RELEASED * PART + p]
+            totals[_HEAT] += volume * tile[HEAT * PART + p]
             room = tile[ROOM * PART + p]
             # also where it is not a number
-            if not room >= totals[3]:
-                totals[3] = room
+            if not room >= totals[_ROOM]:
+                totals[_ROOM] = room
             store_into_wide(P, q, load(tile, STRESS * PART + p))
             J[q] = tile[NEW_JACOBIAN * PART + p]
             fast, slow = wave_tensors(tile, p)
-            fast, slow = in_directions(third, fast), in_directions(third, slow)
-            c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
-            signal[q] = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
-            if push is not None:
-                fast, slow = congruence(load_from_wide(push, q), fast), congruence(load_from_wide(push, q), slow)
-                fast, slow = in_directions(third, fast), in_directions(third, slow)
-            impedance[q] = 0.5 * mean_impedance(law.density, fast)
-            impedance[TILE + q] = 0.5 * mean_impedance(law.density, slow)
+            store_speeds(law.density, third, signals, push, q, fast, slow, signal, impedance)
 
 
 @kernel
-def find_states(law, failure, fields, damage, criteria, strength, gradient, places, first, last, third, stress, waves):
+def find_states(law, fields, gradient, places, first, last, third, stress, waves):
     """First Piola-Kirchhoff stresses (last - first, 9) [Pa] of the present state, and of its waves (last - first, 3)
     [Pa]: the greatest rho c_p^2, and bounds of those of both waves. gradient: field of F, components at `places`."""
     tile = fields.tile
     for i in range(first, last, PART):
         count = min(PART, last - i)
-        load_state(fields, damage, criteria, strength, fields.jacobian, i, count, tile)
+        load_particles(fields, i, count, tile)
         tile[VELOCITY_GRADIENT * PART : (VELOCITY_GRADIENT + 9) * PART] = 0.0
         fill_idle(law, tile, count)
         for c in range(9):
             tile[(DEFORMATION + c) * PART : (DEFORMATION + c + 1) * PART] = 1.0 if c % 4 == 0 else 0.0
         load_placed(gradient, places, i, count, tile, DEFORMATION)
-        advance_tile(law, failure, 0.0, tile)
+        advance_tile(law, law.failure, 0.0, tile)
         for p in range(count):
             for c in range(9):
                 stress[i - first + p, c] = tile[(STRESS + c) * PART + p]
@@ -263,7 +224,7 @@ class PlasticBlock(LawBlock):
         super().__init__(particles, first, last, law)
         self.totals, self._tile = aligned_zeros(4), new_tile(count_of(law.failure))
 
-    def plastic(self, step: float, last_step: float) -> PlasticFields:
+    def plastic_fields(self, step: float, last_step: float) -> PlasticFields:
         """The fields as kernels take them in a step [s] after one of another length; their totals begin anew."""
         stored, law = self.particles.storage, self.law
 
@@ -272,13 +233,12 @@ class PlasticBlock(LawBlock):
 
         self.totals[:] = 0.0
         self.totals[_ROOM] = np.inf
-        fails = law.failure is not None
-        strain, energy, temperature = (stored(field.name) for field in PLASTIC_STATE)
+        failing = None
+        if law.failure is not None:
+            failing = stored("damage"), stored("criterion_damage")[: count_of(law.failure)]
         return PlasticFields(
             metric=stored(METRIC_FIELD),
-            plastic_strain=strain,
-            energy=energy,
-            temperature=temperature,
+            numbers=tuple(stored(field.name) for field in PLASTIC_STATE),
             stress=stored(ACTING),
             jacobian=stored("jacobian")[0],
             volume=stored("volume")[0],
@@ -287,9 +247,8 @@ class PlasticBlock(LawBlock):
             stress_force=stored("stress_force"),
             dissipative_force=stored("dissipative_force"),
             heat=if_any(RIEMANN_HEAT),
-            damage=stored("damage") if fails else None,
-            criterion_damage=stored("criterion_damage")[: count_of(law.failure)] if fails else None,
-            strength=if_any("strength_factor") if fails else None,
+            failing=failing,
+            strength=None if failing is None else if_any("strength_factor"),
             stress_places=_STRESS_PLACES[self.dimension],
             mean_step=0.5 * (step + last_step) if step > 0.0 else 0.0,
             totals=self.totals,
@@ -316,12 +275,10 @@ class PlasticBlock(LawBlock):
         return float(of("internal_energy")[own] @ of("volume")[own])
 
     def _states(self, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
-        fields, third = self.plastic(0.0, 0.0), 0.0 if self.dimension == 2 else 1.0
+        gradient, third = self.particles.storage("deformation_gradient"), 0.0 if self.dimension == 2 else 1.0
         stress, waves = np.zeros((last - first, 9)), np.zeros((last - first, 3))
-        stored = self.particles.storage
-        failing = fields.damage, fields.criterion_damage, fields.strength
-        state = stored("deformation_gradient"), self.places.tensor
-        find_states(self.law, self.law.failure, fields, *failing, *state, first, last, third, stress, waves)
+        fields, places = self.plastic_fields(0.0, 0.0), self.places.tensor
+        find_states(self.law, fields, gradient, places, first, last, third, stress, waves)
         return stress, waves
 
     def stresses(self, first: int, last: int) -> np.ndarray:

@@ -123,6 +123,21 @@ def mean_impedance(density, Q):
     return (density * (Q[0] + Q[1] + Q[2]) * (1.0 / 3.0)) ** 0.5
 
 
+@inlined
+def store_speeds(density, third, signals, push, p, fast, slow, signal, impedance):
+    """Signal and half impedances of particle p of a tile from its wave tensors [Pa], see `update_tile`."""
+    p1, s1, p2, s2, p3, s3 = signals
+    fast, slow = in_directions(third, fast), in_directions(third, slow)
+    c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
+    signal[p] = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
+    if push is not None:
+        # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
+        fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
+        fast, slow = in_directions(third, fast), in_directions(third, slow)
+    impedance[p] = 0.5 * mean_impedance(density, fast)
+    impedance[TILE + p] = 0.5 * mean_impedance(density, slow)
+
+
 @kernel
 def relax_branch(modulus, time, weights, rates, step, F, G, A, branch_sum, lost):
     """Relax A of a branch of a tile over a step [s] in which F grows by step G; add its share to branch_sum (mu A) and
@@ -150,7 +165,6 @@ def clear_sums(branch_sum, lost):
 def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal):
     """F after a step, and what follows from it, see `update_tile`. total, branch_sum: of the branches, branch_sum None
     without; third: 0 in plane strain, else 1."""
-    p1, s1, p2, s2, p3, s3 = signals
     for p in range(TILE):
         F_new = combine(1.0, load(F, p), step, load(G, p))
         H = cofactor(F_new)
@@ -160,17 +174,7 @@ def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, 
         store(F, p, F_new)
         store(P, p, P_new)
         J[p] = J_new
-        fast, slow = in_directions(third, fast), in_directions(third, slow)
-        c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
-        signal[p] = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
-        if push is not None:
-            # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
-            fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
-            fast, slow = in_directions(third, fast), in_directions(third, slow)
-        impedance[p], impedance[TILE + p] = (
-            0.5 * mean_impedance(law.density, fast),
-            0.5 * mean_impedance(law.density, slow),
-        )
+        store_speeds(law.density, third, signals, push, p, fast, slow, signal, impedance)
 
 
 @law_function

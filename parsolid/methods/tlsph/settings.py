@@ -289,7 +289,7 @@ class TotalLagrangianSPH(MethodSettings):
         for i, state in enumerate(scene.initial):
             meant = {state.body} if state.body is not None else {body.name for body in scene.bodies}
             if state.of("stress") is not None and meant & {scene.bodies[k].name for k in plastic}:
-                faults.append((("initial", i, "stress"), "no such key of bodies that flow", Phrase("it")))
+                faults.append((("initial", i, "stress"), "no such key of bodies that flow", Phrase("a stress")))
         return faults
 
     def _edge_faults(self, scene: Any) -> list[Detail]:

@@ -77,7 +77,7 @@ class LawBlock:
         self.push = make_tile(9)
         self._none = self._branches((), (), ())
 
-    def plastic(self, step: float, last_step: float) -> Any:
+    def plastic_fields(self, step: float, last_step: float) -> Any:
         """Fields of a law that flows, in a step [s] after one of another length: None."""
         return None
 

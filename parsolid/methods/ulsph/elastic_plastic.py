@@ -14,6 +14,7 @@ from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
+    DEVIATOR,
     HEAT,
     JACOBIAN,
     MIDDLE_JACOBIAN,
@@ -133,7 +134,8 @@ def advance_state(
         count = min(TILE, last - i)
         load_rates(rates, state.mass, state.density, in_plane, deleted, i, count, kinematics)
         load_rows(state.correction, i, count, kinematics, LAST)
-        load_state(state.deviator, numbers, failing, strength, i, count, tile)
+        load_rows(state.deviator, i, count, tile, DEVIATOR)
+        load_state(numbers, failing, strength, i, count, tile)
         fill_idle(law, tile, count)
         find_gradients(step, most, in_plane, kinematics)
         carry_on_correction(0.5 * step if centred is not None else 0.0, mean_step, kinematics)
@@ -152,7 +154,8 @@ def advance_state(
             tile[HEAT * TILE + p] *= per_volume
         flow(law, failure, step, tile)
         finish_step(law, failure, step, tile)
-        store_state(state.deviator, numbers, failing, i, count, tile)
+        store_rows(state.deviator, i, count, tile, DEVIATOR)
+        store_state(numbers, failing, i, count, tile)
         store_rows(state.sound_speed, i, count, tile, SPEED)
         store_rows(state.correction, i, count, kinematics, CORRECTION)
         store_pair_stress(tile, PRESSURE, kinematics, CARRIED, state.density, in_plane, i, count, state.pair_stress)

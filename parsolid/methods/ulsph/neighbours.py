@@ -63,7 +63,7 @@ class Neighbours:
         """particles: with all their fields; welded: whether bodies stick together, rather than press on one another;
         corrected: whether gradients are, so that pairs in tension may have weights of another distance."""
         self.particles, self.pairs, self.dimension, self.smoothing = particles, pairs, dimension, smoothing
-        self.viscosity, self._pressing, self._holds = viscosity, None if welded else True, corrected
+        self.viscosity, self._pressing, self._corrected = viscosity, None if welded else True, corrected
         if dimension == 2:
             self.stride, mass, length = 2, 4, 5
             self._add_rates, self._add_forces = sweeps.add_rates_in_plane, sweeps.add_forces_in_plane
@@ -99,10 +99,11 @@ class Neighbours:
         self._rows_of_flux = np.zeros((rows, 2 * stride)) if self._flux[0] else None
         self.rates, self.flows, self.slopes = np.zeros((n, 4 * stride)), np.zeros((n, 4)), np.zeros((n, 2 * stride))
         self._forces, self._heating = np.zeros((n, 2 * stride)), np.zeros(n)
-        self._holding: np.ndarray | None = None
-        if self._holds:
-            self._holding = np.zeros((rows, 4))
-            self._holding[:known, : self.dimension] = particles["reference_position"][:known]
+        self._reference: np.ndarray | None = None
+        self._rows_of_mean = self._rows_of_record
+        if self._corrected:
+            self._reference, self._rows_of_mean = np.zeros((rows, 4)), np.zeros((rows, 4 * stride))
+            self._reference[:known, : self.dimension] = particles["reference_position"][:known]
         if pairs.images is not None:
             self._follow_images(pairs.images, pairs.codes)
         lists = [one for one in (pairs.inner, pairs.outer, pairs.mirror) if one is not None]
@@ -120,9 +121,9 @@ class Neighbours:
         self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
         self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, R
         self._shift[:, stride : stride + d] = T
-        if self._holding is not None:
+        if self._reference is not None:
             first = self.particles.owned + self.particles.ghosts
-            self._holding[first:, :d] = R * self._holding[images.source, :d] + T
+            self._reference[first:, :d] = R * self._reference[images.source, :d] + T
         self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
         for j in range(d):
             self._record_factor[:, stride * j : stride * j + d] = sign * Q[:, j : j + 1] * Q
@@ -155,7 +156,7 @@ class Neighbours:
 
         def add(pairs: Pairs, both: bool) -> None:
             for part, between in self._parts[id(pairs)]:
-                options = (self._pressing, None, None) if between else (None, self._holding, flux)
+                options = (self._pressing, None, None) if between else (None, self._reference, flux)
                 self._add_rates(self.smoothing, part, both, *options, motion, record, self.rates, self.flows)
 
         self._sweep(add, "motion", received)
@@ -163,30 +164,31 @@ class Neighbours:
     def find_forces(self) -> None:
         """Forces, viscous heat, and sums of gradients of v^p and T; ghosts have drifted."""
         owned, known = self.particles.owned, self.particles.owned + self.particles.ghosts
-        motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
+        motion, record, flux, mean = self._rows_of_motion, self._rows_of_record, self._rows_of_flux, self._rows_of_mean
         self._fill(0, known, self._motion, motion)
         self._mirror_motion()
-        before = None if self._holding is None else record.copy()
-        pulling = record if before is None else np.empty_like(record)
+        if mean is not record:
+            mean[:] = record
         self._fill(0, owned, self._record, record)
         self._forces[:], self._heating[:], self.slopes[:] = 0.0, 0.0, 0.0
 
-        def find_pulling(rows: slice) -> None:
-            if before is not None:
-                pulling[rows] = 0.5 * (before[rows] + record[rows])
+        def find_mean(rows: slice) -> None:
+            if mean is not record:
+                mean[rows] += record[rows]
+                mean[rows] *= 0.5
 
-        find_pulling(slice(owned))
+        find_mean(slice(owned))
 
         def received() -> None:
             self._fill(owned, known, self._record, record)
             self._mirror_record()
-            find_pulling(slice(owned, None))
+            find_mean(slice(owned, None))
 
         def add(pairs: Pairs, both: bool) -> None:
             sums = self._forces, self._heating, self.slopes
             for part, between in self._parts[id(pairs)]:
-                options = (self._pressing, None, None) if between else (None, self._holding, flux)
-                self._add_forces(self.smoothing, part, both, *options, self.viscosity, motion, record, pulling, *sums)
+                options = (self._pressing, None, None) if between else (None, self._reference, flux)
+                self._add_forces(self.smoothing, part, both, *options, self.viscosity, motion, record, mean, *sums)
 
         self._sweep(add, "record", received)
         of = self.particles.storage
@@ -226,6 +228,6 @@ class Neighbours:
 
     def arrays(self) -> list[np.ndarray]:
         """All rows, for what counts memory."""
-        rows: list[Any] = [self._rows_of_motion, self._rows_of_record, self.rates, self.flows, self.slopes]
-        rows += [self._forces, self._heating]
-        return rows if self._rows_of_flux is None else [*rows, self._rows_of_flux]
+        rows: list[Any] = [self._rows_of_motion, self._rows_of_record, self._rows_of_mean, self.rates, self.flows]
+        rows += [self.slopes, self._forces, self._heating, self._reference, self._rows_of_flux]
+        return [one for one in rows if one is not None]

@@ -24,10 +24,11 @@ and add to rows of owned particles:
     forces   of stresses F and of the artificial viscosity V: space [F . | V .]; plane [F V]
     heating  q
     slopes   sums of (v^p_b - v^p_a) g and of (T_b - T_a) g: space [micro . | heat .]; plane [micro heat]
-pressing is None but for pairs of two bodies that exert no tension on one another; holding: reference
-positions [X 0] or [X 0 0], None where pairs in tension have the weights of their present distance; pulling: rows like
-those of record, the mean of the record that the rates of the step had and of the present one. Kicks before and after a
-step then have, on the mean, the weights of its rates, and power closes to second order of the step.
+pressing is None but for pairs of two bodies that exert no tension on one another. reference: reference positions [X 0]
+or [X 0 0], by which pairs in tension keep their weights (`held_weight`), or None where all have those of their present
+distance. mean_record: rows like those of record, the mean of the record that the rates of the step had and of the
+present one. Kicks before and after a step then have, on the mean, the weights of its rates, and power closes to second
+order of the step.
 """
 
 from typing import NamedTuple
@@ -70,15 +71,15 @@ def weight_in_plane(smoothing, h, square):
 
 
 @inlined
-def held_weight(weight, before, nearness, pull_a, pull_b):
-    """Weight of a pair that was stretched: that of its reference distance, `before`, as far as both particles pull.
+def held_weight(weight, reference_weight, distance, pull_a, pull_b):
+    """Weight of a pair that is stretched: that of its reference distance as far as both particles pull.
 
     In tension, weights that fall as a pair stretches make neighbours part (Swegle, Hicks and Attaway, J. Comput. Phys.
     116, 1995); those of the reference distance do not fall. pull_a, pull_b: r.P r of both particles, positive;
-    nearness: 1 minus the distance over the support, at the last fifth of which a pair lets go.
+    distance: over the support, in the last fifth of which the pair lets go.
     """
     share = 2.0 * min(pull_a, pull_b) / (pull_a + pull_b)
-    return weight + share * max(min(5.0 * nearness, 1.0) * before - weight, 0.0)
+    return weight + share * max(min(5.0 * (1.0 - distance), 1.0) * reference_weight - weight, 0.0)
 
 
 @inlined
@@ -125,6 +126,32 @@ def pull_in_plane(P, x, y):
 
 
 @inlined
+def held_weight_in_space(smoothing, weight, reference, record, P_a, a, b, r, h, square):
+    """Weight of a pair, by `held_weight` where it is stretched and both particles pull; P_a: `symmetric_in_space`."""
+    pull_a = pull_of_symmetric(P_a, r)
+    if pull_a > 0.0:
+        R = subtract(load_row(reference, b, 0), load_row(reference, a, 0))
+        pull_b = pull_in_space(record, b, r) if dot(R, R) < square else 0.0
+        if pull_b > 0.0:
+            before = weight_in_space(smoothing, h, dot(R, R))
+            weight = held_weight(weight, before, square**0.5 / (smoothing.support * h), pull_a, pull_b)
+    return weight
+
+
+@inlined
+def held_weight_in_plane(smoothing, weight, reference, record, P_a, a, b, x, y, h, square):
+    """As `held_weight_in_space`, with r = (x, y)."""
+    pull_a = pull_in_plane(P_a, x, y)
+    if pull_a > 0.0:
+        X, Y = reference[b, 0] - reference[a, 0], reference[b, 1] - reference[a, 1]
+        pull_b = pull_in_plane(load_row(record, b, 0), x, y) if X * X + Y * Y < square else 0.0
+        if pull_b > 0.0:
+            before = weight_in_plane(smoothing, h, X * X + Y * Y)
+            weight = held_weight(weight, before, square**0.5 / (smoothing.support * h), pull_a, pull_b)
+    return weight
+
+
+@inlined
 def traction_in_space(record, a, b, r):
     """(P_a + P_b) r."""
     u = scale(r[0], add(load_row(record, a, 0), load_row(record, b, 0)))
@@ -133,7 +160,7 @@ def traction_in_space(record, a, b, r):
 
 
 @kernel
-def add_rates_in_space(smoothing, pairs, both, pressing, holding, flux, motion, record, rates, flows):
+def add_rates_in_space(smoothing, pairs, both, pressing, reference, flux, motion, record, rates, flows):
     """Add what pairs have of rates and flows; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
@@ -141,7 +168,7 @@ def add_rates_in_space(smoothing, pairs, both, pressing, holding, flux, motion, 
             continue
         v_a, x_a = load_row(motion, a, 0), load_row(motion, a, 4)
         P_a = symmetric_in_space(record, a)
-        pulls = holding is not None and may_pull_in_space(P_a)
+        pulls = reference is not None and may_pull_in_space(P_a)
         sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
         sum_2, sum_3 = load_row(rates, a, 8), load_row(rates, a, 12)
         for k in range(start[a], start[a + 1]):
@@ -157,14 +184,7 @@ def add_rates_in_space(smoothing, pairs, both, pressing, holding, flux, motion, 
                 continue
             weight = weight_in_space(smoothing, h, square)
             if pulls:
-                pull = pull_of_symmetric(P_a, r)
-                if pull > 0.0:
-                    R = subtract(load_row(holding, b, 0), load_row(holding, a, 0))
-                    other = pull_in_space(record, b, r) if dot(R, R) < square else 0.0
-                    if other > 0.0:
-                        before = weight_in_space(smoothing, h, dot(R, R))
-                        nearness = 1.0 - square**0.5 / (smoothing.support * h)
-                        weight = held_weight(weight, before, nearness, pull, other)
+                weight = held_weight_in_space(smoothing, weight, reference, record, P_a, a, b, r, h, square)
             g = scale(v_a[3] * v_b[3] * weight, r)
             dv_r = (dv[0], dv[1], dv[2], r[0])
             to_0, to_1, to_2 = scale(g[0], dv_r), scale(g[1], dv_r), scale(g[2], dv_r)
@@ -190,7 +210,7 @@ def add_rates_in_space(smoothing, pairs, both, pressing, holding, flux, motion, 
 
 @kernel
 def add_forces_in_space(
-    smoothing, pairs, both, pressing, holding, flux, viscosity, motion, record, pulling, forces, heating, slopes
+    smoothing, pairs, both, pressing, reference, flux, viscosity, motion, record, mean_record, forces, heating, slopes
 ):
     """Add what pairs have of forces, heating and slopes; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
@@ -198,8 +218,8 @@ def add_forces_in_space(
         if start[a] == start[a + 1]:
             continue
         v_a, x_a, N_a = load_row(motion, a, 0), load_row(motion, a, 4), load_row(record, a, 12)
-        P_a = symmetric_in_space(pulling, a)
-        pulls = holding is not None and may_pull_in_space(P_a)
+        P_a = symmetric_in_space(mean_record, a)
+        pulls = reference is not None and may_pull_in_space(P_a)
         sum_F, sum_V, sum_q = load_row(forces, a, 0), load_row(forces, a, 4), heating[a]
         slope_micro, slope_heat = load_row(slopes, a, 0), load_row(slopes, a, 4)
         for k in range(start[a], start[a + 1]):
@@ -212,14 +232,7 @@ def add_forces_in_space(
             v_b, N_b = load_row(motion, b, 0), load_row(record, b, 12)
             weight = weight_in_space(smoothing, h, square)
             if pulls:
-                pull = pull_of_symmetric(P_a, r)
-                if pull > 0.0:
-                    R = subtract(load_row(holding, b, 0), load_row(holding, a, 0))
-                    other = pull_in_space(pulling, b, r) if dot(R, R) < square else 0.0
-                    if other > 0.0:
-                        before = weight_in_space(smoothing, h, dot(R, R))
-                        nearness = 1.0 - square**0.5 / (smoothing.support * h)
-                        weight = held_weight(weight, before, nearness, pull, other)
+                weight = held_weight_in_space(smoothing, weight, reference, mean_record, P_a, a, b, r, h, square)
             product = v_a[3] * v_b[3] * weight
             g = scale(product, r)
             F = traction_in_space(record, a, b, g)
@@ -257,7 +270,7 @@ def traction_in_plane(record, a, b, x, y):
 
 
 @kernel
-def add_rates_in_plane(smoothing, pairs, both, pressing, holding, flux, motion, record, rates, flows):
+def add_rates_in_plane(smoothing, pairs, both, pressing, reference, flux, motion, record, rates, flows):
     """As `add_rates_in_space`."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
@@ -265,7 +278,7 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, holding, flux, motion, 
             continue
         here, m_a, h_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5]
         P_a = load_row(record, a, 0)
-        pulls = holding is not None and may_pull_in_plane(P_a)
+        pulls = reference is not None and may_pull_in_plane(P_a)
         sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
@@ -280,15 +293,7 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, holding, flux, motion, 
                     continue
             weight = weight_in_plane(smoothing, h, square)
             if pulls:
-                pull = pull_in_plane(P_a, x, y)
-                if pull > 0.0:
-                    X, Y = holding[b, 0] - holding[a, 0], holding[b, 1] - holding[a, 1]
-                    stretched = X * X + Y * Y < square
-                    other = pull_in_plane(load_row(record, b, 0), x, y) if stretched else 0.0
-                    if other > 0.0:
-                        before = weight_in_plane(smoothing, h, X * X + Y * Y)
-                        nearness = 1.0 - square**0.5 / (smoothing.support * h)
-                        weight = held_weight(weight, before, nearness, pull, other)
+                weight = held_weight_in_plane(smoothing, weight, reference, record, P_a, a, b, x, y, h, square)
             product = m_a * motion[b, 4] * weight
             g_x, g_y = product * x, product * y
             to_0, to_1 = (u * g_x, v * g_x, u * g_y, v * g_y), (x * g_x, y * g_y, x * g_y, 0.0)
@@ -309,7 +314,7 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, holding, flux, motion, 
 
 @kernel
 def add_forces_in_plane(
-    smoothing, pairs, both, pressing, holding, flux, viscosity, motion, record, pulling, forces, heating, slopes
+    smoothing, pairs, both, pressing, reference, flux, viscosity, motion, record, mean_record, forces, heating, slopes
 ):
     """As `add_forces_in_space`."""
     start, neighbour = pairs
@@ -317,8 +322,8 @@ def add_forces_in_plane(
         if start[a] == start[a + 1]:
             continue
         here, m_a, h_a, N_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5], load_row(record, a, 4)
-        P_a = load_row(pulling, a, 0)
-        pulls = holding is not None and may_pull_in_plane(P_a)
+        P_a = load_row(mean_record, a, 0)
+        pulls = reference is not None and may_pull_in_plane(P_a)
         sum_F, sum_q, slope = load_row(forces, a, 0), heating[a], load_row(slopes, a, 0)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
@@ -329,15 +334,7 @@ def add_forces_in_plane(
                 continue
             weight = weight_in_plane(smoothing, h, square)
             if pulls:
-                pull = pull_in_plane(P_a, x, y)
-                if pull > 0.0:
-                    X, Y = holding[b, 0] - holding[a, 0], holding[b, 1] - holding[a, 1]
-                    stretched = X * X + Y * Y < square
-                    other = pull_in_plane(load_row(pulling, b, 0), x, y) if stretched else 0.0
-                    if other > 0.0:
-                        before = weight_in_plane(smoothing, h, X * X + Y * Y)
-                        nearness = 1.0 - square**0.5 / (smoothing.support * h)
-                        weight = held_weight(weight, before, nearness, pull, other)
+                weight = held_weight_in_plane(smoothing, weight, reference, mean_record, P_a, a, b, x, y, h, square)
             product, N_b = m_a * motion[b, 4] * weight, load_row(record, b, 4)
             g_x, g_y = product * x, product * y
             F_x, F_y = traction_in_plane(record, a, b, g_x, g_y)
