@@ -36,8 +36,9 @@ def test_square_and_slender_boxes():
     speed = STEEL.speeds[1]
     square = box_frequencies(STEEL, (0.1, 0.1), 8)
     assert np.abs(square / (2**0.5 * np.pi * speed / 0.1) - 1.0).min() < 1e-6
-    length, h = 1.0, 0.01
+    length, h = 1.0, 0.02
     modulus = STEEL.youngs_modulus / (1.0 - STEEL.poissons_ratio**2)
-    for clamped, root in ((None, 4.73004), (0, 1.87510)):
+    # at the corners of a clamped end stress is singular, and the series converges slowly
+    for clamped, root, error in ((None, 4.73004, 2e-3), (0, 1.87510, 4e-3)):
         beam = root**2 * h / length**2 * np.sqrt(modulus / (12.0 * STEEL.density))
-        assert box_frequencies(STEEL, (length, h), 1, clamped) == pytest.approx(beam, rel=2e-3)
+        assert box_frequencies(STEEL, (length, h), 1, clamped) == pytest.approx(beam, rel=error)
