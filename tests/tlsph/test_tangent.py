@@ -33,7 +33,7 @@ def bodies(folder, case):
     return tables((9, 8), method=method, boundaries=[{"plane": "X = 0", "kind": "fixed"}])
 
 
-@pytest.mark.mpi
+@pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("case", ["mesh", "cells", "fourth-order"])
 def test_tangent(shared_path, comm, case):
     """It is minus the derivative of the forces, and symmetric for what supports leave free."""
