@@ -22,6 +22,8 @@ USUAL_FIELDS = ("displacement", "velocity", "pressure", "von_mises_stress", "jac
 NOT_PROBED = ("rank", "error_indicator")
 # of scenes with [[contact]] between particles
 FIELDS_OF_CONTACT = {"contact_force": "vector"}
+# Cauchy stress at the nodes of meshes, and its von Mises stress
+NODAL_STRESS, NODAL_VON_MISES = "nodal_stress", "nodal_von_mises_stress"
 # fields of a probe at a particle that need more than the present state
 FIELDS_OF_PROBES = {"twist": "scalar"}
 QUANTITIES = {

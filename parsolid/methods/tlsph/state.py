@@ -122,6 +122,15 @@ class LawBlock:
         stresses(self.solid, self.branches(0.0), first, last, self.places, *self._state(), *tiles, result)
         return result
 
+    def stresses_of(self, gradients: np.ndarray, branches: np.ndarray | None) -> np.ndarray:
+        """First Piola-Kirchhoff stresses (n, 3, 3) [Pa] of deformation gradients (n, 3, 3) and inner variables of the
+        branches (components, n), None without."""
+        d, count = self.dimension, len(gradients)
+        rows = np.ascontiguousarray(gradients[:, :d, :d].reshape(count, d * d).T)
+        result, tiles = np.zeros((count, 3, 3)), (self.tiles, self.A, self.branch_sum)
+        stresses(self.solid, self.branches(0.0), 0, count, self.places, rows, None, None, branches, *tiles, result)
+        return result
+
     def wave_speeds(self, signals: tuple[float, ...]) -> tuple[float, float]:
         """Greatest rho c_p^2 [Pa] and greatest signal [sqrt(Pa)] now, see `tile_fields.wave_speeds`."""
         rows, tiles = (self.first, self.last, self.places), (self.tiles, self.A, self.branch_sum)
