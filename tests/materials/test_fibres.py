@@ -12,8 +12,8 @@ import pytest
 from scipy.optimize import brentq
 
 from parsolid.api.materials import material
-from parsolid.materials.hyperelastic import fibres
 from parsolid.materials.hyperelastic import functions as of
+from parsolid.materials.hyperelastic import tissues
 from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, members, state_count
 from parsolid.materials.hyperelastic.rubbers import Yeoh
 from parsolid.materials.hyperelastic.softening import Softened
@@ -32,8 +32,8 @@ def neo_hookean(c1, bulk):
 
 ANGLE = np.radians(49.98)
 ALONG, ACROSS = (float(np.cos(ANGLE)), float(np.sin(ANGLE)), 0.0), (float(np.cos(ANGLE)), -float(np.sin(ANGLE)), 0.0)
-ARTERY = fibres.TwoFamilies(1.0, neo_hookean(3.82e3, 2e6), 996.6e3, 524.6, 0.226, ALONG, ACROSS, *NONE)
-TRANSVERSE = fibres.OneFamily(1.0, neo_hookean(0.2e6, 5e6), 0.5e6, 0.8, 0.0, (0.6, 0.8, 0.0), *NONE)
+ARTERY = tissues.TwoFamilies(1.0, neo_hookean(3.82e3, 2e6), 996.6e3, 524.6, 0.226, ALONG, ACROSS, *NONE)
+TRANSVERSE = tissues.OneFamily(1.0, neo_hookean(0.2e6, 5e6), 0.5e6, 0.8, 0.0, (0.6, 0.8, 0.0), *NONE)
 LAWS = {
     "holzapfel-gasser-ogden": ARTERY,
     "transverse": TRANSVERSE,
