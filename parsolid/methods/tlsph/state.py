@@ -9,6 +9,7 @@ from parsolid.materials.declaration import SOFTENING
 from parsolid.materials.hyperelastic.at_particles import state_count, values_at_rest
 from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
 from parsolid.methods.tlsph.point_update import TILE, Branches, ParticleValues, make_tile
+from parsolid.methods.tlsph.tangent import find_moduli
 from parsolid.methods.tlsph.tile_fields import (
     PLACES,
     make_branch_tiles,
@@ -157,6 +158,12 @@ class LawBlock:
         result, tiles = np.zeros((last - first, 3, 3)), (self.tiles, self.A, self.branch_sum)
         stresses(self.solid, self.branches(0.0), first, last, self.places, *self._state(), *tiles, self.values, result)
         return result
+
+    def find_moduli(self, index: np.ndarray, moduli: np.ndarray) -> None:
+        """d2W/dF dF [Pa] of the present deformation, without branches, into columns of moduli, see `tangent`."""
+        gradient = self.particles.storage("deformation_gradient")
+        rows = self.first, self.last, self.places.tensor
+        find_moduli(self.solid, *rows, index, gradient, self.tiles, moduli, self.values)
 
     def wave_speeds(self, signals: tuple[float, ...]) -> tuple[float, float]:
         """Greatest rho c_p^2 [Pa] and greatest signal [sqrt(Pa)] now, see `tile_fields.wave_speeds`."""
