@@ -26,14 +26,15 @@ def cell_data_at(
     directions, of which the sign is of no matter. Particles on nodes have the mean of the elements around. One rank
     reads the file. Raises `NoCellData` on all ranks. Collective."""
     found: Any = None
+    fault: tuple[str, str] | None = None
     if comm.rank == 0:
         try:
             found = _of_particles(body, dimension, name, components)
         except NoCellData as error:
-            found = error
-    fault = comm.bcast(found if isinstance(found, NoCellData) else None)
+            fault = error.expected, error.found
+    fault = comm.bcast(fault)
     if fault is not None:
-        raise NoCellData(fault.expected, fault.found)
+        raise NoCellData(*fault)
     slices = Slices(comm, comm.bcast(0 if found is None else len(found)))
     parts = None if found is None else [found[slice(*slices.bounds(rank))] for rank in range(comm.size)]
     first = int(minimum(comm, int(identifiers.min(initial=np.iinfo(np.int64).max))))
