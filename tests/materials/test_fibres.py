@@ -17,6 +17,7 @@ from parsolid.materials.hyperelastic import tissues
 from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, members, state_count
 from parsolid.materials.hyperelastic.rubbers import Yeoh
 from parsolid.materials.hyperelastic.softening import Softened
+from parsolid.materials.hyperelastic.transversely_isotropic import Guccione
 from parsolid.materials.hyperelastic.volume import Quadratic
 from parsolid.scene import SceneError, parse_scene
 
@@ -45,6 +46,7 @@ MODERATE = {
     "isotropic": TRANSVERSE._replace(dispersion=1.0 / 3.0),
     "not stiffening": TRANSVERSE._replace(fibre_exponent=0.0),
     "two families": ARTERY._replace(fibre_modulus=3e4, fibre_exponent=1.5),
+    "heart muscle": Guccione(1.0, 2e4, 4.0, 1.0, 2.0, (0.6, 0.0, 0.8), Quadratic(1e6), *NONE),
     "softened rubber": Softened(1.0, YEOH, 1.6, 1e5, 0.1, 2e5, *NONE),
     "softened fibres": Softened(1.0, TRANSVERSE._replace(dispersion=0.1), 2.0, 2e5, 0.0, 1.5e5, *NONE),
 }
@@ -132,7 +134,8 @@ def test_stress_tangent_and_waves_belong_to_the_energy(name):
             N /= np.linalg.norm(N)
             acoustic = np.einsum("iJkL,J,L->ik", tangent, N, N)
             ratios.append((N @ Q @ N) / np.linalg.eigvalsh(0.5 * (acoustic + acoustic.T))[-1])
-    assert min(ratios) > 1.0 - 1e-6 and np.mean(ratios) < 1.2, (min(ratios), np.mean(ratios))
+    most = 2.0 if name == "heart muscle" else 1.2
+    assert min(ratios) > 1.0 - 1e-6 and np.mean(ratios) < most, (min(ratios), np.mean(ratios))
 
 
 def test_fibres_in_compression_bear_nothing_and_switch_without_a_jump():

@@ -201,6 +201,15 @@ STATED = {
         "softening": {"r": 2.0, "m": 1e5},
         **BULK,
     },
+    "guccione": {
+        "kind": "guccione",
+        "stiffness": 1e6,
+        "along": 4.0,
+        "across": 1.0,
+        "shear": 2.0,
+        "fibre": {"angle": "atan2(Y, X)"},
+        **BULK,
+    },
     "formula": {
         "kind": "formula",
         "energy": "mu/2*(I1bar - 3) + K/2*(J - 1)**2",

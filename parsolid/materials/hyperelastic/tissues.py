@@ -70,7 +70,7 @@ class StatedHolzapfelGasserOgden:
 
     def equilibrium_law(self) -> Any:
         """The law without branches."""
-        matrix = law_with_volume(Yeoh, self, c1=0.5 * self.shear_modulus, c2=0.0, c3=0.0)
+        matrix = law_with_volume(Yeoh, self, c1=0.5 * float(self.shear_modulus), c2=0.0, c3=0.0)
         numbers = (float(self.fibre_modulus), float(self.fibre_exponent), float(getattr(self, "dispersion", 0.0)))
         directions = [Direction().at_rest] * (1 if self.second_fibre is None else 2)
         kind: Any = OneFamily if self.second_fibre is None else TwoFamilies
