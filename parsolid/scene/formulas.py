@@ -342,6 +342,17 @@ class Formula:
         return f"Formula({self.source!r})"
 
 
+def number_of(source: str, values: Mapping[str, float]) -> float:
+    """The value of a formula in named numbers, not finite where it has none. Raises ValueError for no such formula."""
+    tree = _sound_tree(source.strip(), tuple(values))
+    try:
+        term = _Compiler("").term(tree)
+        with np.errstate(all="ignore"):
+            return float(term.value({name: np.float64(value) for name, value in values.items()}))
+    except (TypeError, RecursionError) as error:
+        raise ValueError(f"a formula that cannot be compiled ({error})") from None
+
+
 def _with_whole_paths(text: str, tree: ast.expr, folder: str) -> str:
     """A formula with the absolute paths of its tables, which are relative to a folder."""
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.func.id == "table"]  # type: ignore
