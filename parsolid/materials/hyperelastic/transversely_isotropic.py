@@ -103,8 +103,8 @@ def _stress(law, F, H, J):
 
 @pressure_waves.of(Guccione)
 def _waves(law, F, H, J):
-    # with g = F^T m of the polarisation m, T = sym(g N) and Q'' : T T <= 2 b |g|^2: at most N.SN + C/2 e^Q [|F Q' N|^2 +
-    # 2 b C_max], b the largest of the three, and U'' of the volume exactly
+    # with g = F^T m of the polarisation m and T = sym(g N), Q'' : T T <= 2 b |g|^2, b the largest of the three: at most
+    # N.SN + C/2 e^Q [|F Q' N|^2 + 2 b C_max], and U'' of the volume exactly
     E, Ea, along, Q = _strains(law, F)
     slope, grown = _slope_of_Q(law, E, Ea, along), 0.5 * law.stiffness * exp(Q)
     waves = combine_symmetric(grown, slope, grown, gram(matmul(F, general(slope))))
