@@ -153,14 +153,22 @@ def held_in(data, dimension, F):
     return data, nodal(sim, "stress")[1][0]
 
 
-@pytest.mark.parametrize("branches", [[], [{"beta": 0.7, "tau": 3.0}]])
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_uniform_stress(shared_path, comm, dimension, branches):
+BRANCHES = [{"beta": 0.7, "tau": 3.0}]
+FIBRES = {
+    "kind": "gasser-ogden-holzapfel", "density": 1.0, "shear_modulus": 0.4, "bulk_modulus": 1.0, "fibre_modulus": 0.8,
+    "fibre_exponent": 0.5, "dispersion": 0.1, "fibre": {"vector": [1.0, 0.5, 0.2]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("dimension", "material"), [(2, SOLID), (3, SOLID), (2, SOLID | {"branches": BRANCHES}), (3, FIBRES)]
+)
+def test_uniform_stress(shared_path, comm, dimension, material):
     """In a state that is the same everywhere and has its tractions, the stress at nodes is that of particles."""
     counts = {2: (4, 4), 3: (5, 2, 2)}[dimension]
     file = write(shared_path / f"mixed{dimension}.vtu", *element_mesh("mixed", counts, 0.3, 0.25))
     F = np.eye(3) + 0.2 * np.array([[1.0, 0.3, -0.4], [0.5, -0.6, 0.2], [-0.2, 0.7, 0.4]])
-    data = of_mesh(file, dimension, {"material": SOLID | {"branches": branches}})
+    data = of_mesh(file, dimension, {"material": material})
     data, exact = held_in(data, dimension, F[:dimension, :dimension])
     _, stress = nodal(simulation(data, comm))
     np.testing.assert_allclose(stress - exact, 0.0, rtol=0.0, atol=1e-9 * np.abs(exact).max())

@@ -124,9 +124,7 @@ class NodalStress:
                 H = [[one @ u for one in of_axis] for of_axis, u in zip(slopes, columns[first : first + d])]
                 along, A = F[rows], self._branches_at(block, rows, columns[first + d :])
                 along[:, :d, :d] = np.eye(d) + np.array(H).transpose(2, 0, 1)
-                found, sound = self._of_law(
-                    block, along, F[rows], A, self.normal[rows], traction[rows], self.known[rows]
-                )
+                found, sound = self._of_law(block, rows, along, F[rows], A, traction[rows])
                 self.stress[rows[sound]] = found[sound]
 
     def _branches_at(self, block: Any, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
@@ -158,19 +156,20 @@ class NodalStress:
         return result
 
     def _of_law(
-        self, block: Any, along: np.ndarray, start: np.ndarray, A: np.ndarray | None, normal: np.ndarray,
-        traction: np.ndarray, known: np.ndarray,
+        self, block: Any, rows: np.ndarray, along: np.ndarray, start: np.ndarray, A: np.ndarray | None,
+        traction: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """Cauchy stresses (k, 3, 3) [Pa] at surfaces and whether they have the known components (k, d) of the traction;
-        along, start (k, 3, 3): F of which what it is along the surface holds, and of which what it is across it is the
+        """Cauchy stresses (k, 3, 3) [Pa] at surfaces and whether they have the known components of the traction (k, d)
+        [Pa]; along, start (k, 3, 3): F that holds along the surface, and that of which what it is across it is the
         first guess; A: inner variables."""
+        normal, known = self.normal[rows], self.known[rows]
         d = self.dimension
         q = np.einsum("nij,nj->ni", (start - along)[:, :d, :d], normal) * known
 
         def stretched(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             F = along.copy()
             F[:, :d, :d] += q[:, :, None] * normal[:, None, :]
-            P = block.stresses_of(F, A)
+            P = block.stresses_of(rows, F, A)
             return F, P, known * (np.einsum("nij,nj->ni", P[:, :d, :d], normal) - traction)
 
         F, P, rest = stretched(q)
