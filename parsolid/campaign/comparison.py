@@ -249,7 +249,7 @@ class Row:
     """One line of a report; numbers are None where there is none.
 
     error: of the computed number over the published one, or a relative error against an exact solution; tolerance: of
-    it; levels: from coarse to fine
+    it; remark: the stated cause of a difference; reason: why there is no number; levels: from coarse to fine
     """
 
     case: str
@@ -267,12 +267,18 @@ class Row:
     core_seconds: float | None = None
     verdict: str = SHOWN
     remark: str = ""
+    reason: str = ""
     levels: list[Level] = field(default_factory=list)
 
     @property
     def agrees(self) -> bool | None:
         """Whether it agrees; None where nothing is asked of it."""
         return None if self.verdict == SHOWN else self.verdict in AGREES
+
+    @property
+    def faulty(self) -> bool:
+        """Whether it disagrees and nobody has said why, or has no number."""
+        return self.verdict == MISSING or (self.agrees is False and not self.remark)
 
     @classmethod
     def of(cls, stated: Mapping[str, Any]) -> "Row":
@@ -312,7 +318,7 @@ def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
     row.core_seconds = row.levels[-1].core_seconds
     row.computed = row.levels[-1].value
     if row.computed is None:
-        row.verdict, row.remark = MISSING, "; ".join(filter(None, [row.remark, *reasons]))
+        row.verdict, row.reason = MISSING, "; ".join(reasons)
         return row
     row.bar, row.order = _bar(stated, line[-1].scene, row.levels)
     row.error = (row.computed - stated.value) / (abs(stated.value) or 1.0)

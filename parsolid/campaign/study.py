@@ -87,12 +87,9 @@ def run_study(
     status = make_runs(console, [(planned, case) for case in chosen], repetitions, jobs)
     # who ends it waits for it
     rows = report(console, planned, pictures=status == DONE)
-    return status or (WENT_WRONG if any(case.faults for case in planned.cases) or faulty(rows) else DONE)
-
-
-def faulty(rows: list[Row]) -> bool:
-    """Whether a comparison does not agree and nobody has said why."""
-    return any(row.agrees is False and not row.remark for row in rows)
+    return status or (
+        WENT_WRONG if any(case.faults for case in planned.cases) or any(row.faulty for row in rows) else DONE
+    )
 
 
 def report(console: Console, planned: Planned, pictures: bool = True) -> list[Row]:
