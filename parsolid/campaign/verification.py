@@ -175,8 +175,8 @@ def _pictures(groups: dict[str, list[Summary]], page: Path) -> dict[str, str]:
             if any(row.reference and row.computed is not None for row in rows):
                 name = "".join(letter if letter.isalnum() else "_" for letter in group) + ".png"
                 made[group] = draw_comparisons(group, rows, page / name).name
-        rows = [row for members in groups.values() for one in members for row in one.published]
-        if any(len(row.levels) > 1 for row in rows):
+        rows = [row for members in groups.values() for one in members for row in one.rows]
+        if any(len(row.errors()) > 1 for row in rows):
             made["costs"] = draw_costs(rows, page / "error_against_time.png").name
         return made
     except ModuleNotFoundError:

@@ -156,6 +156,7 @@ def test_the_bar_is_that_of_the_resolutions():
     assert row.error == pytest.approx(0.025) and row.verdict == INSIDE
     assert [one.value for one in row.levels] == pytest.approx([1.4, 1.1, 1.025])
     assert row.core_seconds == 2.0
+    assert row.errors() == [(1.5, pytest.approx(error)) for error in (0.4, 0.1, 0.025)]
     # two resolutions: no order is observed, the known one and the factor 3
     (row,) = rows_of_comparison("t", stated, [line[1:]])
     assert row.order is None and row.bar == pytest.approx(3.0 * 0.025)
