@@ -419,7 +419,8 @@ def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
         raise mismatch(expected, Phrase(f"{error} in {value!r}"), "formula") from None
 
 
-def _of_place(value: Any, info: ValidationInfo) -> Formula:
+def formula_of_place(value: Any, info: ValidationInfo) -> Formula:
+    """A stated formula of the reference place. Raises PydanticCustomError."""
     return _formula(value, info, time=False)
 
 
@@ -447,9 +448,9 @@ def _scalar_of(validate: Any) -> Any:
     return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source), FORMULA]
 
 
-InitialScalar: Any = _scalar_of(_of_place)
+InitialScalar: Any = _scalar_of(formula_of_place)
 Scalar: Any = _scalar_of(_of_place_and_time)
-InitialVector: Any = _vector_of(_of_place)
+InitialVector: Any = _vector_of(formula_of_place)
 Vector: Any = _vector_of(_of_place_and_time)
 VectorOrFree: Any = _vector_of(_or_free)
 InitialMatrix = Annotated[
