@@ -3,6 +3,8 @@
 `parsolid.observables` computes them. "rotation": about the axis out of the plane in 2-D, a vector in space.
 """
 
+# Cauchy stress at the nodes of meshes, and its von Mises stress; of particles that are no such nodes their own
+NODAL_STRESS, NODAL_VON_MISES = "nodal_stress", "nodal_von_mises_stress"
 # in the order in which they are written
 FIELDS = {
     "displacement": "vector",
@@ -13,6 +15,8 @@ FIELDS = {
     "first_piola_kirchhoff_stress": "tensor",
     "pressure": "scalar",
     "von_mises_stress": "scalar",
+    NODAL_STRESS: "tensor",
+    NODAL_VON_MISES: "scalar",
     "jacobian": "scalar",
     "rank": "scalar",
     "error_indicator": "scalar",
@@ -22,8 +26,6 @@ USUAL_FIELDS = ("displacement", "velocity", "pressure", "von_mises_stress", "jac
 NOT_PROBED = ("rank", "error_indicator")
 # of scenes with [[contact]] between particles
 FIELDS_OF_CONTACT = {"contact_force": "vector"}
-# Cauchy stress at the nodes of meshes, and its von Mises stress
-NODAL_STRESS, NODAL_VON_MISES = "nodal_stress", "nodal_von_mises_stress"
 # fields of a probe at a particle that need more than the present state
 FIELDS_OF_PROBES = {"twist": "scalar"}
 QUANTITIES = {

@@ -9,7 +9,7 @@ from solids import LINEAR_COPPER, run_into, simulation
 
 from parsolid.output.history import read_history
 from parsolid.output.results import Results
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import parse_scene
 from parsolid.simulation.observables import Observables
 
 YOUNG, NU = 1.0, 0.3
@@ -232,11 +232,11 @@ def test_probes_and_fields(shared_path, comm):
         assert mises.max() == pytest.approx(history["top.nodal_von_mises_stress"][0], rel=1e-6)
 
 
-@pytest.mark.parametrize("method", ["mpm", "peridynamics"])
-def test_other_methods_have_no_nodes_of_elements(tmp_path, method):
-    data = of_mesh(annulus(tmp_path, 6, 5), 2)
-    data["method"] = {"kind": method} | ({"cell": 0.3} if method == "mpm" else {})
-    data["output"] = {"fields": ["nodal_stress"]}
-    with pytest.raises(SceneError) as error:
-        parse_scene(data)
-    assert any("output.fields.0" in str(fault) for fault in error.value.faults)
+@pytest.mark.parametrize("weights", ["mesh", "kernel"])
+def test_of_other_particles_it_is_their_own(tmp_path, weights):
+    """With weights that are not those of elements a particle's stress is that at its place."""
+    data = of_mesh(annulus(tmp_path, 6, 5), 2, {"displacement": KIRSCH})
+    data["method"]["weights"] = weights
+    sim = simulation(data)
+    (_, one), (_, other) = nodal(sim), nodal(sim, "stress")
+    assert (one == other).all() == (weights == "kernel")

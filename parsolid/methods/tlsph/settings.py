@@ -22,7 +22,7 @@ from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
 from parsolid.scene.failure import faults_of_names
 from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
-from parsolid.scene.observed import NODAL_STRESS, NODAL_VON_MISES
+from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.warned import Note
 
 # keys of which a scene that states one has chosen its weights
@@ -41,8 +41,8 @@ class TotalLagrangianSPH(MethodSettings):
     initial_stress_refused: ClassVar = None
     extra_fields: ClassVar = {
         **dict.fromkeys(("stress_force", "dissipative_force", "area", "updated_reference_position"), "vector"),
-        **dict.fromkeys(("updated_reference_volume", NODAL_VON_MISES), "scalar"),
-        **dict.fromkeys(("cofactor", NODAL_STRESS), "tensor"),
+        "updated_reference_volume": "scalar",
+        "cofactor": "tensor",
     }
     state_variables: ClassVar = (
         *("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),
