@@ -1,6 +1,7 @@
-"""Frequencies of free bodies on meshes and boxes against exact ones: python benchmarks/modes.py [SHAPE...] [SPACINGS...]
+"""Free bodies on meshes and boxes against exact frequencies: python benchmarks/modes.py [SHAPE...] [SPACINGS...]
 
-Shapes are ring, disc, sphere, column, block, plate; spacings a unit length, 8 16 24 unless given. Meshes are Gmsh's. Errors are the root mean square of those of the first five frequencies, of a sphere of the first ten
+Shapes are ring, disc, sphere, column, block, plate; spacings a unit length, 8 16 24 unless given. Meshes are Gmsh's.
+Errors are the root mean square of those of the first five frequencies, of a sphere of the first ten
 (five torsional and five spheroidal ones of degree 2); a block is a box on a lattice.
 """
 
@@ -88,9 +89,10 @@ def main() -> None:
                     size = float(np.sqrt(np.mean(errors**2)))
                     order = "" if last is None else f"{np.log(last[1] / size) / np.log(m / last[0]):.2f}"
                     last = m, size
+                    told = " ".join(f"{100 * one:.2g}" for one in errors)
                     print(
                         f"{shape:7} {weights:12} {m:4g} {found.particles:7} {found.rigid} rigid,"
-                        f" error {100 * size:.3g} % [{' '.join(f'{100 * one:.2g}' for one in errors)}], order {order or '-'},"
+                        f" error {100 * size:.3g} % [{told}], order {order or '-'},"
                         f" {found.iterations} iterations, {found.products} products, {found.seconds:.2f} s",
                         flush=True,
                     )
