@@ -29,7 +29,9 @@ _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 COMMANDS = {
     "run": "run a scene (the default command)",
     "check": "set a scene up and report its cost, without running it",
+    "modes": "eigenfrequencies and shapes of vibrations of a scene's bodies",
     "study": "run scenes over resolutions and options; error against run time",
+    "verify": "studies side by side, and one report: computed beside exact and published",
     "pareto": "which options of a scene have the least error for their time",
     "import": "turn a mesh file into one that all ranks of a run read in parallel",
     "point": "drive a material along a path of deformation, without particles",

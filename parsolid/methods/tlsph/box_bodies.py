@@ -22,6 +22,7 @@ from parsolid.pairs.box_planes import (
     stress_forces_in_plane,
     weights_along,
 )
+from parsolid.pairs.box_stabiliser import BoxStabiliser, StabilisedBox
 from parsolid.pairs.box_sweeps import BoxSweeps
 from parsolid.pairs.box_weights import REACH, axis_tables
 from parsolid.solvers.runge_kutta import Stage
@@ -38,7 +39,7 @@ class BoxBodies(StepBound):
         """system: `system.TotalLagrangianSPH` with its fields declared; bodies: the boxes among the lattice bodies;
         blocks: by number of the body. Collective."""
         self.system, self.particles, self.dimension = system, system.particles, system.dimension
-        self.nodes = cuts.nodes
+        self.nodes, self._cuts, self._bodies = cuts.nodes, cuts.parts, bodies
         settings = system.settings
         dissipation, staged = settings.dissipation_of("kernel"), settings.integrator == "ssp-rk3"
         boxes = []
@@ -80,7 +81,7 @@ class BoxBodies(StepBound):
                 block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces, self._heat,
-                block.plastic_fields(step, self.last_step),
+                block.carried_fields(step, self.last_step),
             )  # fmt: skip
             sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
@@ -104,7 +105,7 @@ class BoxBodies(StepBound):
                 self.dimension,
                 block.branches_at_stage(stage.time, step), block.places, sweeps.v,
                 F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
+                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, block.values,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
@@ -149,6 +150,16 @@ class BoxBodies(StepBound):
             own, (shear, lame) = slice(block.first, block.last), elastic_moduli(block.law)
             over = 1.0 / spacing[own].T ** 2
             result[:, own] += volume[own] * (shear * over.sum(axis=0) + (lame + shear) * over)
+
+    def stabiliser(self) -> BoxStabiliser:
+        """What resists rough motions, which the sweeps hardly see; collective."""
+        found = zip(self._bodies, self.nodes, self._cuts, self.sweeps.boxes)
+        shear = [elastic_moduli(law)[0] for law in self.system.laws]
+        boxes = [
+            StabilisedBox(nodes, parts, box, one.axes, one.fourth_order, shear[one.body])
+            for one, nodes, parts, box in found
+        ]
+        return BoxStabiliser(self.system.comm, boxes)
 
     @property
     def _heat(self) -> np.ndarray | None:
@@ -235,7 +246,7 @@ def store_numbers(field, row, n, numbers):
 @kernel
 def advance_box(
     box, scratch, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
-    tiles, A, branch_sum, x, force, dissipation, heat, plastic,
+    tiles, A, branch_sum, x, force, dissipation, heat, carried,
 ):  # fmt: skip
     """Leapfrog: state of the nodes of a box after a step [s] with their velocity gradients in its middle.
 
@@ -266,7 +277,7 @@ def advance_box(
                 copy_branches_in(A, symmetric, field_A, row, n)
             update_tile(
                 law, step, third, signals, of_branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
-                signal, lost, plastic, row, n,
+                signal, lost, carried, row, n,
             )  # fmt: skip
             if initial is not None:
                 copy_in(stress, tensor, initial, row, n)
