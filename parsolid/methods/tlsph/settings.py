@@ -162,7 +162,8 @@ class TotalLagrangianSPH(MethodSettings):
         others = [other for other, _ in own.values() if getattr(self, other) is not None]
         expected = f"no such key with the integrator {self.integrator!r}"
         if self.integrator == "static":
-            others += [name for name in ("dissipation", "reconstruction") if name in self.model_fields_set]
+            others += ["dissipation"] if self.dissipation is not None else []
+            others += [] if self.reconstruction else ["reconstruction"]
         reject(*(((other,), expected, getattr(self, other)) for other in others))
         if getattr(self, key) is None:
             # past the validation of an assignment, and not among what the scene states
@@ -334,6 +335,9 @@ class TotalLagrangianSPH(MethodSettings):
             elif body.material.branches:
                 found = Phrase(f"{len(body.material.branches)}")
                 faults.append(((*place, "branches"), "none with method.integrator = 'static'", found))
+            if getattr(body.material, "ledger_terms", None):
+                expected = "a law without memory with method.integrator = 'static'"
+                faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
             if body.velocity is not None:
                 faults.append((("bodies", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
         return faults
