@@ -19,6 +19,7 @@ from parsolid.materials.hyperelastic.rubbers import Yeoh
 from parsolid.materials.hyperelastic.softening import Softened
 from parsolid.materials.hyperelastic.transversely_isotropic import Guccione
 from parsolid.materials.hyperelastic.volume import Quadratic
+from parsolid.methods.small_scene import small_scene
 from parsolid.scene import SceneError, parse_scene
 
 HERE, NONE = Path(__file__).parent, (None, None)
@@ -251,6 +252,15 @@ def test_values_of_particles_become_the_law_there():
     here = at_particle(law, values, 1)
     assert here.solid.fibre == pytest.approx((0.5**0.5, 0.5**0.5, 0.0)) and here.solid.second_fibre == (0.0, -1.0, 0.0)
     assert type(here) is type(law) and here.largest_energy == 0.0
+
+
+@pytest.mark.parametrize("fibre", [{"cell_data": "grain"}, {"vector": ["-Y", "X"]}, {"angle": "log(X)"}])
+def test_the_scene_that_kernels_are_compiled_for_has_directions(fibre):
+    """It has no mesh, and a particle at the origin."""
+    stated = parse_scene(scene(fibre=fibre, second_fibre=fibre))
+    small = parse_scene(small_scene(stated, stated.method), again=True).bodies[0].material
+    assert np.isfinite(small.values_at(np.zeros((1, 2)), {})).all()
+    assert type(small.build("plane-strain")) is type(stated.bodies[0].material.build("plane-strain"))
 
 
 _UNIFORM = """
