@@ -30,8 +30,6 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 # coefficient of shear-scaled control with which a face is as stiff as a half space's
 _PRESSED = 0.125
-# of the viscosity in shocks, which families of several spacings smear
-_LINEAR, _QUADRATIC = 0.2, 2.0
 # of the control on velocities
 _VISCOUS = 0.05
 
@@ -278,9 +276,7 @@ class Peridynamics(MethodSettings):
         'nothing relaxed yet, or "relaxed", held for ever',
     )
     stabilisation: Stabilisation = Stabilisation()
-    viscosity: ArtificialViscosity = Field(
-        ArtificialViscosity(linear=_LINEAR, quadratic=_QUADRATIC), description="of elastic-plastic bodies"
-    )
+    viscosity: ArtificialViscosity = Field(ArtificialViscosity(), description="of elastic-plastic bodies in shocks")
     solution: Solution = Field(Explicit(kind="explicit"), description="explicit steps, or equilibrium at each step")
     damage: Damage | None = Field(
         None,
