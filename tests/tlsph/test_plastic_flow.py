@@ -23,16 +23,17 @@ from parsolid.simulation.restart import Restart
 
 BRITTLE = {"criteria": [{"kind": "maximum-tension", "strength": 0.8e9}], "scatter": {"modulus": 10.0, "seed": 3}}
 LEAPFROG = {"integrator": "leapfrog"}
+BONDS = ("bonds", "bonds in space")
 
 
 def method_of(kind):
     """Keys of the method for particles in lists, a box, a mesh, or with bonds."""
-    return {"kind": "peridynamics"} if kind == "bonds" else LEAPFROG | {"weights": kind}
+    return {"kind": "peridynamics"} if kind in BONDS else LEAPFROG | {"weights": kind}
 
 
 def heat_of(kind):
     """The term of the ledger of what dissipative forces heat."""
-    return "control_heat" if kind == "bonds" else "riemann_heat"
+    return "control_heat" if kind in BONDS else "riemann_heat"
 
 
 def test_a_homogeneous_motion_has_the_same_state_in_both_methods():
@@ -97,7 +98,7 @@ def bent(kind, folder=None, failure=None):
         )  # fmt: skip
         data["bodies"][0]["material"] = material
         return data
-    d = 3 if kind == "kernel" else 2
+    d = 3 if kind in ("kernel", "bonds in space") else 2
     particles, upper = ((13, 7), [1e-3, 5e-4]) if d == 2 else ((7, 4, 4), [1e-3, 5e-4, 5e-4])
     velocity = ["0", "3e5*X*X/1e-3", *["4e4*X"][: d - 2]]
     return tables(
@@ -106,7 +107,7 @@ def bent(kind, folder=None, failure=None):
     )  # fmt: skip
 
 
-KINDS = ["kernel", "cells", "mesh", "bonds"]
+KINDS = ["kernel", "cells", "mesh", "bonds", "bonds in space"]
 
 
 @pytest.mark.every_other

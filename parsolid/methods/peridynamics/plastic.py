@@ -65,9 +65,10 @@ class PlasticStates:
     """The elastic-plastic particles of a rank, with what `tensor_histories.TensorHistories` offers.
 
     sound: whether no particle is compressed beyond its equation of state, and all are numbers, at the last evaluation;
-    growth: see `correspondence.CorrespondenceForces`; mean_step [s]: halves of the steps before and of the present one;
-    viscosity: the largest of the last evaluation over c_p^2 [s].
+    mean_step [s]: halves of the steps before and of the present one.
     """
+
+    growth = 1.0
 
     def __init__(self, bonds: Bonds, laws: list[tuple[int, int, Any]], distinct: list[Any], viscosity: Any) -> None:
         """laws: (first, last, law) of the rank's particles; distinct: the laws of the scene, as particles are sorted by
@@ -76,7 +77,9 @@ class PlasticStates:
         self.blocks = [MaterialBlock(*one) for one in laws if flows(one[2])]
         self.tiles = [new_tile(count_of(block.law.failure)) for block in self.blocks]
         self.totals = [aligned_zeros(4) for _ in self.blocks]
-        self.sound, self.growth, self.mean_step, self.viscosity = True, 1.0, 0.0, 0.0
+        self.sound, self.mean_step = True, 0.0
+        # of each particle: stiffness over that at rest, and kinematic viscosity over c_p^2 at rest [s]
+        self.growths, self.viscosities = np.ones(bonds.owned), np.zeros(bonds.owned)
         self.factors = float(viscosity.linear), float(viscosity.quadratic)
         self.spacing = self.particles.owned_rows("spacing").max(axis=1)
         d, declare = bonds.d, self.particles.declare
@@ -110,12 +113,12 @@ class PlasticStates:
         """M = P K^-1 of all particles after a step [s], from the sums of the gradient of u."""
         inverse, volume, places = self.particles.storage("inverse_shape"), self.bonds.volume, _GRADIENT_PLACES
         gradients = self.particles.storage(_GRADIENT), self._ends[_GRADIENT], places[self.bonds.d]
-        self.sound, self.growth = True, 1.0
+        self.sound = True
         for number, block in enumerate(self.blocks):
             fields = self._fields(number)
             given = block.first, block.last, block.law, block.law.failure, step
-            waves = advance_states(self.plane, *given, *fields, *gradients, inverse, volume, sums, M)
-            self.growth = max(self.growth, waves / undeformed_wave_modulus(block.law))
+            modulus = undeformed_wave_modulus(block.law)
+            advance_states(self.plane, *given, *fields, *gradients, inverse, volume, sums, M, modulus, self.growths)
             self.sound = self.sound and bool(self.totals[number][ROOM_LEFT] > 0.0)
 
     def commit(self, step: float, sums: np.ndarray) -> float:
@@ -132,6 +135,13 @@ class PlasticStates:
 
     def resume(self, sums: np.ndarray) -> None:
         """What particles carry was put back to the bit."""
+
+    def damped_growth(self, stiffness: float, damping: float) -> float:
+        """By how much the largest eigenvalue [1/s^2] of the stiffness would have to grow so that it bounds the step as
+        stiffness and viscosity of the particles do, beside the largest one [1/s] of the control."""
+        arrays = self.growths, self.viscosities
+        found = (largest_growth(one.first, one.last, stiffness, damping, *arrays) for one in self.blocks)
+        return float(max(found, default=1.0))
 
     @property
     def stored(self) -> float:
@@ -163,7 +173,7 @@ class PlasticStates:
         """Fill the rows of M with those of D, of rows of C; ghosts have their velocities."""
         bonds, stored = self.bonds, self.particles.storage
         sums, M, heat = bonds.gradients("velocity"), stored("bond_stress"), stored(CONTROL_HEAT)[0]
-        squares, self.viscosity = np.zeros(len(bonds.positions)), 0.0
+        squares = np.zeros(len(bonds.positions))
         for pairs, images, mutual in bonds.lists:
             add_square_jumps(pairs, images, mutual, bonds.motion_of("velocity"), squares)
         M[: bonds.owned] = 0.0
@@ -171,20 +181,22 @@ class PlasticStates:
         shared = squares, stored("inverse_shape"), bonds.volume, self.spacing, sums, M, heat
         for block in self.blocks:
             given = self.plane, block.first, block.last, block.law, self.factors, F, places, E, control
-            self.viscosity = max(self.viscosity, store_damping(*given, *shared))
+            speed = np.sqrt(undeformed_wave_modulus(block.law) / block.law.density)
+            store_damping(*given, *shared, speed, self.viscosities)
 
 
 @kernel
 def advance_states(
-    plane, first, last, law, failure, step, start, end, gradient, new_gradient, places, inverse, volume, sums, M
-):
+    plane, first, last, law, failure, step, start, end, gradient, new_gradient, places, inverse, volume, sums, M,
+    modulus, growth
+):  # fmt: skip
     """State and M = P K^-1 of particles first..last-1 after a step [s], from `start` into `end`, both `PlasticFields`.
 
     gradient, new_gradient (d d, n): F at both ends, components at `places`. A particle without bonds that span space
-    stays as it is. Returns the bound of rho c^2 [Pa] of waves to come: that after the step times (J_old/J)^4 where a
-    particle has shrunk, for what shrinks goes on shrinking.
+    stays as it is. modulus [Pa]: rho c^2 at rest; growth (n,): bound of that of waves to come over it, that after the
+    step times (J_old/J)^4 where a particle has shrunk, for what shrinks goes on shrinking.
     """
-    tile, largest = start.tile, 0.0
+    tile = start.tile
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
         load_particles(start, i, count, tile)
@@ -205,9 +217,22 @@ def advance_states(
         for p in range(count):
             a, J = i + p, tile[NEW_JACOBIAN * TILE + p]
             waves = largest_principal_value(load_symmetric(tile, WAVES * TILE + p), plane)
-            largest = max(largest, waves * max(start.jacobian[a] / J, 1.0) ** 4)
+            growth[a] = waves / modulus * max(start.jacobian[a] / J, 1.0) ** 4
             end.jacobian[a] = J
             store_rows(plane, M, a, matmul_in(plane, load(tile, STRESS * TILE + p), inverse_at(inverse, a)))
+
+
+@kernel
+def largest_growth(first, last, stiffness, damping, growth, viscosity):
+    """See `PlasticStates.damped_growth`; of each particle, as greatest of both apart would depend on ranks.
+
+    With the eigenvalue s g and damping b = damping + s viscosity, s g dt^2 + 2 b dt = 4 has dt = 4/rate.
+    """
+    largest = 0.0
+    for a in range(first, last):
+        b = damping + stiffness * viscosity[a]
+        rate = b + (b * b + 4.0 * stiffness * growth[a]) ** 0.5
+        largest = max(largest, rate * (rate - 2.0 * damping) / (4.0 * stiffness))
     return largest
 
 
@@ -229,16 +254,18 @@ def add_square_jumps(bonds, images, mutual, motion, result):
 
 @kernel
 def store_damping(
-    plane, first, last, law, factors, gradient, places, E, control, squares, inverse, volume, spacing, sums, M, heat
-):
+    plane, first, last, law, factors, gradient, places, E, control, squares, inverse, volume, spacing, sums, M, heat,
+    at_rest, viscosities
+):  # fmt: skip
     """M = -C L - q cof F K^-1 of particles first..last-1, with the viscous pressure q of `scene.viscosity`, and what it
-    takes [W]; the largest kinematic viscosity over c_p^2 [s].
+    takes [W].
 
     factors: linear and quadratic one of q; gradient (d d, n): F, components at `places`; E (n,) [J/m^3]; control: rows
-    of C; squares: of `add_square_jumps`; spacing (n,) [m]; sums: of the gradient of velocities.
+    of C; squares: of `add_square_jumps`; spacing (n,) [m]; sums: of the gradient of velocities; at_rest: c_p [m/s];
+    viscosities (n,): kinematic viscosity over c_p^2 [s].
     """
     d = 3 if plane is None else 2
-    width, largest, gamma = sums.shape[1] // d, 0.0, grueneisen_coefficient(law.equation_of_state)
+    width, gamma = sums.shape[1] // d, grueneisen_coefficient(law.equation_of_state)
     whole = np.zeros(9)
     for a in range(first, last):
         L, along = gradient_at(plane, sums, inverse, volume, a), 0.0
@@ -256,7 +283,6 @@ def store_damping(
         approach = spacing[a] * max(-rate / J, 0.0)
         viscosity = spacing[a] * (factors[1] * approach + factors[0] * speed) if approach > 0.0 else 0.0
         q = law.density / J * viscosity * approach / spacing[a]
-        largest = max(largest, viscosity / max(speed * speed, 1e-300))
+        viscosities[a] = viscosity / (at_rest * at_rest)
         heat[a] = control[a, 0] * (squares[a] - along) - volume[a] * q * rate
         store_rows(plane, M, a, combine(-control[a, 0], L, -q, matmul_in(plane, H, inverse_at(inverse, a))))
-    return largest

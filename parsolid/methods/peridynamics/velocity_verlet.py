@@ -57,16 +57,15 @@ class VelocityVerlet:
         """
         if self.largest_eigenvalue is None:
             self._find_eigenvalues()
-        growth = self.body.forces.growth
+        growth, b, plastic = self.body.forces.growth, self.largest_damping, self.body.forces.plastic
+        if plastic is not None:
+            growth = max(growth, plastic.damped_growth(self.largest_eigenvalue, b))
         if not growth < _LOST:
             return 0.0
         growth = _STAIR ** ceil(log(growth) / log(_STAIR) - 1e-3)
         safety = self.settings.safety
         if self.breaks_bonds:
             safety = min(safety, self.settings.damage_safety)
-        b, plastic = self.largest_damping, self.body.forces.plastic
-        if plastic is not None:
-            b += self.largest_eigenvalue * plastic.viscosity
         return safety * 4.0 / (b + sqrt(b * b + 4.0 * self.largest_eigenvalue * growth))
 
     def _find_eigenvalues(self) -> None:
