@@ -146,8 +146,8 @@ class CorrespondenceForces(BondForces):
         self.controls = [None] * len(self.memories) if scale is None else self._controls(scale)
         self.damping = None if viscous is None else self._control_rows("damping", viscous)
         # sums over a lattice know one control
-        one = len(self.memories) == 1 and (scale is None or viscous is None)
-        if settings.damage is None and not settings.pre_cracks and one:
+        single = len(self.memories) == 1 and (scale is None or viscous is None)
+        if settings.damage is None and not settings.pre_cracks and single:
             bonds.use_convolution()
 
     def _controls(self, scale: np.ndarray) -> list[np.ndarray]:
@@ -211,7 +211,7 @@ class CorrespondenceForces(BondForces):
 
     def _dampen(self) -> None:
         """Force of the control on velocities, which ghosts have with the motion, and of viscosity; the heat of both."""
-        if self.plastic is not None:
+        if self.plastic is not None and self.damping is not None:
             self.plastic.dampen(self.damping)
             rows = self.divergence("velocity", self.damping, self.rows)
             copy_to_columns(rows, self.particles.storage("dissipative_force"))

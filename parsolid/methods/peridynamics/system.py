@@ -54,9 +54,9 @@ class Peridynamics(Reports):
         columns: dict[str, Any] = {"mirror": "vector", "layout": Columns()}
         self.particles.declare(Field("position", self.dimension, "m", **columns), particle_set.position)
         # a control on velocities asks for those of neighbours
-        told = {"ghosts": "forward", "message": "motion"} if self.forces.damping is not None else {}
-        velocity = Field("velocity", self.dimension, "m/s", checkpointed=True, shown=True, **columns, **told)
-        self.particles.declare(velocity)
+        if self.forces.damping is not None:
+            columns |= {"ghosts": "forward", "message": "motion"}
+        self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, shown=True, **columns))
         self.solver: Any = (VelocityVerlet if explicit else QuasiStatic)(self, self.settings.solution)
         self.jumps, self.stop_times = self.solver.jumps, self.solver.stop_times
 
