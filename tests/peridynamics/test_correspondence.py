@@ -267,5 +267,5 @@ def test_a_body_that_is_crushed_beyond_bounds_has_no_stable_step(growth):
     """The run then ends with its time and place, not with an error of the program."""
     solver = simulation(scene(2, "fixed", jitter=0.0, material={"kind": "neo-hookean"})).systems[0].solver
     assert solver.stable_step() > 0.0
-    solver.body.forces.histories[0].growth = growth
+    solver.body.forces.tensors.growth = growth
     assert solver.stable_step() == 0.0

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import kernel
+from parsolid.materials.declaration import SOFTENING
+from parsolid.materials.hyperelastic.at_particles import state_count
 from parsolid.materials.viscoelastic.prony import LinearSolid, branch_weights, linear_solid, linear_stress
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.plastic import PlasticStates, flows
@@ -35,6 +37,7 @@ from parsolid.methods.peridynamics.sweeps import (
 from parsolid.methods.peridynamics.tensor_histories import TensorHistories
 from parsolid.pairs.lattice_convolution import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows
+from parsolid.particles.law_values import rows_of_laws
 from parsolid.tensors import combine, general, symmetric_part
 
 # sigma = 0: a law that leaves the control of zero-energy modes alone
@@ -73,6 +76,10 @@ class BondForces:
         self.particles.declare(Field("trial_displacement", self.d, "m", mirror="vector", **told))
         told = {"mirror": "vector", "checkpointed": True, "layout": Columns()}
         self.particles.declare(Field("internal_force", self.d, "N", **told))
+
+    def book_softening(self, ledger: Any) -> float:
+        """Nothing, where laws have no state variables."""
+        return 0.0
 
     @property
     def force(self) -> np.ndarray:
@@ -115,9 +122,9 @@ class BondForces:
 class CorrespondenceForces(BondForces):
     """Forces and memory of a rank's particles.
 
-    memories: one `RelaxingDisplacement` for each Prony series; controls: rows of C of each, or None; histories: of laws
-    whose stress follows from the gradient of u, `TensorHistories` and `PlasticStates`, no others where there are some;
-    plastic: the latter of them, or None; damping: rows of C of the control on velocities, or None.
+    memories: one `RelaxingDisplacement` for each Prony series; controls: rows of C of each, or None; tensors:
+    `TensorHistories` or None; plastic: `PlasticStates` or None; histories: those of both that there are, whose stress
+    follows from the gradient of u, as all have it then; damping: rows of C of the control on velocities, or None.
     """
 
     def __init__(self, bonds: Bonds, blocks: list[Any], laws: list[Any], settings: Any, scales: Any, fixed: Any):
@@ -126,14 +133,15 @@ class CorrespondenceForces(BondForces):
         Collective.
         """
         super().__init__(bonds, blocks, fixed)
-        self.histories: list[Any] = []
+        self.tensors: TensorHistories | None = None
         series, distinct = list(dict.fromkeys(map(series_of, laws))), list(dict.fromkeys(laws))
+        self._softens = any(state_count(law) for law in rows_of_laws(laws))
         if any(map(has_tensor_history, laws)) and not all(map(flows, laws)):
             terms, own = max(len(ratios) for ratios, _ in series), [law for law in self.laws if not flows(law[2])]
-            self.histories.append(TensorHistories(bonds, own, terms, self.share))
+            self.tensors = TensorHistories(bonds, own, terms, self.share, rows_of_laws(laws))
         if any(map(flows, laws)):
             self.plastic = PlasticStates(bonds, self.laws, distinct, settings.viscosity)
-            self.histories.append(self.plastic)
+        self.histories: list[Any] = [one for one in (self.tensors, self.plastic) if one is not None]
         self.stiffens = not all(is_small_strain(law) for _, _, law in self.laws)
         if not settings.stabilisation.relaxes:
             series = [((), ())]
@@ -241,6 +249,14 @@ class CorrespondenceForces(BondForces):
         """End a step [s] at the displacement of the last evaluation; the energy dissipated over it [J]."""
         lost = sum(memory.commit(step, self.share) for memory in self.memories)
         return lost + sum(one.commit(step, self.bonds.sums) for one in self.histories)
+
+    def book_softening(self, ledger: Any) -> float:
+        """Enter into a ledger what state variables of laws have dissipated in the step that was committed last; the
+        energy [J]."""
+        if not self._softens or self.tensors is None:
+            return 0.0
+        ledger.add_term(SOFTENING, self.tensors.softened)
+        return float(self.tensors.softened)
 
     def start(self, instantaneous: bool) -> None:
         """Memory and forces of the displacement at time 0: reached in a jump, or held for ever."""

@@ -116,6 +116,7 @@ class VelocityVerlet:
             announce(self.finite, self.stable_step())
         self.leapfrog.close_step(time + step, step, body.substeps)
         self.leapfrog.book(step, ledger, dissipated, KINETIC_OFFSET)
+        forces.book_softening(ledger)
         if forces.plastic is not None:
             forces.plastic.book(ledger)
         return bool(self.finite and forces.sound)

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import kernel
+from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.box_stages import advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
 from parsolid.methods.tlsph.leapfrog import StepBound
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
+from parsolid.methods.tlsph.tangent import change_box
 from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, store_waves
 from parsolid.pairs.box_on_rank import BoxOnRank
 from parsolid.pairs.box_planes import (
@@ -78,7 +80,7 @@ class BoxBodies(StepBound):
                 block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces, self._heat,
-                block.plastic_fields(step, self.last_step),
+                block.carried_fields(step, self.last_step),
             )  # fmt: skip
             sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
@@ -102,7 +104,7 @@ class BoxBodies(StepBound):
                 self.dimension,
                 block.branches_at_stage(stage.time, step), block.places, sweeps.v,
                 F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
+                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, block.values,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
@@ -122,6 +124,31 @@ class BoxBodies(StepBound):
         self.sweeps.exchange_stress()
         stored = self.particles.storage
         self.sweeps.divergence(stored("stress_force"), stored("dissipative_force"), self._heat)
+
+    def change_forces(self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any]) -> None:
+        """See `ListBodies.change_forces`."""
+        stored, sweeps = self.particles.storage, self.sweeps
+        motion = np.zeros_like(stored("velocity"))
+        motion[:, : self.particles.owned] = change.T
+        sweeps.exchange_motion(motion, stored("position"))
+        for box, block in self.parts:
+            change_box(
+                box, sweeps.scratch(box), block.places, index, moduli, sweeps.v, sweeps.G, sweeps.P, block.tiles,
+                fields[0] if sweeps.in_turn else None,
+            )  # fmt: skip
+        self._reduce_edges()
+        if not sweeps.in_turn:
+            sweeps.exchange_stress()
+            sweeps.divergence(*fields)
+
+    def add_stiffness(self, result: np.ndarray) -> None:
+        """See `ListBodies.add_stiffness`; of differences along the axes."""
+        volume = self.particles.storage("volume")[0]
+        spacing = self.particles.owned_rows("spacing")
+        for block in self.blocks:
+            own, (shear, lame) = slice(block.first, block.last), elastic_moduli(block.law)
+            over = 1.0 / spacing[own].T ** 2
+            result[:, own] += volume[own] * (shear * over.sum(axis=0) + (lame + shear) * over)
 
     @property
     def _heat(self) -> np.ndarray | None:
@@ -208,7 +235,7 @@ def store_numbers(field, row, n, numbers):
 @kernel
 def advance_box(
     box, scratch, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
-    tiles, A, branch_sum, x, force, dissipation, heat, plastic,
+    tiles, A, branch_sum, x, force, dissipation, heat, carried,
 ):  # fmt: skip
     """Leapfrog: state of the nodes of a box after a step [s] with their velocity gradients in its middle.
 
@@ -239,7 +266,7 @@ def advance_box(
                 copy_branches_in(A, symmetric, field_A, row, n)
             update_tile(
                 law, step, third, signals, of_branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
-                signal, lost, plastic, row, n,
+                signal, lost, carried, row, n,
             )  # fmt: skip
             if initial is not None:
                 copy_in(stress, tensor, initial, row, n)

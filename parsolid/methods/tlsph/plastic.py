@@ -10,6 +10,7 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.materials.failure.failure import count_of
+from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
@@ -37,6 +38,7 @@ from parsolid.methods.plastic_particles import (
 from parsolid.methods.tlsph.point_update import TILE, in_directions, store_speeds, update_tile
 from parsolid.methods.tlsph.point_update import store as store_into_wide
 from parsolid.methods.tlsph.state import LawBlock
+from parsolid.methods.tlsph.tangent import isotropic_moduli
 from parsolid.particles.container import Particles
 from parsolid.tensors import cofactor, gram, largest_eigenvalue, largest_eigenvalue_bound, times_symmetric
 from parsolid.tiles import TILE as PART
@@ -55,10 +57,10 @@ def wave_tensors(tile, p):
 
 @update_tile.of(ElasticPlastic)
 def _update_plastic(
-    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, plastic, row, n
+    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, carried, row, n
 ):
     # a function of its own, compiled once for lists and boxes
-    _advance(law, plastic, plastic.heat, row, n, step, third, signals, F, G, push, J, P, impedance, signal)
+    _advance(law, carried, carried.heat, row, n, step, third, signals, F, G, push, J, P, impedance, signal)
 
 
 @kernel
@@ -115,14 +117,21 @@ def find_states(law, fields, gradient, places, first, last, third, stress, waves
 class PlasticBlock(LawBlock):
     """Particles of a rank that share an elastic-plastic law, with what `state.LawBlock` offers."""
 
-    def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
-        super().__init__(particles, first, last, law)
+    def __init__(
+        self, particles: Particles, first: int, last: int, law: Any, rows_of_values: slice | None = None
+    ) -> None:
+        super().__init__(particles, first, last, law, rows_of_values)
         self.totals, self._tile = aligned_zeros(4), new_tile(count_of(law.failure))
 
-    def plastic_fields(self, step: float, last_step: float) -> PlasticFields:
+    def carried_fields(self, step: float, last_step: float) -> PlasticFields:
         """The fields as kernels take them in a step [s] after one of another length; their totals begin anew."""
         mean_step, names = 0.5 * (step + last_step) if step > 0.0 else 0.0, ("stress_force", RIEMANN_HEAT)
         return fields_of(self.particles, self.law, self.dimension, names, mean_step, self.totals, self._tile)
+
+    def find_moduli(self, index: np.ndarray, moduli: np.ndarray) -> None:
+        """Those of elasticity at rest, whatever has flowed."""
+        shear, lame = elastic_moduli(self.law)
+        moduli[:, self.first : self.last] = isotropic_moduli(shear, lame, self.dimension)[:, None]
 
     @property
     def sound(self) -> bool:  # type: ignore[override]
@@ -141,7 +150,7 @@ class PlasticBlock(LawBlock):
     def _states(self, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
         gradient, third = self.particles.storage("deformation_gradient"), 0.0 if self.dimension == 2 else 1.0
         stress, waves = np.zeros((last - first, 9)), np.zeros((last - first, 3))
-        fields, places = self.plastic_fields(0.0, 0.0), self.places.tensor
+        fields, places = self.carried_fields(0.0, 0.0), self.places.tensor
         find_states(self.law, fields, gradient, places, first, last, third, stress, waves)
         return stress, waves
 
