@@ -7,7 +7,13 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body, flowing, total_lagrangian_faults
+from parsolid.methods.plastic_fields import (
+    PLASTIC_STATE,
+    fields_of_no_body,
+    flowing,
+    temperatures_without_heat,
+    total_lagrangian_faults,
+)
 from parsolid.scene.base_model import (
     Detail,
     OnRestart,
@@ -327,14 +333,14 @@ class Peridynamics(MethodSettings):
 
     def _plastic_faults(self, scene: Any) -> list[Detail]:
         """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""
-        faults = fields_of_no_body(scene)
+        faults = fields_of_no_body(scene) + temperatures_without_heat(scene)
         faults += [fault for fault in faults_of_names(scene) if fault[2] != "damage"]
         plastic = flowing(scene)
         if not plastic:
             expected, factor = "no such key without an elastic-plastic body", self.stabilisation.viscous_coefficient
             if factor is not None:
                 faults.append((("method", "stabilisation", "viscous_coefficient"), expected, factor))
-            if "viscosity" in self.model_fields_set:
+            if self.viscosity != ArtificialViscosity():
                 faults.append((("method", "viscosity"), expected, self.viscosity.model_dump()))
             return faults
         if self.solution.kind != "explicit":

@@ -8,7 +8,13 @@ from pydantic import Field, model_validator
 
 from parsolid.materials.declaration import SOFTENING, Phrase
 from parsolid.methods.failure_fields import DAMAGE
-from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body, flowing, total_lagrangian_faults
+from parsolid.methods.plastic_fields import (
+    PLASTIC_STATE,
+    fields_of_no_body,
+    flowing,
+    temperatures_without_heat,
+    total_lagrangian_faults,
+)
 from parsolid.methods.tlsph.body_weights import (
     ON_LATTICES,
     RESOLVED,
@@ -279,6 +285,7 @@ class TotalLagrangianSPH(MethodSettings):
     def _plastic_faults(self, scene: Any) -> list[Detail]:
         """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""
         faults, plastic = fields_of_no_body(scene) + faults_of_names(scene), flowing(scene)
+        faults += temperatures_without_heat(scene)
         if plastic and self.integrator == "ssp-rk3":
             expected = "'leapfrog' with elastic-plastic bodies, whose flow is found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
