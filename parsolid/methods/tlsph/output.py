@@ -10,6 +10,7 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
+from parsolid.methods.plastic_particles import measure_flow
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
 from parsolid.scene.observed import NODAL_STRESS, NODAL_VON_MISES
@@ -84,12 +85,7 @@ class Reports(ParticleSystem):
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """See `ParticleSystem`: of plastic flow and of failure."""
-        failed = failed_matter.measure(self.particles, self.mass * self.share, name)
-        if failed is not None:
-            return failed
-        field = name.removeprefix("maximum_")
-        values = self.particles.owned_rows(field) if field in self.particles else np.zeros(0)
-        return "maximum", np.array([values.max(initial=0.0)])
+        return measure_flow(self.particles, self.mass * self.share, name)
 
     def advice(self) -> str:
         """What most likely helps when a run goes wrong, by the settings."""

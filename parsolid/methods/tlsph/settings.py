@@ -8,7 +8,13 @@ from pydantic import Field, model_validator
 
 from parsolid.materials.declaration import SOFTENING, Phrase
 from parsolid.methods.failure_fields import DAMAGE
-from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body, flowing
+from parsolid.methods.plastic_fields import (
+    PLASTIC_STATE,
+    fields_of_no_body,
+    flowing,
+    temperatures_without_heat,
+    total_lagrangian_faults,
+)
 from parsolid.methods.tlsph.body_weights import (
     ON_LATTICES,
     RESOLVED,
@@ -345,18 +351,12 @@ class TotalLagrangianSPH(MethodSettings):
     def _plastic_faults(self, scene: Any) -> list[Detail]:
         """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""
         faults, plastic = fields_of_no_body(scene) + faults_of_names(scene), flowing(scene)
+        faults += temperatures_without_heat(scene)
         if plastic and self.integrator == "ssp-rk3":
             expected = "'leapfrog' with elastic-plastic bodies, whose flow is found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
         for i in plastic:
-            material, here = scene.bodies[i].material, ("bodies", i, "material")
-            for key in ("conductivity", "conductivity_tensor"):
-                if getattr(material, key) is not None:
-                    expected = "no such key: the method conducts no heat"
-                    faults.append(((*here, key), expected, getattr(material, key)))
-            if material.failure is not None and material.failure.after == "delete":
-                expected = "'pressure': neighbours of a reference configuration stay neighbours"
-                faults.append(((*here, "failure", "after"), expected, "delete"))
+            faults += total_lagrangian_faults(scene.bodies[i].material, ("bodies", i, "material"))
         for i, state in enumerate(scene.initial):
             meant = {state.body} if state.body is not None else {body.name for body in scene.bodies}
             if state.of("stress") is not None and meant & {scene.bodies[k].name for k in plastic}:

@@ -10,6 +10,7 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.collective import anywhere, minimum
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.registry import laws_of
+from parsolid.methods.plastic_particles import begin_plastic, declare_plastic
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, meshes_of, weights_of_bodies
 from parsolid.methods.tlsph.fixed_walls import fixed_walls_of
@@ -17,7 +18,7 @@ from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies
 from parsolid.methods.tlsph.leapfrog import Leapfrog
 from parsolid.methods.tlsph.output import Reports
-from parsolid.methods.tlsph.plastic import PlasticBlock, begin_plastic, declare_plastic
+from parsolid.methods.tlsph.plastic import RIEMANN_HEAT, PlasticBlock
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
 from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
 from parsolid.methods.tlsph.static import Static
@@ -68,7 +69,8 @@ class TotalLagrangianSPH(Reports):
         declare_fields(self.particles, particle_set, self.branches, staged)
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
         of_groups = [law_of_group[group] for group in sorted(law_of_group)]
-        declare_plastic(self.particles, self.dimension, of_groups, self.settings.dissipation != 0.0)
+        heat = None if self.settings.dissipation == 0.0 else RIEMANN_HEAT
+        declare_plastic(self.particles, self.dimension, of_groups, heat)
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
         of_law = {ElasticPlastic: PlasticBlock}
         declare_law_values(comm, scene, self.particles, particle_set, self.laws)
