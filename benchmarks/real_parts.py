@@ -1,4 +1,4 @@
-"""Parts with exact or converged answers, by the weights of their meshes and by linear finite elements on the same nodes:
+"""Parts with exact or converged answers, by the weights of their meshes and by linear elements on the same nodes:
 python benchmarks/real_parts.py [CASE ...] [--meshes N], the tables of docs/real-parts.md.
 
 Statics of small strain are solved with the forces of a step as they are; motions are run. Needs the extra "cad".
