@@ -1,5 +1,6 @@
 """Linear finite elements (triangles in plane strain, tetrahedra) for comparison, by scipy alone: statics of small
-strain, and motions of the law of `runs/tlsph/reference/twist_by_elements.py` with lumped mass and central differences."""
+strain, and motions of the law of `runs/tlsph/reference/twist_by_elements.py` with lumped mass by central differences.
+"""
 
 from collections.abc import Callable
 
