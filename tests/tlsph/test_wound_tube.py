@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from parsolid.output.history import read_history
 
-INNER, OUTER, PRESSURE = 0.01, 0.015, 2e4
+INNER, OUTER, PRESSURE, RISE = 0.01, 0.015, 2e4, 0.07
 SHEAR, BULK, K1, K2, KAPPA = 5e4, 1e6, 1e5, 2.0, 0.1
 TISSUE = {
     "kind": "gasser-ogden-holzapfel",
@@ -73,27 +73,33 @@ def quarter(path, across):
 def test_radii_of_a_wound_tube_are_those_of_the_radial_equation(tmp_path):
     """Inside it widens by 17.8 %: 0.3 % less with four elements across, as stresses at nodes are softer."""
     quarter(tmp_path / "tube.vtu", 4)
+    rise = f"ramp(t, 0, {RISE})"
     scene = {
         "dimension": 2,
-        "end_time": 1.0,
-        "method": {"kind": "tlsph", "integrator": "static"},
+        "end_time": 0.09,
+        "method": {"kind": "tlsph"},
         "bodies": [{"shape": {"mesh": {"file": "tube.vtu"}}, "material": TISSUE}],
         "regions": [{"name": "inside", "formula": f"X*X + Y*Y < {(1.02 * INNER) ** 2}"}],
         "boundaries": [
             {"plane": "X = 0", "kind": "roller"},
             {"plane": "Y = 0", "kind": "roller"},
-            {"kind": "pressure", "where": "inside", "pressure": f"{PRESSURE}*t"},
+            {
+                "kind": "pressure",
+                "where": "inside",
+                "pressure": f"{PRESSURE}*{rise}**3*(10 - 15*{rise} + 6*{rise}**2)",
+            },
         ],
         "probes": [
             {"name": "inner", "at": [INNER, 0.0], "fields": ["position"]},
             {"name": "outer", "at": [OUTER, 0.0], "fields": ["position"]},
         ],
-        "output": {"history_steps": 1, "pictures": False},
+        "output": {"history_interval": 1e-3, "pictures": False},
     }
     (tmp_path / "tube.toml").write_text(tomli_w.dumps(scene))
     command = [sys.executable, "-m", "parsolid", "run", tmp_path / "tube.toml", "-q", "-o", tmp_path / "results"]
     subprocess.run(command, check=True)
     found = {name: np.array(values) for name, values in read_history(tmp_path / "results" / "history.csv").items()}
+    late = found["time"] > RISE
     for name, radius, at_rest in zip(("inner", "outer"), radii(), (INNER, OUTER)):
-        moved = found[f"{name}.position_x"][-1] - at_rest
+        moved = found[f"{name}.position_x"][late].mean() - at_rest
         assert moved == pytest.approx(radius - at_rest, rel=5e-3), name
