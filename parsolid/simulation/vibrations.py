@@ -54,6 +54,8 @@ class VibratingBodies:
         self.tangent = Tangent(self.system)
         self.tangent.linearise()
         self.free, self.mass = self.tangent.free, self.tangent.mass[:, None]
+        if comm.allreduce(int(self.free.sum())) == 0:
+            raise SolverError("boundaries: expected something that moves, found all of it held")
         self.stabiliser = None if self.system.boxes is None else self.system.boxes.stabiliser()
         self.places = np.ascontiguousarray(self.system.particles.owned_rows("reference_position"))
         self.particles = comm.allreduce(len(self.places))

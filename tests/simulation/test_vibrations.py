@@ -128,6 +128,12 @@ def test_what_does_not_vibrate_linearly_is_refused(comm, changes, place):
     assert [fault.key for fault in caught.value.faults] == [place]
 
 
+def test_a_body_that_is_held_all_over_is_refused(comm):
+    scene = scene_of((2, 5), (1.0, 4.0), boundaries=supports(X0=(0.0, "fixed"), X1=(1.0, "fixed")))
+    with pytest.raises(SolverError):
+        find_modes(comm, scene, 2, None)
+
+
 def test_weights_that_do_not_close_are_refused(comm):
     with pytest.raises(SolverError):
         find_modes(comm, scene_of((9, 9), (1.0, 1.0), "kernel"), 2, None)
