@@ -3,6 +3,7 @@
 from typing import Any
 
 from parsolid.methods.failure_fields import kept_column
+from parsolid.particles.container import Particles
 from parsolid.scene.method_settings import named_observables
 
 # what particles of elastic-plastic laws carry
@@ -11,6 +12,7 @@ PLASTIC_STATE = (
     kept_column("internal_energy", 1, "J/m^3"),
     kept_column("temperature", 1, "K"),
 )
+BACK_STRESS, BACK_STRESS_ENERGY = "back_stress", "back_stress_energy"
 _OF_PLASTICITY = (
     *(field.name for field in PLASTIC_STATE),
     "maximum_temperature",
@@ -23,6 +25,12 @@ _OF_PLASTICITY = (
 def flowing(scene: Any) -> list[int]:
     """Numbers of the elastic-plastic bodies of a scene."""
     return [i for i, body in enumerate(scene.bodies) if body.material.kind == "elastic-plastic"]
+
+
+def declare_back_stress(particles: Particles, laws: list[Any], components: int) -> None:
+    """What particles carry where any law has kinematic hardening."""
+    if any(getattr(law, "kinematic_hardening", None) is not None for law in laws):
+        particles.declare(kept_column(BACK_STRESS, components, "Pa"))
 
 
 def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:

@@ -15,14 +15,15 @@ from parsolid.tiles import TILE
 
 
 class PlasticState(NamedTuple):
-    """F (3, 3), unrotated deviator (6,), scalars, Cauchy stress (3, 3).
+    """F (3, 3), unrotated deviator and back stress (6,), scalars, Cauchy stress (3, 3).
 
-    plastic_work, with what failure released, and heat given away [J/m^3] since time 0; damage (1 + criteria,), the
-    largest and that of each criterion, (0,) of a law that does not fail.
+    plastic_work, with what failure released and without what back stresses store, and heat given away [J/m^3] since
+    time 0; damage (1 + criteria,), the largest and that of each criterion, (0,) of a law that does not fail.
     """
 
     F: np.ndarray
     deviator: np.ndarray
+    back_stress: np.ndarray
     plastic_strain: float
     plastic_strain_rate: float
     energy: float
@@ -61,7 +62,7 @@ class PlasticPoint(PointLaw):
         energy = self.law.internal_energy(self.start, self.cold)
         stress = -plastic_evaluation.pressure(self.law, 1.0, energy) * np.eye(3)
         whole = np.zeros(0 if self.law.failure is None else 1 + count_of(self.law.failure))
-        return PlasticState(np.eye(3), np.zeros(6), 0.0, 0.0, energy, self.start, stress, 0.0, 0.0, whole)
+        return PlasticState(np.eye(3), np.zeros(6), np.zeros(6), 0.0, 0.0, energy, self.start, stress, 0.0, 0.0, whole)
 
     def updated(self, state: PlasticState, F: np.ndarray, step: float) -> PlasticState:
         if step == 0.0:
@@ -71,6 +72,7 @@ class PlasticPoint(PointLaw):
         gradient = (F - state.F) @ np.linalg.inv(state.F) / step
         rows[update.VELOCITY_GRADIENT : update.VELOCITY_GRADIENT + 9, 0] = gradient.ravel()
         rows[update.DEVIATOR : update.DEVIATOR + 6, 0] = state.deviator
+        rows[update.BACK_STRESS : update.BACK_STRESS + 6, 0] = state.back_stress
         rows[update.PLASTIC_STRAIN, 0], rows[update.ENERGY, 0] = state.plastic_strain, state.energy
         rows[update.TEMPERATURE, 0] = state.temperature
         if len(state.damage):
@@ -82,7 +84,7 @@ class PlasticPoint(PointLaw):
         J = np.linalg.det(F)
         if not rows[update.ROOM, 0] > 0.0:
             raise PathLost(f"the state is lost at J = {J:g}: compressed beyond the equation of state, or not a number")
-        work, released = rows[update.PLASTIC_WORK, 0], rows[update.RELEASED, 0]
+        work, released = rows[update.PLASTIC_WORK, 0] - rows[update.BACK_STRESS_ENERGY, 0], rows[update.RELEASED, 0]
         energy, temperature, heat = rows[update.ENERGY, 0], rows[update.TEMPERATURE, 0], 0.0
         if self.isothermal:
             # of the flow, and of dE = T dS = -gamma rho0 C_v T dJ that keeps the temperature
@@ -101,7 +103,8 @@ class PlasticPoint(PointLaw):
         stress = R @ symmetric_tensors(deviator) @ R.T - pressure * np.eye(3)
         ep = rows[update.PLASTIC_STRAIN, 0]
         flow = (ep, (ep - state.plastic_strain) / step, energy, temperature, stress)
-        return PlasticState(F, deviator, *flow, state.plastic_work + work + released, state.heat + heat, damage)
+        back = rows[update.BACK_STRESS : update.BACK_STRESS + 6, 0].copy()
+        return PlasticState(F, deviator, back, *flow, state.plastic_work + work + released, state.heat + heat, damage)
 
     def _rotation(self) -> np.ndarray:
         rows = self.tile.reshape(-1, TILE)

@@ -22,6 +22,7 @@ EquationOfState: Any = laws("equation-of-state")
 ShearModulus: Any = laws("shear-modulus")
 FlowStress: Any = laws("flow-stress")
 Melting: Any = laws("melting")
+KinematicHardening: Any = laws("kinematic-hardening")
 
 
 @table_of("elastic-plastic")
@@ -38,6 +39,7 @@ class ElasticPlasticTable(DeclaredModel):
     shear_modulus: ShearModulus | None = Field(None, description="a table: that of pressure and temperature")
     flow_stress: FlowStress | None = Field(None, description="a table: that of strain, rate and temperature")
     melting: Melting | None = Field(None, description="a table: the melting temperature under pressure")
+    kinematic_hardening: KinematicHardening | None = Field(None, description="a table: the back stress that flow moves")
     failure: Failure | None = Field(None, description="a table: when matter fails, and what becomes of it")
 
     @model_validator(mode="after")
@@ -68,9 +70,10 @@ class ElasticPlasticTable(DeclaredModel):
 
     @property
     def ledger_terms(self) -> dict[str, int]:
-        """The energy terms of a solid that fails, see `simulation.ledger.Ledger`."""
+        """The energy terms of a solid that fails or has a back stress, see `simulation.ledger.Ledger`."""
         stated: Any = self
-        return {} if stated.failure is None else dict(stated.failure.ledger_terms)
+        back = {} if self.parts["kinematic_hardening"] is None else {"back_stress_energy": 0}
+        return back if stated.failure is None else back | dict(stated.failure.ledger_terms)
 
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
@@ -86,10 +89,11 @@ class ElasticPlasticTable(DeclaredModel):
             "conductivity_tensor": None,
             "specific_heat_slope": 0.0,
             "melting": None,
+            "kinematic_hardening": None,
             "reference_temperature": 300.0,
             "taylor_quinney": 0.9,
         }
-        for key in (*_SHARED, "equation_of_state", "shear_modulus", "flow_stress", "melting"):
+        for key in (*_SHARED, "equation_of_state", "shear_modulus", "flow_stress", "melting", "kinematic_hardening"):
             stated = getattr(table, key)
             if stated is None and known is not None:
                 stated = known.parts[key]

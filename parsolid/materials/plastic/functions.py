@@ -59,6 +59,18 @@ def room_to_compress(eos, J):
     """Positive while the equation of state holds at J."""
 
 
+@law_function
+def back_stress_step(hardening, increment):
+    """(kept, modulus [Pa]): a back stress beta becomes kept (beta + 2/3 modulus dp) in a step with the plastic strain
+    dp, whose equivalent is the increment. kept falls and kept modulus does not grow with it, and both are 1 and the
+    modulus at 0."""
+
+
+@law_function
+def back_stress_energy(hardening, square):
+    """Energy [J/m^3] that a back stress stores, from beta:beta [Pa^2]."""
+
+
 @inlined
 def specific_heat(law, temperature):
     """C_v [J/(kg K)] of an elastic-plastic law at a temperature [K]."""

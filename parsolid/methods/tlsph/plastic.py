@@ -13,6 +13,7 @@ from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
+    BACK_STRESS_ENERGY,
     DAMAGE,
     DEFORMATION,
     HEAT,
@@ -20,6 +21,7 @@ from parsolid.materials.plastic.tile_update import (
     METRIC,
     NEW_JACOBIAN,
     PLASTIC_WORK,
+    REFERENTIAL_BACK_STRESS,
     RELEASED,
     ROOM,
     SHEAR_MODULUS,
@@ -27,13 +29,15 @@ from parsolid.materials.plastic.tile_update import (
     VELOCITY_GRADIENT,
     WAVES,
     fill_idle,
+    load_back_stress,
     load_state,
     new_tile,
+    store_back_stress,
     store_state,
 )
 from parsolid.materials.plastic.total_lagrangian import advance_tile
 from parsolid.materials.registry import laws_of
-from parsolid.methods import failed_matter
+from parsolid.methods import failed_matter, plastic_fields
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.plastic_fields import PLASTIC_STATE
 from parsolid.methods.tlsph.point_update import TILE, in_directions, store_speeds, update_tile
@@ -55,8 +59,9 @@ PLASTIC_WORK_TERM = "plastic_work"
 _METRIC_AT_REST = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 # components of the stress in space: those of the plane are 11 12 21 22 33
 _STRESS_PLACES = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
-# of a block in a step: plastic work, what failure released, heat of the dissipation [J], least room to compress
-_WORK, _RELEASED, _HEAT, _ROOM = range(4)
+# of a block in a step: plastic work, what of it back stresses have stored, what failure released, heat of the
+# dissipation [J], least room to compress
+_WORK, _STORED, _RELEASED, _HEAT, _ROOM = range(5)
 
 
 def declare_plastic(particles: Particles, dimension: int, laws: list[Any], dissipates: bool) -> None:
@@ -70,6 +75,7 @@ def declare_plastic(particles: Particles, dimension: int, laws: list[Any], dissi
     particles.declare(Field(ACTING, len(_STRESS_PLACES[dimension]), "Pa", **columns))
     if dissipates:
         particles.declare(Field(RIEMANN_HEAT, 1, "W", **columns))
+    plastic_fields.declare_back_stress(particles, laws, 6)
     failed_matter.declare_failure(particles, laws)
 
 
@@ -93,7 +99,7 @@ class PlasticFields(NamedTuple):
 
     numbers, failing, strength: see `tile_update.load_state`; jacobian (n,): of the start of a step; heat: what the
     Riemann dissipation takes [W]; mean_step [s]: for which it has acted, halves of the steps before and of this one.
-    totals (4,): see above; tile: of `tile_update`.
+    totals (5,): see above; tile: of `tile_update`.
     """
 
     metric: np.ndarray
@@ -108,6 +114,7 @@ class PlasticFields(NamedTuple):
     heat: np.ndarray | None
     failing: tuple[np.ndarray, np.ndarray] | None
     strength: np.ndarray | None
+    back_stress: np.ndarray | None
     stress_places: np.ndarray
     mean_step: float
     totals: np.ndarray
@@ -120,6 +127,7 @@ def load_particles(fields, first, count, tile):
     load_rows(fields.metric, first, count, tile, METRIC)
     load_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
     load_state(fields.numbers, fields.failing, fields.strength, first, count, tile)
+    load_back_stress(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
     for p in range(count):
         tile[JACOBIAN * PART + p], tile[HEAT * PART + p] = fields.jacobian[first + p], 0.0
 
@@ -178,9 +186,11 @@ def _advance(law, fields, heat, row, n, step, third, signals, F, G, push, J, P, 
         store_rows(fields.metric, first, count, tile, METRIC)
         store_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
         store_state(fields.numbers, fields.failing, first, count, tile)
+        store_back_stress(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
         for p in range(count):
             volume, q = fields.volume[first + p], start + p
             totals[_WORK] += volume * tile[PLASTIC_WORK * PART + p]
+            totals[_STORED] += volume * tile[BACK_STRESS_ENERGY * PART + p]
             totals[_RELEASED] += volume * tile[RELEASED * PART + p]
             totals[_HEAT] += volume * tile[HEAT * PART + p]
             room = tile[ROOM * PART + p]
@@ -222,7 +232,7 @@ class PlasticBlock(LawBlock):
 
     def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
         super().__init__(particles, first, last, law)
-        self.totals, self._tile = aligned_zeros(4), new_tile(count_of(law.failure))
+        self.totals, self._tile = aligned_zeros(5), new_tile(count_of(law.failure))
 
     def plastic_fields(self, step: float, last_step: float) -> PlasticFields:
         """The fields as kernels take them in a step [s] after one of another length; their totals begin anew."""
@@ -249,6 +259,7 @@ class PlasticBlock(LawBlock):
             heat=if_any(RIEMANN_HEAT),
             failing=failing,
             strength=None if failing is None else if_any("strength_factor"),
+            back_stress=None if law.kinematic_hardening is None else stored(plastic_fields.BACK_STRESS),
             stress_places=_STRESS_PLACES[self.dimension],
             mean_step=0.5 * (step + last_step) if step > 0.0 else 0.0,
             totals=self.totals,
@@ -266,6 +277,8 @@ class PlasticBlock(LawBlock):
         ledger.add(1.0, 0.0, -heat, 0.0)
         ledger.add_term(RIEMANN_HEAT, heat)
         ledger.add_term(PLASTIC_WORK_TERM, work)
+        if self.law.kinematic_hardening is not None:
+            ledger.add_term(plastic_fields.BACK_STRESS_ENERGY, self.totals[_STORED])
         if self.law.failure is not None:
             ledger.add_term(FAILURE_DISSIPATION, released)
 
