@@ -151,6 +151,33 @@ def test_every_state_is_on_its_surface_and_nothing_is_gained(flow, random):
             assert point[update.TEMPERATURE] == pytest.approx(before + 0.9 * dissipated / point[update.CAPACITY])
 
 
+def test_waves_of_states_that_have_flowed_are_bounded(random):
+    """rho c^2 <= N.QN of the elastic tangent, by differences of the stress of states whose axes are not those of F."""
+    ratios = []
+    for _ in range(20):
+        point = Point(
+            LAW._replace(flow_stress=LinearHardening(20e9, 0.0), kinematic_hardening=ArmstrongFrederick(90e9, 1.0))
+        )
+        for F in random_path(random, 5):
+            point.move(F + 0.02 * random.standard_normal((3, 3)), 1.0)
+        F, Q = point.F, point.rows[update.WAVES : update.WAVES + 6, 0][[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        assert point[update.PLASTIC_STRAIN] > 0.01
+        tangent, step = np.empty((3, 3, 3, 3)), 1e-6
+        for k, L in np.ndindex(3, 3):
+            change = np.zeros((3, 3))
+            change[k, L] = step
+            stresses = []
+            for sign in (1.0, -1.0):
+                point.move(F + sign * change, 0.0)
+                stresses.append(point.first_piola_kirchhoff.copy())
+            tangent[:, :, k, L] = (stresses[0] - stresses[1]) / (2.0 * step)
+        for N in random.standard_normal((20, 3)):
+            N /= np.linalg.norm(N)
+            acoustic = np.einsum("iJkL,J,L->ik", tangent, N, N)
+            ratios.append((N @ Q @ N) / np.linalg.eigvalsh(0.5 * (acoustic + acoustic.T))[-1])
+    assert min(ratios) >= 1.0 and np.mean(ratios) < 1.1, (min(ratios), np.mean(ratios))
+
+
 def test_failed_matter_has_no_back_stress_and_its_energy_is_heat():
     failure = Failure(chained([PlasticStrain(0.02)]), False, None)
     point, stored = Point(LAW, failure=failure, count=1), 0.0

@@ -295,8 +295,9 @@ class ElasticPlasticSolid:
     def advance(self, block: MaterialBlock, step: float, centred: bool) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticSolid.advance`."""
         points, law, of = self.points, self.law, self.points.storage
-        back = of(BACK_STRESS_FIELD) if law.kinematic_hardening is not None else None
-        state, failing = State(*map(of, State._fields[:-1]), back), None
+        state, failing = State(*map(of, State._fields[:-1])), None
+        if law.kinematic_hardening is not None:
+            state = state._replace(back_stress=of(BACK_STRESS_FIELD))
         strength = deleted = None
         if law.failure is not None:
             failing = of("damage"), of("criterion_damage")[: count_of(law.failure)]
