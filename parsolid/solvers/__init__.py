@@ -7,6 +7,8 @@ collective.
 
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
+from parsolid.solvers.eigenmodes import LowestModes, Modes, rigid_modes
+from parsolid.solvers.grid_levels import GridLevels, turns
 from parsolid.solvers.nearly_incompressible import NearlyIncompressible
 from parsolid.solvers.node_grid import Grid
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
@@ -14,6 +16,9 @@ from parsolid.solvers.two_level import TwoLevel, unrestrained_modes
 
 __all__ = [
     "Grid",
+    "GridLevels",
+    "LowestModes",
+    "Modes",
     "NearlyIncompressible",
     "Solution",
     "TwoLevel",
@@ -21,6 +26,8 @@ __all__ = [
     "dynamic_relaxation",
     "largest_eigenvalue",
     "relaxation_mass",
+    "rigid_modes",
     "start_vector",
+    "turns",
     "unrestrained_modes",
 ]

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import kernel
+from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.box_stages import advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
 from parsolid.methods.tlsph.leapfrog import StepBound
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
+from parsolid.methods.tlsph.tangent import change_box
 from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, store_waves
 from parsolid.pairs.box_on_rank import BoxOnRank
 from parsolid.pairs.box_planes import (
@@ -122,6 +124,31 @@ class BoxBodies(StepBound):
         self.sweeps.exchange_stress()
         stored = self.particles.storage
         self.sweeps.divergence(stored("stress_force"), stored("dissipative_force"), self._heat)
+
+    def change_forces(self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any]) -> None:
+        """See `ListBodies.change_forces`."""
+        stored, sweeps = self.particles.storage, self.sweeps
+        motion = np.zeros_like(stored("velocity"))
+        motion[:, : self.particles.owned] = change.T
+        sweeps.exchange_motion(motion, stored("position"))
+        for box, block in self.parts:
+            change_box(
+                box, sweeps.scratch(box), block.places, index, moduli, sweeps.v, sweeps.G, sweeps.P, block.tiles,
+                fields[0] if sweeps.in_turn else None,
+            )  # fmt: skip
+        self._reduce_edges()
+        if not sweeps.in_turn:
+            sweeps.exchange_stress()
+            sweeps.divergence(*fields)
+
+    def add_stiffness(self, result: np.ndarray) -> None:
+        """See `ListBodies.add_stiffness`; of differences along the axes."""
+        volume = self.particles.storage("volume")[0]
+        spacing = self.particles.owned_rows("spacing")
+        for block in self.blocks:
+            own, (shear, lame) = slice(block.first, block.last), elastic_moduli(block.law)
+            over = 1.0 / spacing[own].T ** 2
+            result[:, own] += volume[own] * (shear * over.sum(axis=0) + (lame + shear) * over)
 
     @property
     def _heat(self) -> np.ndarray | None:

@@ -5,11 +5,12 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import aligned_zeros, kernel
-from parsolid.materials.hyperelastic.functions import isotropic_shear_modulus
+from parsolid.materials.hyperelastic.functions import elastic_moduli, isotropic_shear_modulus
 from parsolid.methods.tlsph.leapfrog import StepBound
 from parsolid.methods.tlsph.list_stages import advance_stage
 from parsolid.methods.tlsph.list_update import add_forces, advance_step, find_forces
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
+from parsolid.methods.tlsph.tangent import change_records
 from parsolid.pairs.list_sweeps import ROWS, gradient_in_plane, gradient_in_space
 from parsolid.pairs.list_weights import ListWeights
 from parsolid.pairs.pair_list import Neighbours
@@ -164,7 +165,27 @@ class ListBodies(StepBound):
 
     def find_forces(self) -> None:
         """T and D [N] of the records, in the fields stress_force and dissipative_force."""
-        near, at, stored = self.near, self.columns, self.particles.storage
+        stored = self.particles.storage
+        W = None if self.heat is None else stored(RIEMANN_HEAT)
+        fields = stored("stress_force"), stored("dissipative_force"), W
+        self._add_up(self.motion if self.waves else None, self.heat, self.columns.position, fields)
+
+    def change_forces(self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any]) -> None:
+        """Changes of T [N] for a small change (owned, d) [m] of the displacement into the first of two fields (d, n),
+        the second is scratch; index, moduli: see `tangent.Tangent`. Collective."""
+        self.motion[: self.last, : self.dimension] = change[: self.last]
+        self._begin_sums()
+        for block in self.blocks:
+            change_records(
+                self.dimension, block.first, block.last, block.places.tensor, index, moduli, self.near.inner,
+                self.motion, self.operator, self.record, block.tiles,
+            )  # fmt: skip
+        self._add_up(None, None, 0, (*fields, None))
+
+    def _add_up(self, motion: Any, heat: Any, stretched: int, fields: tuple[Any, Any, Any]) -> None:
+        """T, D and heat of the records into fields; motion: None where nothing dissipates; stretched: column of the
+        motion of which `_add_own_forces` takes the differences."""
+        near, at = self.near, self.columns
         self._record.start()
         self._record.finish()
         if len(near.images.source):
@@ -172,18 +193,22 @@ class ListBodies(StepBound):
             for waves in (self.fast, self.slow):
                 if waves is not None:
                     mirror_waves(near.local, near.images, waves)
-        motion = self.motion if self.waves else None
-        rows = motion, self.record, self.fast, self.slow, self.force, self.heat
+        rows = motion, self.record, self.fast, self.slow, self.force, heat
         if len(near.outer.neighbour):
             add_forces(self.dimension, near.outer, 0, near.owned, *rows)
             clear_rows(near.owned, near.rows, self.force)
-            if self.heat is not None:
-                self.heat[near.owned :] = 0.0
-        self._add_own_forces()
-        T, D = stored("stress_force"), stored("dissipative_force")
-        W = None if self.heat is None else stored(RIEMANN_HEAT)
+            if heat is not None:
+                heat[near.owned :] = 0.0
+        self._add_own_forces(stretched)
         for block in self.blocks:
-            find_forces(self.dimension, near.inner, block.first, block.last, *rows, T, D, W)
+            find_forces(self.dimension, near.inner, block.first, block.last, *rows, *fields)
+
+    def add_stiffness(self, result: np.ndarray) -> None:
+        """Add to a field (d, n) [N/m] about what the diagonal of the tangent is at rest; collective."""
+        volume = self.particles.storage("volume")[0]
+        for block in self.blocks:
+            own, (shear, lame) = slice(block.first, block.last), elastic_moduli(block.law)
+            result[:, own] += (lame + 2.0 * shear) * volume[own] ** (1.0 - 2.0 / self.dimension)
 
     def displacement_gradient(self, result: np.ndarray) -> None:
         """Fill grad u of these particles into result (owned, d, d) by the scheme's own operator; collective."""
@@ -224,8 +249,8 @@ class ListBodies(StepBound):
     def _add_own_sums(self) -> None:
         """Add to the sums of gradients what other pair lists do not have."""
 
-    def _add_own_forces(self) -> None:
-        """Add to the forces what other pair lists do not have."""
+    def _add_own_forces(self, stretched: int) -> None:
+        """Add to the forces what other pair lists do not have; see `_add_up`."""
 
 
 @kernel

@@ -17,9 +17,9 @@ from parsolid.collective import anywhere, minimum, raise_together
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.viscoelastic.maxwell import total_modulus
-from parsolid.methods.tlsph.list_bodies import ListBodies, clear_rows
-from parsolid.methods.tlsph.list_update import add_forces
+from parsolid.methods.tlsph.list_bodies import ListBodies
 from parsolid.methods.tlsph.shared_nodes import SharedNodes
+from parsolid.methods.tlsph.tangent import isotropic_moduli, packed
 from parsolid.pairs.mesh_weights import (
     MeshPairs,
     corrected_volumes,
@@ -198,8 +198,7 @@ class MeshBodies(ListBodies):
         np.minimum.at(least, of("body")[rows], share)
         self.least_masses = dict(enumerate(minimum(comm, least).tolist()))
         # both particles of a pair are of one body
-        rows_of = [np.repeat(np.arange(near.owned), np.diff(pairs.start)) for pairs in near.lists]
-        self.stiffness = [self.stabiliser[row] * stretch for row, stretch in zip(rows_of, near.stretch)]
+        self.stiffness = [self.stabiliser[row] * one for row, one in zip(self._rows_of_pairs(), near.stretch)]
         self.limited = int(sums(comm, np.array([float(near.limited)]))[0])
         self.largest_step = self._largest_step()
 
@@ -258,6 +257,20 @@ class MeshBodies(ListBodies):
         of_particles = np.einsum("n,nc,nc->", self.stabiliser * near.volume[: self.last], H, H)
         return total - 0.5 * float(of_particles)
 
+    def add_stiffness(self, result: np.ndarray) -> None:
+        """See `ListBodies.add_stiffness`: of the elements, with the mean of their directions."""
+        near, d = self.near, self.dimension
+        stretch = np.zeros(near.rows)
+        for pairs, row, weight in zip(near.lists, self._rows_of_pairs(), near.stretch):
+            stretch += np.bincount(row, weight, near.rows) + np.bincount(pairs.neighbour, weight, near.rows)
+        for block in self.blocks:
+            own, (shear, lame) = slice(block.first, block.last), elastic_moduli(block.law)
+            result[:, own] += (shear + (lame + shear) / d) * stretch[own]
+
+    def _rows_of_pairs(self) -> list[np.ndarray]:
+        """The lower row (m,) of each pair of both lists."""
+        return [np.repeat(np.arange(self.near.owned), np.diff(pairs.start)) for pairs in self.near.lists]
+
     def displacement_gradient(self, result: np.ndarray) -> None:
         """See `ListBodies.displacement_gradient`; of these particles alone."""
         found = np.zeros_like(result)
@@ -270,7 +283,7 @@ class MeshBodies(ListBodies):
         shear, lame = self._moduli(block.law)
         if not signal > 0.0:
             return 0.0
-        safety = float(self.system.settings.safety)
+        safety = float(self.system.settings.safety or 1.0)
         return safety * self.largest_step * min(1.0, float(np.sqrt(lame + 2.0 * shear)) / signal)
 
     @staticmethod
@@ -283,8 +296,8 @@ class MeshBodies(ListBodies):
         for pairs in self.near.surface:
             surface_gradient(*pairs, self.motion, self.record)
 
-    def _add_own_forces(self) -> None:
-        place = self.motion, self.columns.position, self.dimension
+    def _add_own_forces(self, stretched: int) -> None:
+        place = self.motion, stretched, self.dimension
         for pairs, surface, stiffness in zip(self.near.lists, self.near.surface, self.stiffness):
             surface_divergence(*surface, self.record, self.columns.stress, self.force)
             stretch_forces(pairs.start, pairs.neighbour, stiffness, *place, self.force)
@@ -318,30 +331,14 @@ class MeshBodies(ListBodies):
 
     def _linear_forces(self, u: np.ndarray) -> np.ndarray:
         """Forces (last, d) [N] of small displacements (last, d) [m] by the sweeps of a step; collective."""
-        at, d, near = self.columns, self.dimension, self.near
-        X = self.motion[:, at.reference : at.reference + d].copy()
-        self.motion[: self.last, :d] = self.motion[: self.last, at.position : at.position + d] = u
-        H = self._sum_gradients() / near.volume[: self.last, None, None]
-        P = -self.stabiliser[:, None, None] * H
+        d = self.dimension
+        moduli, forces = np.zeros((d * d * (d * d + 1) // 2, self.last)), np.zeros((2, d, self.last))
         for block in self.blocks:
-            own, (shear, lame) = slice(block.first, block.last), self._moduli(block.law)
-            P[own] += shear * (H[own] + H[own].swapaxes(1, 2))
-            P[own] += lame * np.einsum("nii->n", H[own])[:, None, None] * np.eye(d)
-        stride = 4 if d == 3 else 2
-        self.record[:] = 0.0
-        for j in range(d):
-            column = at.stress + stride * j
-            self.record[: self.last, column : column + d] = P[:, :, j]
-        self._record.start()
-        self._record.finish()
-        for pairs in near.lists:
-            add_forces(d, pairs, 0, near.owned, None, self.record, None, None, self.force, None)
-        self._add_own_forces()
-        forces = self.force[: self.last, :d].copy()
-        clear_rows(0, near.rows, self.force)
-        self.record[:] = 0.0
-        self.motion[:, at.reference : at.reference + d] = X
-        return forces
+            moduli[:, block.first : block.last] = isotropic_moduli(*self._moduli(block.law), d)[:, None]
+        index = packed(d)
+        moduli[np.diag(index)] -= self.stabiliser
+        self.change_forces(u, index, moduli, (forces[0], forces[1]))
+        return np.ascontiguousarray(forces[0].T)
 
 
 def highest_frequency(comm: Any, forces: Any, start: np.ndarray, mass: np.ndarray) -> float:

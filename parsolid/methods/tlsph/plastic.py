@@ -10,6 +10,7 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.materials.failure.failure import count_of
+from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
@@ -43,6 +44,7 @@ from parsolid.methods.plastic_fields import PLASTIC_STATE
 from parsolid.methods.tlsph.point_update import TILE, in_directions, store_speeds, update_tile
 from parsolid.methods.tlsph.point_update import store as store_into_wide
 from parsolid.methods.tlsph.state import LawBlock
+from parsolid.methods.tlsph.tangent import isotropic_moduli
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.initial_fields import (
@@ -265,6 +267,11 @@ class PlasticBlock(LawBlock):
             totals=self.totals,
             tile=self._tile,
         )
+
+    def find_moduli(self, index: np.ndarray, moduli: np.ndarray) -> None:
+        """Those of elasticity at rest, whatever has flowed."""
+        shear, lame = elastic_moduli(self.law)
+        moduli[:, self.first : self.last] = isotropic_moduli(shear, lame, self.dimension)[:, None]
 
     @property
     def sound(self) -> bool:  # type: ignore[override]

@@ -6,6 +6,7 @@ import numpy as np
 
 from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
 from parsolid.methods.tlsph.point_update import Branches, make_tile
+from parsolid.methods.tlsph.tangent import find_moduli
 from parsolid.methods.tlsph.tile_fields import (
     PLACES,
     make_branch_tiles,
@@ -121,6 +122,11 @@ class LawBlock:
         result, tiles = np.zeros((last - first, 3, 3)), (self.tiles, self.A, self.branch_sum)
         stresses(self.solid, self.branches(0.0), first, last, self.places, *self._state(), *tiles, result)
         return result
+
+    def find_moduli(self, index: np.ndarray, moduli: np.ndarray) -> None:
+        """d2W/dF dF [Pa] of the present deformation, without branches, into columns of moduli, see `tangent`."""
+        gradient = self.particles.storage("deformation_gradient")
+        find_moduli(self.solid, self.first, self.last, self.places.tensor, index, gradient, self.tiles, moduli)
 
     def wave_speeds(self, signals: tuple[float, ...]) -> tuple[float, float]:
         """Greatest rho c_p^2 [Pa] and greatest signal [sqrt(Pa)] now, see `tile_fields.wave_speeds`."""
