@@ -13,6 +13,8 @@ PLASTIC_STATE = (
     kept_column("temperature", 1, "K"),
 )
 BACK_STRESS, BACK_STRESS_ENERGY = "back_stress", "back_stress_energy"
+# plastic logarithmic strain of volume, and that of the cap alone
+VOLUME_FLOW = "volume_flow"
 _OF_PLASTICITY = (
     *(field.name for field in PLASTIC_STATE),
     "maximum_temperature",
@@ -27,10 +29,22 @@ def flowing(scene: Any) -> list[int]:
     return [i for i, body in enumerate(scene.bodies) if body.material.kind == "elastic-plastic"]
 
 
-def declare_back_stress(particles: Particles, laws: list[Any], components: int) -> None:
-    """What particles carry where any law has kinematic hardening."""
-    if any(getattr(law, "kinematic_hardening", None) is not None for law in laws):
+def has_back_stress(law: Any) -> bool:
+    """Whether a law has kinematic hardening."""
+    return getattr(law, "kinematic_hardening", None) is not None
+
+
+def flows_in_volume(law: Any) -> bool:
+    """Whether flow changes the volume."""
+    return getattr(type(getattr(law, "flow_stress", None)), "flows_in_volume", False)
+
+
+def declare_flow_state(particles: Particles, laws: list[Any], components: int) -> None:
+    """What particles carry where any law needs it; components: of back stresses."""
+    if any(map(has_back_stress, laws)):
         particles.declare(kept_column(BACK_STRESS, components, "Pa"))
+    if any(map(flows_in_volume, laws)):
+        particles.declare(kept_column(VOLUME_FLOW, 2, "1"))
 
 
 def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, FiniteFloat, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.materials.registry import declared
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import DeclaredModel, laws, model_of, table_of
@@ -54,6 +55,8 @@ class ElasticPlasticTable(DeclaredModel):
             part = self.parts[key]
             if self.parts["melting"] is None and getattr(getattr(part, "declared", None), "needs_melting", False):
                 details.append((("melting",), f"a table, needed by the {key.replace('_', ' ')} {part.kind!r}", NOTHING))
+        if getattr(getattr(self.parts["flow_stress"], "declared", None), "flows_in_volume", False):
+            details += self._not_beside_flow_in_volume()
         heat, slope = self.parts["specific_heat"], self.parts["specific_heat_slope"]
         if heat is not None and not heat > slope * self.parts["reference_temperature"]:
             details.append((("specific_heat_slope",), "a specific heat that is positive at 0 K", slope))
@@ -67,6 +70,17 @@ class ElasticPlasticTable(DeclaredModel):
             details += stated.failure.faults(melts=self.parts["melting"] is not None)
         reject(*details)
         return self
+
+    def _not_beside_flow_in_volume(self) -> list[Any]:
+        """(location, expected, found) of parts that do not go with a flow stress whose flow changes the volume."""
+        kind, details = self.parts["flow_stress"].kind, []
+        for key, needed in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
+            part = self.parts[key]
+            if part is not None and part.kind != needed:
+                details.append(((key, "kind"), f"{needed!r} with the flow stress {kind!r}", part.kind))
+        if self.parts["kinematic_hardening"] is not None:
+            details.append((("kinematic_hardening",), f"no such key with the flow stress {kind!r}", Phrase("it")))
+        return details
 
     @property
     def ledger_terms(self) -> dict[str, int]:

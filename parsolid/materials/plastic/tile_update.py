@@ -34,6 +34,9 @@ Laws with kinematic hardening flow about a back stress beta, along s - beta, who
 BACK_STRESS* (6, as the deviator) is theirs, and the update adds PLASTIC_FLOW, the plastic strain of the step, and
 BACK_STRESS_ENERGY, the part of PLASTIC_WORK that the back stress has stored; the rest of it is dissipated, and heats.
 
+Laws whose flow changes the volume have PLASTIC_VOLUME*, its logarithmic strain, and COMPACTION*, that of the cap alone;
+P is that of the elastic part of J, and VOLUME_WORK is the part of PLASTIC_WORK that pressure does.
+
 A method that carries deformation gradients has rows DEFORMATION*, VELOCITY_GRADIENT, ROTATION and VOLUME_RATE for them.
 The rows METRIC*, STRESS*, LOGARITHMS, WAVES and REFERENTIAL_BACK_STRESS* are those of `total_lagrangian`.
 """
@@ -49,6 +52,7 @@ from parsolid.materials.plastic.functions import (
     back_stress_energy,
     back_stress_step,
     cold_pressure,
+    elastic_jacobian,
     flow_stress,
     grueneisen_coefficient,
     isentropic_bulk_modulus,
@@ -85,7 +89,8 @@ BACK_STRESS, PLASTIC_FLOW, REFERENTIAL_BACK_STRESS = 91, 97, 103
 BACK_STRESS_ENERGY, BACK_WORK = 109, 110
 # scratch of flow about a back stress: s:s, s:beta, beta:beta of the trial deviator
 _SQUARE, _PRODUCT, _BACK_SQUARE = 111, 112, 113
-CRITERIA = 114
+PLASTIC_VOLUME, COMPACTION, VOLUME_WORK = 114, 115, 116
+CRITERIA = 117
 # of the return: the residual over the trial stress
 _TOLERANCE, _MOST_STEPS = 1e-10, 80
 
@@ -159,7 +164,8 @@ def start_step(law, failure, tile):
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
     for p in range(TILE):
         J, temperature = tile[JACOBIAN * TILE + p], tile[TEMPERATURE * TILE + p]
-        pressure = cold_pressure(eos, J) + gamma * tile[ENERGY * TILE + p]
+        elastic = elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p])
+        pressure = cold_pressure(eos, elastic) + gamma * tile[ENERGY * TILE + p]
         if failure is not None:
             pressure = pressure if tile[DAMAGE * TILE + p] < 1.0 else max(pressure, 0.0)
         melting = melting_temperature(law.melting, J)
@@ -170,15 +176,15 @@ def start_step(law, failure, tile):
 
 
 @inlined
-def load_back_stress(field, first, count, tile, row):
-    """Back stresses of particles first .. first + count - 1 into a tile; field: None where no law has any."""
+def load_if_any(field, first, count, tile, row):
+    """Rows of particles first .. first + count - 1 that not all laws have; field: None where the law has none."""
     if field is not None:
         load_rows(field, first, count, tile, row)
 
 
 @inlined
-def store_back_stress(field, first, count, tile, row):
-    """The way back of `load_back_stress`."""
+def store_if_any(field, first, count, tile, row):
+    """The way back of `load_if_any`."""
     if field is not None:
         store_rows(field, first, count, tile, row)
 
@@ -202,7 +208,7 @@ def _flow(law, failure, hardening, step, tile):
         find_relative_trial(1.0, tile)
     if step > 0.0:
         # without time to flow in, a stress above that of slow flow stays
-        plastic_increments(law.flow_stress, hardening, law.taylor_quinney, step, tile)
+        plastic_increments(law.flow_stress, law, hardening, step, tile)
     if hardening is not None:
         move_back_stress(hardening, 1.0, tile)
     for p in range(TILE):
@@ -210,7 +216,7 @@ def _flow(law, failure, hardening, step, tile):
         mu, trial, increment = tile[SHEAR_MODULUS * TILE + p], tile[TRIAL * TILE + p], tile[INCREMENT * TILE + p]
         returned = trial - 3.0 * mu * increment
         factor = returned / trial if increment > 0.0 else 1.0
-        work = tile[NEW_JACOBIAN * TILE + p] * returned * increment
+        work = tile[NEW_JACOBIAN * TILE + p] * returned * increment + volume_work(law.flow_stress, tile, p)
         if hardening is not None:
             work += tile[BACK_WORK * TILE + p]
         if failure is not None:
@@ -311,19 +317,40 @@ def release_back_stress(law, hardening, tile):
 
 
 @law_function
-def plastic_increments(flow, hardening, taylor_quinney, step, tile):
+def plastic_increments(flow, law, hardening, step, tile):
     """INCREMENT x of the equivalent plastic strain in a step [s] with
 
         trial - 3 mu x = sigma_y(ep + x, x/step, T + heating sigma_y x),
 
     heating: taylor_quinney J/(rho0 C_v) [K/(J/m^3)]; 0 where the trial state is elastic. With kinematic hardening (None
-    without) the left side is `relative_stress`."""
+    without) the left side is `relative_stress`. Laws whose flow changes the volume advance PLASTIC_VOLUME and
+    COMPACTION, too."""
+
+
+@law_function
+def volume_work(flow, tile, p):
+    """Plastic work of the pressure on particle p in the step [J/m^3], 0 of isochoric flow."""
+
+
+@volume_work.otherwise
+def _no_volume_work(flow, tile, p):
+    return 0.0
+
+
+@law_function
+def flow_stress_before(flow, plastic_strain, rate, temperature, shear_modulus, melting_temperature, returned):
+    """The flow stress [Pa] at the start of a step, or, where it depends on more than this, that at its end."""
+
+
+@flow_stress_before.otherwise
+def _flow_stress_before(flow, plastic_strain, rate, temperature, shear_modulus, melting_temperature, returned):
+    return flow_stress(flow, plastic_strain, rate, temperature, shear_modulus, melting_temperature)
 
 
 @plastic_increments.of(LinearHardening)
-def _linear_increments(flow, hardening, taylor_quinney, step, tile):
+def _linear_increments(flow, law, hardening, step, tile):
     if hardening is not None:
-        _guarded_increments(flow, hardening, taylor_quinney, step, tile)
+        _guarded_increments(flow, law, hardening, step, tile)
     else:
         _linear_in_closed_form(flow, tile)
 
@@ -340,7 +367,7 @@ def _linear_in_closed_form(flow, tile):
 
 @plastic_increments.otherwise
 @inlined
-def _guarded_increments(flow, hardening, taylor_quinney, step, tile):
+def _guarded_increments(flow, law, hardening, step, tile):
     # Newton's method with the slope through the last two points, and bisection where it leaves the bracket
     flowing = 0
     for p in range(TILE):
@@ -363,7 +390,7 @@ def _guarded_increments(flow, hardening, taylor_quinney, step, tile):
         for p in range(TILE):
             x, trial, mu = tile[INCREMENT * TILE + p], tile[TRIAL * TILE + p], tile[SHEAR_MODULUS * TILE + p]
             returned = relative_stress(hardening, tile, p, x)
-            heating = taylor_quinney * tile[NEW_JACOBIAN * TILE + p] / tile[CAPACITY * TILE + p]
+            heating = law.taylor_quinney * tile[NEW_JACOBIAN * TILE + p] / tile[CAPACITY * TILE + p]
             residual = returned - flow_stress(
                 flow, tile[PLASTIC_STRAIN * TILE + p] + x, max(x / step, SLOWEST_RATE),
                 tile[TEMPERATURE * TILE + p] + heating * returned * x, mu, tile[MELTING * TILE + p])  # fmt: skip
@@ -394,7 +421,8 @@ def finish_step(law, failure, step, tile):
     for p in range(TILE):
         new_J, pressure = tile[NEW_JACOBIAN * TILE + p], tile[PRESSURE * TILE + p]
         change, heat = new_J - tile[JACOBIAN * TILE + p], tile[HEAT * TILE + p]
-        cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
+        elastic = elastic_jacobian(law.flow_stress, new_J, tile[PLASTIC_VOLUME * TILE + p])
+        cold, part = cold_pressure(eos, elastic), 0.5 * gamma * change
         worked = tile[ENERGY * TILE + p] + tile[_WORK * TILE + p] + heat
         dissipated = tile[PLASTIC_WORK * TILE + p] - tile[BACK_STRESS_ENERGY * TILE + p]
         warmed = law.taylor_quinney * dissipated + heat

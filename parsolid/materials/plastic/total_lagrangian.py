@@ -33,13 +33,14 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.functions import (
     SLOWEST_RATE,
     cold_pressure,
-    flow_stress,
+    elastic_jacobian,
     grueneisen_coefficient,
     isentropic_bulk_modulus,
     melting_temperature,
     room_to_compress,
     shear_modulus,
     specific_heat,
+    stress_measure,
     temperature_rise,
 )
 from parsolid.materials.plastic.tile_update import (
@@ -61,6 +62,7 @@ from parsolid.materials.plastic.tile_update import (
     NEW_JACOBIAN,
     PLASTIC_FLOW,
     PLASTIC_STRAIN,
+    PLASTIC_VOLUME,
     PLASTIC_WORK,
     PRESSURE,
     REFERENTIAL_BACK_STRESS,
@@ -77,9 +79,11 @@ from parsolid.materials.plastic.tile_update import (
     WORST,
     advance_damage,
     find_relative_trial,
+    flow_stress_before,
     move_back_stress,
     plastic_increments,
     release_back_stress,
+    volume_work,
 )
 from parsolid.principal import from_principal, principal
 from parsolid.tensors import (
@@ -144,9 +148,11 @@ def find_trial(law, failure, tile):
         l1, l2, l3 = 0.5 * log(values[0]), 0.5 * log(values[1]), 0.5 * log(values[2])
         mean = (l1 + l2 + l3) / 3.0
         temperature = tile[TEMPERATURE * TILE + p]
-        pressure = cold_pressure(eos, J) + gamma * tile[ENERGY * TILE + p]
+        measure, _ = stress_measure(law.flow_stress, J)
+        elastic = elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p])
+        pressure = measure * cold_pressure(eos, elastic) + gamma * tile[ENERGY * TILE + p]
         melting = melting_temperature(law.melting, J)
-        mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
+        mu = measure * shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
         if failure is not None:
             l1, l2, l3 = _of_whole(tile[DAMAGE * TILE + p], mean, l1, l2, l3)
         d1, d2, d3 = l1 - mean, l2 - mean, l3 - mean
@@ -192,7 +198,7 @@ def find_increments(law, hardening, step, tile):
     """INCREMENT of a step [s], and the back stress after it."""
     if step > 0.0:
         # without time to flow in, a stress above that of slow flow stays
-        plastic_increments(law.flow_stress, hardening, law.taylor_quinney, step, tile)
+        plastic_increments(law.flow_stress, law, hardening, step, tile)
     if hardening is not None:
         move_back_stress(hardening, 0.0, tile)
 
@@ -235,10 +241,10 @@ def find_flow(law, hardening, step, tile):
         returned = trial - 3.0 * mu * x
         factor = returned / trial if x > 0.0 else 1.0
         rate = max(x / max(step, 1e-300), SLOWEST_RATE)
-        before = flow_stress(
-            law.flow_stress, tile[PLASTIC_STRAIN * TILE + p], rate, temperature, mu, tile[MELTING * TILE + p]
-        )
+        before = flow_stress_before(law.flow_stress, tile[PLASTIC_STRAIN * TILE + p], rate, temperature, mu,
+                                    tile[MELTING * TILE + p], returned)  # fmt: skip
         work = 0.5 * J * x * (before + returned) if x > 0.0 else 0.0
+        work += volume_work(law.flow_stress, tile, p)
         dissipated = work
         if hardening is not None:
             work += tile[BACK_WORK * TILE + p]
@@ -255,7 +261,9 @@ def find_flow(law, hardening, step, tile):
         tile[PLASTIC_WORK * TILE + p], tile[RELEASED * TILE + p] = work, 0.0
         # what criteria of failure see, of the work of the old stress
         worked = contract(load(tile, STRESS * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p))
-        tile[PRESSURE * TILE + p] = cold_pressure(eos, J) + gamma * (tile[ENERGY * TILE + p] + worked + heat)
+        elastic = elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p])
+        cold = stress_measure(law.flow_stress, J)[0] * cold_pressure(eos, elastic)
+        tile[PRESSURE * TILE + p] = cold + gamma * (tile[ENERGY * TILE + p] + worked + heat)
     if hardening is not None:
         turn_elastic_axes(tile)
 
@@ -305,11 +313,12 @@ def find_stress(law, failure, tile):
             at = (METRIC + c) * TILE + p
             tile[at] = metric[c] if flows else tile[at]
         # of the deviator, in which the pressure of the equation of state is not
-        P = matmul(general(add_spherical(s, mu * square)), H)
+        measure, of_cauchy = stress_measure(law.flow_stress, J)
+        P = matmul(general(add_spherical(s, of_cauchy * mu * square)), H)
         a = contract(H, change)
         worked = 0.5 * contract(load(tile, STRESS * TILE + p), change) + tile[HEAT * TILE + p]
         worked += tile[ENERGY * TILE + p]
-        cold = cold_pressure(eos, J)
+        cold = measure * cold_pressure(eos, elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p]))
         energy = (worked + 0.5 * contract(P, change) - 0.5 * cold * a) / (1.0 + 0.5 * gamma * a)
         pressure = cold + gamma * energy
         if failure is not None:
@@ -317,7 +326,9 @@ def find_stress(law, failure, tile):
             opened = tile[DAMAGE * TILE + p] >= 1.0 and pressure <= 0.0
             energy, pressure = worked if opened else energy, 0.0 if opened else pressure
         q = 2.0 * mu * (1.5 * square) ** 0.5
-        bulk = max(isentropic_bulk_modulus(eos, J, pressure), 0.0)
+        # Kirchhoff's pressure over J falls as the volume grows, too
+        bulk = measure * isentropic_bulk_modulus(eos, J, pressure) + (1.0 - of_cauchy) * pressure
+        bulk = max(bulk, 0.0)
         waves = times_symmetric((bulk + 4.0 / 3.0 * mu + 2.0 / 3.0 * q) / J, gram(H))
         room = room_to_compress(eos, J)
         store(tile, STRESS * TILE + p, combine(1.0, P, -pressure, H))

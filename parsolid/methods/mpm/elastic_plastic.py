@@ -24,6 +24,7 @@ from parsolid.materials.plastic.tile_update import (
     MIDDLE_JACOBIAN,
     MOVES,
     NEW_JACOBIAN,
+    PLASTIC_VOLUME,
     PLASTIC_WORK,
     PRESSURE,
     RELEASED,
@@ -37,17 +38,16 @@ from parsolid.materials.plastic.tile_update import (
     fill_idle,
     finish_step,
     flow,
-    load_back_stress,
+    load_if_any,
     load_state,
     new_tile,
     start_step,
-    store_back_stress,
+    store_if_any,
     store_state,
 )
+from parsolid.methods import plastic_fields
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.mpm.points import TENSOR_ROWS, MaterialPoints
-from parsolid.methods.plastic_fields import BACK_STRESS as BACK_STRESS_FIELD
-from parsolid.methods.plastic_fields import BACK_STRESS_ENERGY as BACK_STRESS_ENERGY_TERM
 from parsolid.tensors import (
     ROTATION_SETTLED,
     add_spherical,
@@ -83,7 +83,8 @@ class State(NamedTuple):
 
     F: 9 rows in space (11, 12, 13, 21...), 5 in the plane (11, 12, 21, 22, 33); unrotated deviator s [Pa]: 6 rows (11,
     22, 33, 12, 13, 23) or 4 (11, 22, 33, 12); one row each: equivalent plastic strain, energy E [J/m^3] per reference
-    volume, temperature [K]. Back stress [Pa] as the deviator, None where the law has none.
+    volume, temperature [K]. Back stress [Pa] as the deviator, and plastic volume strains (2),
+    None where the law has none.
     """
 
     deformation_gradient: np.ndarray
@@ -92,6 +93,7 @@ class State(NamedTuple):
     internal_energy: np.ndarray
     temperature: np.ndarray
     back_stress: np.ndarray | None = None
+    volume_flow: np.ndarray | None = None
 
 
 class BulkViscosity(NamedTuple):
@@ -239,7 +241,8 @@ def advance_state(
         load_placed(deformation, places, i, count, tile, DEFORMATION)
         load_rows(deviator, i, count, tile, DEVIATOR)
         load_state(numbers, failing, strength, i, count, tile)
-        load_back_stress(state.back_stress, i, count, tile, BACK_STRESS)
+        load_if_any(state.back_stress, i, count, tile, BACK_STRESS)
+        load_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
         load_rates(tile, rate, deleted, i, count)
         if count < TILE:
             fill_idle(law, tile, count)
@@ -253,7 +256,8 @@ def advance_state(
         store_placed(deformation, places, i, count, tile, DEFORMATION)
         store_rows(deviator, i, count, tile, DEVIATOR)
         store_state(numbers, failing, i, count, tile)
-        store_back_stress(state.back_stress, i, count, tile, BACK_STRESS)
+        store_if_any(state.back_stress, i, count, tile, BACK_STRESS)
+        store_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
         for p in range(count):
             r = np.uintp(i + p)
             volume = motion[r, 7]
@@ -295,9 +299,11 @@ class ElasticPlasticSolid:
     def advance(self, block: MaterialBlock, step: float, centred: bool) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticSolid.advance`."""
         points, law, of = self.points, self.law, self.points.storage
-        state, failing = State(*map(of, State._fields[:-1])), None
-        if law.kinematic_hardening is not None:
-            state = state._replace(back_stress=of(BACK_STRESS_FIELD))
+        state, failing = State(*map(of, State._fields[:-2])), None
+        if plastic_fields.has_back_stress(law):
+            state = state._replace(back_stress=of(plastic_fields.BACK_STRESS))
+        if plastic_fields.flows_in_volume(law):
+            state = state._replace(volume_flow=of(plastic_fields.VOLUME_FLOW))
         strength = deleted = None
         if law.failure is not None:
             failing = of("damage"), of("criterion_damage")[: count_of(law.failure)]
@@ -310,7 +316,7 @@ class ElasticPlasticSolid:
         )  # fmt: skip
         terms = {"plastic_work": plastic, "viscous_work": viscous}
         if law.kinematic_hardening is not None:
-            terms[BACK_STRESS_ENERGY_TERM] = stored
+            terms[plastic_fields.BACK_STRESS_ENERGY] = stored
         return sound, fastest, terms if law.failure is None else terms | {FAILURE_DISSIPATION: released}
 
     def stored_energy(self, block: MaterialBlock) -> float:

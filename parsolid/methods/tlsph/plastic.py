@@ -21,6 +21,7 @@ from parsolid.materials.plastic.tile_update import (
     JACOBIAN,
     METRIC,
     NEW_JACOBIAN,
+    PLASTIC_VOLUME,
     PLASTIC_WORK,
     REFERENTIAL_BACK_STRESS,
     RELEASED,
@@ -30,10 +31,10 @@ from parsolid.materials.plastic.tile_update import (
     VELOCITY_GRADIENT,
     WAVES,
     fill_idle,
-    load_back_stress,
+    load_if_any,
     load_state,
     new_tile,
-    store_back_stress,
+    store_if_any,
     store_state,
 )
 from parsolid.materials.plastic.total_lagrangian import advance_tile
@@ -77,7 +78,7 @@ def declare_plastic(particles: Particles, dimension: int, laws: list[Any], dissi
     particles.declare(Field(ACTING, len(_STRESS_PLACES[dimension]), "Pa", **columns))
     if dissipates:
         particles.declare(Field(RIEMANN_HEAT, 1, "W", **columns))
-    plastic_fields.declare_back_stress(particles, laws, 6)
+    plastic_fields.declare_flow_state(particles, laws, 6)
     failed_matter.declare_failure(particles, laws)
 
 
@@ -117,6 +118,7 @@ class PlasticFields(NamedTuple):
     failing: tuple[np.ndarray, np.ndarray] | None
     strength: np.ndarray | None
     back_stress: np.ndarray | None
+    volume_flow: np.ndarray | None
     stress_places: np.ndarray
     mean_step: float
     totals: np.ndarray
@@ -129,7 +131,8 @@ def load_particles(fields, first, count, tile):
     load_rows(fields.metric, first, count, tile, METRIC)
     load_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
     load_state(fields.numbers, fields.failing, fields.strength, first, count, tile)
-    load_back_stress(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
+    load_if_any(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
+    load_if_any(fields.volume_flow, first, count, tile, PLASTIC_VOLUME)
     for p in range(count):
         tile[JACOBIAN * PART + p], tile[HEAT * PART + p] = fields.jacobian[first + p], 0.0
 
@@ -188,7 +191,8 @@ def _advance(law, fields, heat, row, n, step, third, signals, F, G, push, J, P, 
         store_rows(fields.metric, first, count, tile, METRIC)
         store_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
         store_state(fields.numbers, fields.failing, first, count, tile)
-        store_back_stress(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
+        store_if_any(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
+        store_if_any(fields.volume_flow, first, count, tile, PLASTIC_VOLUME)
         for p in range(count):
             volume, q = fields.volume[first + p], start + p
             totals[_WORK] += volume * tile[PLASTIC_WORK * PART + p]
@@ -261,7 +265,8 @@ class PlasticBlock(LawBlock):
             heat=if_any(RIEMANN_HEAT),
             failing=failing,
             strength=None if failing is None else if_any("strength_factor"),
-            back_stress=None if law.kinematic_hardening is None else stored(plastic_fields.BACK_STRESS),
+            back_stress=stored(plastic_fields.BACK_STRESS) if plastic_fields.has_back_stress(law) else None,
+            volume_flow=stored(plastic_fields.VOLUME_FLOW) if plastic_fields.flows_in_volume(law) else None,
             stress_places=_STRESS_PLACES[self.dimension],
             mean_step=0.5 * (step + last_step) if step > 0.0 else 0.0,
             totals=self.totals,

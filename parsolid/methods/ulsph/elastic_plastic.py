@@ -21,6 +21,7 @@ from parsolid.materials.plastic.tile_update import (
     JACOBIAN,
     MIDDLE_JACOBIAN,
     NEW_JACOBIAN,
+    PLASTIC_VOLUME,
     PLASTIC_WORK,
     PRESSURE,
     RELEASED,
@@ -29,11 +30,11 @@ from parsolid.materials.plastic.tile_update import (
     fill_idle,
     finish_step,
     flow,
-    load_back_stress,
+    load_if_any,
     load_state,
     new_tile,
     start_step,
-    store_back_stress,
+    store_if_any,
     store_state,
 )
 from parsolid.methods import plastic_fields
@@ -58,7 +59,7 @@ from parsolid.tiles import TILE, load_rows, store_rows
 
 
 class State(NamedTuple):
-    """Fields (components, particles) that every law has, see `state`; back stress [Pa] as the deviator, or None."""
+    """Fields (components, particles) that every law has, see `state`; those that not all have, or None."""
 
     mass: np.ndarray
     density: np.ndarray
@@ -70,6 +71,7 @@ class State(NamedTuple):
     pair_stress: np.ndarray
     sound_speed: np.ndarray
     back_stress: np.ndarray | None = None
+    volume_flow: np.ndarray | None = None
 
 
 @inlined
@@ -143,7 +145,8 @@ def advance_state(
         load_rows(state.correction, i, count, kinematics, LAST)
         load_rows(state.deviator, i, count, tile, DEVIATOR)
         load_state(numbers, failing, strength, i, count, tile)
-        load_back_stress(state.back_stress, i, count, tile, BACK_STRESS)
+        load_if_any(state.back_stress, i, count, tile, BACK_STRESS)
+        load_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
         fill_idle(law, tile, count)
         find_gradients(step, most, in_plane, kinematics)
         carry_on_correction(0.5 * step if centred is not None else 0.0, mean_step, kinematics)
@@ -164,7 +167,8 @@ def advance_state(
         finish_step(law, failure, step, tile)
         store_rows(state.deviator, i, count, tile, DEVIATOR)
         store_state(numbers, failing, i, count, tile)
-        store_back_stress(state.back_stress, i, count, tile, BACK_STRESS)
+        store_if_any(state.back_stress, i, count, tile, BACK_STRESS)
+        store_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
         store_rows(state.sound_speed, i, count, tile, SPEED)
         store_rows(state.correction, i, count, kinematics, CORRECTION)
         store_pair_stress(tile, PRESSURE, kinematics, CARRIED, state.density, in_plane, i, count, state.pair_stress)
@@ -191,8 +195,10 @@ class ElasticPlasticSolid:
         self.law = law
         self.flows = frozenset() if law.conductivity is None else frozenset({"heat"})
         self.fields = frozenset({"energy"} if law.conductivity is None else {"energy", "heat_flux"})
-        if law.kinematic_hardening is not None:
+        if plastic_fields.has_back_stress(law):
             self.fields |= {plastic_fields.BACK_STRESS}
+        if plastic_fields.flows_in_volume(law):
+            self.fields |= {plastic_fields.VOLUME_FLOW}
         self.plastic_work = self.viscous_heat = self.released = self.stored = 0.0
         self._tile = new_tile(count_of(law.failure))
 
@@ -208,9 +214,11 @@ class ElasticPlasticSolid:
         numerical loss [J] outside of stored energies, which are none."""
         particles, law, rates = system.particles, self.law, system.neighbours
         of = particles.storage
-        state = State(*(of(name) for name in State._fields[:-1]))
-        if law.kinematic_hardening is not None:
+        state = State(*(of(name) for name in State._fields[:-2]))
+        if plastic_fields.has_back_stress(law):
             state = state._replace(back_stress=of(plastic_fields.BACK_STRESS))
+        if plastic_fields.flows_in_volume(law):
+            state = state._replace(volume_flow=of(plastic_fields.VOLUME_FLOW))
         viscosity = failing = strength = deleted = None
         external = of(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
         if system.viscosity is not None:
@@ -256,7 +264,8 @@ class ElasticPlasticSolid:
     def pressures(self, particles: Particles, here: slice) -> np.ndarray:
         """P (n,) [Pa]."""
         of = particles.owned_rows
-        return plastic_evaluation.pressure(self.law, self.law.density / of("density")[here], of("energy")[here])
+        volume = of(plastic_fields.VOLUME_FLOW)[here, 0] if plastic_fields.flows_in_volume(self.law) else 0.0
+        return plastic_evaluation.pressure(self.law, self.law.density / of("density")[here], of("energy")[here], volume)
 
     def room(self, particles: Particles, here: slice) -> np.ndarray | None:
         """Room (n,) that the equation of state leaves to compress particles, see `room_to_compress`."""
