@@ -14,7 +14,8 @@ TURNING = LINEAR_COPPER | {
     "kinematic_hardening": {"kind": "armstrong-frederick", "modulus": 20e9, "recovery": 60.0},
 }
 POWDER = {
-    "kind": "elastic-plastic", "density": 8930.0, "specific_heat": 383.0, "youngs_modulus": 20e9, "poissons_ratio": 0.25,
+    "kind": "elastic-plastic", "density": 8930.0, "specific_heat": 383.0,
+    "youngs_modulus": 20e9, "poissons_ratio": 0.25,
     "flow_stress": {
         "kind": "drucker-prager", "friction_angle": 30, "dilation_angle": 10, "cohesion": 80e6, "tension": 40e6,
         "cap_pressure": 200e6, "compaction": 0.05,
