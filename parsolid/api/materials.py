@@ -7,12 +7,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from parsolid.materials.hyperelastic import acoustics, evaluation
-from parsolid.materials.registry import law_of
+from parsolid.materials.registry import law_at_origin
 from parsolid.point.choice import point_law
 from parsolid.point.driver import integrate, tabulate
 from parsolid.point.schema import MaterialPoint
 from parsolid.scene.base_model import SceneModel
-from parsolid.scene.materials import HyperelasticSolid, Material
+from parsolid.scene.materials import HyperelasticSolid, Material, ValueFault
 from parsolid.scene.model_faults import faults_of_errors
 from parsolid.scene.validation_errors import SceneError
 
@@ -33,7 +33,10 @@ def material(kind: str = "", /, *, trust_code: bool = False, **keys: Any) -> "Ma
         stated = _Stated.model_validate({"material": table}, context=context).material
     except ValidationError as error:
         raise SceneError(dict.fromkeys(faults_of_errors(error))) from None
-    return MaterialLaw(stated, trust_code)
+    try:
+        return MaterialLaw(stated, trust_code)
+    except ValueFault as fault:
+        raise SceneError([f"material.{fault}"]) from None
 
 
 class MaterialLaw:
@@ -41,7 +44,7 @@ class MaterialLaw:
 
     def __init__(self, stated: Any, trust_code: bool = False) -> None:
         """stated: the validated table of a scene."""
-        self.stated, self.law, self._trust_code = stated, law_of(stated), trust_code
+        self.stated, self.law, self._trust_code = stated, law_at_origin(stated), trust_code
 
     def __repr__(self) -> str:
         return f"<material {self.stated.kind or type(self.law).__name__}: {self.law}>"
@@ -83,7 +86,7 @@ class MaterialLaw:
             point = MaterialPoint.model_validate(data, context=context)
         except ValidationError as error:
             raise SceneError(dict.fromkeys(faults_of_errors(error))) from None
-        law = point_law(law_of(point.material), **point.conditions)
+        law = point_law(law_at_origin(point.material), **point.conditions)
         record = integrate(law, point.path, point.end_time, point.longest_step)
         return tabulate(law, record, np.array(point.output.directions))
 

@@ -16,8 +16,10 @@ from parsolid.campaign.variants import digest_of
 from parsolid.exact import SOLUTIONS
 from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError, load_scene
+from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.scene.raw_tables import toml_value
 from parsolid.scene.validation_errors import suggestion
+from parsolid.simulation.ledger import ledger_of
 from parsolid.sources import source_digest
 
 
@@ -190,11 +192,38 @@ def _unknown_names(study: Study, cases: list[Case]) -> list[str]:
                 for name in names
                 if name not in known and case.scene is not None
             ]
+    faults += _unknown_columns(study, cases)
     return faults + [
         f"errors: expected one of {', '.join(sorted(every))}{suggestion(name, every)}, found {name!r}"
         for name in study.errors or ()
         if name not in every
     ]
+
+
+def _unknown_columns(study: Study, cases: list[Case]) -> list[str]:
+    """Columns that comparisons read and a run's history will not have."""
+    faults = []
+    for i, one in enumerate(study.compared):
+        for case in cases:
+            if case.scene is None or (one.series is not None and case.series.name not in one.series):
+                continue
+            known = history_columns(case.scene)
+            faults += [
+                f"compared.{i}.readings: expected a column of {case.series.name}{suggestion(name, known)}, "
+                f"found {name!r}"
+                for name in one.columns
+                if name not in known
+            ]
+    return faults
+
+
+def history_columns(scene: Scene) -> list[str]:
+    """Columns of the history that a run of a scene will have."""
+    columns = ["step", "time", "dt", *ledger_of(scene).columns]
+    columns += [column for probe in scene.probes for column in probe.columns(scene.dimension)]
+    for one in scene.boundaries:
+        columns += [*reaction_columns(one.reports, scene.dimension), f"{one.reports}.work"] if one.reports else []
+    return columns + [column for tool in scene.tools or () for column in tool.columns(scene.dimension)]
 
 
 def error_names(scene: Any) -> set[str]:

@@ -288,7 +288,7 @@ def in_words(table: ErrorTable, name: str) -> str:
         mean = f", mean over time {bar.mean:.4g} +- {bar.mean_error:.2g}" if bar.mean_error is not None else ""
         return f"{name} {value:.4g}: no bar, {bar.verdict}{mean}"
     percent = f" ({percentage(share)} % of its largest)" if math.isfinite(share) else ""
-    return f"{name} {_rounded(value, error)} +- {error:.2g}{percent}, {bar.verdict}"
+    return f"{name} {in_digits_of(value, error)} +- {error:.2g}{percent}, {bar.verdict}"
 
 
 def percentage(share: float) -> str:
@@ -296,7 +296,7 @@ def percentage(share: float) -> str:
     return f"{100.0 * share:.0f}" if share >= 1.0 else f"{100.0 * share:.2g}"
 
 
-def _rounded(value: float, error: float) -> str:
+def in_digits_of(value: float, error: float) -> str:
     """A value to the second digit of its error."""
     if error <= 0.0 or value == 0.0:
         return f"{value:.6g}"

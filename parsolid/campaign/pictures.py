@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.campaign.cases import Case
+from parsolid.campaign.comparison import SHARE, Level, Row
 from parsolid.campaign.halving import Configuration, Plan
 from parsolid.campaign.reference import Reference
 from parsolid.campaign.report import shown_errors
@@ -235,3 +236,84 @@ def _labelled(plan: Plan, edge: list[Any]) -> tuple[list[Configuration], list[Co
     made = [one for one in plan.configurations if one.errors and one is not own]
     made.sort(key=lambda one: (id(one) not in best, -len(one.errors), one.errors[-1]))
     return [own, *made[: MOST_CURVES - 1]], made[MOST_CURVES - 1 :]
+
+
+def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
+    """Computed over published numbers, a point a row with the bar of the run, in the band of the published scatter.
+
+    Rows without a published number that is not 0, or without a computed one, are left out.
+    Raises ModuleNotFoundError without matplotlib.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    shown = [row for row in rows if row.reference and row.computed is not None]
+    methods = list(dict.fromkeys(row.method for row in shown))
+    names = [f"{row.case}: {row.quantity}" for row in shown]
+    places = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    size = (9.0, 1.6 + 0.32 * len(places) + 0.08 * len(methods))
+    figure, axes = pyplot.subplots(figsize=size, layout="constrained")
+    axes.axvspan(1.0 - SHARE, 1.0 + SHARE, color="0.94", zorder=-2)
+    axes.axvline(1.0, color="0.6", linewidth=0.8, zorder=-1)
+    for row, name in zip(shown, names):
+        number = methods.index(row.method)
+        y, scale = places[name] + 0.5 * (number + 0.5) / len(methods) - 0.25, abs(float(row.reference or 1.0))
+        if row.scatter:
+            span: dict[str, Any] = {"linewidth": 5.0, "color": "0.75", "zorder": 0, "solid_capstyle": "butt"}
+            axes.plot([1.0 - row.scatter / scale, 1.0 + row.scatter / scale], [places[name]] * 2, **span)
+        ratio, bar = float(row.computed or 0.0) / float(row.reference or 1.0), (row.bar or 0.0) / scale
+        look: dict[str, Any] = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
+        axes.errorbar(ratio, y, xerr=bar, capsize=3, markersize=5, linestyle="none", **look)
+    for number, method in enumerate(methods):
+        look = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
+        axes.plot([], [], linestyle="none", label=method, **look)
+    axes.set_yticks(list(places.values()), [*places], fontsize=8)
+    axes.set(ylim=(len(places) - 0.5, -0.5), xlabel="computed over published", title=title)
+    axes.grid(True, axis="x", alpha=0.25)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    figure.savefig(path, dpi=_DOTS_PER_INCH)
+    pyplot.close(figure)
+    return path
+
+
+def draw_costs(rows: list[Row], path: Path) -> Path:
+    """Difference from the published number against processor seconds, a panel a case, a line a row and method; of rows
+    with two resolutions or more. Raises ModuleNotFoundError without matplotlib.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    cases: dict[str, list[tuple[Row, list[tuple[float, float]]]]] = {}
+    for row in rows:
+        points = _positive((one.processor_seconds, _difference(row, one)) for one in row.levels)
+        if len(points) > 1:
+            cases.setdefault(row.case, []).append((row, points))
+    columns, lines = 3, max(1, -(-len(cases) // 3))
+    figure, axes = pyplot.subplots(
+        lines, columns, figsize=(4.6 * columns, 3.6 * lines), squeeze=False, layout="constrained"
+    )
+    for place in axes.flat[len(cases) :]:
+        place.set_visible(False)
+    for (case, curves), place in zip(cases.items(), axes.flat):
+        for number, (row, points) in enumerate(curves):
+            look: dict[str, Any] = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
+            place.plot(*zip(*points), "-", markersize=4.5, linewidth=1.3, label=f"{row.method}: {row.quantity}", **look)
+        place.set(xscale="log", yscale="log", xlabel=TIME.label, ylabel="difference over the published")
+        place.set_title(case, fontsize=9)
+        place.grid(True, which="both", alpha=0.25)
+        place.legend(fontsize=6.5)
+        label_decades(place.xaxis)
+    figure.savefig(path, dpi=_DOTS_PER_INCH)
+    pyplot.close(figure)
+    return path
+
+
+def _difference(row: Row, level: Level) -> float | None:
+    """Of a resolution's number from the published one, over it."""
+    if row.reference is None or level.value is None:
+        return None
+    return abs(level.value - row.reference) / (abs(row.reference) or 1.0)

@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from parsolid.campaign.cases import Case
+from parsolid.campaign.comparison import Row
+from parsolid.campaign.error_bars import in_digits_of
 from parsolid.campaign.measures import MEASURES
 from parsolid.campaign.study_file import Study
 from parsolid.simulation.job import FAILED
@@ -57,6 +59,39 @@ def tables_of(study: Study, cases: list[Case]) -> list[ResultTable]:
         return [_stability_table(study, done)] if done else []
     series = {case.series.name: [other for other in done if other.series is case.series] for case in done}
     return [_accuracy_table(study, name, group) for name, group in series.items()]
+
+
+def comparison_table(title: str, rows: list[Row], with_case: bool = False) -> ResultTable:
+    """The rows of comparisons, of one study or, with their cases, of several."""
+    headings = ["method", "quantity", "reference", "computed", "error", "tolerance", "order", "core-s", "verdict"]
+    table = ResultTable(title, (["case"] if with_case else []) + headings, 2 + with_case)
+    for row in rows:
+        reference = row.source if row.reference is None else _with_bar(row.reference, row.scatter, row.unit)
+        cells = [row.method, row.quantity, reference, _with_bar(row.computed, row.bar, row.unit), _error(row)]
+        tolerance = "" if row.tolerance is None else f"{row.tolerance / (abs(row.reference or 0.0) or 1.0):.2g}"
+        cells += [tolerance, "" if row.order is None else f"{row.order:.1f}"]
+        cells += ["" if row.core_seconds is None else f"{row.core_seconds:.3g}", row.verdict]
+        table.rows.append(([row.case] if with_case else []) + cells)
+    sources = [f"{row.quantity}: {row.source}" for row in rows if row.reference is not None]
+    table.notes = [
+        *dict.fromkeys(sources),
+        *dict.fromkeys(f"{r.method}, {r.quantity}: {r.remark}" for r in rows if r.remark),
+    ]
+    return table
+
+
+def _with_bar(value: float | None, bar: float | None, unit: str) -> str:
+    """A number to the second digit of its bar, with its unit."""
+    if value is None:
+        return ""
+    text = in_digits_of(value, bar) if bar else f"{value:.4g}"
+    return f"{text}{'' if bar is None else f' +- {bar:.2g}'}{' ' if unit else ''}{unit}"
+
+
+def _error(row: Row) -> str:
+    if row.error is None:
+        return ""
+    return f"{100.0 * row.error:+.2g} %" if row.reference is not None else f"{row.error:.2e}"
 
 
 def shown_errors(study: Study, cases: list[Case]) -> list[str]:

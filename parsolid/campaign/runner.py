@@ -11,8 +11,9 @@ import shutil
 import signal
 import subprocess
 import time as clock
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -213,19 +214,20 @@ class Launched:
     ranks: int
     timeout: float
 
-    def run(self, folder: Path, repetitions: int = 1) -> Record:
+    def run(self, folder: Path, repetitions: int = 1, begun: Callable[[Any], None] = lambda job: None) -> Record:
         """Run as many times as a folder lacks repetitions, and return the record, which is kept in record.json.
 
-        A KeyboardInterrupt ends the run and leaves no record that it is done.
+        begun: is given each program as it begins. A KeyboardInterrupt ends the run and leaves no record that it is
+        done.
         """
         record = read_record(folder)
         if record is None or record.status not in LASTING:
-            record = self._once(folder)
+            record = self._once(folder, begun)
             write_record(folder, record)
         # made beside, so that an interruption takes nothing of what is there
         beside = folder / "again"
         while record.status == FINISHED and len(record.loop_seconds) < repetitions:
-            again = self._once(beside)
+            again = self._once(beside, begun)
             shutil.rmtree(beside)
             if again.status != FINISHED:
                 break
@@ -235,13 +237,14 @@ class Launched:
             write_record(folder, record)
         return record
 
-    def _once(self, folder: Path) -> Record:
+    def _once(self, folder: Path, begun: Callable[[Any], None]) -> Record:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         load, began, arguments = os.getloadavg()[0], clock.perf_counter(), self.arguments(folder)
         with open(folder / "log.txt", "wb") as log:
             pipes = {"stdin": subprocess.DEVNULL, "stdout": log, "stderr": subprocess.STDOUT}
             job = start([*arguments, "--quiet", "--set", "output.pictures=false"], self.ranks, **pipes)
+            begun(job)
             exit_status = wait(job, self.timeout)
         status = TIMED_OUT if exit_status is None else _ENDINGS.get(exit_status, CRASHED)
         text = (folder / "log.txt").read_text(encoding="utf-8", errors="replace")
@@ -263,6 +266,40 @@ class Launched:
             "command": shlex.join(["parsolid", *arguments]),
         }
         return record
+
+
+def run_beside(
+    runs: Sequence[tuple[Launched, Path]], jobs: int, repetitions: int
+) -> Generator[tuple[int, Record, float], None, None]:
+    """Make runs into their folders, so many at once; number, record and wall seconds of each as it ends.
+
+    Whoever closes the iterator, or interrupts it, ends the runs that are under way, which leave no record.
+    """
+    programs, open_runs = list[subprocess.Popen[Any]](), set(range(len(runs)))
+
+    def make(number: int) -> tuple[int, Record, float]:
+        launched, folder = runs[number]
+        began = clock.perf_counter()
+        return number, launched.run(folder, repetitions, programs.append), clock.perf_counter() - began
+
+    with ThreadPoolExecutor(jobs) as pool:
+        made = [pool.submit(make, number) for number in range(len(runs))]
+        try:
+            for one in as_completed(made):
+                open_runs.discard(one.result()[0])
+                yield one.result()
+        finally:
+            for one in made:
+                one.cancel()
+            while open_runs and not all(one.done() for one in made):
+                for program in list(programs):
+                    _end(program, _HASTE)
+                clock.sleep(0.01)
+            for number in open_runs:
+                record = read_record(runs[number][1])
+                if record is not None and record.status not in LASTING:
+                    with suppress(OSError):
+                        (runs[number][1] / "record.json").unlink()
 
 
 def read_record(folder: Path) -> Record | None:
@@ -320,8 +357,12 @@ def _is_clean(log: str, status: str) -> bool:
 
 
 def not_finite(folder: Path) -> list[str]:
-    """Names of the files of a run, and where in them, that hold a number that is not finite."""
-    faults = [f"history.csv: {name}" for name, values in read_files(folder)[1].items() if not np.isfinite(values).all()]
+    """Names of the files of a run, and where in them, that hold a number that is not finite.
+
+    The tip of a crack is nan before there is a crack.
+    """
+    columns = {name: values for name, values in read_files(folder)[1].items() if ".crack_tip_" not in name}
+    faults = [f"history.csv: {name}" for name, values in columns.items() if not np.isfinite(values).all()]
     for path in sorted(folder.glob("*.vtkhdf")) + sorted(folder.glob("checkpoint*.h5")):
         with h5py.File(path) as file:
 

@@ -1,22 +1,23 @@
 """A study: makes the runs that are not there yet, then judges and reports all that are."""
 
+import math
 import shlex
 import signal
-import time as clock
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from fnmatch import fnmatchcase
 from itertools import pairwise
-from math import log
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
 from parsolid.campaign.cases import Case, cases_of
-from parsolid.campaign.measures import measures_of
+from parsolid.campaign.comparison import AS_STATED, NOT_AS_STATED, Row, rows_of_comparison
+from parsolid.campaign.measures import MEASURES, measures_of
 from parsolid.campaign.report import (
+    comparison_table,
     print_tables,
     shown_errors,
     spaced,
@@ -24,10 +25,11 @@ from parsolid.campaign.report import (
     write_study_csv,
     write_study_markdown,
 )
-from parsolid.campaign.runner import LASTING, REFUSED, Record, read_record
+from parsolid.campaign.runner import LASTING, REFUSED, Record, read_record, run_beside
 from parsolid.campaign.study_file import Study, load_study
 from parsolid.exit_status import DONE, TO_BE_CONTINUED, WENT_WRONG
 from parsolid.machine import cores_in_words
+from parsolid.output.summary import provenance, write_summary
 from parsolid.scene.validation_errors import SceneError, describe, suggestion
 from parsolid.simulation.job import FAILED
 from parsolid.simulation.loop import FINISHED
@@ -35,49 +37,81 @@ from parsolid.simulation.loop import FINISHED
 _ENDING = {"stable": FINISHED, "failure": FAILED, "refused": REFUSED}
 
 
+class Planned(NamedTuple):
+    """A study that has been read: where it stands, the folder of its runs, and these."""
+
+    path: str
+    folder: Path
+    study: Study
+    cases: list[Case]
+
+    @classmethod
+    def read(cls, path: str, folder: Path, trust_code: bool = False) -> "Planned":
+        """A study and what has been run of it. Raises SceneError for a faulty study or scene."""
+        study = load_study(path)
+        planned = cls(path, folder, study, cases_of(study, trust_code))
+        for case in planned.cases:
+            case.record = read_record(planned.folder_of(case))
+        return planned
+
+    def folder_of(self, case: Case) -> Path:
+        """Where a run is."""
+        return self.folder / "runs" / case.folder_name
+
+
+def new_console() -> Console:
+    """A terminal, or lines wide enough for the tables in a file."""
+    return Console(highlight=False, width=None if Console().is_terminal else 180)
+
+
 def run_study(
-    path: str, folder: Path, only: list[str], repetitions: int = 1, trust_code: bool = False, dry_run: bool = False
+    path: str,
+    folder: Path,
+    only: list[str],
+    repetitions: int = 1,
+    trust_code: bool = False,
+    dry_run: bool = False,
+    jobs: int = 1,
 ) -> int:
-    """Make the runs of a study that are lacking and report; the exit status, for one rank.
+    """Make the runs of a study that are lacking, so many at once, and report; the exit status, for one rank.
 
     0: every run there is did what the study states; 3: some did not; 75: interrupted, the same command goes on.
     Raises SceneError for a faulty study or scene.
     """
-    study = load_study(path)
-    cases = cases_of(study, trust_code)
-    chosen = _chosen(cases, only)
-    console = Console(highlight=False, width=None if Console().is_terminal else 180)
-    for case in cases:
-        case.record = read_record(_folder(folder, case))
+    planned = Planned.read(path, folder, trust_code)
+    chosen = _chosen(planned.cases, only)
+    console = new_console()
     if dry_run:
         _list(console, chosen, repetitions)
         return DONE
-    status = DONE
-    try:
-        with _interruptible():
-            _make(console, study, chosen, folder, repetitions)
-    except KeyboardInterrupt:
-        console.print("interrupted: what is finished is kept, the same command goes on and draws the pictures")
-        status = TO_BE_CONTINUED
+    status = make_runs(console, [(planned, case) for case in chosen], repetitions, jobs)
     # who ends it waits for it
-    report(console, study, cases, folder, path, pictures=status == DONE)
-    return status or (WENT_WRONG if any(case.faults for case in cases) else DONE)
+    rows = report(console, planned, pictures=status == DONE)
+    return status or (WENT_WRONG if any(case.faults for case in planned.cases) or faulty(rows) else DONE)
 
 
-def report(
-    console: Console, study: Study, cases: list[Case], folder: Path, study_path: str, pictures: bool = True
-) -> None:
-    """Judge the runs that have a record; print tables, write study.csv, study.md and pictures into the folder."""
+def faulty(rows: list[Row]) -> bool:
+    """Whether a comparison does not agree and nobody has said why."""
+    return any(row.agrees is False and not row.remark for row in rows)
+
+
+def report(console: Console, planned: Planned, pictures: bool = True) -> list[Row]:
+    """Judge the runs that have a record; print tables, write study.csv, study.md, summary.json and pictures into the
+    folder; the rows of the comparisons.
+    """
+    path, folder, study, cases = planned
     for case in cases:
         _measure(case)
     judge(study, cases)
-    tables = tables_of(study, cases)
+    tables, rows = tables_of(study, cases), compared_rows(study, cases)
     if not tables:
-        return
+        return []
+    tables += [comparison_table("compared with what is published", rows)] if rows else []
     print_tables(console, tables)
     write_study_csv(folder / "study.csv", study, cases)
-    write_study_markdown(folder / "study.md", study, f"parsolid study {study_path}", _load_remark(cases), tables)
-    written = [folder / "study.csv", folder / "study.md"]
+    write_study_markdown(folder / "study.md", study, f"parsolid study {path}", _load_remark(cases), tables)
+    write_summary(folder / "summary.json", summary_of_study(planned, rows + error_rows(study, cases)))
+    written = [folder / "study.csv", folder / "study.md", folder / "summary.json"]
     if pictures and study.report == "accuracy":
         try:
             from parsolid.campaign.pictures import draw_study
@@ -85,10 +119,82 @@ def report(
             written += draw_study(study, cases, folder)
         except ModuleNotFoundError as error:
             console.print(f"no pictures: {error.name} is not installed (parsolid[plot])")
-    faulty = sum(bool(case.faults) for case in cases)
+    wrong = sum(bool(case.faults) for case in cases)
     done = sum(case.record is not None for case in cases)
-    console.print(f"{done} of {len(cases)} runs made, {done - faulty} as stated, {faulty} not")
+    console.print(f"{done} of {len(cases)} runs made, {done - wrong} as stated, {wrong} not")
     console.print(f"written: {', '.join(map(str, written))}", soft_wrap=True)
+    return rows
+
+
+def compared_rows(study: Study, cases: list[Case]) -> list[Row]:
+    """Rows of the comparisons that a study states, of lines of cases whose finest has been run."""
+    lines = dict[tuple[str, ...], list[Case]]()
+    for case in sorted(cases, key=lambda case: -(case.spacing or 0.0)):
+        lines.setdefault(case.line, []).append(case)
+    order = list(dict.fromkeys(case.line for case in cases))
+    made = [[c for c in lines[name] if c.record is not None] for name in order if lines[name][-1].record is not None]
+    return [row for one in study.compared for row in rows_of_comparison(study.title, one, made)]
+
+
+def error_rows(study: Study, cases: list[Case]) -> list[Row]:
+    """Rows of errors, bounds and endings of the cases that have been run."""
+    rows = []
+    for case in cases:
+        if case.record is None:
+            continue
+        if case.expect in ("failure", "refused"):
+            source = "a clean failure" if case.expect == "failure" else "refused"
+            rows.append(Row(study.title, case.title, "how it ends", source=source))
+            rows[-1].verdict = NOT_AS_STATED if case.faults else AS_STATED
+            continue
+        rows += [_error_row(study, case, name) for name in (*(case.measures.get("errors") or ()), *_measures(case))]
+    return rows
+
+
+def _measures(case: Case) -> list[str]:
+    """Names of bounds that are no errors."""
+    return [name for name in case.bounds if name not in (case.measures.get("errors") or {})]
+
+
+def _error_row(study: Study, case: Case, name: str) -> Row:
+    record: Any = case.record
+    row = Row(study.title, case.title, MEASURES[name][2] if name in MEASURES else spaced(name))
+    stated = case.scene.reference if case.scene is not None else None
+    if name not in MEASURES and stated is not None:
+        words = {"exact": stated.exact, "series": stated.series and Path(stated.series).name, "values at the end": True}
+        row.source = next(f"{key} {one}" if one is not True else key for key, one in words.items() if one)
+    row.error, row.tolerance, row.order = case.value(name), case.bounds.get(name), case.orders.get(name)
+    row.core_seconds = record.core_seconds
+    if name in case.bounds or record.status != FINISHED:
+        sound = record.status == FINISHED and row.error is not None and row.error <= case.bounds.get(name, math.inf)
+        row.verdict = AS_STATED if sound else NOT_AS_STATED
+    return row
+
+
+def summary_of_study(planned: Planned, rows: list[Row]) -> dict[str, Any]:
+    """What summary.json says of a study: rows, costs, and where and when it was run."""
+    _, _, study, cases = planned
+    records = [case.record for case in cases if case.record is not None]
+    return {
+        "study": study.title,
+        "group": study.group,
+        "remark": study.remark,
+        "rows": [row.as_stated() for row in rows],
+        "runs": len(records),
+        "runs_stated": len(cases),
+        "runs_faulty": sum(bool(case.faults) for case in cases),
+        "faults": [f"{case.title}: {fault}" for case in cases for fault in case.faults],
+        "core_seconds": sum(record.core_seconds for record in records),
+        "processor_seconds": sum(record.seconds for record in records),
+        "cores": cores_in_words(),
+        # of the runs, which may have been made before
+        **provenance() | max(map(_provenance, records), key=lambda one: str(one.get("written_at", ""))),
+    }
+
+
+def _provenance(record: Record) -> dict[str, Any]:
+    """Where and when a run was made, and by what."""
+    return {key: record.summary[key] for key in provenance() if key in record.summary}
 
 
 def judge(study: Study, cases: list[Case]) -> None:
@@ -113,10 +219,10 @@ def lines_of(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
 def observed_orders(coarse: Case, fine: Case) -> dict[str, float]:
     """log(error ratio) / log(spacing ratio) of two runs, by the error's name."""
     spacings: Any = coarse.spacing, fine.spacing
-    ratio = log(spacings[0] / spacings[1])
+    ratio = math.log(spacings[0] / spacings[1])
     before, after = coarse.measures["errors"], fine.measures["errors"]
     return {
-        name: log(before[name] / after[name]) / ratio
+        name: math.log(before[name] / after[name]) / ratio
         for name in after
         if ratio > 0.0 and before.get(name) and after[name]
     }
@@ -158,10 +264,6 @@ def _measure(case: Case) -> None:
         case.measures = measures_of(case.record)
 
 
-def _folder(folder: Path, case: Case) -> Path:
-    return folder / "runs" / case.folder_name
-
-
 def _chosen(cases: list[Case], only: list[str]) -> list[Case]:
     """The cases of --only: a series' name, or a pattern for a run's title."""
 
@@ -193,21 +295,36 @@ def _list(console: Console, cases: list[Case], repetitions: int) -> None:
     console.print(f"{len(cases)} runs, {sum(_lacking(case, repetitions) for case in cases)} to do")
 
 
-def _make(console: Console, study: Study, cases: list[Case], folder: Path, repetitions: int) -> None:
-    """Make the runs that are lacking, with a line for each."""
-    lacking = [case for case in cases if _lacking(case, repetitions)]
-    if len(cases) > len(lacking):
-        console.print(f"{study.title}: {len(cases) - len(lacking)} of {len(cases)} runs are there already")
-    width = len(str(len(lacking)))
-    for number, case in enumerate(lacking, 1):
-        began = clock.perf_counter()
-        with console.status(f"{case.title}: {case.particles} particles, {case.ranks} ranks"):
-            case.record = case.launched.run(_folder(folder, case), repetitions)
-        _measure(case)
-        left = seconds_left(cases, lacking[number:], repetitions)
-        remains = f"about {_duration(left)} left" if number < len(lacking) else "done"
-        line = f"[{number:>{width}}/{len(lacking)}] {case.title}: {_outcome(study, case, case.record)}"
-        console.print(f"{line}; {clock.perf_counter() - began:.1f} s, {remains}", markup=False, soft_wrap=True)
+def make_runs(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, jobs: int) -> int:
+    """Make the runs that are lacking, so many at once, with a line for each: 0, or 75 where it was interrupted."""
+    try:
+        with _interruptible():
+            _make(console, runs, repetitions, jobs)
+    except KeyboardInterrupt:
+        console.print("interrupted: what is finished is kept, the same command goes on and draws the pictures")
+        return TO_BE_CONTINUED
+    return DONE
+
+
+def _make(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, jobs: int) -> None:
+    lacking = [one for one in runs if _lacking(one[1], repetitions)]
+    if len(runs) > len(lacking):
+        title = runs[0][0].study.title if len({planned.path for planned, _ in runs}) == 1 else "studies"
+        console.print(f"{title}: {len(runs) - len(lacking)} of {len(runs)} runs are there already")
+    width, waiting, cases = len(str(len(lacking))), dict(enumerate(lacking)), [case for _, case in runs]
+    beside = run_beside([(case.launched, planned.folder_of(case)) for planned, case in lacking], jobs, repetitions)
+    doing = (
+        f"{lacking[0][1].title}: {lacking[0][1].particles} particles" if len(lacking) == 1 else f"{len(lacking)} runs"
+    )
+    with console.status(f"{doing}, {jobs} at once" if jobs > 1 else doing), closing(beside) as made:
+        for count, (number, record, seconds) in enumerate(made, 1):
+            planned, case = waiting.pop(number)
+            case.record = record
+            _measure(case)
+            left = seconds_left(cases, [case for _, case in waiting.values()], repetitions) / jobs
+            remains = f"about {_duration(left)} left" if waiting else "done"
+            line = f"[{count:>{width}}/{len(lacking)}] {case.title}: {_outcome(planned.study, case, record)}"
+            console.print(f"{line}; {seconds:.1f} s, {remains}", markup=False, soft_wrap=True)
 
 
 def _outcome(study: Study, case: Case, record: Record) -> str:
@@ -228,12 +345,12 @@ def seconds_left(cases: list[Case], todo: list[Case], repetitions: int) -> float
         return 0.0
     # what runs took beside their steps, of which the first waits for kernels to be compiled
     start_up = min(record.ending["seconds"] - min(record.loop_seconds, default=0.0) for _, record in made)
-    rates: dict[str, list[float]] = {}
+    rates: dict[int, list[float]] = {}
     for case, record in made:
         if case.work and any(record.loop_seconds):
-            rates.setdefault(case.series.name, []).append(min(record.loop_seconds) / case.work)
+            rates.setdefault(id(case.series), []).append(min(record.loop_seconds) / case.work)
     overall = median([rate for group in rates.values() for rate in group] or [0.0])
-    return repetitions * sum(start_up + case.work * min(rates.get(case.series.name, [overall])) for case in todo)
+    return repetitions * sum(start_up + case.work * min(rates.get(id(case.series), [overall])) for case in todo)
 
 
 def _duration(seconds: float) -> str:

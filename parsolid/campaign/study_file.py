@@ -5,12 +5,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from parsolid.campaign.comparison import Comparison
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Positive, SceneModel, reject
 from parsolid.scene.model_faults import faults_of_errors
 from parsolid.scene.raw_tables import read_tables, toml_value
 from parsolid.scene.shapes import ExistingFile
-from parsolid.scene.validation_errors import SceneError
+from parsolid.scene.validation_errors import SceneError, suggestion
 
 Expected = Literal["stable", "failure", "refused"]
 Override = Annotated[str, Field(pattern=r"^\s*[^=\s]+\s*=", description="key.path=value, as --set takes it")]
@@ -109,15 +110,21 @@ class Study(SceneModel):
     timeout     wall time [s] after which a run is ended
     allowed     errors may be so many times those of the other code
     errors      names of the errors to show, in this order (default: all)
+    group       the section of a report of several studies, and the picture, that its comparisons are in
+    remark      what else a reader of that report is to know
+    compared    published numbers and how runs compute them
     """
 
     title: str
+    group: Annotated[str, Field(min_length=1)] = "verification"
+    remark: str | None = None
     report: Literal["accuracy", "stability"] = "accuracy"
     ranks: Ranks = 1
     timeout: Positive = 3600.0
     allowed: Positive = 1.0
     errors: list[str] | None = None
     series: Annotated[list[Series], Field(min_length=1)] = Field(description="at least one series")
+    compared: list[Comparison] = []
 
     @field_validator("series")
     @classmethod
@@ -125,6 +132,19 @@ class Study(SceneModel):
         names = [one.name for one in series]
         reject(*(((i, "name"), "a name that no other series has", n) for i, n in enumerate(names) if n in names[:i]))
         return series
+
+    @model_validator(mode="after")
+    def _known_series(self) -> "Study":
+        known = [one.name for one in self.series]
+        wrong = [(i, j, name) for i, one in enumerate(self.compared) for j, name in enumerate(one.series or ())]
+        reject(
+            *(
+                (("compared", i, "series", j), f"one of {', '.join(known)}{suggestion(name, known)}", name)
+                for i, j, name in wrong
+                if name not in known
+            )
+        )
+        return self
 
 
 def load_study(path: str | Path) -> Study:

@@ -30,6 +30,7 @@ COMMANDS = {
     "run": "run a scene (the default command)",
     "check": "set a scene up and report its cost, without running it",
     "study": "run scenes over resolutions and options; error against run time",
+    "verify": "studies side by side, and one report: computed beside exact and published",
     "pareto": "which options of a scene have the least error for their time",
     "import": "turn a mesh file into one that all ranks of a run read in parallel",
     "point": "drive a material along a path of deformation, without particles",

@@ -16,6 +16,7 @@ def add_arguments(parser: Any) -> None:
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
     parser.add_argument("--dry-run", action="store_true", help="list the runs and what is done of them, and stop")
     repetitions = "make each run until it was timed N times; the least time counts"
+    parser.add_argument("--jobs", type=whole_number, default=1, metavar="N", help="so many runs at once")
     parser.add_argument("--repetitions", type=whole_number, default=1, metavar="N", help=repetitions)
 
 
@@ -29,5 +30,11 @@ def run_study(comm: Any, options: Any) -> int:
 
     folder = Path(options.output or Path("results") / Path(options.study).stem)
     return run_study(
-        options.study, folder, options.only, options.repetitions, options.trust_code, dry_run=options.dry_run
+        options.study,
+        folder,
+        options.only,
+        options.repetitions,
+        options.trust_code,
+        dry_run=options.dry_run,
+        jobs=options.jobs,
     )

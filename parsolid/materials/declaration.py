@@ -32,6 +32,8 @@ Role = Literal[
 ]
 ROLES: tuple[str, ...] = get_args(Role)
 NEEDED = object()
+# in the ledger: what state variables of hyperelastic laws dissipate
+SOFTENING = "softening_dissipation"
 ATOMIC_MASS_UNIT = 1.66053906660e-27
 
 
@@ -72,6 +74,51 @@ class OfMaterial:
     """A number that a part takes from the material it is part of."""
 
 
+@dataclass(frozen=True)
+class Direction:
+    """A unit vector at each particle, which the law has as three numbers; a scene states it as an angle, formulas of
+    the reference place or cell data of a mesh. needed: whether the scene must."""
+
+    description: str = ""
+    needed: bool = True
+    unit: str = "1"
+
+    @property
+    def at_rest(self) -> tuple[float, float, float]:
+        """Of a law that is at no particle."""
+        return (1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class OfPlace:
+    """A number at each particle, which a scene states as a formula of the reference place or cell data of a mesh."""
+
+    unit: str = "1"
+    description: str = ""
+
+    @property
+    def at_rest(self) -> float:
+        """Of a law that is at no particle."""
+        return 0.0
+
+
+@dataclass(frozen=True)
+class StateVariable:
+    """A number at each particle that steps change (`hyperelastic.functions.next_state`); initial: at time 0."""
+
+    unit: str = "1"
+    description: str = ""
+    initial: float = 0.0
+
+    @property
+    def at_rest(self) -> float:
+        """At time 0."""
+        return float(self.initial)
+
+
+OfParticle = Direction | OfPlace | StateVariable
+
+
 Density = Annotated[float, Parameter("kg/m^3", "the density", above=0.0)]
 
 
@@ -87,13 +134,15 @@ def law(role: Role, kind: str) -> Callable[[Declared], Declared]:
     return declare
 
 
-def parameters_of(declared: Declared) -> dict[str, tuple[Any, Parameter | OfMaterial]]:
-    """Name -> (plain type, Parameter or OfMaterial) of what a class annotates so."""
-    result: dict[str, tuple[Any, Parameter | OfMaterial]] = {}
+def parameters_of(declared: Declared) -> dict[str, tuple[Any, Any]]:
+    """Name -> (plain type, Parameter, OfMaterial or one of `OfParticle`) of what a class annotates so."""
+    result: dict[str, tuple[Any, Any]] = {}
     for name, hint in get_type_hints(declared, include_extras=True).items():
         if get_origin(hint) is Annotated:
             plain, *notes = get_args(hint)
-            result.update((name, (plain, note)) for note in notes if isinstance(note, Parameter | OfMaterial))
+            result.update(
+                (name, (plain, note)) for note in notes if isinstance(note, Parameter | OfMaterial | OfParticle)
+            )
     return result
 
 
@@ -105,6 +154,9 @@ def built(declared: Declared, stated: Any, **of_material: Any) -> Any:
     values, parameters = dict(of_material), parameters_of(declared)
     for name, (_, parameter) in parameters.items():
         if isinstance(parameter, OfMaterial):
+            continue
+        if isinstance(parameter, OfParticle):
+            values[name] = parameter.at_rest
             continue
         value = getattr(stated, name)
         if hasattr(type(value), "declared"):

@@ -29,10 +29,13 @@ class _Choices:
     def __init__(self, name: str):
         self.name = name
         self.default: Callable[..., Any] | None = None
+        self.maker: Callable[[Any], Callable[..., Any]] | None = None
         self.of_kind: dict[Any, Callable[..., Any]] = {}
 
     def find(self, kind: Any) -> Callable[..., Any]:
         implementation = self.of_kind.get(kind, self.default)
+        if implementation is None and self.maker is not None:
+            implementation = self.of_kind[kind] = self.maker(kind)
         if implementation is None:
             known = ", ".join(sorted(_told(it) for it in self.of_kind))
             raise TypeError(f"{self.name} has no implementation for {_told(kind)}; it has those for {known}")
@@ -56,8 +59,9 @@ def law_function(declaration: Callable[..., Any]) -> Any:
     """A function of tuples and numbers whose first argument is the law; raises TypeError, with both names, for a law
     that does not implement it.
 
-    function.of(*kinds) and function.otherwise (for all other laws) register implementations; function.has(kind) tells
-    whether a type of laws has its own, function.is_known_for(kind) whether it has any.
+    function.of(*kinds) and function.otherwise (for all other laws) register implementations, function.made_by what
+    makes that of another type of laws; function.has(kind) tells whether a type of laws has its own,
+    function.is_known_for(kind) whether it has any.
     """
     choices = _Choices(declaration.__name__)
 
@@ -82,7 +86,12 @@ def law_function(declaration: Callable[..., Any]) -> Any:
         choices.default = implementation
         return implementation
 
+    def made_by(maker: Callable[[Any], Callable[..., Any]]) -> Callable[[Any], Callable[..., Any]]:
+        choices.maker = maker
+        return maker
+
     chosen: Any = function
-    chosen.of, chosen.otherwise, chosen.has = of, otherwise, lambda kind: kind in choices.of_kind
+    chosen.of, chosen.otherwise, chosen.made_by = of, otherwise, made_by
+    chosen.has = lambda kind: kind in choices.of_kind
     chosen.is_known_for = lambda kind: choices.of_kind.get(kind, choices.default) is not None
     return chosen

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import Any, get_type_hints
 
 from parsolid.materials import user
-from parsolid.materials.declaration import Declared
+from parsolid.materials.declaration import Declared, OfParticle, StateVariable, parameters_of
 from parsolid.materials.failure.failure import Loading
 from parsolid.materials.installed import entry_points
 
@@ -175,6 +175,15 @@ def _complete(declared: Declared) -> None:
         return
     module, functions = _FUNCTIONS[declared.role]
     lacking = [name for name in functions if not getattr(import_module(module), name).is_known_for(declared)]
+    notes = [note for _, note in parameters_of(declared).values()]
+    if declared.role == "hyperelastic" and any(isinstance(note, OfParticle) for note in notes):
+        try:
+            import_module("parsolid.materials.hyperelastic.at_particles").members_of_kind(declared)
+        except TypeError as error:
+            raise LawError(str(error)) from error
+        states = any(isinstance(note, StateVariable) for note in notes)
+        if states and not import_module(module).next_state.is_known_for(declared):
+            lacking.append("next_state")
     if lacking:
         raise LawError(f"a law with {' and '.join(lacking)} (see docs/laws.md)")
 
@@ -193,6 +202,8 @@ def try_out(role: str, law: Any) -> str | None:
         module, functions = _FUNCTIONS[role]
         for name, arguments in functions.items():
             getattr(import_module(module), name)(law, *arguments)
+        if role == "hyperelastic":
+            import_module("parsolid.materials.hyperelastic.at_particles").after_step(law, _IDENTITY, _IDENTITY, 1.0)
     except Exception as error:
         places = traceback.extract_tb(error.__traceback__)
         return f"{type(error).__name__}: {error}, in {places[-1].name}, line {places[-1].lineno}"
@@ -203,6 +214,12 @@ def laws_of(scene: Any) -> list[Any]:
     """One law for each body."""
     state = scene.method.state(scene.dimension)
     return [law_of(body.material, state) for body in scene.bodies]
+
+
+def law_at_origin(material: Any) -> Any:
+    """The law of a point alone, with the directions and other fields of place of X = Y = Z = 0. Raises ValueError as
+    `scene.materials.HyperelasticSolid.law_at`."""
+    return material.law_at((0.0, 0.0, 0.0)) if hasattr(material, "law_at") else law_of(material)
 
 
 def law_of(material: Any, state: str = "space") -> Any:

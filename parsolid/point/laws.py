@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.materials.hyperelastic import acoustics, evaluation
+from parsolid.materials.declaration import StateVariable
+from parsolid.materials.hyperelastic import acoustics, evaluation, functions
+from parsolid.materials.hyperelastic.at_particles import members, state_count
 from parsolid.materials.hyperelastic.evaluation import symmetric_rows, symmetric_tensors
 from parsolid.materials.viscoelastic.relaxation import branch_states, dissipated_energy, relaxed_branches
 from parsolid.scene.probes import component_names
@@ -71,11 +73,12 @@ def wave_columns(along: np.ndarray, extreme: np.ndarray, density: float) -> dict
 
 
 class MaxwellState(NamedTuple):
-    """F (3, 3), C^{-1} (1, 6) and A_alpha (m, 6), rows 11, 22, 33, 12, 13, 23."""
+    """F (3, 3), C^{-1} (1, 6) and A_alpha (m, 6), rows 11, 22, 33, 12, 13, 23, and the law with its state variables."""
 
     F: np.ndarray
     inverse: np.ndarray
     A: np.ndarray
+    law: Any
 
 
 class MaxwellPoint(PointLaw):
@@ -87,26 +90,32 @@ class MaxwellPoint(PointLaw):
 
     def initial_state(self) -> MaxwellState:
         identity = symmetric_rows(np.eye(3))
-        return MaxwellState(np.eye(3), identity, np.repeat(identity, len(self.moduli), axis=0))
+        return MaxwellState(np.eye(3), identity, np.repeat(identity, len(self.moduli), axis=0), self.law)
 
     def updated(self, state: MaxwellState, F: np.ndarray, step: float) -> MaxwellState:
         inverse = symmetric_rows(np.linalg.inv(F.T @ F))
-        return MaxwellState(F, inverse, relaxed_branches(state.A, state.inverse, inverse, step, self.times))
+        A = relaxed_branches(state.A, state.inverse, inverse, step, self.times)
+        return MaxwellState(F, inverse, A, evaluation.after_step_to(state.law, F))
 
     def stress(self, state: MaxwellState) -> np.ndarray:
-        return evaluation.stresses(self.law, state.F, self._branch_sum(state.A))
+        return evaluation.stresses(state.law, state.F, self._branch_sum(state.A))
 
     def energies(self, states: list[Any]) -> np.ndarray:
         stored, _ = self._branches(states)
-        return evaluation.energies(self.law, self.deformations(states)) + stored.sum(axis=1)
+        return self._equilibrium(states) + stored.sum(axis=1)
 
     def dissipated(self, before: MaxwellState, after: MaxwellState, step: float) -> float:
-        return dissipated_energy(before.A, before.inverse, after.inverse, step, self.moduli, self.times)
+        of_branches = dissipated_energy(before.A, before.inverse, after.inverse, step, self.moduli, self.times)
+        of_states = float(functions.dissipated_energy(after.law) - functions.dissipated_energy(before.law))
+        return of_branches + of_states
 
     def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
         F, A = self.deformations(states), np.array([state.A for state in states])
         stored, rates = self._branches(states)
-        result = {"equilibrium": evaluation.energies(self.law, F), "dissipation_rate": rates.sum(axis=1)}
+        result = {"equilibrium": self._equilibrium(states), "dissipation_rate": rates.sum(axis=1)}
+        for one in members(self.law):
+            if isinstance(one.note, StateVariable):
+                result[one.name] = np.array([getattr(state.law, one.name) for state in states])
         tensors, names = symmetric_tensors(A), component_names("deformation_gradient", 3)
         for alpha in range(len(self.moduli)):
             branch = f"branch_{alpha + 1}."
@@ -115,9 +124,25 @@ class MaxwellPoint(PointLaw):
                     result[f"{branch}A_{name[-2:]}"] = tensors[:, alpha, c // 3, c % 3]
             result[f"{branch}strain_energy"], result[f"{branch}dissipation_rate"] = stored[:, alpha], rates[:, alpha]
         viscous = self._branch_sum(A)
-        along = [acoustics.wave_moduli(self.law, F, N / np.linalg.norm(N), viscous) for N in directions]
-        extreme = acoustics.extreme_moduli(self.law, F, viscous)
+        along, extreme = self._waves(states, F, directions, viscous)
         return result | wave_columns(np.reshape(along, (-1, len(F), 3)), extreme, self.law.density)
+
+    def _equilibrium(self, states: list[Any]) -> np.ndarray:
+        """Stored energy without branches [J/m^3] (n,)."""
+        if state_count(self.law):
+            return np.array([evaluation.energies(state.law, state.F) for state in states])
+        return evaluation.energies(self.law, self.deformations(states))
+
+    def _waves(self, states: list[Any], F: np.ndarray, directions: np.ndarray, viscous: Any) -> tuple[Any, np.ndarray]:
+        """rho c^2 [Pa] along directions (k, n, 3), and `acoustics.extreme_moduli` (n, 3)."""
+        parts = [(state.law, slice(i, i + 1)) for i, state in enumerate(states)] if state_count(self.law) else []
+        along, extreme = [], []
+        for law, part in parts or [(self.law, slice(None))]:
+            of_branches = None if viscous is None else viscous[part]
+            found = [acoustics.wave_moduli(law, F[part], N / np.linalg.norm(N), of_branches) for N in directions]
+            along.append(np.reshape(found, (len(directions), -1, 3)))
+            extreme.append(acoustics.extreme_moduli(law, F[part], of_branches))
+        return np.concatenate(along, axis=1), np.concatenate(extreme)
 
     def _branch_sum(self, A: np.ndarray) -> np.ndarray | None:
         """sum mu_alpha A_alpha [Pa] (..., 3, 3) of A (..., m, 6)."""

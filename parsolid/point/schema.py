@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from parsolid.materials.declaration import Phrase
 from parsolid.point.paths import AnyPath
 from parsolid.scene.base_model import Positive, SceneModel, reject
-from parsolid.scene.materials import Material
+from parsolid.scene.materials import Material, ValueFault
 from parsolid.scene.model_faults import faults_of_errors
 from parsolid.scene.raw_tables import apply_override, read_tables
 from parsolid.scene.validation_errors import SceneError
@@ -80,6 +80,11 @@ class MaterialPoint(SceneModel):
         base = getattr(self.material, "base", None)
         if self.material.kind == "prony" and base is not None:
             details.append((("material", "base"), "no such key at a material point", base))
+        try:
+            if hasattr(self.material, "law_at"):
+                self.material.law_at((0.0, 0.0, 0.0))
+        except ValueFault as fault:
+            details.append((("material", *fault.place), fault.expected, Phrase(fault.found)))
         if not _warms(self.material):
             stated = [key for key in ("temperature", "heat") if getattr(self, key) is not None]
             details += [

@@ -11,9 +11,19 @@ from pydantic import Field, ValidationInfo, create_model, model_validator
 from pydantic_core import core_schema
 
 from parsolid.materials import registry
-from parsolid.materials.declaration import NEEDED, Declared, OfMaterial, Parameter, built, parameters_of
+from parsolid.materials.declaration import (
+    NEEDED,
+    Declared,
+    OfMaterial,
+    OfParticle,
+    Parameter,
+    StateVariable,
+    built,
+    parameters_of,
+)
 from parsolid.materials.registry import LawError
 from parsolid.scene.base_model import SceneModel, check_kind, method_of, reject
+from parsolid.scene.of_particles import field_of_particles
 from parsolid.scene.validation_errors import NOTHING
 
 
@@ -90,7 +100,8 @@ def model_of(declared: Declared) -> type[DeclaredModel]:
         import_module("parsolid.scene.materials")
     elif role is not None:
         fields["kind"] = (Literal[declared.kind], Field())
-    fields |= {n: _field(t, p) for n, (t, p) in parameters_of(declared).items() if not isinstance(p, OfMaterial)}
+    stated = {n: it for n, it in parameters_of(declared).items() if not isinstance(it[1], OfMaterial | StateVariable)}
+    fields |= {name: _field(plain, note) for name, (plain, note) in stated.items()}
     base = _BASES.get(role or "", DeclaredModel)
     make: Any = create_model
     made = make(declared.__name__, __base__=base, __module__=__name__, __doc__=declared.__doc__, **fields)
@@ -109,8 +120,10 @@ def model_of(declared: Declared) -> type[DeclaredModel]:
 _GROUPS = ("exactly_one", "at_most_one")
 
 
-def _field(plain: Any, parameter: Parameter) -> tuple[Any, Any]:
-    """Type and field of a parameter."""
+def _field(plain: Any, parameter: Parameter | OfParticle) -> tuple[Any, Any]:
+    """Type and field of a parameter, or of what particles have values of."""
+    if isinstance(parameter, OfParticle):
+        return field_of_particles(parameter)
     bounds: dict[str, Any] = {"gt": parameter.above, "ge": parameter.at_least, "lt": parameter.below}
     bounds |= {"le": parameter.at_most, "max_length": parameter.most}
     bounds = {word: bound for word, bound in bounds.items() if bound is not None}

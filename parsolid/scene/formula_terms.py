@@ -125,6 +125,8 @@ FUNCTIONS: dict[str, Function] = {
     **{name: _with_slope(name) for name in _SLOPES},
     **{name: Function(getattr(np, name), 1, flat=True) for name in _FLAT},
     **{name: Function(getattr(np, name), 2) for name in ("arctan2", "fmod", "hypot", "copysign", "nextafter")},
+    # as C and Fortran call it
+    "atan2": Function(np.arctan2, 2),
     "where": Function(_where, 3, lambda value, condition, a, b: _chosen(condition.value, a, b)),
     # where both are equal, what the first does after a corner of time that rises
     "minimum": Function(np.minimum, 2, lambda value, a, b: _chosen(a.value < b.value, a, b)),

@@ -342,6 +342,17 @@ class Formula:
         return f"Formula({self.source!r})"
 
 
+def number_of(source: str, values: Mapping[str, float]) -> float:
+    """The value of a formula in named numbers, not finite where it has none. Raises ValueError for no such formula."""
+    tree = _sound_tree(source.strip(), tuple(values))
+    try:
+        term = _Compiler("").term(tree)
+        with np.errstate(all="ignore"):
+            return float(term.value({name: np.float64(value) for name, value in values.items()}))
+    except (TypeError, RecursionError) as error:
+        raise ValueError(f"a formula that cannot be compiled ({error})") from None
+
+
 def _with_whole_paths(text: str, tree: ast.expr, folder: str) -> str:
     """A formula with the absolute paths of its tables, which are relative to a folder."""
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.func.id == "table"]  # type: ignore
@@ -408,7 +419,8 @@ def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
         raise mismatch(expected, Phrase(f"{error} in {value!r}"), "formula") from None
 
 
-def _of_place(value: Any, info: ValidationInfo) -> Formula:
+def formula_of_place(value: Any, info: ValidationInfo) -> Formula:
+    """A stated formula of the reference place. Raises PydanticCustomError."""
     return _formula(value, info, time=False)
 
 
@@ -436,9 +448,9 @@ def _scalar_of(validate: Any) -> Any:
     return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source), FORMULA]
 
 
-InitialScalar: Any = _scalar_of(_of_place)
+InitialScalar: Any = _scalar_of(formula_of_place)
 Scalar: Any = _scalar_of(_of_place_and_time)
-InitialVector: Any = _vector_of(_of_place)
+InitialVector: Any = _vector_of(formula_of_place)
 Vector: Any = _vector_of(_of_place_and_time)
 VectorOrFree: Any = _vector_of(_or_free)
 InitialMatrix = Annotated[

@@ -2,15 +2,26 @@
 user's.
 """
 
+from collections.abc import Sequence
 from importlib import import_module
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
+from parsolid.materials.declaration import SOFTENING, Direction, Phrase, StateVariable, parameters_of
 from parsolid.materials.elastic_constants import ElasticConstants, elastic_constants
 from parsolid.scene import micro_inertia, plasticity, viscoelastic  # noqa: F401 (what tables of roles have in common)
-from parsolid.scene.base_model import NotNegative, Positive, SceneModel
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
 from parsolid.scene.declared import DeclaredModel, laws, table_of
+
+
+class ValueFault(ValueError):
+    """Values that a law cannot have at a particle: the key of the material, what was expected and found there."""
+
+    def __init__(self, key: str, expected: str, found: str) -> None:
+        super().__init__(f"{key}: expected {expected}, found {found}")
+        self.place, self.expected, self.found = tuple(key.split(".")), expected, found
 
 
 class Branch(SceneModel):
@@ -22,11 +33,37 @@ class Branch(SceneModel):
     tau: Positive = Field(description="the relaxation time [s]")
 
 
+class Softening(SceneModel):
+    """Mullins softening of the energy of shape W below the largest one Wm, by Ogden and Roxburgh: the stress of shape
+    has the factor 1 - erf[(Wm - W)/(m + beta Wm)]/r."""
+
+    r: Annotated[float, Field(gt=1)] = Field(description="the largest softening is 1 - 1/r of the stress")
+    m: Positive = Field(description="difference of energies at which a rubber softens [J/m^3]")
+    beta: NotNegative = Field(0.0, description="the same over the largest energy")
+
+
 @table_of("hyperelastic")
 class HyperelasticSolid(DeclaredModel):
-    """What every hyperelastic law has: Maxwell branches, and elastic constants of the undeformed state."""
+    """What every hyperelastic law has: Maxwell branches, softening, and elastic constants of the undeformed state."""
 
     branches: list[Branch] = []
+    softening: Softening | None = None
+
+    @model_validator(mode="after")
+    def _softens_alone(self) -> "HyperelasticSolid":
+        if self.softening is not None and self._has_state:
+            reject((("softening",), "no such key of a law with state variables of its own", Phrase("a table")))
+        return self
+
+    @property
+    def ledger_terms(self) -> dict[str, int]:
+        """What state variables dissipate, where there are any."""
+        return {SOFTENING: 1} if self.softening is not None or self._has_state else {}
+
+    @property
+    def _has_state(self) -> bool:
+        """Whether the law has state variables without softening."""
+        return any(isinstance(note, StateVariable) for _, note in parameters_of(type(self).declared).values())
 
     def equilibrium_law(self) -> Any:
         """The law, a NamedTuple, without branches."""
@@ -35,7 +72,48 @@ class HyperelasticSolid(DeclaredModel):
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         moduli, times = (tuple(map(float, values)) or None for values in (self.branch_moduli, self.relaxation_times))
-        return self.equilibrium_law()._replace(branch_moduli=moduli, relaxation_times=times)
+        law, softens = self.equilibrium_law(), self.softening
+        if softens is not None:
+            softened = import_module("parsolid.materials.hyperelastic.softening").Softened
+            law = softened(law.density, law, float(softens.r), float(softens.m), float(softens.beta), 0.0, None, None)
+        return law._replace(branch_moduli=moduli, relaxation_times=times)
+
+    @property
+    def cell_data(self) -> dict[str, tuple[str, int]]:
+        """Members of the law that are cell data of the mesh: their names in the file, and how many numbers they are."""
+        found = {}
+        for name, (_, note) in parameters_of(type(self).declared).items():
+            data = getattr(getattr(self, name, None), "cell_data", None)
+            if data is not None:
+                found[name] = data, 3 if isinstance(note, Direction) else 1
+        return found
+
+    def values_at(self, points: np.ndarray, of_cells: dict[str, np.ndarray]) -> np.ndarray:
+        """What the law has at points (n, d) [m] at time 0, (values, n); of_cells: values (n, components) of `cell_data`
+        there. Raises `ValueFault`."""
+        rows = []
+        for one in import_module("parsolid.materials.hyperelastic.at_particles").members(self.build("space")):
+            if isinstance(one.note, StateVariable):
+                rows.append(np.full((len(points), 1), one.note.initial))
+                continue
+            stated = getattr(self, one.name)
+            if one.name in self.cell_data and one.name not in of_cells:
+                raise ValueFault(f"{one.name}.cell_data", "a formula where there is no mesh", stated.cell_data)
+            found = of_cells[one.name] if one.name in of_cells else stated.evaluate(points)
+            found = found.reshape(len(points), one.components)
+            if isinstance(one.note, Direction):
+                length = np.linalg.norm(found, axis=1)
+                if not (bad := np.isfinite(length) & (length > 0.0)).all():
+                    where = ", ".join(f"{x:g}" for x in points[int(np.argmin(bad))])
+                    raise ValueFault(one.name, "a direction everywhere", f"none at ({where})")
+                found = found / length[:, None]
+            rows.append(found)
+        return np.concatenate(rows, axis=1).T if rows else np.zeros((0, len(points)))
+
+    def law_at(self, point: Sequence[float]) -> Any:
+        """The law at a point (d,) [m] without a mesh at time 0. Raises `ValueFault`."""
+        values = self.values_at(np.asarray([point], float), {})
+        return import_module("parsolid.materials.hyperelastic.at_particles").at_particle(self.build("space"), values, 0)
 
     @property
     def elastic_moduli(self) -> tuple[float, float]:

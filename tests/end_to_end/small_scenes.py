@@ -229,6 +229,44 @@ PLATES = {
     "output": OUTPUT | {"fields_interval": 1e-6},
 }
 
+# fibres by place and softening, whose state particles of mpm take along to other ranks
+TISSUE = {
+    "title": "Small tissue",
+    "dimension": 2,
+    "end_time": 5e-3,
+    "method": {"kind": "tlsph"},
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [0.1, 0.1]}},
+            "particles": [7, 7],
+            "jitter": 0.1,
+            "velocity": ["10*Y", "8*X"],
+            "material": {
+                "kind": "gasser-ogden-holzapfel",
+                "density": 1000.0,
+                "shear_modulus": 1e5,
+                "bulk_modulus": 1e6,
+                "fibre_modulus": 3e5,
+                "fibre_exponent": 2.0,
+                "dispersion": 0.1,
+                "fibre": {"angle": "atan2(Y, X)"},
+                "softening": {"r": 2.0, "m": 100.0, "beta": 0.1},
+                "branches": [{"beta": 1.0, "tau": 0.002}],
+            },
+        }
+    ],
+    "output": OUTPUT,
+}
+
+
+def _of_points(scene: dict) -> dict:
+    """The same with the material point method, which has no branches."""
+    (body,) = copy.deepcopy(scene["bodies"])
+    del body["jitter"], body["material"]["branches"]
+    body |= {"placement": "cells", "particles": [8, 8]}
+    return scene | {"method": {"kind": "mpm", "cell": 0.025}, "bodies": [body]}
+
+
 SCENES = {
     "punch": PUNCH,
     "moved": MOVED,
@@ -239,6 +277,8 @@ SCENES = {
     "impact": IMPACT,
     "flight": FLIGHT,
     "plates": PLATES,
+    "tissue": TISSUE,
+    "tissue_points": _of_points(TISSUE),
 }
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.materials.registry import law_of
+from parsolid.materials.registry import law_at_origin
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
 from parsolid.point.choice import point_law
@@ -30,7 +30,7 @@ def drive_and_report(options: Any) -> dict[str, Any]:
     point = load_point(options.path, options.set, options.trust_code)
     directory = _prepared(Path(options.output or point.output.directory), point, options.path)
     began = clock.perf_counter()
-    law = point_law(law_of(point.material), **point.conditions)
+    law = point_law(law_at_origin(point.material), **point.conditions)
     try:
         record = integrate(law, point.path, point.end_time, point.longest_step)
     except PathLost as error:

@@ -4,9 +4,12 @@ Tensors are arrays (..., 3, 3) of float64; the leading shape is any, and empty f
 sum mu_alpha A_alpha [Pa] of Maxwell branches (`materials.viscoelastic.maxwell`), None without.
 """
 
+from typing import Any
+
 import numpy as np
 
 from parsolid.kernels import kernel
+from parsolid.materials.hyperelastic.at_particles import after_step
 from parsolid.materials.hyperelastic.functions import energy, pressure_waves, shear_waves, stress
 from parsolid.materials.viscoelastic.maxwell import branch_stress, branch_waves, total_modulus
 from parsolid.tensors import cofactor, determinant, plus, plus_symmetric
@@ -52,6 +55,12 @@ def states(law, F, branch_sum=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     viscous = None if branch_sum is None else symmetric_rows(np.broadcast_to(branch_sum, shape))
     _evaluate(law, total_modulus(law.branch_moduli), rows, viscous, P, pressure, shear)
     return P.reshape(shape), symmetric_tensors(pressure).reshape(shape), symmetric_tensors(shear).reshape(shape)
+
+
+def after_step_to(law: Any, F: np.ndarray) -> Any:
+    """The law at a point with its state variables after a step that ends at F (3, 3)."""
+    rows = tuple(np.asarray(F, float).ravel().tolist())
+    return after_step(law, rows, cofactor(rows), determinant(rows))
 
 
 @kernel

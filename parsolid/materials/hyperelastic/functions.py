@@ -10,6 +10,8 @@ faster and exact:
                     real speeds, too large by twice that of shear waves; 37 energies
     elastic_moduli  within 1e-8
 
+A law with state variables (`at_particles`) implements `next_state`, and `dissipated_energy` where they take energy.
+
 F is the deformation gradient, nine numbers row by row, H its cofactor and J its determinant. They are separate
 arguments because some integrators advance them separately (Lee et al.); differences of the energy use F alone.
 """
@@ -55,6 +57,36 @@ def isotropic_shear_modulus(law):
 @law_function
 def elastic_moduli(law):
     """Shear modulus and first Lame constant [Pa] in the undeformed state, without branches."""
+
+
+@law_function
+def next_state(law, F, H, J):
+    """State variables after a step that ends at F, of those before it in the law: a tuple of numbers, in their order.
+    The same where it is asked again at that F; what depends on a rate is a Maxwell branch's."""
+
+
+@law_function
+def dissipated_energy(law):
+    """Energy [J/m^3] that the state variables have dissipated since they had their initial values: `energy`, which can
+    be got back, and this have the stress times the rate of F as their rate."""
+
+
+@law_function
+def volume_part(law, J):
+    """U [J/m^3], dU/dJ and d2U/dJ2 [Pa] of the part of the energy that is of the volume alone, which does not soften;
+    0 where the law has no such part."""
+
+
+@dissipated_energy.otherwise
+def nothing_dissipated(law):
+    """That of a law without state variables."""
+    return 0.0
+
+
+@volume_part.otherwise
+def no_volume_part(law, J):
+    """The whole energy is one of shape."""
+    return 0.0, 0.0, 0.0
 
 
 @inlined

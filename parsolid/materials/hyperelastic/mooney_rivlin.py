@@ -15,6 +15,7 @@ from parsolid.materials.hyperelastic.functions import (
     pressure_waves,
     shear_waves,
     stress,
+    volume_part,
 )
 from parsolid.tensors import add_spherical, combine, combine_symmetric, contract, cross, gram, times_symmetric
 
@@ -185,3 +186,10 @@ def _neo_hookean_moduli(law):
 @elastic_moduli.of(MooneyRivlin)
 def _moduli(law):
     return 2.0 * (law.xi + law.zeta), law.lambda_hat + 4.0 * law.zeta
+
+
+@volume_part.of(NeoHookean, MooneyRivlin)
+def _volume(law, J):
+    # what is left, of F:F, H:H and ln J, is of one sign and at rest without stress
+    strain = J - 1.0
+    return 0.5 * law.lambda_hat * strain * strain, law.lambda_hat * strain, law.lambda_hat

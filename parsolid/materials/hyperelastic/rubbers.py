@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from parsolid.elementary import exp, log
 from parsolid.kernels import inlined
 from parsolid.materials.declaration import Density, Parameter, law
-from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pressure_waves, stress
+from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pressure_waves, stress, volume_part
 from parsolid.materials.hyperelastic.volume import (
     BulkModulus,
     VolumeKind,
@@ -175,3 +175,9 @@ def _waves(law, F, H, J):
 def _moduli(law):
     shear = 2.0 * chain(law, 0.0)[1]
     return shear, law.volume.bulk_modulus - 2.0 / 3.0 * shear
+
+
+@volume_part.of(Yeoh, Gent, ArrudaBoyce)
+def _volume(law, J):
+    slope, curvature = volume_slopes(law.volume, J)
+    return volume_energy(law.volume, J), slope, curvature

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from parsolid.elementary import exp, log
 from parsolid.kernels import inlined
 from parsolid.materials.declaration import Density, Parameter, law
-from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pressure_waves, stress
+from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pressure_waves, stress, volume_part
 from parsolid.materials.hyperelastic.volume import (
     BulkModulus,
     VolumeKind,
@@ -285,3 +285,9 @@ def _moduli(law):
     T = of_stretches(law, (0.0, 0.0, 0.0))[2]
     shear = 0.5 * (T[0] - T[3])
     return shear, law.volume.bulk_modulus - 2.0 / 3.0 * shear
+
+
+@volume_part.of(Ogden, Hencky, Polynomial)
+def _volume(law, J):
+    slope, curvature = volume_slopes(law.volume, J)
+    return volume_energy(law.volume, J), slope, curvature

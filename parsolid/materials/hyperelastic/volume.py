@@ -35,11 +35,11 @@ class Logarithmic(NamedTuple):
 _PARTS: dict[str, Any] = {"simo-taylor": SimoTaylor, "quadratic": Quadratic, "logarithmic": Logarithmic}
 
 
-def law_with_volume(law: Any, stated: Any) -> Any:
+def law_with_volume(law: Any, stated: Any, **others: Any) -> Any:
     """The law without branches from what a scene states; law: a NamedTuple of numbers that are stated under its names,
-    then volume, branch_moduli and relaxation_times."""
-    numbers = [float(getattr(stated, name)) for name in law._fields[:-3]]
-    return law(*numbers, _PARTS[stated.volume](float(stated.bulk_modulus)), None, None)
+    and of others, then volume, branch_moduli and relaxation_times."""
+    values = [others[name] if name in others else float(getattr(stated, name)) for name in law._fields[:-3]]
+    return law(*values, _PARTS[stated.volume](float(stated.bulk_modulus)), None, None)
 
 
 @law_function

@@ -6,8 +6,23 @@ import numpy as np
 
 from parsolid.kernels import kernel
 from parsolid.materials.blocks import MaterialBlock
-from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pressure_waves, stress
+from parsolid.materials.declaration import SOFTENING
+from parsolid.materials.hyperelastic.at_particles import (
+    after_step,
+    at_particle,
+    keep_state,
+    state_count,
+    values_at_rest,
+)
+from parsolid.materials.hyperelastic.functions import (
+    dissipated_energy,
+    elastic_moduli,
+    energy,
+    pressure_waves,
+    stress,
+)
 from parsolid.methods.mpm.points import TENSOR_ROWS, MaterialPoints, load_gradient
+from parsolid.particles.law_values import RECORD, rows_of_laws
 from parsolid.tensors import (
     cofactor,
     combine,
@@ -21,30 +36,38 @@ from parsolid.tiles import TILE, load, load_placed, store, store_placed
 
 
 @kernel
-def hyperelastic_tile(law, step, F, rates, tau, speed):
+def hyperelastic_tile(law, step, F, rates, tau, speed, values, lost):
     """F after a step [s] with velocity gradients `rates` [1/s], Kirchhoff stress tau = P F^T [Pa], nine components, and
-    speed of pressure waves in the present configuration [m/s]."""
+    speed of pressure waves in the present configuration [m/s]. values: what the law has of each particle (values,
+    TILE), or None; lost (TILE): what its state variables dissipate [J/m^3]."""
     for p in range(TILE):
         new = load(F, p)
         new = combine(1.0, new, step, matmul(load(rates, p), new))
         store(F, p, new)
         H, J = cofactor(new), determinant(new)
-        store(tau, p, matmul_transposed(stress(law, new, H, J), new))
+        here = law if values is None else at_particle(law, values, p)
+        if values is not None:
+            before = dissipated_energy(here)
+            here = after_step(here, new, H, J)
+            keep_state(here, values, p)
+            lost[p] = dissipated_energy(here) - before
+        store(tau, p, matmul_transposed(stress(here, new, H, J), new))
         # a wave with normal n has rho0 c^2 = N.Q N with N = F^T n of the reference configuration
-        waves = congruence(new, pressure_waves(law, new, H, J))
+        waves = congruence(new, pressure_waves(here, new, H, J))
         speed[p] = (largest_eigenvalue_bound(waves) / law.density) ** 0.5
 
 
 @kernel
-def advance_hyperelastic(law, first, last, step, components, deformation, motion, rate, stress):
+def advance_hyperelastic(law, first, last, step, components, deformation, motion, rate, stress, field, tile, lost):
     """Advance F of particles first..last-1 by a step [s] with velocity gradients `rate`, and write V sigma and c + |v|.
 
-    components: of nine, that rows of deformation are; motion, rate, stress: see `transfer`. Returns (sound, largest
-    c + |v| [m/s]); sound is False when a Jacobian is not positive.
+    components: of nine, that rows of deformation are; motion, rate, stress: see `transfer`. field (values, n): what
+    the law has of each particle, or None; tile (values, TILE), lost (TILE): scratch for it. Returns (sound, largest c +
+    |v| [m/s], what state variables dissipate [J]); sound is False when a Jacobian is not positive.
     """
     F, rates, tau, speed = np.zeros(9 * TILE), np.zeros(9 * TILE), np.zeros(9 * TILE), np.zeros(TILE)
     F[:TILE] = F[4 * TILE : 5 * TILE] = F[8 * TILE :] = 1.0
-    sound, fastest = True, 0.0
+    sound, fastest, softened = True, 0.0, 0.0
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
         load_placed(deformation, components, i, count, F, 0)
@@ -52,7 +75,17 @@ def advance_hyperelastic(law, first, last, step, components, deformation, motion
             for a in range(3):
                 for b in range(3):
                     rates[(3 * a + b) * TILE + p] = rate[np.uintp(i + p), 4 * a + b]
-        hyperelastic_tile(law, step, F, rates, tau, speed)
+        if field is not None:
+            for c in range(field.shape[0]):
+                for p in range(np.uintp(count)):
+                    tile[c, p] = field[c, np.uintp(i) + p]
+        hyperelastic_tile(law, step, F, rates, tau, speed, tile, lost)
+        if field is not None:
+            for c in range(field.shape[0]):
+                for p in range(np.uintp(count)):
+                    field[c, np.uintp(i) + p] = tile[c, p]
+            for p in range(count):
+                softened += lost[p] * motion[np.uintp(i + p), 7]
         store_placed(deformation, components, i, count, F, 0)
         for p in range(count):
             q = np.uintp(i + p)
@@ -67,16 +100,17 @@ def advance_hyperelastic(law, first, last, step, components, deformation, motion
             # not so for numbers that are none
             if not (determinant(load(F, p)) > 0.0 and total > 0.0):
                 sound = False
-    return sound, fastest
+    return sound, fastest, softened
 
 
 @kernel
-def elastic_energy(law, first, last, deformation, motion):
-    """Sum of W V0 [J] of particles first..last-1."""
+def elastic_energy(law, first, last, deformation, motion, field):
+    """Sum of W V0 [J] of particles first..last-1; field: see `advance_hyperelastic`."""
     total = 0.0
     for p in range(first, last):
         F = load_gradient(deformation, p)
-        total += energy(law, F, cofactor(F), determinant(F)) * motion[p, 7]
+        here = law if field is None else at_particle(law, field, p)
+        total += energy(here, F, cofactor(F), determinant(F)) * motion[p, 7]
     return total
 
 
@@ -85,19 +119,31 @@ class HyperelasticSolid:
 
     def __init__(self, law: Any, points: MaterialPoints, settings: Any) -> None:
         self.law, self.points = law, points
+        self._rows = rows_of_laws([points.laws[number] for number in points.law_of_body]).get(law)
+        self._softens = state_count(law) > 0
+        self._tile = np.tile(np.array(values_at_rest(law))[:, None], TILE) if self._rows is not None else None
+        self._lost = np.zeros(TILE)
+
+    @property
+    def _field(self) -> np.ndarray | None:
+        """What the law has of each particle (values, n), or None."""
+        return None if self._rows is None else self.points.storage(RECORD)[self._rows]
 
     def advance(self, block: MaterialBlock, step: float, centred: bool) -> tuple[bool, float, dict[str, float]]:
         """Sound, largest c + |v| [m/s] and terms of the ledger [J] of the law's particles after a step [s]; centred:
         see `elastic_plastic.BulkViscosity`."""
         of, places = self.points.storage, TENSOR_ROWS[self.points.dimension]
         arrays = of("deformation_gradient"), self.points.motion, of("velocity_gradient"), of("stress_and_volume")
-        sound, fastest = advance_hyperelastic(self.law, block.first, block.last, step, places, *arrays)
-        return sound, fastest, {}
+        of_particles = self._field, self._tile, self._lost
+        sound, fastest, softened = advance_hyperelastic(
+            self.law, block.first, block.last, step, places, *arrays, *of_particles
+        )
+        return sound, fastest, {SOFTENING: softened} if self._softens else {}
 
     def stored_energy(self, block: MaterialBlock) -> float:
         """W V0 [J] of the law's particles."""
         F, motion = self.points.storage("deformation_gradient"), self.points.motion
-        return float(elastic_energy(self.law, block.first, block.last, F, motion))
+        return float(elastic_energy(self.law, block.first, block.last, F, motion, self._field))
 
     def wave_modulus(self) -> float:
         """rho c^2 [Pa] of pressure waves in the undeformed solid."""

@@ -14,6 +14,7 @@ from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
 from parsolid.collective import maximum, minimum
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.registry import laws_of
 from parsolid.methods.mpm.cells import CellMigration
 from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.mpm.elastic_plastic import ElasticPlasticSolid
@@ -28,6 +29,7 @@ from parsolid.methods.mpm.shape_functions import nodes_across
 from parsolid.methods.mpm.transfer import grid_to_particles, particles_to_grid
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import Announce, EnergyLedger
+from parsolid.particles.law_values import declare_law_values
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
@@ -48,6 +50,7 @@ class MaterialPoint(Reports):
         the grid. Collective."""
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         self.points = self.particles = points = MaterialPoints(scene, particle_set)
+        declare_law_values(comm, scene, points, particle_set, laws_of(scene))
         self.conditions = GridConditions(comm, scene, particle_set, points)
         self.loads = self.conditions.loads
         self.stop_times = self.loads.times

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import kernel
+from parsolid.materials.declaration import SOFTENING
+from parsolid.materials.hyperelastic.at_particles import state_count
 from parsolid.materials.viscoelastic.prony import LinearSolid, branch_weights, linear_solid, linear_stress
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.relaxing_displacement import RelaxingDisplacement
@@ -33,6 +35,7 @@ from parsolid.methods.peridynamics.sweeps import (
 from parsolid.methods.peridynamics.tensor_histories import TensorHistories
 from parsolid.pairs.lattice_convolution import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows
+from parsolid.particles.law_values import rows_of_laws
 from parsolid.tensors import combine, general, symmetric_part
 
 # sigma = 0: a law that leaves the control of zero-energy modes alone
@@ -45,7 +48,8 @@ class BondForces:
     evaluations: of the forces so far; laws: (first, last, law) of the rank's particles; plane: True in the plane, else
     None; d: dimension of the scene, 1 of bars, that of `bonds` being 2; share (owned,): the part of a particle on this
     side of mirror planes. sound: whether every settled Jacobian is positive; stiffens: whether stiffness depends on the
-    state; growth: bound of the largest to come over that at rest. It declares internal_force (d, n) [N], that of the
+    state; growth: bound of the largest to come over that at rest; softens: whether any law has state variables. It
+    declares internal_force (d, n) [N], that of the
     last evaluation, of the whole particle where it lies on a mirror plane.
     """
 
@@ -68,6 +72,10 @@ class BondForces:
         self.particles.declare(Field("trial_displacement", self.d, "m", mirror="vector", **told))
         told = {"mirror": "vector", "checkpointed": True, "layout": Columns()}
         self.particles.declare(Field("internal_force", self.d, "N", **told))
+
+    def book_softening(self, ledger: Any) -> float:
+        """Nothing, where laws have no state variables."""
+        return 0.0
 
     @property
     def force(self) -> np.ndarray:
@@ -121,9 +129,10 @@ class CorrespondenceForces(BondForces):
         super().__init__(bonds, blocks, fixed)
         self.tensors = None
         series = list(dict.fromkeys(map(series_of, laws)))
+        self._softens = any(state_count(law) for law in rows_of_laws(laws))
         if any(map(has_tensor_history, laws)):
             terms = max(len(ratios) for ratios, _ in series)
-            self.tensors = TensorHistories(bonds, self.laws, terms, self.share)
+            self.tensors = TensorHistories(bonds, self.laws, terms, self.share, rows_of_laws(laws))
         self.stiffens = not all(is_small_strain(law) for _, _, law in self.laws)
         if not settings.stabilisation.relaxes:
             series = [((), ())]
@@ -215,6 +224,14 @@ class CorrespondenceForces(BondForces):
         """End a step [s] at the displacement of the last evaluation; the energy dissipated over it [J]."""
         lost = sum(memory.commit(step, self.share) for memory in self.memories)
         return lost + (self.tensors.commit(step, self.bonds.sums) if self.tensors is not None else 0.0)
+
+    def book_softening(self, ledger: Any) -> float:
+        """Enter into a ledger what state variables of laws have dissipated in the step that was committed last; the
+        energy [J]."""
+        if not self._softens or self.tensors is None:
+            return 0.0
+        ledger.add_term(SOFTENING, self.tensors.softened)
+        return float(self.tensors.softened)
 
     def start(self, instantaneous: bool) -> None:
         """Memory and forces of the displacement at time 0: reached in a jump, or held for ever."""

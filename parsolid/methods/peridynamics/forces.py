@@ -18,6 +18,7 @@ from parsolid.methods.peridynamics.tangent import algorithmic_law
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.generated import declare_generated
+from parsolid.particles.law_values import declare_law_values
 
 
 def particles_of(scene: Any, particle_set: Any) -> Particles:
@@ -43,6 +44,7 @@ def build_forces(
     particles.declare(Field("displacement", d, "m", mirror="vector", layout=Columns(), **told))
     particles.declare(Field("mass", 1, "kg"), density * particle_set.volume / share)
     particles.declare(Field("share", 1, "1"), share)
+    declare_law_values(comm, scene, particles, particle_set, laws)
     bonds = Bonds(comm, particles, settings, particle_set, conditions)
     fixed = np.zeros((len(particle_set), bonds.d), bool)
     for plane in conditions.planes:

@@ -93,11 +93,13 @@ class QuasiStatic:
         self.balance = balance = self.equilibrium.solve(guess, after, step)
         announce(balance.reached, self.settings.step)
         lost = self.operator.commit(balance.displacement, step)
+        softened = self.body.forces.book_softening(ledger)
         work = self.operator.work_since(start, before, after)
         self._react(start, before, after, time, step)
         # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it
         # should be
-        ledger.add(1.0, lost, work.internal - lost - work.stored if step > 0.0 else 0.0, work.external)
+        numerical = work.internal - lost - softened - work.stored if step > 0.0 else 0.0
+        ledger.add(1.0, lost, numerical, work.external)
         ledger.add_term("residual_work", work.residual)
         self.remember(balance.displacement, time + step, step)
         return work

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import exact
+from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, keep_state
+from parsolid.materials.hyperelastic.functions import dissipated_energy
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.solids import (
@@ -17,7 +19,8 @@ from parsolid.methods.peridynamics.solids import (
 )
 from parsolid.methods.peridynamics.sweeps import gradient_at, inverse_at, matmul_in, store_rows
 from parsolid.particles.declaration import Columns, Field
-from parsolid.tensors import IDENTITY, determinant, plus
+from parsolid.particles.law_values import RECORD
+from parsolid.tensors import IDENTITY, cofactor, determinant, plus
 
 
 class TensorHistories:
@@ -25,15 +28,20 @@ class TensorHistories:
 
     tensor_history    (6 + 6 terms, n), with rows for as many branches as any law has
 
-    stored [J]: energy of the settled states, without the control's; sound, growth: see `CorrespondenceForces`.
+    stored [J]: energy of the settled states, without the control's; softened [J]: what state variables of laws have
+    dissipated in the last step; sound, growth: see `CorrespondenceForces`.
     """
 
-    def __init__(self, bonds: Bonds, laws: list[Any], terms: int, share: np.ndarray) -> None:
-        """laws: (first, last, law) of the rank's particles; terms: most branches of any law of the scene."""
+    def __init__(
+        self, bonds: Bonds, laws: list[Any], terms: int, share: np.ndarray, rows_of_values: dict[Any, slice]
+    ) -> None:
+        """laws: (first, last, law) of the rank's particles; terms: most branches of any law of the scene;
+        rows_of_values: of `particles.law_values`."""
+        self._rows_of_values = rows_of_values
         self.bonds, self.particles, self.plane = bonds, bonds.particles, True if bonds.d == 2 else None
         self.laws = laws
         self.tributary_volume = bonds.volume[: bonds.owned] * share
-        self.stored, self.sound, self.growth = 0.0, True, 1.0
+        self.stored, self.softened, self.sound, self.growth = 0.0, 0.0, True, 1.0
         columns = Field("tensor_history", 6 * (1 + terms), "1", checkpointed=True, mirror="tensor", layout=Columns())
         self.particles.declare(columns)
         for first, last, law in laws:
@@ -45,24 +53,30 @@ class TensorHistories:
         """The histories (rows, n)."""
         return self.particles.storage("tensor_history")
 
+    def _values(self, law: Any) -> np.ndarray | None:
+        """What a law has of each particle (values, n), or None."""
+        rows = self._rows_of_values.get(law)
+        return None if rows is None else self.particles.storage(RECORD)[rows]
+
     def store_stresses(self, step: float, sums: np.ndarray, M: np.ndarray) -> None:
         """M = P K^-1 of all particles after a step [s], from the sums of the gradient of u."""
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
         for first, last, law in self.laws:
-            given = first, last, kernel_law(law), step_weights(law, step)
+            given = first, last, kernel_law(law), self._values(law), step_weights(law, step)
             store_stresses(self.plane, *given, inverse, volume, self.history, sums, M)
 
     def commit(self, step: float, sums: np.ndarray) -> float:
         """Take all histories through a step [s] to the displacement whose gradient has these sums; the energy
         dissipated [J]."""
-        self.stored, lost, self.sound, self.growth = 0.0, 0.0, True, 1.0
+        self.stored, lost, self.softened, self.sound, self.growth = 0.0, 0.0, 0.0, True, 1.0
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
         for first, last, law in self.laws:
-            given = first, last, kernel_law(law), step_weights(law, step)
-            stored, loss, sound, waves = commit_histories(
+            given = first, last, kernel_law(law), self._values(law), step_weights(law, step)
+            stored, loss, softened, sound, waves = commit_histories(
                 self.plane, *given, inverse, volume, self.tributary_volume, self.history, sums
             )
             self.stored, lost, self.sound = self.stored + stored, lost + loss, self.sound and sound
+            self.softened += softened
             self.growth = max(self.growth, waves / undeformed_wave_modulus(law))
         return lost
 
@@ -76,45 +90,61 @@ class TensorHistories:
         """First Piola-Kirchhoff stress (owned, 9) [Pa] of the settled state from the sums of the gradient of u."""
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
         for first, last, law in self.laws:
-            given = first, last, kernel_law(law), step_weights(law, 0.0)
+            given = first, last, kernel_law(law), self._values(law), step_weights(law, 0.0)
             nominal_stresses(self.plane, *given, inverse, volume, self.history, sums, result)
 
 
 # without contraction, so that stresses before and after a restart have the same bits: one of these kernels stores the
 # histories, and others read them
 @exact
-def store_stresses(plane, first, last, law, weights, inverse, volume, history, sums, M):
-    """M = P K^-1 of particles first..last-1 after a step with the weights of `step_weights`."""
-    for a in range(first, last):
-        G = gradient_at(plane, sums, inverse, volume, a)
-        store_rows(plane, M, a, matmul_in(plane, stress_after(law, weights, history, a, G), inverse_at(inverse, a)))
+def law_after_step(law, values, a, G):
+    """The law at a particle after a step to the displacement gradient G; values: (values, n), or None of a law that has
+    nothing of each particle."""
+    if values is None:
+        return law
+    F = plus(IDENTITY, G)
+    return after_step(at_particle(law, values, a), F, cofactor(F), determinant(F))
 
 
 @exact
-def commit_histories(plane, first, last, law, weights, inverse, volume, tributary_volume, history, sums):
+def store_stresses(plane, first, last, law, values, weights, inverse, volume, history, sums, M):
+    """M = P K^-1 of particles first..last-1 after a step with the weights of `step_weights`."""
+    for a in range(first, last):
+        G = gradient_at(plane, sums, inverse, volume, a)
+        P = stress_after(law_after_step(law, values, a, G), weights, history, a, G)
+        store_rows(plane, M, a, matmul_in(plane, P, inverse_at(inverse, a)))
+
+
+@exact
+def commit_histories(plane, first, last, law, values, weights, inverse, volume, tributary_volume, history, sums):
     """Take histories of particles first..last-1 through a step.
 
     tributary_volume (owned,) [m^3]: on this side of mirror planes. Returns (stored energy after it, dissipated over it
-    [J], are all Jacobians positive, the bound of rho c^2 [Pa] of waves to come: that after the step times (J_old/J)^4
-    where a particle has shrunk, for what shrinks goes on shrinking).
+    in branches and by state variables [J], are all Jacobians positive, the bound of rho c^2 [Pa] of waves to come: that
+    after the step times (J_old/J)^4 where a particle has shrunk, for what shrinks goes on shrinking).
     """
-    stored, lost, sound, largest = 0.0, 0.0, True, 0.0
+    stored, lost, softened, sound, largest = 0.0, 0.0, 0.0, True, 0.0
     for a in range(first, last):
         G = gradient_at(plane, sums, inverse, volume, a)
-        energy, loss, waves, ratio = end_of_step(law, weights, history, a, G, plane)
+        here = law_after_step(law, values, a, G)
+        if values is not None:
+            softened += tributary_volume[a] * (dissipated_energy(here) - dissipated_energy(at_particle(law, values, a)))
+            keep_state(here, values, a)
+        energy, loss, waves, ratio = end_of_step(here, weights, history, a, G, plane)
         stored += tributary_volume[a] * energy
         lost += tributary_volume[a] * loss
         # of each particle: greatest of both apart would depend on which rank has which
         largest = max(largest, waves * max(ratio, 1.0) ** 2)
         if not determinant(plus(IDENTITY, G)) > 0.0:
             sound = False
-    return stored, lost, sound, largest
+    return stored, lost, softened, sound, largest
 
 
 @exact
-def nominal_stresses(plane, first, last, law, weights, inverse, volume, history, sums, result):
+def nominal_stresses(plane, first, last, law, values, weights, inverse, volume, history, sums, result):
     """First Piola-Kirchhoff stress (n, 9) [Pa] of particles first..last-1."""
     for a in range(first, last):
-        P = stress_after(law, weights, history, a, gradient_at(plane, sums, inverse, volume, a))
+        G = gradient_at(plane, sums, inverse, volume, a)
+        P = stress_after(law_after_step(law, values, a, G), weights, history, a, G)
         for c in range(9):
             result[a, c] = P[c]

@@ -97,6 +97,7 @@ class VelocityVerlet:
             announce(self.finite, self.stable_step())
         self.leapfrog.close_step(time + step, step, body.substeps)
         self.leapfrog.book(step, ledger, dissipated, KINETIC_OFFSET)
+        forces.book_softening(ledger)
         return bool(self.finite and forces.sound)
 
     # --- what is asked of it ----------------------------------------------------------------------------------

@@ -80,7 +80,7 @@ class BoxBodies(StepBound):
                 block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces, self._heat,
-                block.plastic_fields(step, self.last_step),
+                block.carried_fields(step, self.last_step),
             )  # fmt: skip
             sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
@@ -104,7 +104,7 @@ class BoxBodies(StepBound):
                 self.dimension,
                 block.branches_at_stage(stage.time, step), block.places, sweeps.v,
                 F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
+                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, block.values,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
@@ -235,7 +235,7 @@ def store_numbers(field, row, n, numbers):
 @kernel
 def advance_box(
     box, scratch, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
-    tiles, A, branch_sum, x, force, dissipation, heat, plastic,
+    tiles, A, branch_sum, x, force, dissipation, heat, carried,
 ):  # fmt: skip
     """Leapfrog: state of the nodes of a box after a step [s] with their velocity gradients in its middle.
 
@@ -266,7 +266,7 @@ def advance_box(
                 copy_branches_in(A, symmetric, field_A, row, n)
             update_tile(
                 law, step, third, signals, of_branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
-                signal, lost, plastic, row, n,
+                signal, lost, carried, row, n,
             )  # fmt: skip
             if initial is not None:
                 copy_in(stress, tensor, initial, row, n)

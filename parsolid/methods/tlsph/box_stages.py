@@ -2,7 +2,7 @@
 
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.point_stages import load_start, relax_over_step, stage_tile, store_deformation
-from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, load, store
+from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, load, load_values, store
 from parsolid.methods.tlsph.tile_fields import (
     copy_branches_in,
     copy_branches_out,
@@ -20,11 +20,11 @@ from parsolid.pairs.box_planes import gradient_in_plane, place_of
 def advance_box_stage(
     box, scratch, law, keep, take, step, at_start, at_end, d, branches, places,
     v, gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
-    volume, initial, G, P, Z, tiles, A, branch_sum,
+    volume, initial, G, P, Z, tiles, A, branch_sum, of_each,
 ):  # fmt: skip
     """SSP-RK3: one stage of the nodes of a box; box arrays and fields as in `box_bodies.advance_box`, else as in
-    `list_stages.advance_stage`. Z (2 d, places): halves of the density times the moduli of pressure and shear waves
-    along each axis."""
+    `list_stages.advance_stage`, whose `values` are `of_each` here. Z (2 d, places): halves of the density times the
+    moduli of pressure and shear waves along each axis."""
     sound, rate, largest, row = True, 0.0, 0.0, box.first
     values = scratch.values
     tensor, symmetric, tile_F, tile_H, tile_J, F_start, H_start, J_start = (
@@ -51,9 +51,11 @@ def advance_box_stage(
             if initial is not None:
                 for p in range(TILE):
                     store(F_before, p, load(tile_F, p))
+            if of_each is not None:
+                load_values(of_each, row, n)
             stage_tile(
                 law, keep, take, step, branches, tile_F, tile_H, tile_J, F_start, H_start, J_start, tile_G,
-                A, branch_sum, None, tile_P, fast, slow, lost,
+                A, branch_sum, None, tile_P, fast, slow, lost, of_each,
             )  # fmt: skip
             if initial is not None:
                 copy_in(stress, tensor, initial, row, n)
@@ -71,7 +73,7 @@ def advance_box_stage(
                     relax_over_step(branches, tile_F, F_start, A)
                     copy_branches_out(field_A, row, n, A, symmetric)
             if at_end:
-                waves_tile(law, d == 2, branches, tile_F, tile_H, tile_J, A, branch_sum, fast, slow, bound)
+                waves_tile(law, d == 2, branches, tile_F, tile_H, tile_J, A, branch_sum, fast, slow, bound, of_each)
                 largest = largest_modulus(largest, fast, bound, n)
             row += n
     return sound, rate, largest

@@ -123,7 +123,7 @@ class Leapfrog:
         sound, dissipated = self.find_forces(step, announce)
         self.kicks.close_step(time + step, step, self.system.substeps)
         self.kicks.book(step, ledger, dissipated, KINETIC_OFFSET)
-        for block in self.system.plastic_blocks:
+        for block in self.system.blocks:
             block.book(ledger)
         if self.system.fixed_walls is not None:
             self.system.fixed_walls.book(ledger)

@@ -114,7 +114,7 @@ class ListBodies(StepBound):
                 block.solid, step, self.dimension, self.signals, block.branches(step), self.half,
                 block.first, block.last, block.places, *fields, self.near.inner, self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
-                block.plastic_fields(step, self.last_step),
+                block.carried_fields(step, self.last_step),
             )  # fmt: skip
             sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
@@ -136,7 +136,7 @@ class ListBodies(StepBound):
                 block.first, block.last, block.places, gradient, cofactors[0], jacobian,
                 start[0], cofactors[1], start[1][0], *fields, self.near.inner, self.motion,
                 self.operator, self.record, self.fast, self.slow, block.tiles, block.A, block.branch_sum,
-                block.push if self._moved else None,
+                block.push if self._moved else None, block.values,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))

@@ -3,7 +3,7 @@
 from parsolid.kernels import kernel
 from parsolid.methods.tlsph.list_update import find_gradients, store_stresses
 from parsolid.methods.tlsph.point_stages import load_start, relax_over_step, stage_tile, store_deformation
-from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, load, store
+from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, load, load_values, store
 from parsolid.methods.tlsph.tile_fields import (
     copy_branches_in,
     copy_branches_out,
@@ -34,7 +34,7 @@ def advance_stage(
     law, keep, take, step, at_start, at_end, d, branches, half, isotropic, first, last, places,
     gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
     volume, push, inverse, initial,
-    pairs, motion, operator, record, fast, slow, tiles, A, branch_sum, push_tile,
+    pairs, motion, operator, record, fast, slow, tiles, A, branch_sum, push_tile, values,
 ):  # fmt: skip
     """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of particles first .. last - 1, with records of the
     state before it; at_start, at_end: whether it is the first or the last of the step.
@@ -67,8 +67,10 @@ def advance_stage(
         if initial is not None:
             for p in range(TILE):
                 store(F_before, p, load(F, p))
+        if values is not None:
+            load_values(values, i, n)
         stage_tile(
-            law, keep, take, step, branches, F, H, J, F0, H0, J0, G, A, branch_sum, push_tile, P, Q_p, Q_s, lost
+            law, keep, take, step, branches, F, H, J, F0, H0, J0, G, A, branch_sum, push_tile, P, Q_p, Q_s, lost, values
         )  # fmt: skip
         if initial is not None:
             copy_in(S, tensor, initial, i, n)
@@ -86,6 +88,6 @@ def advance_stage(
                 relax_over_step(branches, F, F0, A)
                 copy_branches_out(field_A, i, n, A, symmetric)
         if at_end:
-            waves_tile(law, d == 2, branches, F, H, J, A, branch_sum, Q_p, Q_s, bound)
+            waves_tile(law, d == 2, branches, F, H, J, A, branch_sum, Q_p, Q_s, bound, values)
             largest = largest_modulus(largest, Q_p, bound, n)
     return sound, rate, largest

@@ -126,7 +126,7 @@ def store_stresses(d, i, n, P, Z, operator, record):
 def advance_step(
     law, step, d, signals, branches, half, first, last, places,
     gradient, jacobian, field_A, volume, push, inverse, initial,
-    pairs, motion, operator, record, tiles, A, branch_sum, push_tile, plastic,
+    pairs, motion, operator, record, tiles, A, branch_sum, push_tile, carried,
 ):  # fmt: skip
     """Leapfrog: state of particles first .. last - 1 after a step [s] with their velocity gradients in its middle, and
     records of the new state.
@@ -134,7 +134,7 @@ def advance_step(
     Arguments as in `point_update.update_tile`; fields (components, n): deformation gradient, jacobian (n,), A of the
     branches, push and inverse of an updated reference, initial stress [Pa]; volume (n,) [m^3]; operator, record:
     rows, see `list_sweeps`. Fields and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
-    plastic: `plastic.PlasticFields` of a law that flows, else None.
+    carried: see there.
 
     Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
     """
@@ -156,7 +156,7 @@ def advance_step(
         if A is not None:
             copy_branches_in(A, symmetric, field_A, i, n)
         update_tile(
-            law, step, third, signals, of_branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost, plastic, i, n
+            law, step, third, signals, of_branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost, carried, i, n
         )  # fmt: skip
         if A is not None:
             copy_branches_out(field_A, i, n, A, symmetric)

@@ -165,10 +165,10 @@ def wave_tensors(tile, p):
 
 @update_tile.of(ElasticPlastic)
 def _update_plastic(
-    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, plastic, row, n
+    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, carried, row, n
 ):
     # a function of its own, compiled once for lists and boxes
-    _advance(law, plastic, plastic.heat, row, n, step, third, signals, F, G, push, J, P, impedance, signal)
+    _advance(law, carried, carried.heat, row, n, step, third, signals, F, G, push, J, P, impedance, signal)
 
 
 @kernel
@@ -236,11 +236,13 @@ def find_states(law, fields, gradient, places, first, last, third, stress, waves
 class PlasticBlock(LawBlock):
     """Particles of a rank that share an elastic-plastic law, with what `state.LawBlock` offers."""
 
-    def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
-        super().__init__(particles, first, last, law)
+    def __init__(
+        self, particles: Particles, first: int, last: int, law: Any, rows_of_values: slice | None = None
+    ) -> None:
+        super().__init__(particles, first, last, law, rows_of_values)
         self.totals, self._tile = aligned_zeros(5), new_tile(count_of(law.failure))
 
-    def plastic_fields(self, step: float, last_step: float) -> PlasticFields:
+    def carried_fields(self, step: float, last_step: float) -> PlasticFields:
         """The fields as kernels take them in a step [s] after one of another length; their totals begin anew."""
         stored, law = self.particles.storage, self.law
 
@@ -302,7 +304,7 @@ class PlasticBlock(LawBlock):
     def _states(self, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
         gradient, third = self.particles.storage("deformation_gradient"), 0.0 if self.dimension == 2 else 1.0
         stress, waves = np.zeros((last - first, 9)), np.zeros((last - first, 3))
-        fields, places = self.plastic_fields(0.0, 0.0), self.places.tensor
+        fields, places = self.carried_fields(0.0, 0.0), self.places.tensor
         find_states(self.law, fields, gradient, places, first, last, third, stress, waves)
         return stress, waves
 

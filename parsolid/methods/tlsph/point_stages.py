@@ -11,7 +11,7 @@ from parsolid.methods.tlsph.point_update import (
     stress_with_branches,
     waves_with_branches,
 )
-from parsolid.methods.tlsph.tile_fields import copy, copy_in, copy_out
+from parsolid.methods.tlsph.tile_fields import copy, copy_in, copy_out, law_in
 from parsolid.tensors import (
     cofactor,
     combine,
@@ -41,12 +41,14 @@ def branches_at_stage(k, branches, F, F_start, A, branch_sum, rate):
 
 @kernel
 def stage_tile(
-    law, keep, take, step, branches, F, H, J, F_start, H_start, J_start, G, A, branch_sum, push, P, fast, slow, rate
+    law, keep, take, step, branches, F, H, J, F_start, H_start, J_start, G, A, branch_sum, push, P, fast, slow, rate,
+    values,
 ):  # fmt: skip
     """SSP-RK3: one stage y <- keep y_start + take (y + step dy/dt) of F, H and J of a tile, eqs (72b) to (72d).
 
     Fills P [Pa] and, of the state before the stage, halves of rho^2 times the wave tensors of pressure (fast, 6 TILE)
     and shear (slow); rate: dissipation [W/m^3] of the branches, times its factor in the integral over the step.
+    values: `ParticleValues` of a law without state variables, or None.
     """
     total = 0.0
     if A is not None:
@@ -59,8 +61,9 @@ def stage_tile(
             total += branches.moduli[k]
     for p in range(TILE):
         F_old, H_old, J_old, grad_v = load(F, p), load(H, p), J[p], load(G, p)
-        P_old = stress_with_branches(law, total, branch_sum, p, F_old, H_old, J_old)
-        Q_p, Q_s = waves_with_branches(law, total, branch_sum, p, F_old, H_old, J_old)
+        here = law_in(law, values, p)
+        P_old = stress_with_branches(here, total, branch_sum, p, F_old, H_old, J_old)
+        Q_p, Q_s = waves_with_branches(here, total, branch_sum, p, F_old, H_old, J_old)
         if push is not None:
             Q_p, Q_s = congruence(load(push, p), Q_p), congruence(load(push, p), Q_s)
         store(P, p, P_old)

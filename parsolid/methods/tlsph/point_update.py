@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from parsolid.kernels import aligned_zeros, inlined, kernel
-from parsolid.materials.hyperelastic.functions import pressure_waves, shear_waves, stress
+from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, keep_state
+from parsolid.materials.hyperelastic.functions import dissipated_energy, pressure_waves, shear_waves, stress
 from parsolid.materials.law_functions import law_function
 from parsolid.materials.viscoelastic.maxwell import (
     branch_stress,
@@ -55,6 +56,19 @@ class Branches(NamedTuple):
     to_stage: np.ndarray
 
 
+class ParticleValues(NamedTuple):
+    """What a law has of each particle (`materials.hyperelastic.at_particles`): field (values, n), of which the last
+    ones are `states` state variables; volume (n,) [m^3]; tile (values, TILE), with sound particles in all of it, and
+    lost (TILE): what the state variables dissipate there [J/m^3]; dissipated (TILE,): the sums of a step [J]."""
+
+    field: np.ndarray
+    states: int
+    volume: np.ndarray
+    tile: np.ndarray
+    lost: np.ndarray
+    dissipated: np.ndarray
+
+
 @inlined
 def load(t, p):
     """General tensor of particle p of a tile."""
@@ -88,6 +102,33 @@ def make_tile(components: int) -> np.ndarray:
     tile = aligned_zeros((components, TILE))
     tile[list(diagonal)] = 1.0
     return tile.ravel()
+
+
+@inlined
+def law_at(law, values, p):
+    """The law at particle p of a tile of what it has of each, None where it has nothing."""
+    return law if values is None else at_particle(law, values, p)
+
+
+@kernel
+def load_values(values, i, n):
+    """What a law has of n particles from row i on into its tile."""
+    start, field, tile = np.uintp(i), values.field, values.tile
+    for c in range(field.shape[0]):
+        for p in range(np.uintp(n)):
+            tile[c, p] = field[c, start + p]
+
+
+@kernel
+def store_values(values, i, n):
+    """State variables of n particles of a tile into rows from i on, and what they have dissipated to the sums."""
+    start, field, tile = np.uintp(i), values.field, values.tile
+    for c in range(field.shape[0] - values.states, field.shape[0]):
+        for p in range(np.uintp(n)):
+            field[c, start + p] = tile[c, p]
+    dissipated, lost, volume = values.dissipated, values.lost, values.volume
+    for p in range(np.uintp(n)):
+        dissipated[p] += lost[p] * volume[start + p]
 
 
 @inlined
@@ -162,15 +203,22 @@ def clear_sums(branch_sum, lost):
 
 
 @kernel
-def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal):
+def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, values, lost):
     """F after a step, and what follows from it, see `update_tile`. total, branch_sum: of the branches, branch_sum None
-    without; third: 0 in plane strain, else 1."""
+    without; third: 0 in plane strain, else 1; values: tile of what the law has of each particle, or None; lost (TILE):
+    what its state variables dissipate [J/m^3], where there are values."""
     for p in range(TILE):
         F_new = combine(1.0, load(F, p), step, load(G, p))
         H = cofactor(F_new)
         J_new = F_new[0] * H[0] + F_new[1] * H[1] + F_new[2] * H[2]
-        P_new = stress_with_branches(law, total, branch_sum, p, F_new, H, J_new)
-        fast, slow = waves_with_branches(law, total, branch_sum, p, F_new, H, J_new)
+        here = law_at(law, values, p)
+        if values is not None:
+            before = dissipated_energy(here)
+            here = after_step(here, F_new, H, J_new)
+            keep_state(here, values, p)
+            lost[p] = dissipated_energy(here) - before
+        P_new = stress_with_branches(here, total, branch_sum, p, F_new, H, J_new)
+        fast, slow = waves_with_branches(here, total, branch_sum, p, F_new, H, J_new)
         store(F, p, F_new)
         store(P, p, P_new)
         J[p] = J_new
@@ -179,14 +227,15 @@ def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, 
 
 @law_function
 def update_tile(
-    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, plastic, row, n
+    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, carried, row, n
 ):
     """Leapfrog: the state of a tile after a step [s] with its velocity gradient G [1/s] in the middle of the step.
 
     law: without branches, see `materials.hyperelastic.functions`. third: 0 in plane strain, else 1. signals: six
     numbers (p1, s1, p2, s2, p3, s3). branches: arrays (moduli, times, weights, losses) of `Branches`; A (branches * 6
     TILE) and the scratch branch_sum (6 TILE) are None for laws without. push (9 TILE): F_r/J_r of an updated reference,
-    or None. plastic: `plastic.PlasticFields` of a law that flows, of which the tile has rows row .. row + n - 1.
+    or None. carried: what particles have besides, of which the tile has rows row .. row + n - 1: `ParticleValues`, of a
+    law that flows `plastic.PlasticFields`, or None.
 
     Advances F and A. Fills J, P [Pa], impedance (2 TILE): half rho c of pressure and of shear waves [kg/(m^2 s)], the
     root of its mean square over directions; signal: the greatest of the sums p_i sqrt(rho) c_p + s_i sqrt(rho) c_s
@@ -196,7 +245,7 @@ def update_tile(
 
 @update_tile.otherwise
 def _update_elastic(
-    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, plastic, row, n
+    law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, carried, row, n
 ):
     moduli, times, weights, losses = branches
     total = 0.0
@@ -210,7 +259,15 @@ def _update_elastic(
             )  # fmt: skip
             total += moduli[k]
     # a function of its own: LLVM makes twice as fast a loop of it
-    deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal)
+    if carried is None:
+        deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, None, None)
+    else:
+        load_values(carried, row, n)
+        deform_tile(
+            law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal,
+            carried.tile, carried.lost,
+        )  # fmt: skip
+        store_values(carried, row, n)
 
 
 @kernel

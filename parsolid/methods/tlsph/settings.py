@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.materials.declaration import Phrase
+from parsolid.materials.declaration import SOFTENING, Phrase
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body, flowing
 from parsolid.methods.tlsph.body_weights import (
@@ -268,6 +268,11 @@ class TotalLagrangianSPH(MethodSettings):
             expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
         faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene) + self._plastic_faults(scene)
+        if self.integrator == "ssp-rk3" and any(
+            SOFTENING in getattr(body.material, "ledger_terms", {}) for body in scene.bodies
+        ):
+            expected = "'leapfrog' with state variables of laws, which change once a step"
+            faults.append((("method", "integrator"), expected, self.integrator))
         refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
         faults += [refused] if refused is not None else []
         return faults + self._edge_faults(scene)

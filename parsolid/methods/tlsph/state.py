@@ -4,13 +4,17 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.kernels import aligned_zeros
+from parsolid.materials.declaration import SOFTENING
+from parsolid.materials.hyperelastic.at_particles import state_count, values_at_rest
 from parsolid.materials.viscoelastic.maxwell import dissipation_factor, loss_weights, relaxation_weights
-from parsolid.methods.tlsph.point_update import Branches, make_tile
+from parsolid.methods.tlsph.point_update import TILE, Branches, ParticleValues, make_tile
 from parsolid.methods.tlsph.tangent import find_moduli
 from parsolid.methods.tlsph.tile_fields import (
     PLACES,
     make_branch_tiles,
     make_tiles,
+    settle_states,
     stored_energy,
     stresses,
     wave_speeds,
@@ -18,6 +22,7 @@ from parsolid.methods.tlsph.tile_fields import (
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.generated import declare_generated
+from parsolid.particles.law_values import RECORD
 
 _BRANCH_AT_REST = {2: (1.0, 1.0, 0.0), 3: (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)}
 
@@ -66,8 +71,15 @@ class LawBlock:
 
     sound = True
 
-    def __init__(self, particles: Particles, first: int, last: int, law: Any) -> None:
+    def __init__(
+        self, particles: Particles, first: int, last: int, law: Any, rows_of_values: slice | None = None
+    ) -> None:
+        """rows_of_values: of what the law has of each particle, see `particles.law_values`."""
         self.particles, self.first, self.last, self.law = particles, first, last, law
+        self._rows_of_values = rows_of_values
+        if rows_of_values is not None:
+            self._value_tile = np.tile(np.array(values_at_rest(law))[:, None], TILE)
+            self._lost, self._dissipated = aligned_zeros(TILE), aligned_zeros(TILE)
         self.solid = law if law.branch_moduli is None else law._replace(branch_moduli=None, relaxation_times=None)
         self.moduli = np.array(law.branch_moduli or (), float)
         self.times = np.array(law.relaxation_times or (), float)
@@ -78,9 +90,32 @@ class LawBlock:
         self.push = make_tile(9)
         self._none = self._branches((), (), ())
 
-    def plastic_fields(self, step: float, last_step: float) -> Any:
-        """Fields of a law that flows, in a step [s] after one of another length: None."""
-        return None
+    def carried_fields(self, step: float, last_step: float) -> Any:
+        """What `update_tile` takes of what particles have besides, in a step [s] after one of another length; what
+        state variables dissipate is summed anew."""
+        if self._rows_of_values is not None:
+            self._dissipated[:] = 0.0
+        return self.values
+
+    @property
+    def values(self) -> ParticleValues | None:
+        """What the law has of each particle, or None."""
+        if self._rows_of_values is None:
+            return None
+        stored = self.particles.storage
+        fields = stored(RECORD)[self._rows_of_values], state_count(self.law), stored("volume")[0]
+        return ParticleValues(*fields, self._value_tile, self._lost, self._dissipated)
+
+    def settle(self) -> None:
+        """State variables at time 0, which the deformation may have changed."""
+        if self._rows_of_values is not None:
+            gradient = self.particles.storage("deformation_gradient")
+            settle_states(self.solid, self.first, self.last, self.places, gradient, self.tiles, self.values)
+
+    def book(self, ledger: Any) -> None:
+        """Enter into a ledger what state variables have dissipated in the last step."""
+        if self._rows_of_values is not None and state_count(self.law):
+            ledger.add_term(SOFTENING, float(self._dissipated.sum()))
 
     def branches(self, step: float) -> Branches:
         """Over a step [s] of leapfrog."""
@@ -115,24 +150,26 @@ class LawBlock:
         """Stored energy [J] on this side of mirror planes."""
         state, volume = self._state(), self.particles.storage("volume")[0]
         rows = (self.first, self.last, self.places)
-        return float(stored_energy(self.solid, self.branches(0.0), *rows, *state, volume, self.tiles, self.A))
+        tiles = self.tiles, self.A, self.values
+        return float(stored_energy(self.solid, self.branches(0.0), *rows, *state, volume, *tiles))
 
     def stresses(self, first: int, last: int) -> np.ndarray:
         """First Piola-Kirchhoff stresses (last - first, 3, 3) [Pa] of some of the particles."""
         result, tiles = np.zeros((last - first, 3, 3)), (self.tiles, self.A, self.branch_sum)
-        stresses(self.solid, self.branches(0.0), first, last, self.places, *self._state(), *tiles, result)
+        stresses(self.solid, self.branches(0.0), first, last, self.places, *self._state(), *tiles, self.values, result)
         return result
 
     def find_moduli(self, index: np.ndarray, moduli: np.ndarray) -> None:
         """d2W/dF dF [Pa] of the present deformation, without branches, into columns of moduli, see `tangent`."""
         gradient = self.particles.storage("deformation_gradient")
-        find_moduli(self.solid, self.first, self.last, self.places.tensor, index, gradient, self.tiles, moduli)
+        rows = self.first, self.last, self.places.tensor
+        find_moduli(self.solid, *rows, index, gradient, self.tiles, moduli, self.values)
 
     def wave_speeds(self, signals: tuple[float, ...]) -> tuple[float, float]:
         """Greatest rho c_p^2 [Pa] and greatest signal [sqrt(Pa)] now, see `tile_fields.wave_speeds`."""
         rows, tiles = (self.first, self.last, self.places), (self.tiles, self.A, self.branch_sum)
         arguments = (self.dimension == 2, signals, self.branches(0.0), *rows, *self._state(), *tiles)
-        largest, greatest = wave_speeds(self.solid, *arguments)
+        largest, greatest = wave_speeds(self.solid, *arguments, self.values)
         return float(largest), float(greatest)
 
 

@@ -33,6 +33,7 @@ from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, initial_velocity
+from parsolid.particles.law_values import declare_law_values, rows_of_laws
 from parsolid.particles.particle_set import ParticleSet
 
 # energy that the balance has the round-off of, over modulus times volume: 1e-12 of it, see `energy_check`, is four to
@@ -68,7 +69,9 @@ class TotalLagrangianSPH(Reports):
         declare_plastic(self.particles, self.dimension, of_groups, self.settings.dissipation != 0.0)
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
         of_law = {ElasticPlastic: PlasticBlock}
-        self.blocks = [of_law.get(type(one[2]), LawBlock)(self.particles, *one) for one in found]
+        declare_law_values(comm, scene, self.particles, particle_set, self.laws)
+        rows = rows_of_laws(self.laws)
+        self.blocks = [of_law.get(type(one[2]), LawBlock)(self.particles, *one, rows.get(one[2])) for one in found]
         self.plastic_blocks = [block for block in self.blocks if isinstance(block, PlasticBlock)]
         meshes = meshes_of(self.body_weights)
         without_images = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
@@ -157,6 +160,8 @@ class TotalLagrangianSPH(Reports):
         begin_plastic(scene, self.particles, particle_set, self.plastic_blocks)
         self.complete_strain(derived)
         take_state(self.comm, scene, self, particle_set)
+        for block in self.blocks:
+            block.settle()
         self.conditions.hold(0.0)
         if take_forces(self.comm, scene, self) and self.leapfrog is not None:
             self.leapfrog.forces_of = 0

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.kernels import kernel
+from parsolid.kernels import inlined, kernel
 from parsolid.materials.hyperelastic.functions import stress
 from parsolid.methods.tlsph.list_update import find_gradients, store_stresses
-from parsolid.methods.tlsph.point_update import TILE, load, store
-from parsolid.methods.tlsph.tile_fields import copy_in, copy_out
+from parsolid.methods.tlsph.point_update import TILE, load, load_values, store
+from parsolid.methods.tlsph.tile_fields import copy_in, copy_out, law_in
 from parsolid.pairs.box_planes import gradient_in_plane, place_of, stress_forces_in_plane
 from parsolid.pairs.box_weights import REACH
 from parsolid.tensors import cofactor, combine, determinant
@@ -32,26 +32,26 @@ def packed(d: int) -> np.ndarray:
     return np.maximum(result, result.T)
 
 
+@inlined
+def stress_at(law, F):
+    """P [Pa] of a deformation gradient alone."""
+    return stress(law, F, cofactor(F), determinant(F))
+
+
 @kernel
-def add_slopes(law, places, index, F, P, i, n, moduli):
-    """Add dP/dF of n particles of a tile to their moduli (entries, particles) from row i on; P: a scratch tile."""
+def add_slopes(law, places, index, F, P, i, n, moduli, values):
+    """Add dP/dF of n particles of a tile to their moduli (entries, particles) from row i on; P: a scratch tile; values:
+    `ParticleValues` or None."""
     for j in range(places.size):
         c = places[j]
         for p in range(TILE):
-            here = load(F, p)
+            law_here, here = law_in(law, values, p), load(F, p)
             unit = (1.0 * (c == 0), 1.0 * (c == 1), 1.0 * (c == 2), 1.0 * (c == 3), 1.0 * (c == 4),
                     1.0 * (c == 5), 1.0 * (c == 6), 1.0 * (c == 7), 1.0 * (c == 8))  # fmt: skip
             a, b = combine(1.0, here, _STEP, unit), combine(1.0, here, -_STEP, unit)
             far_a, far_b = combine(1.0, here, 2.0 * _STEP, unit), combine(1.0, here, -2.0 * _STEP, unit)
-            near = combine(
-                1.0, stress(law, a, cofactor(a), determinant(a)), -1.0, stress(law, b, cofactor(b), determinant(b))
-            )
-            far = combine(
-                1.0,
-                stress(law, far_a, cofactor(far_a), determinant(far_a)),
-                -1.0,
-                stress(law, far_b, cofactor(far_b), determinant(far_b)),
-            )
+            near = combine(1.0, stress_at(law_here, a), -1.0, stress_at(law_here, b))
+            far = combine(1.0, stress_at(law_here, far_a), -1.0, stress_at(law_here, far_b))
             store(P, p, combine(2.0 / (3.0 * _STEP), near, -1.0 / (12.0 * _STEP), far))
         for k in range(places.size):
             # entries beside the diagonal are found twice, which are the same but for rounding
@@ -61,9 +61,9 @@ def add_slopes(law, places, index, F, P, i, n, moduli):
 
 
 @kernel
-def find_moduli(law, first, last, tensor, index, gradient, tiles, moduli):
+def find_moduli(law, first, last, tensor, index, gradient, tiles, moduli, values):
     """Moduli d2W/dF dF [Pa] (entries, particles), see `packed`, of particles first .. last - 1 with the deformation
-    gradients (d d, particles)."""
+    gradients (d d, particles); values: `ParticleValues` or None."""
     F, P = tiles.F, tiles.P
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
@@ -71,7 +71,9 @@ def find_moduli(law, first, last, tensor, index, gradient, tiles, moduli):
         for c in range(moduli.shape[0]):
             for p in range(i, i + n):
                 moduli[c, p] = 0.0
-        add_slopes(law, tensor, index, F, P, i, n, moduli)
+        if values is not None:
+            load_values(values, i, n)
+        add_slopes(law, tensor, index, F, P, i, n, moduli, values)
 
 
 @kernel

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import aligned_zeros, kernel
+from parsolid.kernels import aligned_zeros, inlined, kernel
+from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, keep_state
 from parsolid.materials.hyperelastic.functions import energy
 from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.methods.tlsph.point_update import (
@@ -16,13 +17,15 @@ from parsolid.methods.tlsph.point_update import (
     in_directions,
     load,
     load_symmetric,
+    load_values,
     make_tile,
     store,
     store_symmetric,
+    store_values,
     stress_with_branches,
     waves_with_branches,
 )
-from parsolid.tensors import cofactor, gram, largest_eigenvalue, largest_eigenvalue_bound
+from parsolid.tensors import cofactor, determinant, gram, largest_eigenvalue, largest_eigenvalue_bound
 
 
 class Places(NamedTuple):
@@ -166,9 +169,16 @@ def load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
             J[p] = F[p] * H[p] + F[TILE + p] * H[TILE + p] + F[2 * TILE + p] * H[2 * TILE + p]
 
 
+@inlined
+def law_in(law, values, p):
+    """The law at particle p of the tile of `ParticleValues`, or None."""
+    return law if values is None else at_particle(law, values.tile, p)
+
+
 @kernel
-def stored_energy(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, volume, tiles, A):
-    """Sum of W V [J] over particles first .. last - 1, eqs (19), (20) of Lee et al.; volume (n,): tributary."""
+def stored_energy(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, volume, tiles, A, values):
+    """Sum of W V [J] over particles first .. last - 1, eqs (19), (20) of Lee et al.; volume (n,): tributary. values:
+    `ParticleValues` or None."""
     total = 0.0
     F, H, J, tensor, symmetric = tiles.F, tiles.H, tiles.J, places.tensor, places.symmetric
     for i in range(first, last, TILE):
@@ -176,15 +186,34 @@ def stored_energy(law, branches, first, last, places, gradient, cofactors, jacob
         load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if A is not None:
             copy_branches_in(A, symmetric, field_A, i, n)
+        if values is not None:
+            load_values(values, i, n)
         for p in range(n):
             F_p = load(F, p)
-            W = energy(law, F_p, load(H, p), J[p])
+            W = energy(law_in(law, values, p), F_p, load(H, p), J[p])
             if A is not None:
                 for k in range(branches.moduli.size):
                     A_k = load_symmetric(A[6 * TILE * k : 6 * TILE * (k + 1)], p)
                     W += branch_energy(branches.moduli[k], gram(F_p), J[p], A_k)
             total += W * volume[i + p]
     return total
+
+
+@kernel
+def settle_states(law, first, last, places, gradient, tiles, values):
+    """Let state variables of particles first .. last - 1 be those that their deformation asks for; values:
+    `ParticleValues`."""
+    F, tensor = tiles.F, places.tensor
+    values.lost[:] = 0.0
+    for i in range(first, last, TILE):
+        n = min(TILE, last - i)
+        copy_in(F, tensor, gradient, i, n)
+        load_values(values, i, n)
+        for p in range(n):
+            F_p = load(F, p)
+            here = after_step(at_particle(law, values.tile, p), F_p, cofactor(F_p), determinant(F_p))
+            keep_state(here, values.tile, p)
+        store_values(values, i, n)
 
 
 @kernel
@@ -201,17 +230,20 @@ def sum_branches(branches, A, branch_sum):
 
 
 @kernel
-def stress_tile(law, branches, F, H, J, A, branch_sum, P):
+def stress_tile(law, branches, F, H, J, A, branch_sum, P, values):
     """P [Pa] of the state of a tile."""
     total = 0.0
     if A is not None:
         total = sum_branches(branches, A, branch_sum)
     for p in range(TILE):
-        store(P, p, stress_with_branches(law, total, branch_sum, p, load(F, p), load(H, p), J[p]))
+        here = law_in(law, values, p)
+        store(P, p, stress_with_branches(here, total, branch_sum, p, load(F, p), load(H, p), J[p]))
 
 
 @kernel
-def stresses(law, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum, out):
+def stresses(
+    law, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum, values, out
+):
     """First Piola-Kirchhoff stresses [Pa] of particles first .. last - 1 into out (last - first, 3, 3)."""
     F, H, J, P, tensor, symmetric = tiles.F, tiles.H, tiles.J, tiles.P, places.tensor, places.symmetric
     for i in range(first, last, TILE):
@@ -219,14 +251,16 @@ def stresses(law, branches, first, last, places, gradient, cofactors, jacobian, 
         load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if A is not None:
             copy_branches_in(A, symmetric, field_A, i, n)
-        stress_tile(law, branches, F, H, J, A, branch_sum, P)
+        if values is not None:
+            load_values(values, i, n)
+        stress_tile(law, branches, F, H, J, A, branch_sum, P, values)
         for p in range(n):
             for c in range(9):
                 out[i - first + p, c // 3, c % 3] = P[c * TILE + p]
 
 
 @kernel
-def waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound):
+def waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound, values):
     """Wave tensors [Pa] of pressure (fast) and shear (slow) of the state of a tile, and a bound (2 TILE) on the largest
     eigenvalue of each over the directions of propagation."""
     total = 0.0
@@ -234,7 +268,8 @@ def waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound):
         total = sum_branches(branches, A, branch_sum)
     third = 0.0 if plane else 1.0
     for p in range(TILE):
-        Q_p, Q_s = waves_with_branches(law, total, branch_sum, p, load(F, p), load(H, p), J[p])
+        here = law_in(law, values, p)
+        Q_p, Q_s = waves_with_branches(here, total, branch_sum, p, load(F, p), load(H, p), J[p])
         Q_p, Q_s = in_directions(third, Q_p), in_directions(third, Q_s)
         store_symmetric(fast, p, Q_p)
         store_symmetric(slow, p, Q_s)
@@ -254,8 +289,9 @@ def largest_modulus(largest, fast, bound, count):
 
 @kernel
 def wave_speeds(
-    law, plane, signals, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum
-):
+    law, plane, signals, branches, first, last, places, gradient, cofactors, jacobian, field_A, tiles, A, branch_sum,
+    values,
+):  # fmt: skip
     """(Greatest rho c_p^2 [Pa], greatest weighted sum of wave speeds [sqrt(Pa)] as in `update_tile`) of particles
     first .. last - 1."""
     largest, greatest = 0.0, 0.0
@@ -267,7 +303,9 @@ def wave_speeds(
         load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n)
         if A is not None:
             copy_branches_in(A, symmetric, field_A, i, n)
-        waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound)
+        if values is not None:
+            load_values(values, i, n)
+        waves_tile(law, plane, branches, F, H, J, A, branch_sum, fast, slow, bound, values)
         largest = largest_modulus(largest, fast, bound, n)
         for p in range(n):
             c_p, c_s = bound[p] ** 0.5, bound[TILE + p] ** 0.5

@@ -1,0 +1,152 @@
+"""What a hyperelastic law has at each particle: fields of the reference place, such as directions of fibres, and state
+variables.
+
+Members of its NamedTuple, one after the other and state variables last, say so:
+
+    fibre: Annotated[tuple, Direction("of the fibres")]
+    damage: Annotated[float, StateVariable("1", "the largest so far")]
+
+The law of a body has values at rest there. Kernels keep those of particles in arrays (values, particles), of a tile or
+of a whole rank, and ask for the law at a particle, which is of the same type.
+"""
+
+from collections.abc import Callable
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from parsolid.kernels import inlined
+from parsolid.materials.declaration import Direction, OfParticle, StateVariable
+from parsolid.materials.hyperelastic.functions import next_state
+from parsolid.materials.law_functions import law_function
+
+
+class Member(NamedTuple):
+    """A member of a law that particles have values of; components: 3 of a direction, else 1."""
+
+    name: str
+    note: OfParticle
+    components: int
+
+
+@law_function
+def members(law):
+    """The `Member`s of a law, in order; in Python alone."""
+
+
+@law_function
+def at_particle(law, values, p):
+    """The law at particle p of an array (values, particles)."""
+
+
+@law_function
+def after_step(law, F, H, J):
+    """The law at a particle with the state variables after a step that ends at F."""
+
+
+@law_function
+def keep_state(law, values, p):
+    """Put the state variables of the law at particle p into an array (values, particles)."""
+
+
+def members_of_kind(kind: type) -> tuple[Member, ...]:
+    """The `Member`s that a NamedTuple declares. Raises TypeError where they do not follow one another."""
+    found, places = list[Member](), list[int]()
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+        for note in notes:
+            if isinstance(note, OfParticle):
+                found.append(Member(name, note, 3 if isinstance(note, Direction) else 1))
+                places.append(kind._fields.index(name))  # type: ignore[attr-defined]
+    states = [isinstance(one.note, StateVariable) for one in found]
+    if (places and places != list(range(places[0], places[0] + len(places)))) or states != sorted(states):
+        names = ", ".join(one.name for one in found)
+        raise TypeError(f"{kind.__name__}: {names} are expected to follow one another, state variables last")
+    return tuple(found)
+
+
+def values_at_rest(law: Any) -> list[float]:
+    """The values that the law of a body has where those of particles stand."""
+    return [number for one in members(law) for number in _numbers(one.note.at_rest)]
+
+
+def _numbers(value: Any) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (value,)
+
+
+def state_count(law: Any) -> int:
+    """How many of the values are state variables, the last ones."""
+    return sum(isinstance(one.note, StateVariable) for one in members(law))
+
+
+@members.made_by
+def _members_of(kind: type) -> Callable[..., Any]:
+    found = members_of_kind(kind)
+    return lambda law: found
+
+
+@at_particle.made_by
+def _at_particle_of(kind: type) -> Callable[..., Any]:
+    found = members_of_kind(kind)
+    if not found:
+        return lambda law, values, p: law
+    first = kind._fields.index(found[0].name)  # type: ignore[attr-defined]
+    last = first + len(found)
+    read = inlined(_reading([one.components for one in found], 0))
+
+    def at_particle_of(law, values, p):
+        return kind(*(law[:first] + read(values, p) + law[last:]))
+
+    return at_particle_of
+
+
+@inlined
+def _vector(values, row, p):
+    return (values[row, p], values[row + 1, p], values[row + 2, p])
+
+
+def _reading(components: list[int], row: int) -> Callable[..., Any]:
+    """What reads members of so many components from a row on."""
+    if not components:
+        return lambda values, p: ()
+    rest = inlined(_reading(components[1:], row + components[0]))
+    if components[0] == 3:
+        return lambda values, p: (_vector(values, row, p),) + rest(values, p)  # noqa: RUF005 (numba knows sums)
+    return lambda values, p: (values[row, p],) + rest(values, p)  # noqa: RUF005
+
+
+@after_step.made_by
+def _after_step_of(kind: type) -> Callable[..., Any]:
+    states = [one.name for one in members_of_kind(kind) if isinstance(one.note, StateVariable)]
+    if not states:
+        return lambda law, F, H, J: law
+    first = kind._fields.index(states[0])  # type: ignore[attr-defined]
+    last = first + len(states)
+
+    def after_step_of(law, F, H, J):
+        return kind(*(law[:first] + next_state(law, F, H, J) + law[last:]))
+
+    return after_step_of
+
+
+@keep_state.made_by
+def _keep_state_of(kind: type) -> Callable[..., Any]:
+    row, keep = 0, _keeping_nothing
+    for one in members_of_kind(kind):
+        if isinstance(one.note, StateVariable):
+            keep = inlined(_keeping(kind._fields.index(one.name), row, keep))  # type: ignore[attr-defined]
+        row += one.components
+    return keep
+
+
+@inlined
+def _keeping_nothing(law, values, p):
+    pass
+
+
+def _keeping(member: int, row: int, others: Callable[..., Any]) -> Callable[..., Any]:
+    """What puts a member of the law into a row, after others."""
+
+    def keep(law, values, p):
+        others(law, values, p)
+        values[row, p] = law[member]
+
+    return keep

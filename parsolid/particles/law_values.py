@@ -1,0 +1,86 @@
+"""What hyperelastic laws have of each particle, as a field of the particles: directions and numbers by reference place,
+and state variables (`materials.hyperelastic.at_particles`).
+
+All are rows of one record, where each law finds its own one after the other. State variables are needed to restart;
+the rest follows from the scene.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from parsolid.collective import raise_together
+from parsolid.materials.declaration import Direction, StateVariable
+from parsolid.materials.hyperelastic.at_particles import Member, members
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Columns, Field, Within
+from parsolid.particles.meshes.cell_data import NoCellData, cell_data_at
+
+RECORD = "law_values"
+
+
+def rows_of_laws(laws: list[Any]) -> dict[Any, slice]:
+    """Rows of the record for each law that has any; laws with the same members share theirs."""
+    known: dict[tuple[Member, ...], slice] = {}
+    result, total = {}, 0
+    for law in laws:
+        own = members(law) if hasattr(law, "branch_moduli") else ()
+        if own and own not in known:
+            known[own] = slice(total, total + sum(one.components for one in own))
+            total = known[own].stop
+        if own:
+            result[law] = known[own]
+    return result
+
+
+def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set: Any, laws: list[Any]) -> None:
+    """Declare the record, filled for time 0, where any law needs it; laws: of the scene's bodies. Collective. Raises
+    SolverError on all ranks for what is no direction, and for a mesh without the data that a scene names."""
+    rows = rows_of_laws(laws)
+    if not rows:
+        return
+    total = max(one.stop for one in rows.values())
+    values, fault, owned = np.zeros((total, particles.owned)), None, particles.owned
+    for i, (body, law) in enumerate(zip(scene.bodies, laws)):
+        if law not in rows:
+            continue
+        here = np.flatnonzero(particle_set.body[:owned] == i)
+        of_cells, unread = _cell_data(comm, body, scene.dimension, particle_set.identifier[here])
+        try:
+            found = body.material.values_at(particle_set.position[here], of_cells)
+            values[rows[law], here] = found
+        except ValueError as error:
+            fault = fault or f"bodies.{i}.material.{unread or error}"
+    raise_together(comm, fault)
+    particles.declare(Field(RECORD, total, "", layout=Columns()), values.T)
+    _declare_members(particles, rows, values, particle_set.position.shape[1])
+
+
+def _declare_members(particles: Particles, rows: dict[Any, slice], values: np.ndarray, dimension: int) -> None:
+    """Each member as a field within the record, by its name."""
+    for first, law in {place.start: law for law, place in rows.items()}.items():
+        row = first
+        for one in members(law):
+            direction = isinstance(one.note, Direction)
+            count = dimension if direction else one.components
+            told: dict[str, Any] = {"checkpointed": isinstance(one.note, StateVariable), "shown": True}
+            told |= {"mirror": "vector" if direction else "scalar", "layout": Within(RECORD, row)}
+            name = one.name if one.name not in particles else f"{one.name}_{row}"
+            particles.declare(
+                Field(name, count, one.note.unit, **told), values[row : row + count].T if direction else values[row]
+            )
+            row += one.components
+
+
+def _cell_data(comm: Any, body: Any, dimension: int, identifiers: np.ndarray) -> tuple[dict[str, np.ndarray], str]:
+    """Cell data of a body's particles (n, components) by the names of members, and what is wrong with the first that
+    there is not; collective."""
+    found: dict[str, np.ndarray] = {}
+    for member, (name, components) in body.material.cell_data.items():
+        if body.shape.kind != "mesh":
+            return found, ""
+        try:
+            found[member] = cell_data_at(comm, body, dimension, identifiers, name, components)
+        except NoCellData as error:
+            return found, f"{member}.cell_data: {error}"
+    return found, ""

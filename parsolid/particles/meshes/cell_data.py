@@ -1,0 +1,90 @@
+"""Data that a mesh file has for its elements, at particles: of the element, or of those around a node."""
+
+from typing import Any
+
+import numpy as np
+
+from decomposition.slices import Slices
+from parsolid.collective import minimum
+from parsolid.particles.meshes.files import kinds_in, read_with_meshio, solid_mesh
+from parsolid.particles.meshes.geometry import is_geometry
+from parsolid.particles.meshes.imported import is_imported
+
+
+class NoCellData(ValueError):
+    """What was expected of a mesh file and what was found; the same on all ranks."""
+
+    def __init__(self, expected: str, found: str) -> None:
+        super().__init__(f"expected {expected}, found {found}")
+        self.expected, self.found = expected, found
+
+
+def cell_data_at(
+    comm: Any, body: Any, dimension: int, identifiers: np.ndarray, name: str, components: int
+) -> np.ndarray:
+    """Cell data (n, components) of this rank's particles of a body; identifiers (n,): theirs. components: 1, or 3 of
+    directions, of which the sign is of no matter. Particles on nodes have the mean of the elements around. One rank
+    reads the file. Raises `NoCellData` on all ranks. Collective."""
+    found: Any = None
+    fault: tuple[str, str] | None = None
+    if comm.rank == 0:
+        try:
+            found = _of_particles(body, dimension, name, components)
+        except NoCellData as error:
+            fault = error.expected, error.found
+    fault = comm.bcast(fault)
+    if fault is not None:
+        raise NoCellData(*fault)
+    slices = Slices(comm, comm.bcast(0 if found is None else len(found)))
+    parts = None if found is None else [found[slice(*slices.bounds(rank))] for rank in range(comm.size)]
+    first = int(minimum(comm, int(identifiers.min(initial=np.iinfo(np.int64).max))))
+    return slices.fetch(identifiers - first, comm.scatter(parts))
+
+
+def _of_particles(body: Any, dimension: int, name: str, components: int) -> np.ndarray:
+    """Data (particles, components) of all of a body's particles in their order, that of its nodes or elements."""
+    stated = body.shape.model
+    blocks, values, group = _of_elements(stated, dimension, name, components)
+    chosen = np.arange(len(values)) if group is None else group
+    if body.placed_on != "vertices":
+        return values[chosen]
+    mine, start, used = np.zeros(len(values), bool), 0, []
+    mine[chosen] = True
+    for _, cells in blocks:
+        here = start + np.flatnonzero(mine[start : start + len(cells)])
+        used.append((cells[here - start], values[here]))
+        start += len(cells)
+    nodes = np.unique(np.concatenate([cells.ravel() for cells, _ in used]))
+    count, sums = np.zeros(len(nodes)), np.zeros((len(nodes), components, components))
+    for cells, data in used:
+        places = np.searchsorted(nodes, cells)
+        # of directions the sum of a a^T, which has no sign
+        terms = data[:, :, None] * (data[:, None, :] if components > 1 else 1.0)
+        for column in places.T:
+            np.add.at(sums, column, terms)
+            np.add.at(count, column, 1.0)
+    if components == 1:
+        return sums[:, :, 0] / count[:, None]
+    return np.linalg.eigh(sums)[1][:, :, -1]
+
+
+def _of_elements(stated: Any, dimension: int, name: str, components: int) -> tuple[list[Any], np.ndarray, Any]:
+    """Blocks of solid elements, data (elements, components), and the numbers of a body's group or None."""
+    path = stated.file
+    if is_imported(path) or is_geometry(path, dimension):
+        raise NoCellData("a mesh file of another program, which has cell data", path)
+    mesh = read_with_meshio(path)
+    if name not in mesh.cell_data:
+        known = ", ".join(map(repr, sorted(mesh.cell_data))) or "none"
+        raise NoCellData(f"the name of cell data of {path} ({known})", repr(name))
+    data, found = mesh.cell_data[name], []
+    solid = solid_mesh(mesh, dimension)
+    for block, values in zip(mesh.cells, data):
+        if block.type in kinds_in(dimension) and len(block.data):
+            found.append(np.asarray(values, float).reshape(len(block.data), -1))
+    values = np.concatenate(found)
+    if values.shape[1] != components and not (components == 3 and values.shape[1] == dimension):
+        raise NoCellData(f"cell data of {components} numbers an element", f"{values.shape[1]}")
+    values = np.pad(values, ((0, 0), (0, components - values.shape[1])))
+    group = None if stated.group is None else np.sort(solid.groups.elements[stated.group])
+    return solid.blocks, values, group
