@@ -73,7 +73,8 @@ class ElasticPlasticTable(DeclaredModel):
 
     def _not_beside_flow_in_volume(self) -> list[Any]:
         """(location, expected, found) of parts that do not go with a flow stress whose flow changes the volume."""
-        kind, details = self.parts["flow_stress"].kind, []
+        kind = self.parts["flow_stress"].kind
+        details: list[Any] = []
         for key, needed in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
             part = self.parts[key]
             if part is not None and part.kind != needed:
