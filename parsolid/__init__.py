@@ -13,6 +13,7 @@ for _library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
 # module -> names, loaded when they are first asked for: `import parsolid` itself costs nothing
 _HOMES = {
     "parsolid.api.materials": ("material",),
+    "parsolid.api.modes": ("modes",),
     "parsolid.api.report": (
         "Report",
         "check",

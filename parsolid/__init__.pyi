@@ -1,6 +1,7 @@
 """What `import parsolid` offers, for editors and type checkers."""
 
 from parsolid.api.materials import material as material
+from parsolid.api.modes import modes as modes
 from parsolid.api.report import Report as Report
 from parsolid.api.report import check as check
 from parsolid.api.running import run as run

@@ -120,6 +120,7 @@ def bytes_on_disk(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> tup
     for system in systems:
         shown, total = Observables([system]), comm.allreduce(system.owned)
         names = shown.written(scene.output.fields)
+        shown.prepare(names, 0.0)
         written = total
         if scene.output.where is not None:
             chosen = OfRegion(shown, list(scene.named_regions).index(scene.output.where))

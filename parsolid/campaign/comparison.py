@@ -243,13 +243,21 @@ class Level:
     processor_seconds: float
     value: float | None
 
+    @classmethod
+    def of(cls, case: Any, value: float | None) -> "Level":
+        """Of a case that has been run."""
+        label, record = case.labels.get(case.resolution_axis, ""), case.record
+        costs = record.core_seconds, record.seconds
+        return cls(label, case.spacing, record.particles, record.steps, *costs, value)
+
 
 @dataclass
 class Row:
     """One line of a report; numbers are None where there is none.
 
     error: of the computed number over the published one, or a relative error against an exact solution; tolerance: of
-    it; levels: from coarse to fine
+    it; remark: the stated cause of a difference; reason: why there is no number; line: the runs' name in pictures;
+    levels: from coarse to fine, of a row without a published number those of its error
     """
 
     case: str
@@ -267,12 +275,28 @@ class Row:
     core_seconds: float | None = None
     verdict: str = SHOWN
     remark: str = ""
+    reason: str = ""
+    line: str = ""
     levels: list[Level] = field(default_factory=list)
 
     @property
     def agrees(self) -> bool | None:
         """Whether it agrees; None where nothing is asked of it."""
         return None if self.verdict == SHOWN else self.verdict in AGREES
+
+    @property
+    def faulty(self) -> bool:
+        """Whether it disagrees and nobody has said why, or has no number."""
+        return self.verdict == MISSING or (self.agrees is False and not self.remark)
+
+    def errors(self) -> list[tuple[float, float]]:
+        """Processor seconds and |error| of its levels that have both."""
+        scale, away = abs(self.reference or 0.0) or 1.0, self.reference or 0.0
+        return [
+            (one.processor_seconds, abs(one.value - away) / scale)
+            for one in self.levels
+            if one.value is not None and one.processor_seconds > 0.0 and one.value != away
+        ]
 
     @classmethod
     def of(cls, stated: Mapping[str, Any]) -> "Row":
@@ -285,7 +309,7 @@ class Row:
 
 
 def rows_of_comparison(title: str, stated: Comparison, lines: Iterable[list[Any]]) -> list[Row]:
-    """A row of each line of cases (coarse to fine, see `study.lines_to_compare`) that computes a comparison."""
+    """A row of each line of cases that have been run, coarse to fine, of those that compute a comparison."""
     return [
         _row(title, stated, line) for line in lines if stated.series is None or line[0].series.name in stated.series
     ]
@@ -293,7 +317,7 @@ def rows_of_comparison(title: str, stated: Comparison, lines: Iterable[list[Any]
 
 def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
     row = Row(title, ", ".join(line[-1].line), stated.quantity, stated.unit, stated.value, stated.scatter)
-    row.source, row.tolerance, row.remark = stated.source, stated.allowed, stated.cause or ""
+    row.source, row.tolerance, row.remark, row.line = stated.source, stated.allowed, stated.cause or "", row.method
     if stated.scatter is not None:
         row.tolerance = None
     reasons = list[str]()
@@ -306,13 +330,11 @@ def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
                 reasons.append(f"{case.title}: {error}")
         else:
             reasons.append(f"{case.title}: {record.status}: {(record.message or '').partition(chr(10))[0]}")
-        label = case.labels.get(case.resolution_axis, "")
-        cost = record.core_seconds, record.seconds
-        row.levels.append(Level(label, case.spacing, record.particles, record.steps, *cost, value))
+        row.levels.append(Level.of(case, value))
     row.core_seconds = row.levels[-1].core_seconds
     row.computed = row.levels[-1].value
     if row.computed is None:
-        row.verdict, row.remark = MISSING, "; ".join(filter(None, [row.remark, *reasons]))
+        row.verdict, row.reason = MISSING, "; ".join(reasons)
         return row
     row.bar, row.order = _bar(stated, line[-1].scene, row.levels)
     row.error = (row.computed - stated.value) / (abs(stated.value) or 1.0)

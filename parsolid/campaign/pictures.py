@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.campaign.cases import Case
-from parsolid.campaign.comparison import SHARE, Level, Row
+from parsolid.campaign.comparison import SHARE, Row
 from parsolid.campaign.halving import Configuration, Plan
 from parsolid.campaign.reference import Reference
 from parsolid.campaign.report import shown_errors
@@ -279,41 +279,36 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
 
 
 def draw_costs(rows: list[Row], path: Path) -> Path:
-    """Difference from the published number against processor seconds, a panel a case, a line a row and method; of rows
-    with two resolutions or more. Raises ModuleNotFoundError without matplotlib.
+    """Errors against processor seconds: a panel a case with published numbers, or a line of runs with errors; a curve a
+    row of two resolutions or more. Raises ModuleNotFoundError without matplotlib.
     """
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    cases: dict[str, list[tuple[Row, list[tuple[float, float]]]]] = {}
+    panels: dict[str, list[tuple[str, list[tuple[float, float]]]]] = {}
     for row in rows:
-        points = _positive((one.processor_seconds, _difference(row, one)) for one in row.levels)
+        points = row.errors()
         if len(points) > 1:
-            cases.setdefault(row.case, []).append((row, points))
-    columns, lines = 3, max(1, -(-len(cases) // 3))
+            published = row.reference is not None
+            text = f"{row.line}: {row.quantity}" if published else row.quantity
+            panels.setdefault(row.case if published else row.line, []).append((text, points))
+    columns, lines = 3, max(1, -(-len(panels) // 3))
     figure, axes = pyplot.subplots(
         lines, columns, figsize=(4.6 * columns, 3.6 * lines), squeeze=False, layout="constrained"
     )
-    for place in axes.flat[len(cases) :]:
+    for place in axes.flat[len(panels) :]:
         place.set_visible(False)
-    for (case, curves), place in zip(cases.items(), axes.flat):
-        for number, (row, points) in enumerate(curves):
+    for (title, curves), place in zip(panels.items(), axes.flat):
+        for number, (text, points) in enumerate(curves):
             look: dict[str, Any] = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
-            place.plot(*zip(*points), "-", markersize=4.5, linewidth=1.3, label=f"{row.method}: {row.quantity}", **look)
-        place.set(xscale="log", yscale="log", xlabel=TIME.label, ylabel="difference over the published")
-        place.set_title(case, fontsize=9)
+            place.plot(*zip(*points), "-", markersize=4.5, linewidth=1.3, label=text, **look)
+        place.set(xscale="log", yscale="log", xlabel=TIME.label, ylabel="error")
+        place.set_title(title, fontsize=9)
         place.grid(True, which="both", alpha=0.25)
         place.legend(fontsize=6.5)
         label_decades(place.xaxis)
     figure.savefig(path, dpi=_DOTS_PER_INCH)
     pyplot.close(figure)
     return path
-
-
-def _difference(row: Row, level: Level) -> float | None:
-    """Of a resolution's number from the published one, over it."""
-    if row.reference is None or level.value is None:
-        return None
-    return abs(level.value - row.reference) / (abs(row.reference) or 1.0)

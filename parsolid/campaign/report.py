@@ -73,10 +73,8 @@ def comparison_table(title: str, rows: list[Row], with_case: bool = False) -> Re
         cells += ["" if row.core_seconds is None else f"{row.core_seconds:.3g}", row.verdict]
         table.rows.append(([row.case] if with_case else []) + cells)
     sources = [f"{row.quantity}: {row.source}" for row in rows if row.reference is not None]
-    table.notes = [
-        *dict.fromkeys(sources),
-        *dict.fromkeys(f"{r.method}, {r.quantity}: {r.remark}" for r in rows if r.remark),
-    ]
+    told = [(row, text) for row in rows for text in (row.remark, row.reason) if text]
+    table.notes = list(dict.fromkeys([*sources, *(f"{row.method}, {row.quantity}: {text}" for row, text in told)]))
     return table
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 from parsolid.campaign.cases import Case, cases_of
-from parsolid.campaign.comparison import AS_STATED, NOT_AS_STATED, Row, rows_of_comparison
+from parsolid.campaign.comparison import AS_STATED, NOT_AS_STATED, Level, Row, rows_of_comparison
 from parsolid.campaign.measures import MEASURES, measures_of
 from parsolid.campaign.report import (
     comparison_table,
@@ -87,12 +87,9 @@ def run_study(
     status = make_runs(console, [(planned, case) for case in chosen], repetitions, jobs)
     # who ends it waits for it
     rows = report(console, planned, pictures=status == DONE)
-    return status or (WENT_WRONG if any(case.faults for case in planned.cases) or faulty(rows) else DONE)
-
-
-def faulty(rows: list[Row]) -> bool:
-    """Whether a comparison does not agree and nobody has said why."""
-    return any(row.agrees is False and not row.remark for row in rows)
+    return status or (
+        WENT_WRONG if any(case.faults for case in planned.cases) or any(row.faulty for row in rows) else DONE
+    )
 
 
 def report(console: Console, planned: Planned, pictures: bool = True) -> list[Row]:
@@ -137,21 +134,27 @@ def compared_rows(study: Study, cases: list[Case]) -> list[Row]:
 
 
 def error_rows(study: Study, cases: list[Case]) -> list[Row]:
-    """Rows of errors, bounds and endings of the cases that have been run."""
-    rows = []
+    """Rows of errors, bounds and endings of the cases that have been run; the finest of a line has all its levels.
+
+    Beside comparisons those alone of which something is asked.
+    """
+    rows, finest = [], {id(line[-1]): line for line in lines_of(cases).values()}
     for case in cases:
         if case.record is None:
             continue
-        if case.expect in ("failure", "refused"):
-            source = "a clean failure" if case.expect == "failure" else "refused"
+        if case.expect in ("failure", "refused") or case.record.status != FINISHED:
+            source = {"failure": "a clean failure", "refused": "refused"}.get(case.expect or "", "stable")
             rows.append(Row(study.title, case.title, "how it ends", source=source))
             rows[-1].verdict = NOT_AS_STATED if case.faults else AS_STATED
+            rows[-1].reason = "; ".join(case.faults)
             continue
-        rows += [_error_row(study, case, name) for name in (*(case.measures.get("errors") or ()), *_measures(case))]
-    return rows
+        for name in (*(case.measures.get("errors") or ()), *_bounded_measures(case)):
+            rows.append(_error_row(study, case, name))
+            rows[-1].levels = [Level.of(one, one.value(name)) for one in finest.get(id(case), ())]
+    return [row for row in rows if row.agrees is not None] if study.compared else rows
 
 
-def _measures(case: Case) -> list[str]:
+def _bounded_measures(case: Case) -> list[str]:
     """Names of bounds that are no errors."""
     return [name for name in case.bounds if name not in (case.measures.get("errors") or {})]
 
@@ -164,9 +167,12 @@ def _error_row(study: Study, case: Case, name: str) -> Row:
         words = {"exact": stated.exact, "series": stated.series and Path(stated.series).name, "values at the end": True}
         row.source = next(f"{key} {one}" if one is not True else key for key, one in words.items() if one)
     row.error, row.tolerance, row.order = case.value(name), case.bounds.get(name), case.orders.get(name)
-    row.core_seconds = record.core_seconds
-    if name in case.bounds or record.status != FINISHED:
-        sound = record.status == FINISHED and row.error is not None and row.error <= case.bounds.get(name, math.inf)
+    row.core_seconds, row.line = record.core_seconds, ", ".join(case.line)
+    least = case.series.orders.get(name) if name in case.orders else None
+    if name in case.bounds or least is not None:
+        sound = row.error is not None and row.error <= case.bounds.get(name, math.inf)
+        if least is not None and case.orders[name] < least:
+            sound, row.reason = False, f"the order is to be at least {least:g}"
         row.verdict = AS_STATED if sound else NOT_AS_STATED
     return row
 

@@ -10,7 +10,7 @@ from typing import Any
 import parsolid
 from parsolid.campaign.comparison import INSIDE, NEAR, SHARE, Row
 from parsolid.campaign.report import comparison_table
-from parsolid.campaign.study import Planned, faulty, make_runs, new_console, report
+from parsolid.campaign.study import Planned, make_runs, new_console, report
 from parsolid.exit_status import DONE, WENT_WRONG
 from parsolid.output.errors import OutputError
 from parsolid.output.summary import read_summary
@@ -49,7 +49,7 @@ def folders_of(studies: list[str], folder: Path) -> list[Path]:
     return result
 
 
-def run_verification(studies: list[str], folder: Path, jobs: int, page: Path) -> int:
+def run_verification(studies: list[str], folder: Path, jobs: int, page: Path, trust_code: bool = False) -> int:
     """Make the runs of studies that are lacking, so many at once, and build the report; the exit status, for one rank.
 
     Raises SceneError for a faulty study or scene, before anything is run.
@@ -57,7 +57,7 @@ def run_verification(studies: list[str], folder: Path, jobs: int, page: Path) ->
     faults, planned = list[Any](), list[Planned]()
     for path, place in zip(studies, folders_of(studies, folder)):
         try:
-            planned.append(Planned.read(path, place))
+            planned.append(Planned.read(path, place, trust_code))
         except SceneError as error:
             faults += [f"{path}: {fault}" for fault in error.faults]
     if faults:
@@ -69,7 +69,7 @@ def run_verification(studies: list[str], folder: Path, jobs: int, page: Path) ->
     wrong = False
     for one in planned:
         rows = report(console, one, pictures=False)
-        wrong = wrong or faulty(rows) or any(case.faults for case in one.cases)
+        wrong = wrong or any(row.faulty for row in rows) or any(case.faults for case in one.cases)
     if any(case.record is not None for one in planned for case in one.cases):
         console.print(f"written: {build_report(folder, page)}", soft_wrap=True)
     return status or (WENT_WRONG if wrong else DONE)
@@ -175,8 +175,8 @@ def _pictures(groups: dict[str, list[Summary]], page: Path) -> dict[str, str]:
             if any(row.reference and row.computed is not None for row in rows):
                 name = "".join(letter if letter.isalnum() else "_" for letter in group) + ".png"
                 made[group] = draw_comparisons(group, rows, page / name).name
-        rows = [row for members in groups.values() for one in members for row in one.published]
-        if any(len(row.levels) > 1 for row in rows):
+        rows = [row for members in groups.values() for one in members for row in one.rows]
+        if any(len(row.errors()) > 1 for row in rows):
             made["costs"] = draw_costs(rows, page / "error_against_time.png").name
         return made
     except ModuleNotFoundError:

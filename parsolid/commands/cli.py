@@ -29,6 +29,7 @@ _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 COMMANDS = {
     "run": "run a scene (the default command)",
     "check": "set a scene up and report its cost, without running it",
+    "modes": "eigenfrequencies and shapes of vibrations of a scene's bodies",
     "study": "run scenes over resolutions and options; error against run time",
     "verify": "studies side by side, and one report: computed beside exact and published",
     "pareto": "which options of a scene have the least error for their time",

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from parsolid.commands.arguments import whole_number
+from parsolid.commands.arguments import TRUST_CODE, whole_number
 from parsolid.exit_status import DONE
 from parsolid.launcher import refuse_ranks
 
@@ -16,6 +16,7 @@ def add_arguments(parser: Any) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", default="results/verification", help=where)
     parser.add_argument("--jobs", type=whole_number, default=1, metavar="N", help="so many runs at once")
     parser.add_argument("--report", action="store_true", help="run nothing: report on the summaries in the folder")
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     page = "folder of report.md, report.csv and pictures (default: that of the runs)"
     parser.add_argument("--page", metavar="DIR", help=page)
 
@@ -31,7 +32,11 @@ def run_verify(comm: Any, options: Any) -> int:
 
     folder = Path(options.output)
     page = Path(options.page or folder)
+    if options.report and options.studies:
+        from parsolid.scene.validation_errors import SceneError
+
+        raise SceneError([f"--report: expected no studies, as it runs none, found {' '.join(options.studies)}"])
     if options.report:
         print(f"written: {build_report(folder, page)}")
         return DONE
-    return run_verification(studies_of(options.studies), folder, options.jobs, page)
+    return run_verification(studies_of(options.studies), folder, options.jobs, page, options.trust_code)

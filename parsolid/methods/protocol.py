@@ -1,6 +1,6 @@
 """What the loop, the output and the reports ask of a method; a new method derives from `ParticleSystem`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -216,6 +216,10 @@ class ParticleSystem:
         Every method has deformation_gradient and first_piola_kirchhoff_stress or stress (Cauchy) [Pa].
         """
         raise NotImplementedError
+
+    def prepare_fields(self, names: Iterable[str], time: float) -> None:
+        """Exchange between ranks what `shown` needs for fields of these names in the state at a time [s], before it is
+        asked for them; collective."""
 
     def reaction(self, name: str) -> np.ndarray | None:
         """Force (d,) [N] and moment (1 or 3,) [N m] of a condition that tells them, on this rank's particles.

@@ -25,6 +25,8 @@ RESULTS = (
     "checkpoint.previous.h5",
     "scene.toml",
     "summary.json",
+    "modes.csv",
+    "modes.json",
     "tools.json",
     "traceback*.txt",
     "pictures",

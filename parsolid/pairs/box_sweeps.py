@@ -96,12 +96,12 @@ class BoxSweeps:
         for one, box in zip(boxes, self.boxes):
             for link in links_of(one.parts, comm.rank, one.nodes.shape):
                 of_axis = slice(one.nodes.axes[link.axis], None, d)
-                motion.append(_transfer(box, link, self.v, slice(None), 2))
-                stress.append(_transfer(box, link, self.P, of_axis, 2))
+                motion.append(box_transfer(box, link, self.v, slice(None), 2))
+                stress.append(box_transfer(box, link, self.P, of_axis, 2))
                 if self.Z is not None:
-                    motion.append(_transfer(box, link, self.x, slice(None), 1))
-                    stress.append(_transfer(box, link, self.G, of_axis, 1))
-                    stress.append(_transfer(box, link, self.Z, of_axis if self.directional else slice(None), 1))
+                    motion.append(box_transfer(box, link, self.x, slice(None), 1))
+                    stress.append(box_transfer(box, link, self.G, of_axis, 1))
+                    stress.append(box_transfer(box, link, self.Z, of_axis if self.directional else slice(None), 1))
         return GhostExchange(comm, motion), GhostExchange(comm, stress)
 
     def exchange_motion(self, velocity: np.ndarray, position: np.ndarray) -> None:
@@ -154,7 +154,7 @@ class BoxSweeps:
         return [self.G, self.P, *([] if self.Z is None else [self.Z]), *([self.v, self.x] if self.has_ghosts else [])]
 
 
-def _transfer(box: Any, link: Link, array: np.ndarray, rows: slice, depth: int) -> Transfer:
+def box_transfer(box: Any, link: Link, array: np.ndarray, rows: slice, depth: int) -> Transfer:
     """Some rows of a box array beside a cut, so many planes deep."""
     planes = array[rows, box.motion.start : box.motion.end]
     planes = planes.reshape(len(planes), box.planes, box.nodes)

@@ -69,6 +69,7 @@ NOTES = {
     "collision-course": Code("bodies that will meet though no contact names them", "`[[contact]]`"),
     "clamp-edges": Code("mass that is told without a part of that of clamped edges", "`method.clamp_edges = 0`"),
     "few-layers": Code("a slender body with few particles across, and how stiff it is", "a smaller spacing"),
+    "linear-motion": Code("what `parsolid modes` leaves out, as motion is small", "nothing, if that is meant"),
     "loaded-faces": Code("loaded faces with weights of a kernel, which bear unevenly", '`method.weights = "best"`'),
     "mesh-quality": Code(
         "shape and size of a mesh's elements, and which of them set the step", "better elements there"

@@ -6,7 +6,8 @@
 to the particles, and V is a V-cycle for the grid's stiffness. A node moves and turns, multilinear functions blend the
 rigid motions of nodes: beams and plates bend without being sheared, whatever the width of the cells across them.
 Cells are twice as wide from grid to grid, and functions of a coarser grid are combinations of those of the finer one.
-The finest stiffness is found by quadrature over the particles, the others follow from it.
+The finest stiffness is found by quadrature over the particles, the others follow from it. A few particles in a cell
+that the surface cuts do not feel all that may happen in it, so that a part is spread evenly over the cell.
 
 Of every grid a rank has the nodes around its own particles alone. Matrices are those of its own particles, so that sums
 over ranks at shared nodes are all that is exchanged; only the coarsest grid, which has at most `_MOST_NODES` nodes
@@ -33,6 +34,8 @@ _SMOOTHINGS, _SMOOTHED = 3, 0.1
 _POWER_STEPS, _MARGIN = 12, 1.1
 # of the diagonal, what is added to matrices that may be singular
 _FLOOR = 1e-9
+# of the stiffness of a cell, what is spread over it
+_SPREAD = 0.1
 # numbers of a chunk of the quadrature
 _CHUNK = 4_000_000
 
@@ -137,18 +140,36 @@ class Blend(NamedTuple):
 
 def blend_at(nodes: Nodes, places: np.ndarray) -> Blend:
     """Of places (n, d) [m]."""
-    d = places.shape[1]
     scaled = (places - nodes.lower) / nodes.width
     cell = np.clip(scaled.astype(np.int64), 0, nodes.cells - 1)
-    within = scaled - cell
+    corners = np.array(list(product((0, 1), repeat=places.shape[1])))
+    return Blend(nodes.rows(cell[:, None] + corners), *blend_within(scaled - cell, nodes.width))
+
+
+def blend_within(within: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values, slopes and arms of a `Blend` at places within a cell (n, d), from 0 to 1; width (d,) [m] of it."""
+    d = within.shape[1]
     corners = np.array(list(product((0, 1), repeat=d)))
     factors = np.where(corners, within[:, None], 1.0 - within[:, None])
     slopes = np.empty_like(factors)
     for i in range(d):
         others = np.prod(np.delete(factors, i, axis=2), axis=2)
-        slopes[:, :, i] = others * np.where(corners[:, i], 1.0, -1.0) / nodes.width[i]
-    arms = (within[:, None] - corners) * nodes.width / nodes.width.max()
-    return Blend(nodes.rows(cell[:, None] + corners), np.prod(factors, axis=2), slopes, arms)
+        slopes[:, :, i] = others * np.where(corners[:, i], 1.0, -1.0) / width[i]
+    return np.prod(factors, axis=2), slopes, (within[:, None] - corners) * width / width.max()
+
+
+def even_cell(width: np.ndarray) -> np.ndarray:
+    """Stiffness (2, c k, c k) of a cell of a width (d,) [m] with Lame's first modulus, and with the shear modulus, of
+    1 Pa, over its volume [1/m^2]."""
+    d = len(width)
+    points, weights = np.polynomial.legendre.leggauss(3)
+    within = np.array(list(product(0.5 + 0.5 * points, repeat=d)))
+    weight = np.prod(list(product(0.5 * weights, repeat=d)), axis=1)
+    blend = Blend(np.zeros((len(within), 1 << d), np.int64), *blend_within(within, width))
+    gradients, none = blend.gradients(float(width.max())), np.zeros(len(within))
+    roots = [_energy_roots(gradients, weight, none), _energy_roots(gradients, none, weight)]
+    size = roots[0].shape[1] * roots[0].shape[2]
+    return np.array([np.einsum("nas,nbs->ab", *(one.reshape(len(within), size, -1),) * 2) for one in roots])
 
 
 class Level:
@@ -278,7 +299,9 @@ class GridLevels:
         cell, within = np.repeat(np.arange(len(counts)), counts), np.concatenate([np.arange(one) for one in counts])
         rows = order[starts[cell] + within]
         blend = self.blend.part(rows)
-        strains = _energy_roots(blend.gradients(float(self.nodes.width.max())), lame[rows], shear[rows])
+        moduli = lame[rows], shear[rows]
+        own = [(1.0 - _SPREAD) * one for one in moduli]
+        strains = _energy_roots(blend.gradients(float(self.nodes.width.max())), *own)
         if self.prescribes:
             jumps = blend.motions() * np.sqrt(held[rows])[:, None, None]
             strains = np.concatenate((strains, jumps), axis=3)
@@ -286,12 +309,12 @@ class GridLevels:
         gathered = np.zeros((len(counts), int(counts.max()), kinds, c * k))
         gathered[cell, within] = strains.reshape(n, c * k, kinds).swapaxes(1, 2)
         gathered = gathered.reshape(len(counts), -1, c * k)
-        blocks = (gathered.swapaxes(1, 2) @ gathered).reshape(len(counts), c, k, c * k)
+        blocks = gathered.swapaxes(1, 2) @ gathered
+        for one, even in zip(moduli, even_cell(self.nodes.width)):
+            blocks += _SPREAD * np.bincount(cell, one)[:, None, None] * even
         at = self.blend.rows[order[starts]]
         columns = (at[:, :, None] * k + np.arange(k)).reshape(len(counts), 1, c * k)
-        return _placed(
-            columns.repeat(c * k, axis=1), blocks.reshape(len(counts), c * k, c * k), len(self.nodes.keys) * k
-        )
+        return _placed(columns.repeat(c * k, axis=1), blocks, len(self.nodes.keys) * k)
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (n, d) of a residual (n, d) that is 0 where a component is prescribed."""

@@ -156,6 +156,7 @@ def test_the_bar_is_that_of_the_resolutions():
     assert row.error == pytest.approx(0.025) and row.verdict == INSIDE
     assert [one.value for one in row.levels] == pytest.approx([1.4, 1.1, 1.025])
     assert row.core_seconds == 2.0
+    assert row.errors() == [(1.5, pytest.approx(error)) for error in (0.4, 0.1, 0.025)]
     # two resolutions: no order is observed, the known one and the factor 3
     (row,) = rows_of_comparison("t", stated, [line[1:]])
     assert row.order is None and row.bar == pytest.approx(3.0 * 0.025)
@@ -164,11 +165,15 @@ def test_the_bar_is_that_of_the_resolutions():
 
 def test_runs_without_the_number_are_told():
     (row,) = rows_of_comparison("t", comparison(), [[case(1.0, 2.0)]])
-    assert row.verdict == MISSING and row.computed is None and row.remark and row.agrees is False
+    assert row.verdict == MISSING and row.computed is None and row.reason and row.agrees is False
+    # a stated cause is no excuse for that
+    assert row.faulty
+    (row,) = rows_of_comparison("t", comparison(cause="known"), [[case(1.0, 2.0)]])
+    assert row.faulty
     failed = rows_of_comparison(
         "t", comparison(readings={"k": {"column": "kinetic"}}), [[case(1.0, 2.0, status="failed")]]
     )
-    assert failed[0].verdict == MISSING and "it broke" in failed[0].remark
+    assert failed[0].verdict == MISSING and "it broke" in failed[0].reason
 
 
 def test_rows_are_of_the_series_that_compute_it_and_are_read_back():

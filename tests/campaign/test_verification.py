@@ -119,6 +119,7 @@ def test_faulty_studies_are_refused_before_anything_runs(folder, capsys):
     assert all(word in found for word in words)
     assert not (folder / "out").exists()
     assert main(["verify", "--report", "-o", str(folder / "out")]) == 2
+    assert main(["verify", words[0], "--report", "-o", str(folder / "out")]) == 2
 
 
 def summary(folder, name, rows, **more):

@@ -13,9 +13,11 @@ from parsolid.api.pictures import missing
 from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments
 from parsolid.output.results import Results
 from parsolid.scene import SceneError
+from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.validation_errors import describe, suggestion
 
-_VON_MISES = "von_mises_stress"
+# the first that was written
+_VON_MISES = (NODAL_VON_MISES, "von_mises_stress")
 _STILL, _MOVING = (".png", ".pdf", ".svg"), (".gif", ".mp4")
 
 
@@ -23,9 +25,7 @@ def draw(options: argparse.Namespace) -> list[Path]:
     """Draw the pictures that the options ask for; their paths. Raises SceneError before anything is drawn,
     and OSError.
     """
-    if missing():
-        packages = "the packages of the extra 'plot' (pip install \"parsolid[plot]\")"
-        raise SceneError([f"plot: expected {packages}, found no {' and no '.join(missing())}"])
+    _check_packages()
     results = Results(options.directory)
     output = Path(options.output) if options.output else results.directory / FOLDER
     one_file = output.suffix.lower() in _STILL + _MOVING
@@ -46,6 +46,26 @@ def draw(options: argparse.Namespace) -> list[Path]:
     for field in fields:
         drawn += _draw_bodies(results, field, steps, options, output, moving)
     return drawn
+
+
+def draw_modes(folder: Path, frequencies: np.ndarray, rigid: int) -> list[Path]:
+    """One picture a mode that is not rigid, of the shapes in a folder of `parsolid modes`; their paths.
+
+    frequencies (k,) [Hz], those of so many rigid modes first. Raises SceneError before anything is drawn.
+    """
+    _check_packages()
+    from parsolid.commands.plot.sheets import Look, Sheet, write_singles
+
+    results, numbers = Results(folder), list(range(rigid, len(frequencies)))
+    if results.dimension == 3:
+        _check_renderer()
+    sheet = Sheet(results, "displacement", numbers, Look())
+    sheet.labels = [f"mode {number + 1}, {frequencies[number]:.5g} Hz" for number in numbers]
+    (folder / FOLDER).mkdir(exist_ok=True)
+    try:
+        return write_singles(sheet, folder / FOLDER, names=[f"mode-{number + 1}" for number in numbers])
+    finally:
+        sheet.close()
 
 
 def standard(directory: Path | str) -> list[Path]:
@@ -102,8 +122,8 @@ def pictured_fields(results: Results) -> list[str]:
     names = results.field_names
     method: Any = results.method
     preferred = [name for name in (method.pictured_fields if method else ()) if name in names]
-    solid = [_VON_MISES] if _VON_MISES in names else []
-    return list(dict.fromkeys([*preferred[:1], *solid])) or names[:1]
+    solid = [name for name in _VON_MISES if name in names]
+    return list(dict.fromkeys([*preferred[:1], *solid[:1]])) or names[:1]
 
 
 def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[int]:
@@ -196,6 +216,13 @@ def bodies_named(results: Results, words: str | None) -> tuple[int, ...] | None:
             raise SceneError([f"--only: expected some of {', '.join(names)}, found {describe(word)}"])
         found.append(names.index(word) if word in names else int(word))
     return tuple(found)
+
+
+def _check_packages() -> None:
+    """Raise SceneError where packages that draw are not installed."""
+    if missing():
+        packages = "the packages of the extra 'plot' (pip install \"parsolid[plot]\")"
+        raise SceneError([f"plot: expected {packages}, found no {' and no '.join(missing())}"])
 
 
 def _check_renderer() -> None:

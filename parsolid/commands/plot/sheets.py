@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -237,12 +238,12 @@ def write_sheet(sheet: Sheet, path: Path, small: bool = False) -> None:
     _save(sheet.figure(list(range(len(sheet.frames)))), path, small)
 
 
-def write_singles(sheet: Sheet, directory: Path, small: bool = False) -> list[Path]:
-    """One picture a time, named after field and time; the paths."""
-    paths = []
-    for number, frame in enumerate(sheet.frames):
-        paths.append(directory / f"{sheet.field}-{frame.time:.6g}s.png")
-        _save(sheet.figure([number]), paths[-1], small)
+def write_singles(sheet: Sheet, directory: Path, small: bool = False, names: Sequence[str] | None = None) -> list[Path]:
+    """One picture a time, named after field and time unless there are names; the paths."""
+    named = names or [f"{sheet.field}-{frame.time:.6g}s" for frame in sheet.frames]
+    paths = [directory / f"{name}.png" for name in named]
+    for number, path in enumerate(paths):
+        _save(sheet.figure([number]), path, small)
     return paths
 
 

@@ -22,6 +22,7 @@ from parsolid.pairs.box_planes import (
     stress_forces_in_plane,
     weights_along,
 )
+from parsolid.pairs.box_stabiliser import BoxStabiliser, StabilisedBox
 from parsolid.pairs.box_sweeps import BoxSweeps
 from parsolid.pairs.box_weights import REACH, axis_tables
 from parsolid.solvers.runge_kutta import Stage
@@ -38,7 +39,7 @@ class BoxBodies(StepBound):
         """system: `system.TotalLagrangianSPH` with its fields declared; bodies: the boxes among the lattice bodies;
         blocks: by number of the body. Collective."""
         self.system, self.particles, self.dimension = system, system.particles, system.dimension
-        self.nodes = cuts.nodes
+        self.nodes, self._cuts, self._bodies = cuts.nodes, cuts.parts, bodies
         settings = system.settings
         dissipation, staged = settings.dissipation_of("kernel"), settings.integrator == "ssp-rk3"
         boxes = []
@@ -149,6 +150,16 @@ class BoxBodies(StepBound):
             own, (shear, lame) = slice(block.first, block.last), elastic_moduli(block.law)
             over = 1.0 / spacing[own].T ** 2
             result[:, own] += volume[own] * (shear * over.sum(axis=0) + (lame + shear) * over)
+
+    def stabiliser(self) -> BoxStabiliser:
+        """What resists rough motions, which the sweeps hardly see; collective."""
+        found = zip(self._bodies, self.nodes, self._cuts, self.sweeps.boxes)
+        shear = [elastic_moduli(law)[0] for law in self.system.laws]
+        boxes = [
+            StabilisedBox(nodes, parts, box, one.axes, one.fourth_order, shear[one.body])
+            for one, nodes, parts, box in found
+        ]
+        return BoxStabiliser(self.system.comm, boxes)
 
     @property
     def _heat(self) -> np.ndarray | None:

@@ -1,5 +1,6 @@
 """What output, reports and contact ask of total-Lagrangian SPH."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
+from parsolid.scene.observed import NODAL_STRESS, NODAL_VON_MISES
 from parsolid.scene.warned import Note
 
 
@@ -33,6 +35,8 @@ class Reports(ParticleSystem):
         """Deformation gradient and first Piola-Kirchhoff stress (n, 3, 3)."""
         if name == "deformation_gradient":
             return deformation_gradients(self.particles, first, last)
+        if name == NODAL_STRESS:
+            return self._nodal_stress(first, last)
         if name != "first_piola_kirchhoff_stress":
             return None
         stress = np.zeros((last - first, 3, 3))
@@ -43,6 +47,21 @@ class Reports(ParticleSystem):
         if self.initial_stress is not None:
             stress += self.initial_stress.first_piola_kirchhoff_stress(first, last)
         return stress
+
+    def prepare_fields(self, names: Iterable[str], time: float) -> None:
+        """See `ParticleSystem`; for stresses at nodes."""
+        if self.meshes is not None and any(name.startswith((NODAL_STRESS, NODAL_VON_MISES)) for name in names):
+            self.meshes.prepare_nodal_stress(time)
+
+    def _nodal_stress(self, first: int, last: int) -> np.ndarray | None:
+        """Cauchy stress (n, 3, 3) [Pa] at nodes, of particles whose stress belongs to their place that one."""
+        if self.meshes is None:
+            return None
+        F = deformation_gradients(self.particles, first, last)
+        P: Any = self.shown("first_piola_kirchhoff_stress", first, last)
+        result = np.asarray(P @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None])
+        self.meshes.nodal_stress(first, last, result)
+        return result
 
     def first_invalid(self) -> tuple[int, str] | None:
         """Also a reference that could not be moved."""

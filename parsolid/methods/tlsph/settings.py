@@ -22,6 +22,7 @@ from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
 from parsolid.scene.failure import faults_of_names
 from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
+from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.warned import Note
 
 # keys of which a scene that states one has chosen its weights
@@ -58,6 +59,7 @@ class TotalLagrangianSPH(MethodSettings):
         "maximum_damage": "scalar",
         "failed_mass": "scalar",
     }
+    pictured_fields: ClassVar = (NODAL_VON_MISES, *MethodSettings.pictured_fields)
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = (
         "fixed",

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.kernels import kernel
+from parsolid.kernels import aligned_zeros, kernel
 from parsolid.methods.ulsph import sweeps
+from parsolid.methods.ulsph.near_pairs import NearPairs
 from parsolid.pairs.verlet_list import Pairs, VerletList
 from parsolid.particles.container import Particles
 
@@ -67,9 +68,11 @@ class Neighbours:
         if dimension == 2:
             self.stride, mass, length = 2, 4, 5
             self._add_rates, self._add_forces = sweeps.add_rates_in_plane, sweeps.add_forces_in_plane
+            self._tension_of_rows = sweeps.find_tension_in_plane
         else:
             self.stride, mass, length = 4, 3, 7
             self._add_rates, self._add_forces = sweeps.add_rates_in_space, sweeps.add_forces_in_space
+            self._tension_of_rows = sweeps.find_tension_in_space
         d, stride = dimension, self.stride
         motion: Places = [("velocity", 0, d, 0), ("position", 0, d, stride)]
         self._motion = self._there([*motion, ("mass", 0, 1, mass), ("smoothing_length", 0, 1, length)])
@@ -95,19 +98,19 @@ class Neighbours:
         particles, pairs, stride, n = self.particles, self.pairs, self.stride, self.particles.owned
         known = n + particles.ghosts
         rows = known if pairs.images is None else known + len(pairs.images.source)
-        self._rows_of_motion, self._rows_of_record = np.zeros((rows, 8)), np.zeros((rows, 4 * stride))
-        self._rows_of_flux = np.zeros((rows, 2 * stride)) if self._flux[0] else None
-        self.rates, self.flows, self.slopes = np.zeros((n, 4 * stride)), np.zeros((n, 4)), np.zeros((n, 2 * stride))
-        self._forces, self._heating = np.zeros((n, 2 * stride)), np.zeros(n)
-        self._reference: np.ndarray | None = None
-        self._rows_of_mean = self._rows_of_record
+        self._rows_of_motion, self._rows_of_record = aligned_zeros((rows, 8)), aligned_zeros((rows, 4 * stride))
+        self._rows_of_flux = aligned_zeros((rows, 2 * stride)) if self._flux[0] else None
+        self.rates, self.flows = aligned_zeros((n, 4 * stride)), aligned_zeros((n, 4))
+        self.slopes, self._forces = aligned_zeros((n, 2 * stride)), aligned_zeros((n, 2 * stride))
+        self._heating = np.zeros(n)
+        self._tension: np.ndarray | None = None
         if self._corrected:
-            self._reference, self._rows_of_mean = np.zeros((rows, 4)), np.zeros((rows, 4 * stride))
-            self._reference[:known, : self.dimension] = particles["reference_position"][:known]
+            self._tension = aligned_zeros((rows, 8 if self.dimension == 3 else 4))
         if pairs.images is not None:
             self._follow_images(pairs.images, pairs.codes)
-        lists = [one for one in (pairs.inner, pairs.outer, pairs.mirror) if one is not None]
-        self._parts = {id(one): self._by_bodies(one) for one in lists}
+        lists = ((pairs.inner, n), (pairs.outer, known), (pairs.mirror, rows))
+        reference = self._reference(pairs.images, pairs.codes) if self._corrected else None
+        self._parts = {id(one): self._by_bodies(one, read, reference) for one, read in lists if one is not None}
         particles.update("record")
         self._fill(0, known, self._record, self._rows_of_record)
         self._mirror_record()
@@ -121,24 +124,42 @@ class Neighbours:
         self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
         self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, R
         self._shift[:, stride : stride + d] = T
-        if self._reference is not None:
-            first = self.particles.owned + self.particles.ghosts
-            self._reference[first:, :d] = R * self._reference[images.source, :d] + T
         self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
         for j in range(d):
             self._record_factor[:, stride * j : stride * j + d] = sign * Q[:, j : j + 1] * Q
         self._flux_factor[:, :d] = self._flux_factor[:, stride : stride + d] = R
 
-    def _by_bodies(self, pairs: Pairs) -> list[tuple[Pairs, bool]]:
-        """A list as that of pairs within bodies and that of pairs between two, with whether it is the latter."""
+    def _reference(self, images: Any, codes: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Reference positions (rows, d) [m] and smoothing lengths (rows,) [m] of all rows."""
+        d, known = self.dimension, self.particles.owned + self.particles.ghosts
+        place, length = (self.particles[name][:known] for name in ("reference_position", "smoothing_length"))
+        if images is not None:
+            R, T = codes.reflections[images.code, :d], codes.shifts[images.code, :d]
+            place = np.concatenate((place, R * place[images.source] + T))
+            length = np.concatenate((length, length[images.source]))
+        return np.ascontiguousarray(place), np.ascontiguousarray(length)
+
+    def _by_bodies(self, pairs: Pairs, rows: int, reference: Any) -> list[tuple[NearPairs, bool]]:
+        """A list, which reads the first rows, as that of pairs within bodies and that of pairs between two, with
+        whether it is the latter. reference: positions and lengths whose weights pairs in tension keep, or None."""
+
+        def near(chosen: Pairs, between: bool) -> tuple[NearPairs, bool]:
+            weights = None
+            if reference is not None and not between:
+                weights = np.empty(len(chosen.neighbour))
+                sweeps.reference_weights(self.smoothing, chosen, *reference, weights)
+            return NearPairs(chosen, weights, rows, self.dimension, self.smoothing.support), between
+
         if "contact_body" not in self.particles:
-            return [(pairs, False)]
+            return [near(pairs, False)]
         body = self.particles["contact_body"]
         if self.pairs.images is not None:
             known = self.particles.owned + self.particles.ghosts
             body = np.concatenate((body[:known], body[self.pairs.images.source]))
         between = body[pairs.particle] != body[pairs.neighbour]
-        return [(pairs.where(~between), False), (pairs.where(between), True)] if between.any() else [(pairs, False)]
+        if not between.any():
+            return [near(pairs, False)]
+        return [near(pairs.where(~between), False), near(pairs.where(between), True)]
 
     def find_rates(self, drift_ghosts: Callable[[], None]) -> None:
         """Sums of velocity gradients, moments and flows; drift_ghosts() is called when ghosts have their velocities."""
@@ -146,6 +167,7 @@ class Neighbours:
         motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
         self._fill(0, owned, self._motion, motion)
         self._fill(0, owned, self._flux, flux)
+        self._find_tension(0, len(record), False)
         self.rates[:], self.flows[:] = 0.0, 0.0
 
         def received() -> None:
@@ -156,39 +178,33 @@ class Neighbours:
 
         def add(pairs: Pairs, both: bool) -> None:
             for part, between in self._parts[id(pairs)]:
-                options = (self._pressing, None, None) if between else (None, self._reference, flux)
-                self._add_rates(self.smoothing, part, both, *options, motion, record, self.rates, self.flows)
+                near, weights = part.find(motion)
+                options = (self._pressing, None, None, None) if between else (None, weights, self._tension, flux)
+                self._add_rates(self.smoothing, near, both, *options, motion, record, self.rates, self.flows)
 
         self._sweep(add, "motion", received)
 
     def find_forces(self) -> None:
         """Forces, viscous heat, and sums of gradients of v^p and T; ghosts have drifted."""
         owned, known = self.particles.owned, self.particles.owned + self.particles.ghosts
-        motion, record, flux, mean = self._rows_of_motion, self._rows_of_record, self._rows_of_flux, self._rows_of_mean
+        motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
         self._fill(0, known, self._motion, motion)
         self._mirror_motion()
-        if mean is not record:
-            mean[:] = record
         self._fill(0, owned, self._record, record)
+        self._find_tension(0, owned, True)
         self._forces[:], self._heating[:], self.slopes[:] = 0.0, 0.0, 0.0
-
-        def find_mean(rows: slice) -> None:
-            if mean is not record:
-                mean[rows] += record[rows]
-                mean[rows] *= 0.5
-
-        find_mean(slice(owned))
 
         def received() -> None:
             self._fill(owned, known, self._record, record)
             self._mirror_record()
-            find_mean(slice(owned, None))
+            self._find_tension(owned, len(record), True)
 
         def add(pairs: Pairs, both: bool) -> None:
             sums = self._forces, self._heating, self.slopes
             for part, between in self._parts[id(pairs)]:
-                options = (self._pressing, None, None) if between else (None, self._reference, flux)
-                self._add_forces(self.smoothing, part, both, *options, self.viscosity, motion, record, mean, *sums)
+                near, weights = part.find(motion)
+                options = (self._pressing, None, None, None) if between else (None, weights, self._tension, flux)
+                self._add_forces(self.smoothing, near, both, *options, self.viscosity, motion, record, *sums)
 
         self._sweep(add, "record", received)
         of = self.particles.storage
@@ -212,6 +228,11 @@ class Neighbours:
         if names and last > first:
             fill_rows(first, last, tuple(map(self.particles.storage, names)), columns, rows)
 
+    def _find_tension(self, first: int, last: int, mean: bool) -> None:
+        """What `sweeps.held_weight` reads of rows first..last-1; mean: of the record before and the present one."""
+        if self._tension is not None:
+            self._tension_of_rows(first, last, mean, self._rows_of_record, self._tension)
+
     def _mirror_motion(self) -> None:
         """Rows of motion and fluxes of mirror images."""
         if self.pairs.images is not None:
@@ -227,7 +248,8 @@ class Neighbours:
             self._rows_of_record[first:] = self._record_factor * self._rows_of_record[source]
 
     def arrays(self) -> list[np.ndarray]:
-        """All rows, for what counts memory."""
-        rows: list[Any] = [self._rows_of_motion, self._rows_of_record, self._rows_of_mean, self.rates, self.flows]
-        rows += [self.slopes, self._forces, self._heating, self._reference, self._rows_of_flux]
-        return [one for one in rows if one is not None]
+        """All rows and short lists, for what counts memory."""
+        rows: list[Any] = [self._rows_of_motion, self._rows_of_record, self.rates, self.flows, self.slopes]
+        rows += [self._forces, self._heating, self._tension, self._rows_of_flux]
+        short = [array for parts in self._parts.values() for part, _ in parts for array in part.arrays()]
+        return [one for one in rows if one is not None] + short

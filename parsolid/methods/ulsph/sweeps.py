@@ -24,11 +24,12 @@ and add to rows of owned particles:
     forces   of stresses F and of the artificial viscosity V: space [F . | V .]; plane [F V]
     heating  q
     slopes   sums of (v^p_b - v^p_a) g and of (T_b - T_a) g: space [micro . | heat .]; plane [micro heat]
-pressing is None but for pairs of two bodies that exert no tension on one another. reference: reference positions [X 0]
-or [X 0 0], by which pairs in tension keep their weights (`held_weight`), or None where all have those of their present
-distance. mean_record: rows like those of record, the mean of the record that the rates of the step had and of the
-present one. Kicks before and after a step then have, on the mean, the weights of its rates, and power closes to second
-order of the step.
+pressing is None but for pairs of two bodies that exert no tension on one another. reference: weights of pairs at their
+reference distances, which those in tension keep (`held_weight`), None where all have those of their present distance.
+tension: what that reads of particles: P is the symmetric part, of the record in the rates and of the mean of the record
+that these rates had and of the present one in the forces: kicks before and after a step then have, on the mean, the
+weights of its rates, and power closes to second order of the step; pull is 1 where r.P r may be positive, else 0.
+    tension  space [P_11 P_22 P_33 2P_12 | 2P_13 2P_23 pull .]; plane [P_11 P_22 2P_12 pull]
 """
 
 from typing import NamedTuple
@@ -70,85 +71,76 @@ def weight_in_plane(smoothing, h, square):
     return -gradient_factor(smoothing, square**0.5 * inverse, 2) * inverse**4
 
 
+@kernel
+def reference_weights(smoothing, pairs, places, length, weights):
+    """Weights of pairs of places (rows, d) [m] and smoothing lengths (rows,) [m]."""
+    d = places.shape[1]
+    for a in range(pairs[0].shape[0] - 1):
+        for k in range(pairs[0][a], pairs[0][a + 1]):
+            b, square = pairs[1][k], 0.0
+            for c in range(d):
+                square += (places[b, c] - places[a, c]) ** 2
+            inverse = 2.0 / (length[a] + length[b])
+            weights[k] = -gradient_factor(smoothing, square**0.5 * inverse, d) * inverse ** (d + 2)
+
+
 @inlined
-def held_weight(weight, reference_weight, distance, pull_a, pull_b):
+def held_weight(smoothing, weight, reference, h, square, pull_a, pull_b):
     """Weight of a pair that is stretched: that of its reference distance as far as both particles pull.
 
     In tension, weights that fall as a pair stretches make neighbours part (Swegle, Hicks and Attaway, J. Comput. Phys.
-    116, 1995); those of the reference distance do not fall. pull_a, pull_b: r.P r of both particles, positive;
-    distance: over the support, in the last fifth of which the pair lets go.
+    116, 1995); those of the reference distance do not fall. pull_a, pull_b: r.P r of both particles. In the last fifth
+    of the support the pair lets go.
     """
-    share = 2.0 * min(pull_a, pull_b) / (pull_a + pull_b)
-    return weight + share * max(min(5.0 * (1.0 - distance), 1.0) * reference_weight - weight, 0.0)
+    if min(pull_a, pull_b) > 0.0:
+        share = 2.0 * min(pull_a, pull_b) / (pull_a + pull_b)
+        distance = square**0.5 / (smoothing.support * h)
+        weight += share * max(min(5.0 * (1.0 - distance), 1.0) * reference - weight, 0.0)
+    return weight
 
 
 @inlined
-def pull_in_space(record, a, r):
+def pull_in_space(tension, a, r):
     """r.P_a r."""
-    u = scale(r[0], load_row(record, a, 0))
-    u = add_scaled(u, r[1], load_row(record, a, 4))
-    return dot(add_scaled(u, r[2], load_row(record, a, 8)), r)
+    P, Q = load_row(tension, a, 0), load_row(tension, a, 4)
+    pull = r[0] * (P[0] * r[0] + P[3] * r[1] + Q[0] * r[2])
+    return pull + r[1] * (P[1] * r[1] + Q[1] * r[2]) + P[2] * r[2] * r[2]
 
 
 @inlined
-def symmetric_in_space(record, a):
-    """P_a of r.P_a r: its symmetric part, 11 22 33 and twice 12 13 23."""
-    u, v, w = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
-    return (u[0], v[1], w[2], u[1] + v[0], u[2] + w[0], v[2] + w[1])
+def pull_in_plane(tension, a, x, y):
+    """r.P_a r of r = (x, y)."""
+    P = load_row(tension, a, 0)
+    return x * (P[0] * x + P[2] * y) + P[1] * y * y
 
 
-@inlined
-def pull_of_symmetric(P, r):
-    """r.P r of `symmetric_in_space`."""
-    return r[0] * (P[0] * r[0] + P[3] * r[1] + P[4] * r[2]) + r[1] * (P[1] * r[1] + P[5] * r[2]) + P[2] * r[2] * r[2]
+@kernel
+def find_tension_in_space(first, last, mean, record, tension):
+    """Tension of rows first..last-1; mean: of P that is there and that of the record, else of the record alone."""
+    for a in range(first, last):
+        u, v, w = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
+        P, Q = (u[0], v[1], w[2], u[1] + v[0]), (u[2] + w[0], v[2] + w[1], 0.0, 0.0)
+        if mean:
+            P, Q = scale(0.5, add(load_row(tension, a, 0), P)), scale(0.5, add(load_row(tension, a, 4), Q))
+        # the largest eigenvalue is tr P/3 + (2/3)^1/2 |dev P| at most
+        p = (P[0] + P[1] + P[2]) / 3.0
+        square = (P[0] - p) ** 2 + (P[1] - p) ** 2 + (P[2] - p) ** 2
+        square += 0.5 * (P[3] * P[3] + Q[0] * Q[0] + Q[1] * Q[1])
+        pull = 1.0 if p > 0.0 or 2.0 * square > 3.0 * p * p else 0.0
+        store_row(tension, a, 0, P)
+        store_row(tension, a, 4, (Q[0], Q[1], pull, 0.0))
 
 
-@inlined
-def may_pull_in_space(P):
-    """Whether r.P r may be positive, by the bound tr P/3 + (2/3)^1/2 |dev P| of the largest eigenvalue."""
-    mean = (P[0] + P[1] + P[2]) / 3.0
-    square = (P[0] - mean) ** 2 + (P[1] - mean) ** 2 + (P[2] - mean) ** 2
-    square += 0.5 * (P[3] * P[3] + P[4] * P[4] + P[5] * P[5])
-    return mean > 0.0 or 2.0 * square > 3.0 * mean * mean
-
-
-@inlined
-def may_pull_in_plane(P):
-    """Whether r.P r is positive for any r."""
-    mean, half, shear = 0.5 * (P[0] + P[3]), 0.5 * (P[0] - P[3]), 0.5 * (P[1] + P[2])
-    return mean > 0.0 or half * half + shear * shear > mean * mean
-
-
-@inlined
-def pull_in_plane(P, x, y):
-    """r.P r of r = (x, y)."""
-    return (P[0] * x + P[2] * y) * x + (P[1] * x + P[3] * y) * y
-
-
-@inlined
-def held_weight_in_space(smoothing, weight, reference, record, P_a, a, b, r, h, square):
-    """Weight of a pair, by `held_weight` where it is stretched and both particles pull; P_a: `symmetric_in_space`."""
-    pull_a = pull_of_symmetric(P_a, r)
-    if pull_a > 0.0:
-        R = subtract(load_row(reference, b, 0), load_row(reference, a, 0))
-        pull_b = pull_in_space(record, b, r) if dot(R, R) < square else 0.0
-        if pull_b > 0.0:
-            before = weight_in_space(smoothing, h, dot(R, R))
-            weight = held_weight(weight, before, square**0.5 / (smoothing.support * h), pull_a, pull_b)
-    return weight
-
-
-@inlined
-def held_weight_in_plane(smoothing, weight, reference, record, P_a, a, b, x, y, h, square):
-    """As `held_weight_in_space`, with r = (x, y)."""
-    pull_a = pull_in_plane(P_a, x, y)
-    if pull_a > 0.0:
-        X, Y = reference[b, 0] - reference[a, 0], reference[b, 1] - reference[a, 1]
-        pull_b = pull_in_plane(load_row(record, b, 0), x, y) if X * X + Y * Y < square else 0.0
-        if pull_b > 0.0:
-            before = weight_in_plane(smoothing, h, X * X + Y * Y)
-            weight = held_weight(weight, before, square**0.5 / (smoothing.support * h), pull_a, pull_b)
-    return weight
+@kernel
+def find_tension_in_plane(first, last, mean, record, tension):
+    """As `find_tension_in_space`."""
+    for a in range(first, last):
+        P = (record[a, 0], record[a, 3], record[a, 1] + record[a, 2], 0.0)
+        if mean:
+            P = scale(0.5, add(load_row(tension, a, 0), P))
+        p, half = 0.5 * (P[0] + P[1]), 0.5 * (P[0] - P[1])
+        pull = 1.0 if p > 0.0 or half * half + 0.25 * P[2] * P[2] > p * p else 0.0
+        store_row(tension, a, 0, (P[0], P[1], P[2], pull))
 
 
 @inlined
@@ -160,15 +152,14 @@ def traction_in_space(record, a, b, r):
 
 
 @kernel
-def add_rates_in_space(smoothing, pairs, both, pressing, reference, flux, motion, record, rates, flows):
+def add_rates_in_space(smoothing, pairs, both, pressing, reference, tension, flux, motion, record, rates, flows):
     """Add what pairs have of rates and flows; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
         if start[a] == start[a + 1]:
             continue
         v_a, x_a = load_row(motion, a, 0), load_row(motion, a, 4)
-        P_a = symmetric_in_space(record, a)
-        pulls = reference is not None and may_pull_in_space(P_a)
+        pulls = reference is not None and tension[a, 6] > 0.0
         sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
         sum_2, sum_3 = load_row(rates, a, 8), load_row(rates, a, 12)
         for k in range(start[a], start[a + 1]):
@@ -183,8 +174,9 @@ def add_rates_in_space(smoothing, pairs, both, pressing, reference, flux, motion
             if pressing is not None and not (dot(dv, r) < 0.0 or dot(traction_in_space(record, a, b, r), r) < 0.0):
                 continue
             weight = weight_in_space(smoothing, h, square)
-            if pulls:
-                weight = held_weight_in_space(smoothing, weight, reference, record, P_a, a, b, r, h, square)
+            if pulls and (reference[k] - weight) * tension[b, 6] > 0.0:
+                pull = pull_in_space(tension, a, r), pull_in_space(tension, b, r)
+                weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
             g = scale(v_a[3] * v_b[3] * weight, r)
             dv_r = (dv[0], dv[1], dv[2], r[0])
             to_0, to_1, to_2 = scale(g[0], dv_r), scale(g[1], dv_r), scale(g[2], dv_r)
@@ -210,7 +202,7 @@ def add_rates_in_space(smoothing, pairs, both, pressing, reference, flux, motion
 
 @kernel
 def add_forces_in_space(
-    smoothing, pairs, both, pressing, reference, flux, viscosity, motion, record, mean_record, forces, heating, slopes
+    smoothing, pairs, both, pressing, reference, tension, flux, viscosity, motion, record, forces, heating, slopes
 ):
     """Add what pairs have of forces, heating and slopes; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
@@ -218,8 +210,7 @@ def add_forces_in_space(
         if start[a] == start[a + 1]:
             continue
         v_a, x_a, N_a = load_row(motion, a, 0), load_row(motion, a, 4), load_row(record, a, 12)
-        P_a = symmetric_in_space(mean_record, a)
-        pulls = reference is not None and may_pull_in_space(P_a)
+        pulls = reference is not None and tension[a, 6] > 0.0
         sum_F, sum_V, sum_q = load_row(forces, a, 0), load_row(forces, a, 4), heating[a]
         slope_micro, slope_heat = load_row(slopes, a, 0), load_row(slopes, a, 4)
         for k in range(start[a], start[a + 1]):
@@ -231,8 +222,9 @@ def add_forces_in_space(
                 continue
             v_b, N_b = load_row(motion, b, 0), load_row(record, b, 12)
             weight = weight_in_space(smoothing, h, square)
-            if pulls:
-                weight = held_weight_in_space(smoothing, weight, reference, mean_record, P_a, a, b, r, h, square)
+            if pulls and (reference[k] - weight) * tension[b, 6] > 0.0:
+                pull = pull_in_space(tension, a, r), pull_in_space(tension, b, r)
+                weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
             product = v_a[3] * v_b[3] * weight
             g = scale(product, r)
             F = traction_in_space(record, a, b, g)
@@ -270,15 +262,14 @@ def traction_in_plane(record, a, b, x, y):
 
 
 @kernel
-def add_rates_in_plane(smoothing, pairs, both, pressing, reference, flux, motion, record, rates, flows):
+def add_rates_in_plane(smoothing, pairs, both, pressing, reference, tension, flux, motion, record, rates, flows):
     """As `add_rates_in_space`."""
     start, neighbour = pairs
     for a in range(start.shape[0] - 1):
         if start[a] == start[a + 1]:
             continue
         here, m_a, h_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5]
-        P_a = load_row(record, a, 0)
-        pulls = reference is not None and may_pull_in_plane(P_a)
+        pulls = reference is not None and tension[a, 3] > 0.0
         sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
@@ -292,8 +283,9 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, reference, flux, motion
                 if not (u * x + v * y < 0.0 or S[0] * x + S[1] * y < 0.0):
                     continue
             weight = weight_in_plane(smoothing, h, square)
-            if pulls:
-                weight = held_weight_in_plane(smoothing, weight, reference, record, P_a, a, b, x, y, h, square)
+            if pulls and (reference[k] - weight) * tension[b, 3] > 0.0:
+                pull = pull_in_plane(tension, a, x, y), pull_in_plane(tension, b, x, y)
+                weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
             product = m_a * motion[b, 4] * weight
             g_x, g_y = product * x, product * y
             to_0, to_1 = (u * g_x, v * g_x, u * g_y, v * g_y), (x * g_x, y * g_y, x * g_y, 0.0)
@@ -314,7 +306,7 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, reference, flux, motion
 
 @kernel
 def add_forces_in_plane(
-    smoothing, pairs, both, pressing, reference, flux, viscosity, motion, record, mean_record, forces, heating, slopes
+    smoothing, pairs, both, pressing, reference, tension, flux, viscosity, motion, record, forces, heating, slopes
 ):
     """As `add_forces_in_space`."""
     start, neighbour = pairs
@@ -322,8 +314,7 @@ def add_forces_in_plane(
         if start[a] == start[a + 1]:
             continue
         here, m_a, h_a, N_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5], load_row(record, a, 4)
-        P_a = load_row(mean_record, a, 0)
-        pulls = reference is not None and may_pull_in_plane(P_a)
+        pulls = reference is not None and tension[a, 3] > 0.0
         sum_F, sum_q, slope = load_row(forces, a, 0), heating[a], load_row(slopes, a, 0)
         for k in range(start[a], start[a + 1]):
             b = neighbour[k]
@@ -333,8 +324,9 @@ def add_forces_in_plane(
             if not square < (smoothing.support * h) ** 2:
                 continue
             weight = weight_in_plane(smoothing, h, square)
-            if pulls:
-                weight = held_weight_in_plane(smoothing, weight, reference, mean_record, P_a, a, b, x, y, h, square)
+            if pulls and (reference[k] - weight) * tension[b, 3] > 0.0:
+                pull = pull_in_plane(tension, a, x, y), pull_in_plane(tension, b, x, y)
+                weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
             product, N_b = m_a * motion[b, 4] * weight, load_row(record, b, 4)
             g_x, g_y = product * x, product * y
             F_x, F_y = traction_in_plane(record, a, b, g_x, g_y)

@@ -1,0 +1,141 @@
+"""Frequencies and shapes of the vibrations of a scene's bodies, into a folder."""
+
+import csv
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from parsolid.api.arguments import require_whole_number
+from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.collective import maximum, minimum
+from parsolid.output.errors import together
+from parsolid.output.fields import FieldSeries
+from parsolid.output.run_folder import RunFolder
+from parsolid.output.summary import provenance, write_summary
+from parsolid.scene import Scene, dump_scene
+from parsolid.scene.warned import Note
+from parsolid.simulation.vibrations import VibratingBodies, Vibrations
+
+# residuals that are small enough, so that frequencies are exact to some 1e-9 where modes are apart; iterations
+TOLERANCE, ITERATIONS = 1e-4, 400
+# of the largest side of all bodies, the largest displacement of a shape in files
+_AMPLITUDE = 0.05
+
+
+@dataclass(frozen=True)
+class ModesFound:
+    """What `modes` gives, the same on all ranks: frequencies (k,) [Hz], rigid ones first; rigid: how many; residuals
+    (k,); shares (k, d) of the mass that move as a whole translates; iterations, products, particles; converged;
+    seconds; notes; folder: where tables and shapes are, None where they are written nowhere."""
+
+    frequencies: np.ndarray
+    rigid: int
+    residuals: np.ndarray
+    shares: np.ndarray
+    iterations: int
+    products: int
+    particles: int
+    converged: bool
+    seconds: float
+    notes: tuple[Note, ...]
+    folder: Path | None
+
+
+def modes(
+    scene: AnyScene,
+    count: int = 10,
+    output: str | Path | None = None,
+    *,
+    tolerance: float = TOLERANCE,
+    trust_code: bool = False,
+) -> ModesFound:
+    """The rigid modes of a scene's bodies and the lowest `count` others, around the initial state.
+
+    scene: a Scene, a TOML file, or tables; output: a folder for tables and shapes, None for none; tolerance: of the
+    residuals. Collective in a script on several ranks. Raises SceneError or SolverError for bad input, OutputError.
+    """
+    require_whole_number("count", count)
+    comm = MPI.COMM_WORLD
+    stated = scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code))
+    inputs = (str(scene),) if isinstance(scene, str | Path) else ()
+    return find_modes(comm, stated, count, None if output is None else Path(output), tolerance, inputs)
+
+
+def find_modes(
+    comm: Any,
+    scene: Scene,
+    count: int,
+    folder: Path | None,
+    tolerance: float = TOLERANCE,
+    inputs: tuple[Path | str, ...] = (),
+) -> ModesFound:
+    """The same of a scene that is read; inputs: files that are not written over. Collective."""
+    began = MPI.Wtime()
+    bodies = VibratingBodies(comm, scene)
+    notes = tuple(bodies.notes())
+    found = bodies.find(count, tolerance, ITERATIONS)
+    result = ModesFound(
+        frequencies=found.frequencies,
+        rigid=found.rigid,
+        residuals=found.residuals,
+        shares=found.shares,
+        iterations=found.found.iterations,
+        products=found.found.products,
+        particles=bodies.particles,
+        converged=found.found.converged,
+        seconds=MPI.Wtime() - began,
+        notes=notes,
+        folder=folder,
+    )
+    if folder is not None:
+        with closing(RunFolder(comm, folder, inputs=inputs)) as opened:
+            _write(comm, bodies, found, result, opened)
+    return result
+
+
+def rows_of(found: ModesFound) -> list[dict[str, Any]]:
+    """A row a mode: number, kind, frequency, residual, shares."""
+    return [
+        {
+            "mode": number + 1,
+            "kind": "rigid" if number < found.rigid else "elastic",
+            "frequency": float(found.frequencies[number]),
+            "residual": float(found.residuals[number]),
+            **{f"share_{axis}": float(share) for axis, share in zip("xyz", found.shares[number])},
+        }
+        for number in range(len(found.frequencies))
+    ]
+
+
+def _write(comm: Any, bodies: VibratingBodies, found: Vibrations, result: ModesFound, folder: RunFolder) -> None:
+    """Tables and scene by rank 0, shapes by all; collective."""
+    rows = rows_of(result)
+    with together(comm, f"cannot write to {folder.directory}"):
+        if comm.rank == 0:
+            dump_scene(bodies.scene, folder.scene)
+            with (folder.directory / "modes.csv").open("w", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, list(rows[0]) if rows else ["mode"])
+                writer.writeheader()
+                writer.writerows(rows)
+            counts = {name: getattr(result, name) for name in ("particles", "rigid", "iterations", "products")}
+            entries = {"title": bodies.scene.title, **counts, "converged": result.converged, "modes": rows}
+            write_summary(folder.directory / "modes.json", entries | provenance())
+    _write_shapes(comm, bodies, found, folder)
+
+
+def _write_shapes(comm: Any, bodies: VibratingBodies, found: Vibrations, folder: RunFolder) -> None:
+    """One step of the fields a mode, at its number as the time."""
+    particles, places = bodies.system.particles, bodies.places
+    size = maximum(comm, places.max(axis=0, initial=-np.inf)) - minimum(comm, places.min(axis=0, initial=np.inf))
+    series = FieldSeries(comm, folder.fields, max(1, len(found.shapes)))
+    numbers = np.asarray(bodies.system.bodies, np.int32)[particles.owned_rows("body")]
+    constant = {"body": numbers, "volume": particles.owned_rows("volume")}
+    for number, shape in enumerate(found.shapes):
+        largest = maximum(comm, float(np.linalg.norm(shape, axis=1).max(initial=0.0)))
+        displacement = shape * (_AMPLITUDE * float(size.max()) / largest)
+        varying = {"displacement": displacement}
+        series.write(number + 1.0, particles.owned_rows("identifier"), places + displacement, varying, constant)

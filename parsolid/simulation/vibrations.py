@@ -1,0 +1,169 @@
+"""Free vibrations of small amplitude around the initial state of a scene's bodies: frequencies and shapes of modes."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from decomposition.reduction import sums
+from parsolid.collective import maximum, minimum, raise_together
+from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.methods.tlsph.tangent import Tangent
+from parsolid.scene import Scene, SceneError
+from parsolid.scene.validation_errors import fault
+from parsolid.scene.warned import Note
+from parsolid.simulation.setup import build_systems
+from parsolid.solvers import GridLevels, LowestModes, Modes, rigid_modes, start_vector, turns
+
+# weights whose tangent resists all that strains a body
+_WEIGHTS = ("mesh", "cells", "fourth-order")
+# of the shear modulus, Lame's first of the preconditioner at most: Poisson's ratio 0.4
+_SOFTEST = 4.0
+# of the square of the lowest frequency of shear waves across the scene, what a motion without stiffness is below
+_RIGID = 1e-9
+# vectors beyond the wanted ones, which let the last of these converge
+_MORE = 4
+
+
+class Vibrations(NamedTuple):
+    """The modes of a scene on one rank, rigid ones first.
+
+    rigid: how many; frequencies (k,) [Hz]; residuals (k,), see `solvers.Modes`; shapes (k, n, d): whose squares times
+    the mass add up to 1 kg m^2 over all ranks; shares (k, d): of the mass, what moves along each axis as the whole
+    translates, so that those of all modes of a free body add up to 1.
+    """
+
+    rigid: int
+    frequencies: np.ndarray
+    residuals: np.ndarray
+    shapes: np.ndarray
+    shares: np.ndarray
+    found: Modes
+
+
+class VibratingBodies:
+    """The bodies of a scene on one rank with stiffness, mass and constraints; all methods are collective."""
+
+    def __init__(self, comm: Any, scene: Scene) -> None:
+        """Raises SceneError or SolverError on all ranks for what does not vibrate linearly."""
+        refuse_nonlinear(scene)
+        self.comm, self.scene = comm, scene
+        systems: list[Any] = build_systems(comm, scene, None)[0]
+        (self.system,) = systems
+        raise_together(comm, self._fault())
+        self.tangent = Tangent(self.system)
+        self.tangent.linearise()
+        self.free, self.mass = self.tangent.free, self.tangent.mass[:, None]
+        self.stabiliser = None if self.system.boxes is None else self.system.boxes.stabiliser()
+        self.places = np.ascontiguousarray(self.system.particles.owned_rows("reference_position"))
+        self.particles = comm.allreduce(len(self.places))
+
+    def _fault(self) -> str | None:
+        kinds = sorted({kind for kind in self.system.body_weights if kind not in _WEIGHTS})
+        if kinds:
+            return f"method.weights: expected one of {', '.join(_WEIGHTS)} for modes, found {kinds[0]!r}"
+        if self.system.conditions.rollers:
+            return "boundaries: expected rollers on planes for modes, found one in a region, inclined to the axes"
+        return None
+
+    def notes(self) -> list[Note]:
+        """What is left out of the linear motion."""
+        laws = [block.law for block in self.system.blocks]
+        told = {
+            "loads do not act": any(one.kind in ("traction", "pressure") for one in self.scene.boundaries),
+            "flow and failure are left out: bodies are elastic": any(hasattr(law, "flow_stress") for law in laws),
+            "branches are left out: moduli are those of slow motion": any(law.branch_moduli for law in laws),
+        }
+        return [Note("linear-motion", text) for text, here in told.items() if maximum(self.comm, float(here)) > 0.0]
+
+    def joined(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors (n, d) that constraints allow: held components do not move, shared nodes move as one."""
+        result = vectors * self.free
+        self.tangent.share_moves(result)
+        return result
+
+    def product(self, u: np.ndarray) -> np.ndarray:
+        """K u (n, d) [N] on free components."""
+        result = self.tangent.product(u)
+        if self.stabiliser is not None:
+            self.stabiliser.add_product(u, result)
+        return np.asarray(result * self.free)
+
+    def preconditioner(self) -> Callable[[np.ndarray], np.ndarray]:
+        """About the inverse of K on what constraints allow."""
+        particles = self.system.particles
+        volume = particles.owned_rows("volume") * self.system.share
+        lame, shear = np.zeros((2, len(volume)))
+        for block in self.system.blocks:
+            shear[block.first : block.last], lame[block.first : block.last] = elastic_moduli(block.law)
+        # a grid locks where volumes are stiff
+        lame = np.minimum(lame, _SOFTEST * shear)
+        whole = sums(self.comm, [float(volume.sum()), float(len(volume))])
+        spacing = float((whole[0] / whole[1]) ** (1.0 / self.places.shape[1]))
+        levels = GridLevels(self.comm, self.places, spacing, self.free)
+        levels.of_moduli(lame, shear, volume, self.tangent.diagonal())
+        return lambda residual: self.joined(levels(residual))
+
+    def rigid_modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Shapes (l, n, d) of motions that nothing resists, and w^2 (l,) [1/s^2] of rounding."""
+        motions = self._rigid_motions()
+        speeds = [elastic_moduli(block.law)[0] / block.law.density for block in self.system.blocks]
+        size = maximum(self.comm, self.places.max(axis=0, initial=-np.inf))
+        size = size - minimum(self.comm, self.places.min(axis=0, initial=np.inf))
+        least = _RIGID * minimum(self.comm, min(speeds, default=np.inf)) / float(np.max(size)) ** 2
+        shapes, squares = rigid_modes(self.comm, motions, self.product, self.mass, least)
+        return self._plain(shapes, motions), squares
+
+    def _rigid_motions(self) -> np.ndarray:
+        """Translations and turns (k, n, d) of each body about its middle."""
+        (n, d), body, result = self.places.shape, self.system.particles.owned_rows("body"), []
+        for number in range(len(self.system.bodies)):
+            here = (body == number)[:, None]
+            mass, *moment = sums(self.comm, (here * self.mass * np.hstack((np.ones((n, 1)), self.places))).sum(axis=0))
+            arms = self.places - np.array(moment) / mass
+            result += [here * one for one in np.eye(d)] + [here * (arms @ W.T) for W in turns(d)]
+        return np.array([self.joined(one) for one in result])
+
+    def _plain(self, shapes: np.ndarray, motions: np.ndarray) -> np.ndarray:
+        """Shapes with the same span, of which the first are translations where they are among it."""
+        parts = sums(self.comm, np.tensordot(shapes * self.mass, motions, ((1, 2), (1, 2))))
+        basis = np.zeros((0, len(shapes)))
+        for part in parts.T:
+            for _ in range(2):
+                part = part - basis.T @ (basis @ part)
+            if np.linalg.norm(part) > 1e-6 * np.linalg.norm(parts):
+                basis = np.vstack((basis, part / np.linalg.norm(part)))
+        return np.asarray(np.tensordot(basis, shapes, 1)) if len(basis) == len(shapes) else shapes
+
+    def find(self, count: int, tolerance: float, limit: int) -> Vibrations:
+        """The rigid modes and the lowest `count` others."""
+        n, d = self.places.shape
+        rigid, of_rigid = self.rigid_modes()
+        precondition = self.preconditioner()
+        block = min(count + _MORE, max(1, self.comm.allreduce(int(self.free.sum())) - len(rigid)))
+        rough = start_vector(self.system.particles.owned_rows("identifier"), d * block).reshape(n, block, d)
+        start = np.array([precondition(self.mass * self.joined(one)) for one in rough.swapaxes(0, 1)])
+        solver = LowestModes(self.comm, self.product, self.mass, precondition, rigid)
+        found = solver.find(start, count, tolerance, limit)
+        shapes = np.concatenate((rigid, found.shapes))
+        squares = np.concatenate((of_rigid, found.squares))
+        frequencies = np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi)
+        residuals = np.concatenate((np.zeros(len(rigid)), found.residuals))
+        momenta = sums(self.comm, np.tensordot(shapes, np.broadcast_to(self.mass, (n, 1)), ((1,), (0,)))[:, :, 0])
+        shares = momenta**2 / float(sums(self.comm, [float(self.mass.sum())])[0])
+        return Vibrations(len(rigid), frequencies, residuals, shapes, shares, found)
+
+
+def refuse_nonlinear(scene: Scene) -> None:
+    """Raise SceneError for what of a scene does not vibrate linearly, or not by this method."""
+    meeting = [name for name in ("contact", "tie", "tools") if getattr(scene, name)]
+    faults = [fault((name,), "none for modes, whose bodies are linear", getattr(scene, name)) for name in meeting]
+    springs = [number for number, one in enumerate(scene.boundaries) if one.kind == "spring"]
+    faults += [fault(("boundaries", i, "kind"), "no spring for modes", "spring") for i in springs]
+    systems = scene.systems
+    if len(systems) > 1:
+        faults.append(fault(("methods",), "one method for modes", len(systems)))
+    elif systems[0].settings.kind != "tlsph":
+        faults.append(fault((*systems[0].place, "kind"), "'tlsph' for modes", systems[0].settings.kind, "method"))
+    if faults:
+        raise SceneError(faults)
