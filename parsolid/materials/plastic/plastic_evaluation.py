@@ -26,7 +26,8 @@ def melting_temperature(law, J) -> np.ndarray:
 def pressure(law, J, energy, volume=0.0) -> np.ndarray:
     """P [Pa] of the Jacobian, the internal energy E [J/m^3] per reference volume, and the plastic logarithmic strain of
     volume of laws that have one."""
-    J, energy = np.broadcast_arrays(J * np.exp(-np.asarray(volume)), np.asarray(energy, float))
+    elastic = np.asarray(J, float) * np.exp(-np.asarray(volume))
+    J, energy = np.broadcast_arrays(elastic, np.asarray(energy, float))
     result = np.empty(J.shape)
     _pressures(law.equation_of_state, J.ravel(), energy.ravel(), result.reshape(-1))
     return result
