@@ -56,3 +56,24 @@ def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
         for place, name in named_observables(scene)
         if name in _OF_PLASTICITY
     ]
+
+
+def temperatures_without_heat(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
+    """Temperatures at the start of bodies whose laws know none, in methods where flow alone has heat."""
+    flow, expected = flowing(scene), "no such key with this method but for an elastic-plastic material"
+    stated = [(i, body.temperature) for i, body in enumerate(scene.bodies) if body.temperature is not None]
+    return [(("bodies", i, "temperature"), expected, given.source) for i, given in stated if i not in flow]
+
+
+def total_lagrangian_faults(material: Any, here: tuple[Any, ...]) -> list[tuple[tuple[Any, ...], str, object]]:
+    """What of an elastic-plastic material at a place of the scene methods of a reference configuration do not know."""
+    expected = "no such key: the method conducts no heat"
+    faults: list[tuple[tuple[Any, ...], str, object]] = [
+        ((*here, key), expected, getattr(material, key))
+        for key in ("conductivity", "conductivity_tensor")
+        if getattr(material, key) is not None
+    ]
+    if material.failure is not None and material.failure.after == "delete":
+        expected = "'pressure': neighbours of a reference configuration stay neighbours"
+        faults.append(((*here, "failure", "after"), expected, "delete"))
+    return faults

@@ -252,6 +252,8 @@ def test_values_of_particles_become_the_law_there():
     here = at_particle(law, values, 1)
     assert here.solid.fibre == pytest.approx((0.5**0.5, 0.5**0.5, 0.0)) and here.solid.second_fibre == (0.0, -1.0, 0.0)
     assert type(here) is type(law) and here.largest_energy == 0.0
+    hoop = parse_scene(scene(fibre={"vector": ["0", "0", "2"]})).bodies[0].material
+    np.testing.assert_array_equal(hoop.values_at(np.zeros((1, 2)), {})[:, 0], [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("fibre", [{"cell_data": "grain"}, {"vector": ["-Y", "X"]}, {"angle": "log(X)"}])
