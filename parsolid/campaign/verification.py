@@ -60,7 +60,7 @@ def run_verification(studies: list[str], folder: Path, jobs: int, page: Path, tr
         try:
             planned.append(Planned.read(path, place, trust_code))
         except SceneError as error:
-            faults += [f"{path}: {fault}" for fault in error.faults]
+            faults += [one if str(one).startswith(path) else f"{path}: {one}" for one in error.faults]
     if faults:
         raise SceneError(faults)
     console = new_console()
