@@ -53,8 +53,6 @@ from parsolid.tensors import IDENTITY, cofactor, combine, contract, plus
 from parsolid.tiles import TILE, load, load_placed, load_symmetric, store, store_placed
 
 CONTROL_HEAT = "control_heat"
-# what particles of some laws carry besides
-_OF_SOME = (BACK_STRESS, VOLUME_FLOW)
 _GRADIENT = "deformation_gradient"
 _GRADIENT_PLACES = {2: np.array([0, 1, 3, 4]), 3: np.arange(9)}
 
@@ -92,7 +90,8 @@ class PlasticStates:
         declare(Field("dissipative_force", d, "N", mirror="vector", **kept))
         declare_plastic(self.particles, d, distinct, CONTROL_HEAT)
         names = (METRIC_FIELD, *(field.name for field in PLASTIC_STATE), ACTING, _GRADIENT, "jacobian")
-        names += tuple(name for name in (*_OF_SOME, "damage", "criterion_damage") if name in self.particles)
+        of_some = (BACK_STRESS, VOLUME_FLOW, "damage", "criterion_damage")
+        names += tuple(name for name in of_some if name in self.particles)
         self._ends = {name: aligned_zeros(self.particles.storage(name).shape) for name in names}
 
     def _fields(self, number: int) -> tuple[PlasticFields, PlasticFields]:
@@ -109,7 +108,8 @@ class PlasticStates:
             stress=ends[ACTING],
             jacobian=ends["jacobian"][0],
             failing=failing,
-            **{name: ends[name] for name in _OF_SOME if getattr(start, name) is not None},
+            back_stress=None if start.back_stress is None else ends[BACK_STRESS],
+            volume_flow=None if start.volume_flow is None else ends[VOLUME_FLOW],
         )
         return start, end
 
