@@ -74,7 +74,8 @@ def comparison_table(title: str, rows: list[Row], with_case: bool = False) -> Re
         table.rows.append(([row.case] if with_case else []) + cells)
     names = [(f"{row.case}, " if with_case else "", row) for row in rows]
     notes = [f"{case}{row.quantity}: {row.source}" for case, row in names if row.reference is not None]
-    told = [(case, row, text) for case, row in names for text in (row.remark, row.reason) if text]
+    told = [(case, row, row.reason) for case, row in names if row.reason]
+    told += [(case, row, row.remark) for case, row in names if row.remark and row.agrees is False]
     notes += [f"{case}{row.method}, {row.quantity}: {text}" for case, row, text in told]
     table.notes = list(dict.fromkeys(notes))
     return table
