@@ -36,6 +36,9 @@ FAULTS = {
     ),
     "element": Code("elements of a mesh inside out or flat", "mend the mesh there"),
     "double-node": Code("nodes of a mesh at one place, which nothing joins", "merge them, or make two bodies"),
+    "hanging-node": Code(
+        "nodes of a mesh in the middle of facets or edges, where elements come apart", "split the elements there"
+    ),
     "edge-contact": Code(
         "parts of a mesh that share an edge alone, or in the plane a node", "join or separate them there"
     ),
