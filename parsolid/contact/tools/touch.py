@@ -20,6 +20,7 @@ from parsolid.contact.tools.forces import (
 from parsolid.contact.tools.shapes import distance
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
+from parsolid.particles.generated import cell_volumes
 from parsolid.scene import Scene
 
 # fields of particles that any tool may touch
@@ -85,7 +86,7 @@ def stiffnesses(particles: Any, radius: np.ndarray, width: np.ndarray, moduli: n
     moduli (bodies,) [Pa]; polar: per radian about the axis X = 0.
     """
     face = np.abs(particles.owned_rows("area")).max(axis=1)
-    area = np.where((radius > 0.0) | (face == 0.0), particles.owned_rows("volume") / width, face)
+    area = np.where((radius > 0.0) | (face == 0.0), cell_volumes(particles) / width, face)
     if polar:
         area = area * particles.owned_rows("reference_position")[:, 0]
     return np.asarray(moduli[particles.owned_rows("body")] * area / width)

@@ -93,8 +93,9 @@ class Reports(ParticleSystem):
         return lame + 2.0 * (shear + total_modulus(law.branch_moduli)), law.density
 
     def least_mass(self, body: int) -> float:
-        """Corrected masses are less than the lumped ones near the surface."""
-        return 1.0 if self.meshes is None else self.meshes.least_masses.get(body, 1.0)
+        """Corrected masses are less than the lumped ones near the surface, and so are those of fourth order."""
+        found = [one.least_mass for one in self.lattice_bodies if one.body == body]
+        return min(found) if found else 1.0 if self.meshes is None else self.meshes.least_masses.get(body, 1.0)
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
