@@ -163,13 +163,14 @@ class Simulation:
     def field(self, name: str) -> np.ndarray:
         """A field as files and probes show it, of this rank's particles of all systems: a copy where it is computed.
 
-        Raises KeyError, naming what there is.
+        Collective for stresses at nodes (`nodal_stress`). Raises KeyError, naming what there is.
         """
         observables = Observables(self.core.systems)
         if not observables.has(name):
             known = [one for one in sorted(FIELDS) if observables.has(one)]
             usual = ", ".join(dict.fromkeys([*observables.usual_fields(), *known]))
             raise KeyError(f"{name}: expected one of {usual}, or one that `arrays` knows")
+        observables.prepare([name], self.core.clock.time)
         return observables.field(name)
 
     def energies(self) -> dict[str, float]:
@@ -185,6 +186,7 @@ class Simulation:
             observables = Observables(self.core.systems)
             own = self._job.history.probes if self._job else None
             self._probes = own or Probes(self.core.comm, self.core.scene, observables)
+        self._probes.prepare(self.core.clock.time)
         return dict(zip(self._probes.columns, self._probes.sample()))
 
     def close(self, finish: bool = True) -> None:

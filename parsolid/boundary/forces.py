@@ -31,10 +31,11 @@ _SAFETY = 0.8
 class Load:
     """Forces on some particles of a rank.
 
-    constant: whether they depend on the reference configuration alone; times [s]: at which they jump.
+    constant: whether they depend on the reference configuration alone; on_surface: whether they are those on a surface;
+    times [s]: at which they jump.
     """
 
-    constant = False
+    constant, on_surface = False, True
     times: tuple[float, ...] = ()
 
     def __init__(self, particles: Particles):
@@ -82,6 +83,7 @@ class DistributedLoad(Load):
         where the function is evaluated, at the particles' own places unless given."""
         super().__init__(particles)
         self.selection, self.scale, self.plane = selection, scale, plane
+        self.on_surface = selection is not None
         self.function, self.constant = function, not function.depends_on_time
         self.times, self._two_sided = tuple(function.jump_times), function.two_sided_times
         # forces found last, and for what time

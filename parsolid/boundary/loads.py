@@ -121,6 +121,14 @@ class Loads:
         self._reported += self._constant_reported
         return self._present_loads
 
+    def surface_forces(self, time: float) -> np.ndarray:
+        """Forces (d, owned) [N] of loads on surfaces at a time [s], of parts on this side of mirror planes."""
+        result = np.zeros((self.dimension, self.particles.owned))
+        for load, _ in self.loads_of:
+            if load.on_surface:
+                _add(*load.forces(time, False), result)
+        return result
+
     def _follow_layout(self) -> None:
         """Find constant loads anew after particles have changed their rows or masses."""
         if self._layout == self.particles.layout:

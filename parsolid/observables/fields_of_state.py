@@ -36,7 +36,23 @@ def pressure(rows: Rows) -> np.ndarray:
 @field
 def von_mises_stress(rows: Rows) -> np.ndarray:
     """sqrt(3/2 dev(sigma) : dev(sigma)) (n,) [Pa]."""
-    deviator = rows("stress") + rows("pressure")[:, None, None] * np.eye(3)
+    return _von_mises(rows("stress"))
+
+
+@field
+def nodal_stress(rows: Rows) -> np.ndarray:
+    """Cauchy stress at nodes (n, 3, 3) [Pa]: that of the particles where a method does not tell them apart."""
+    return rows("stress")
+
+
+@field
+def nodal_von_mises_stress(rows: Rows) -> np.ndarray:
+    """Von Mises stress at nodes (n,) [Pa]."""
+    return _von_mises(rows("nodal_stress"))
+
+
+def _von_mises(stress: np.ndarray) -> np.ndarray:
+    deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
     return np.asarray(np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)))
 
 

@@ -8,6 +8,8 @@ UNITS = {
     "velocity": "m/s",
     "pressure": "Pa",
     "von_mises_stress": "Pa",
+    "nodal_von_mises_stress": "Pa",
+    "nodal_stress": "Pa",
     "flow_stress": "Pa",
     "stress": "Pa",
     "first_piola_kirchhoff_stress": "Pa",

@@ -191,6 +191,14 @@ def sources_of_masses(pairs, positions, limit, y):
                 y[a, i] -= term
 
 
+def centres_of_functions(pairs: MeshPairs, positions: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """Places int N_a X / V_a (rows, d) [m], to which the means of owned particles belong: X_a + sum_b m_ab (X_b - X_a)
+    / V_a, as the functions add up to 1."""
+    y = np.zeros_like(positions)
+    sources_of_masses(pairs, positions, np.ones(len(volume)), y)
+    return np.asarray(positions - 2.0 * y / volume[:, None])
+
+
 @kernel
 def mass_corrections(pairs, y, volume, delta):
     """Add sum_a G_ac . y_a / V_a to delta (rows,) of both particles of each pair."""

@@ -3,6 +3,8 @@
 `parsolid.observables` computes them. "rotation": about the axis out of the plane in 2-D, a vector in space.
 """
 
+# Cauchy stress at the nodes of meshes, and its von Mises stress; of particles that are no such nodes their own
+NODAL_STRESS, NODAL_VON_MISES = "nodal_stress", "nodal_von_mises_stress"
 # in the order in which they are written
 FIELDS = {
     "displacement": "vector",
@@ -13,6 +15,8 @@ FIELDS = {
     "first_piola_kirchhoff_stress": "tensor",
     "pressure": "scalar",
     "von_mises_stress": "scalar",
+    NODAL_STRESS: "tensor",
+    NODAL_VON_MISES: "scalar",
     "jacobian": "scalar",
     "rank": "scalar",
     "error_indicator": "scalar",

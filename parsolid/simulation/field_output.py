@@ -44,12 +44,15 @@ class FieldOutput(Output):
             error_indicator.indicate(self.comm, simulation.systems)
         if self._blocks is None:
             identifier, chosen = self._chosen(self.observables)
-            self._series[0].write(time, identifier, *_arrays(chosen, self.observables.written(fields)))
+            names = self.observables.written(fields)
+            self.observables.prepare(names, time)
+            self._series[0].write(time, identifier, *_arrays(chosen, names))
             return
         for number in reversed(range(len(simulation.systems))):
             # the first block tells the times
             block = Observables([simulation.systems[number]])
             names = block.written(fields)
+            block.prepare(names, time)
             numbers, chosen = self._chosen(block)
             position, varying, constant = _arrays(chosen, names)
             self._blocks.write(time, number, position, varying, constant | {"identifier": numbers})

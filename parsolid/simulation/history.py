@@ -68,6 +68,7 @@ class HistoryOutput(Output):
     def write(self, simulation: Simulation) -> None:
         now = simulation.clock
         row = {"step": now.step, "time": now.time, "dt": now.step_size} | simulation.energy_row()
+        self.probes.prepare(now.time)
         row |= dict(zip(self.probes.columns, self.probes.sample()))
         for interaction in simulation.interactions:
             row |= dict(zip(interaction.columns, interaction.sample()))

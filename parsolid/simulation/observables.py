@@ -1,6 +1,6 @@
 """All systems of a run on one rank, as probes, field output and exact solutions look at them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -63,6 +63,11 @@ class Observables:
                 for system, piece in zip(self.systems, pieces)
             ]
         )
+
+    def prepare(self, names: Iterable[str], time: float) -> None:
+        """Let systems exchange what fields of these names need in the state at a time [s]; collective."""
+        for system in self.systems:
+            system.prepare_fields(names, time)
 
     def has(self, name: str) -> bool:
         """Whether any system has such a field."""

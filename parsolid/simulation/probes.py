@@ -28,6 +28,7 @@ class Probes:
         """Collective."""
         self.comm, self.observables = comm, observables
         self.samplers: list[Sampler] = []
+        self._fields = [name for probe in scene.probes for name in probe.fields or ()]
         for probe in scene.probes:
             columns = probe.columns_of_fields(scene.dimension)
             samplers = _samplers(comm, probe, columns, observables)
@@ -39,8 +40,12 @@ class Probes:
             self.samplers.append(ReactionForce(name, reaction_columns(name, scene.dimension)))
         self.columns = [column for sampler in self.samplers for column in sampler.columns]
 
+    def prepare(self, time: float) -> None:
+        """Exchange what fields need that no rank finds alone, in the state at a time [s]; collective."""
+        self.observables.prepare(self._fields, time)
+
     def sample(self) -> list[float]:
-        """Values of all columns; collective."""
+        """Values of all columns, after `prepare`; collective."""
         parts = [np.asarray(sampler.part(self.observables), float) for sampler in self.samplers]
         signs = [_SIGN.get(sampler.reduction, 0.0) for sampler in self.samplers]
         total = self.comm.allreduce(_one_array([part for part, sign in zip(parts, signs) if not sign]))

@@ -19,6 +19,7 @@ from parsolid.materials.hyperelastic.rubbers import Yeoh
 from parsolid.materials.hyperelastic.softening import Softened
 from parsolid.materials.hyperelastic.transversely_isotropic import Guccione
 from parsolid.materials.hyperelastic.volume import Quadratic
+from parsolid.methods.small_scene import small_scene
 from parsolid.scene import SceneError, parse_scene
 
 HERE, NONE = Path(__file__).parent, (None, None)
@@ -105,7 +106,7 @@ def test_softening_is_that_of_ogden_and_roxburgh_in_every_row():
         assert across == pytest.approx(lateral, rel=2e-9)
         law, F = pulled(across)
         assert stress(law, F)[0, 0] == pytest.approx(P, rel=5e-9, abs=1e-3)
-        assert law.largest == pytest.approx(largest, rel=5e-9, abs=1e-3)
+        assert law.largest_energy == pytest.approx(largest, rel=5e-9, abs=1e-3)
         U = of.volume_part(YEOH, float(np.linalg.det(F)))[1]
         H = np.array(arguments(F)[1]).reshape(3, 3)
         if stretch > 1.0:
@@ -172,7 +173,7 @@ def test_work_around_a_cycle_is_what_is_dissipated(name):
     """To second order in the step; nothing is stored after it."""
     errors = []
     for steps in (400, 800):
-        law, work, F = around_a_cycle(MODERATE[name]._replace(largest=0.0), steps)
+        law, work, F = around_a_cycle(MODERATE[name]._replace(largest_energy=0.0), steps)
         errors.append(abs(float(of.dissipated_energy(law)) / work - 1.0))
         assert energy(law, F) == pytest.approx(0.0, abs=1e-9 * work)
     assert errors[1] < errors[0] / 3.0 and errors[1] < 1e-3
@@ -250,7 +251,69 @@ def test_values_of_particles_become_the_law_there():
     assert values.shape == (7, 2)
     here = at_particle(law, values, 1)
     assert here.solid.fibre == pytest.approx((0.5**0.5, 0.5**0.5, 0.0)) and here.solid.second_fibre == (0.0, -1.0, 0.0)
-    assert type(here) is type(law) and here.largest == 0.0
+    assert type(here) is type(law) and here.largest_energy == 0.0
+    hoop = parse_scene(scene(fibre={"vector": ["0", "0", "2"]})).bodies[0].material
+    np.testing.assert_array_equal(hoop.values_at(np.zeros((1, 2)), {})[:, 0], [0.0, 0.0, 1.0])
+
+
+GRADED = """
+from typing import Annotated, NamedTuple
+from parsolid.elementary import log
+from parsolid.materials.declaration import Density, Direction, OfPlace, StateVariable, law
+from parsolid.materials.hyperelastic.functions import energy, next_state
+from parsolid.tensors import contract
+
+@law("hyperelastic", "graded")
+class Graded(NamedTuple):
+    density: Density
+    modulus: Annotated[float, OfPlace("Pa", "mu by place")]
+    grain: Annotated[tuple, Direction("of the grain", needed=False)]
+    largest: Annotated[float, StateVariable("1", "volume so far", initial=1.0)]
+    branch_moduli: tuple | None
+    relaxation_times: tuple | None
+
+@energy.of(Graded)
+def _energy(law, F, H, J):
+    return 0.5 * law.modulus * (contract(F, F) - 3.0 - 2.0 * log(J) + (J - 1.0) * (J - 1.0))
+
+@next_state.of(Graded)
+def _next_state(law, F, H, J):
+    return (max(law.largest, J),)
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (("", ""), None),
+        (("@next_state.of(Graded)", "def unused(law, F, H, J): pass\n"), "next_state"),
+        (("(max(law.largest, J),)", "(law.largest, J)"), "TypeError"),
+        (("    largest: Annotated", "    other: float\n    largest: Annotated"), "follow one another"),
+    ],
+)
+def test_a_law_of_ones_own_has_numbers_by_place_and_states(tmp_path, change, fault):
+    (tmp_path / "graded.py").write_text(GRADED.replace(*change) if change[0] else GRADED)
+    table = {"law": f"{tmp_path / 'graded.py'}:Graded", "modulus": "1e5*(1 + X)", "density": 1000.0}
+    data = scene()
+    data["bodies"][0]["material"] = table
+    if fault is not None:
+        with pytest.raises(SceneError, match=rf"bodies\.0\.material\.law: .*{fault}"):
+            parse_scene(data, trust_code=True)
+        return
+    stated = parse_scene(data, trust_code=True).bodies[0].material
+    values = stated.values_at(np.array([[0.0, 0.0], [0.5, 0.0]]), {})
+    np.testing.assert_allclose(values, [[1e5, 1.5e5], [1.0, 1.0], [0.0, 0.0], [0.0, 0.0], [1.0, 1.0]])
+    here = after_step(at_particle(stated.build("plane-strain"), values, 1), *arguments(np.diag([1.2, 1.0, 1.0])))
+    assert here.modulus == 1.5e5 and here.largest == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("fibre", [{"cell_data": "grain"}, {"vector": ["-Y", "X"]}, {"angle": "log(X)"}])
+def test_the_scene_that_kernels_are_compiled_for_has_directions(fibre):
+    """It has no mesh, and a particle at the origin."""
+    stated = parse_scene(scene(fibre=fibre, second_fibre=fibre))
+    small = parse_scene(small_scene(stated, stated.method), again=True).bodies[0].material
+    assert np.isfinite(small.values_at(np.zeros((1, 2)), {})).all()
+    assert type(small.build("plane-strain")) is type(stated.bodies[0].material.build("plane-strain"))
 
 
 _UNIFORM = """

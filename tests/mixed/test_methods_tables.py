@@ -87,11 +87,6 @@ ANTISYMMETRIC = {"plane": "X = 6", "kind": "antisymmetric"}
 POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": ["1", "0"]}
 
 
-def with_bonds(data):
-    """The first method is one that knows no temperature."""
-    data["methods"][0] = {"name": data["methods"][0]["name"], "kind": "peridynamics"}
-
-
 REFUSED = {
     "method of a body": (
         lambda data: data["bodies"][0].pop("method"),
@@ -123,12 +118,12 @@ REFUSED = {
         "methods.1.basis: expected 'linear', 'ugimp', 'quadratic-spline' or 'cubic-spline', found",
     ),
     "material of another": (
-        lambda data: (with_bonds(data), data["bodies"][0].update(material=COPPER)),
+        lambda data: data["bodies"][0].update(material={"kind": "prony", "density": 1.0}),
         "bodies.0.material.kind: expected one of 'mooney-rivlin', 'neo-hookean', ",
     ),
     "temperature": (
-        lambda data: (with_bonds(data), data["bodies"][0].update(temperature=300.0)),
-        "bodies.0.temperature: expected no such key with this method, found 300.0",
+        lambda data: data["bodies"][0].update(temperature=300.0),
+        "bodies.0.temperature: expected no such key with this method but for an elastic-plastic material, found 300.0",
     ),
     "placement": (
         lambda data: data["bodies"][1].update(placement="vertices"),
@@ -162,11 +157,8 @@ REFUSED = {
         "boundaries.1.body: expected a name, where a point is of one of several methods, found nothing",
     ),
     "field elsewhere": (
-        lambda data: (
-            with_bonds(data),
-            data.update(probes=[{"name": "a", "at": [0.5, 0.5], "fields": ["temperature"]}]),
-        ),
-        "probes.0.fields.0: expected a field that the method of bodies.0 knows, found 'temperature'",
+        lambda data: (data.update(probes=[{"name": "a", "at": [6.5, 0.5], "fields": ["stress_force"]}]),),
+        "probes.0.fields.0: expected a field that the method of bodies.1 knows, found 'stress_force'",
     ),
     "field of no body": (
         lambda data: (

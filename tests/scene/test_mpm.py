@@ -89,7 +89,8 @@ def test_faults(tables, place, value, told):
 
 
 def test_keys_of_other_methods(tables):
-    tables["method"] = {"kind": "peridynamics"}
+    rubber = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+    tables["method"], tables["bodies"][0]["material"] = {"kind": "peridynamics"}, rubber
     found = faults_of(tables)
     assert any(text.startswith("bodies.0.temperature: expected no such key") for text in found)
     assert any(text.startswith("loads.heat_source: expected one of body_force, acceleration") for text in found)

@@ -13,9 +13,11 @@ from parsolid.api.pictures import missing
 from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments
 from parsolid.output.results import Results
 from parsolid.scene import SceneError
+from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.validation_errors import describe, suggestion
 
-_VON_MISES = "von_mises_stress"
+# the first that was written
+_VON_MISES = (NODAL_VON_MISES, "von_mises_stress")
 _STILL, _MOVING = (".png", ".pdf", ".svg"), (".gif", ".mp4")
 
 
@@ -120,8 +122,8 @@ def pictured_fields(results: Results) -> list[str]:
     names = results.field_names
     method: Any = results.method
     preferred = [name for name in (method.pictured_fields if method else ()) if name in names]
-    solid = [_VON_MISES] if _VON_MISES in names else []
-    return list(dict.fromkeys([*preferred[:1], *solid])) or names[:1]
+    solid = [name for name in _VON_MISES if name in names]
+    return list(dict.fromkeys([*preferred[:1], *solid[:1]])) or names[:1]
 
 
 def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[int]:

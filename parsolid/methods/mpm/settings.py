@@ -8,10 +8,11 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body
-from parsolid.scene.base_model import NotNegative, Point, Positive, SceneModel, dimension_of, reject
+from parsolid.scene.base_model import Point, Positive, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.viscosity import ArtificialViscosity
 from parsolid.scene.warned import Note
 
 Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
@@ -25,15 +26,6 @@ _NEAR_CELLS = 2**16
 _LOADS = ("traction", "pressure", "spring")
 
 
-class ArtificialViscosity(SceneModel):
-    """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c); its work becomes internal
-    energy.
-    """
-
-    linear: NotNegative = Field(0.2, description="factor of the sound speed")
-    quadratic: NotNegative = Field(2.0, description="factor of the velocity jump over a cell")
-
-
 class MaterialPoint(MethodSettings):
     """Material point method with plasticity, an equation of state and heat (Banerjee)."""
 
@@ -45,7 +37,7 @@ class MaterialPoint(MethodSettings):
     state_variables: ClassVar = (
         *("velocity", "velocity_slope", "velocity_gradient", "deformation_gradient", "unrotated_deviator"),
         *("temperature", "temperature_slope", "internal_energy", "plastic_strain", "plastic_rise"),
-        *("damage", "criterion_damage"),
+        *("damage", "criterion_damage", "back_stress", "volume_flow"),
     )
     state_of_particles: ClassVar = ("deleted_*",)
     state_forces: ClassVar = ("stress_and_volume",)

@@ -8,7 +8,8 @@ Where all laws are linear and all their moduli relax alike, the stress follows f
 sweep of each kind does. Else it follows from the gradient of u and histories of tensors (`solids`), and control and
 stress have sweeps of their own. Bodies with different Prony series have one relaxing displacement for each series. The
 energy is a sum over particles, each of which knows the f of its own series at both ends of its bonds; so the force is a
-sum over the series, in each of which only the particles of the series have M and C.
+sum over the series, in each of which only the particles of the series have M and C. Solids that flow have states of
+their own, and a control on velocities (`plastic`).
 """
 
 from functools import partial
@@ -21,6 +22,7 @@ from parsolid.materials.declaration import SOFTENING
 from parsolid.materials.hyperelastic.at_particles import state_count
 from parsolid.materials.viscoelastic.prony import LinearSolid, branch_weights, linear_solid, linear_stress
 from parsolid.methods.peridynamics.bonds import Bonds
+from parsolid.methods.peridynamics.plastic import PlasticStates, flows
 from parsolid.methods.peridynamics.relaxing_displacement import RelaxingDisplacement
 from parsolid.methods.peridynamics.solids import has_tensor_history, is_small_strain, series_of
 from parsolid.methods.peridynamics.sweeps import (
@@ -45,15 +47,17 @@ NO_STRESS = LinearSolid(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0)
 class BondForces:
     """What forces of correspondence and bond-based laws have in common.
 
-    evaluations: of the forces so far; laws: (first, last, law) of the rank's particles; plane: True in the plane, else
-    None; d: dimension of the scene, 1 of bars, that of `bonds` being 2; share (owned,): the part of a particle on this
-    side of mirror planes. sound: whether every settled Jacobian is positive; stiffens: whether stiffness depends on the
-    state; growth: bound of the largest to come over that at rest; softens: whether any law has state variables. It
-    declares internal_force (d, n) [N], that of the
-    last evaluation, of the whole particle where it lies on a mirror plane.
+    evaluations: of the forces so far; last_step [s]: the length of the step before the present one; laws: (first, last,
+    law) of the rank's particles; plane: True in the plane, else None; d: dimension of the scene, 1 of bars, that of
+    `bonds` being 2; share (owned,): the part of a particle on this side of mirror planes. sound: whether every settled
+    Jacobian is positive; stiffens: whether stiffness depends on the state; growth: bound of the largest to come over
+    that at rest. It declares internal_force (d, n) [N], that of the last evaluation, of the whole particle where it
+    lies on a mirror plane.
     """
 
-    sound, stiffens, growth = True, False, 1.0
+    sound, stiffens, growth, last_step = True, False, 1.0, 0.0
+    plastic: PlasticStates | None = None
+    damping: np.ndarray | None = None
 
     def __init__(self, bonds: Bonds, blocks: list[Any], fixed: np.ndarray) -> None:
         """blocks: this rank's particles by law; fixed (owned, d) bool: normals of fixed planes a particle lies on."""
@@ -119,20 +123,25 @@ class CorrespondenceForces(BondForces):
     """Forces and memory of a rank's particles.
 
     memories: one `RelaxingDisplacement` for each Prony series; controls: rows of C of each, or None; tensors:
-    `TensorHistories` or None.
+    `TensorHistories` or None; plastic: `PlasticStates` or None; histories: those of both that there are, whose stress
+    follows from the gradient of u, as all have it then; damping: rows of C of the control on velocities, or None.
     """
 
-    def __init__(self, bonds: Bonds, blocks: list[Any], laws: list[Any], settings: Any, scale: Any, fixed: Any):
-        """laws: of all bodies of the scene, the same on all ranks; scale (owned,): coefficient times shear modulus [Pa]
-        of the control, or None; blocks, fixed: see `BondForces`. Collective.
+    def __init__(self, bonds: Bonds, blocks: list[Any], laws: list[Any], settings: Any, scales: Any, fixed: Any):
+        """laws: of all bodies of the scene, the same on all ranks; scales: of the control, coefficient times shear
+        modulus [Pa], and of that on velocities [Pa s], each (owned,) or None; blocks, fixed: see `BondForces`.
+        Collective.
         """
         super().__init__(bonds, blocks, fixed)
-        self.tensors = None
-        series = list(dict.fromkeys(map(series_of, laws)))
+        self.tensors: TensorHistories | None = None
+        series, distinct = list(dict.fromkeys(map(series_of, laws))), list(dict.fromkeys(laws))
         self._softens = any(state_count(law) for law in rows_of_laws(laws))
-        if any(map(has_tensor_history, laws)):
-            terms = max(len(ratios) for ratios, _ in series)
-            self.tensors = TensorHistories(bonds, self.laws, terms, self.share, rows_of_laws(laws))
+        if any(map(has_tensor_history, laws)) and not all(map(flows, laws)):
+            terms, own = max(len(ratios) for ratios, _ in series), [law for law in self.laws if not flows(law[2])]
+            self.tensors = TensorHistories(bonds, own, terms, self.share, rows_of_laws(laws))
+        if any(map(flows, laws)):
+            self.plastic = PlasticStates(bonds, self.laws, distinct, settings.viscosity)
+        self.histories: list[Any] = [one for one in (self.tensors, self.plastic) if one is not None]
         self.stiffens = not all(is_small_strain(law) for _, _, law in self.laws)
         if not settings.stabilisation.relaxes:
             series = [((), ())]
@@ -141,13 +150,27 @@ class CorrespondenceForces(BondForces):
             mine = [law for law in self.laws if len(series) == 1 or series_of(law[2]) == one]
             mark = "" if len(series) == 1 else f"_{number}"
             self.memories.append(RelaxingDisplacement(self.particles, mine, one, mark))
+        scale, viscous = scales
         self.controls = [None] * len(self.memories) if scale is None else self._controls(scale)
+        self.damping = None if viscous is None else self._control_rows("damping", viscous)
         # sums over a lattice know one control
-        if settings.damage is None and not settings.pre_cracks and len(self.memories) == 1:
+        single = len(self.memories) == 1 and (scale is None or viscous is None)
+        if settings.damage is None and not settings.pre_cracks and single:
             bonds.use_convolution()
 
     def _controls(self, scale: np.ndarray) -> list[np.ndarray]:
-        """Rows of C (n, 12 or 4) for each series, 0 of particles that have another, ghosts behind.
+        """Rows of C (n, 12 or 4) for each series, 0 of particles that have another, ghosts behind."""
+        whole = self._control_rows("control", scale)
+        if len(self.memories) == 1:
+            return [whole]
+        number = np.full(self.owned, -1, np.int64)
+        for i, memory in enumerate(self.memories):
+            number[memory.rows] = i
+        number = np.pad(self.bonds.halo.with_ghosts(number), (0, len(whole)))[: len(whole)]
+        return [np.where(number[:, None] == i, whole, 0.0) for i in range(len(self.memories))]
+
+    def _control_rows(self, name: str, scale: np.ndarray) -> np.ndarray:
+        """Rows of C (n, 12 or 4) of a field of that name, ghosts behind.
 
         Of laws of finite strain C is a multiple of 1, that of a whole neighbourhood: what a body has in its surface
         does not turn with it, and only what is along the jump of a bond has no moment.
@@ -159,20 +182,10 @@ class CorrespondenceForces(BondForces):
             if not is_small_strain(law):
                 C[first:last] = np.trace(C[first:last], axis1=1, axis2=2)[:, None, None] * np.eye(d) / d
         row = MATRIX_ROW[d]
-        control = Field(
-            "control", row, "Pa/m^5", layout=Rows(row), carried=False, ghosts="forward", message="stiffness"
-        )
-        self.particles.declare(control)
-        self.particles.owned_rows("control").reshape(self.owned, d, row // d)[:, :, :d] = C
-        self.particles.update("stiffness")
-        whole = self.particles.storage("control")
-        if len(self.memories) == 1:
-            return [whole]
-        number = np.full(self.owned, -1, np.int64)
-        for i, memory in enumerate(self.memories):
-            number[memory.rows] = i
-        number = np.pad(bonds.halo.with_ghosts(number), (0, len(whole)))[: len(whole)]
-        return [np.where(number[:, None] == i, whole, 0.0) for i in range(len(self.memories))]
+        self.particles.declare(Field(name, row, "", layout=Rows(row), carried=False, ghosts="forward", message=name))
+        self.particles.owned_rows(name).reshape(self.owned, d, row // d)[:, :, :d] = C
+        self.particles.update(name)
+        return self.particles.storage(name)
 
     # --- a step -----------------------------------------------------------------------------------------------
 
@@ -180,29 +193,41 @@ class CorrespondenceForces(BondForces):
         """Force (owned, d) [N] after a step [s] from the settled state to the displacement of the particles."""
         for memory in self.memories:
             memory.trial_step(step)
-        return self._evaluate(step)
+        if self.plastic is not None:
+            self.plastic.mean_step = 0.5 * (self.last_step + step)
+        force = self._evaluate(step)
+        self._dampen()
+        return force
 
     def _evaluate(self, step: float) -> np.ndarray:
         """Force (owned, d) [N] of the fields of the memories, and of the displacement at the end of a step [s]."""
         self.evaluations += 1
         message: str | None = "motion"
         for memory in self.memories:
-            if self.tensors is None or self.controls[0] is not None:
+            if not self.histories or self.controls[0] is not None:
                 self._evaluate_memory(memory, message)
                 message = None
         total = self.memories[0].force
         for memory in self.memories[1:]:
             total = total + memory.force
-        if self.tensors is not None:
+        if self.histories:
             sums = self.bonds.gradients("displacement", message)
-            self.tensors.store_stresses(step, sums, self.particles.storage("bond_stress"))
+            for one in self.histories:
+                one.store_stresses(step, sums, self.particles.storage("bond_stress"))
             total = total + self.divergence("displacement", None, self.rows)
         return self.store(total)
+
+    def _dampen(self) -> None:
+        """Force of the control on velocities, which ghosts have with the motion, and of viscosity; the heat of both."""
+        if self.plastic is not None and self.damping is not None:
+            self.plastic.dampen(self.damping)
+            rows = self.divergence("velocity", self.damping, self.rows)
+            copy_to_columns(rows, self.particles.storage("dissipative_force"))
 
     def _evaluate_memory(self, memory: RelaxingDisplacement, message: str | None) -> np.ndarray:
         """What of the force (owned, 4) [N] is linear in the field of a memory: all of it, or the control's."""
         laws = memory.laws
-        if self.tensors is not None:
+        if self.histories:
             laws = [(first, last, None) for first, last, _ in laws]
         control = self.controls[self.memories.index(memory)]
         return self._linear_force(memory.field, laws, control, message, memory.force)
@@ -223,7 +248,7 @@ class CorrespondenceForces(BondForces):
     def commit(self, step: float) -> float:
         """End a step [s] at the displacement of the last evaluation; the energy dissipated over it [J]."""
         lost = sum(memory.commit(step, self.share) for memory in self.memories)
-        return lost + (self.tensors.commit(step, self.bonds.sums) if self.tensors is not None else 0.0)
+        return lost + sum(one.commit(step, self.bonds.sums) for one in self.histories)
 
     def book_softening(self, ledger: Any) -> float:
         """Enter into a ledger what state variables of laws have dissipated in the step that was committed last; the
@@ -237,11 +262,12 @@ class CorrespondenceForces(BondForces):
         """Memory and forces of the displacement at time 0: reached in a jump, or held for ever."""
         for memory in self.memories:
             memory.start(partial(self._evaluate_memory, memory, "motion"), instantaneous)
-        if self.tensors is not None:
-            self.tensors.commit(0.0, self.bonds.gradients("displacement", "motion"))
-            if not instantaneous:
-                self.tensors.relax_fully()
+        if self.histories:
+            sums = self.bonds.gradients("displacement", "motion")
+            for one in self.histories:
+                one.start(sums, instantaneous)
         self.resume()
+        self._dampen()
 
     def resume(self) -> None:
         """Forces of a settled state that was put back."""
@@ -250,8 +276,8 @@ class CorrespondenceForces(BondForces):
         self._evaluate(0.0)
         for memory in self.memories:
             memory.resume()
-        if self.tensors is not None:
-            self.tensors.commit(0.0, self.bonds.sums)
+        for one in self.histories:
+            one.resume(self.bonds.sums)
 
     def evaluate_anew(self) -> None:
         """Forces of the settled state and of each part of its memory, after bonds were broken; tensors take what
@@ -259,8 +285,8 @@ class CorrespondenceForces(BondForces):
         for memory in self.memories:
             memory.evaluate_anew(partial(self._evaluate_memory, memory, "motion"))
         self._evaluate(0.0)
-        if self.tensors is not None:
-            self.tensors.commit(0.0, self.bonds.sums)
+        for one in self.histories:
+            one.commit(0.0, self.bonds.sums)
 
     # --- stiffness, energy and stress -------------------------------------------------------------------------
 
@@ -288,26 +314,34 @@ class CorrespondenceForces(BondForces):
             self.evaluations += 1
         return total
 
+    def damping_force(self, velocity: np.ndarray) -> np.ndarray:
+        """Force (owned, 4) [N] of the control on velocities (owned, d) [m/s]."""
+        self.particles.owned_rows("trial_displacement")[:] = velocity
+        nothing = [(first, last, None) for first, last, _ in self.laws]
+        return self._linear_force("trial_displacement", nothing, self.damping, "trial", self.rows)
+
     def stored_energy(self) -> float:
         """Of the settled state [J], the control's included."""
         stored = sum(memory.stored_energy(self.share) for memory in self.memories)
-        return stored + (self.tensors.stored if self.tensors is not None else 0.0)
+        return stored + sum(one.stored for one in self.histories)
 
     @property
     def sound(self) -> bool:  # type: ignore[override]
         """Whether every settled Jacobian is positive; of small strain there is none to look at."""
-        return self.tensors is None or self.tensors.sound
+        return all(one.sound for one in self.histories)
 
     @property
     def growth(self) -> float:  # type: ignore[override]
         """Bound of the stiffness to come over that at rest."""
-        return 1.0 if self.tensors is None else self.tensors.growth
+        return max((one.growth for one in self.histories), default=1.0)
 
     def cauchy_stresses(self, F: np.ndarray) -> np.ndarray:
         """sigma (owned, 3, 3) [Pa] of the settled state; F (owned, 3, 3): its deformation gradients."""
         P, inverse, volume = np.zeros((self.owned, 9)), self.particles.storage("inverse_shape"), self.bonds.volume
-        if self.tensors is not None:
-            self.tensors.nominal_stresses(self.bonds.gradients("displacement"), P)
+        if self.histories:
+            sums = self.bonds.gradients("displacement")
+            for one in self.histories:
+                one.nominal_stresses(sums, P)
         else:
             for memory in self.memories:
                 sums = self.bonds.gradients(memory.field)

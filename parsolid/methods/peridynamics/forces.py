@@ -13,7 +13,13 @@ from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeri
 from parsolid.methods.peridynamics.bond_based import BondBasedForces
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.correspondence import CorrespondenceForces
-from parsolid.methods.peridynamics.solids import has_tensor_history, is_small_strain, series_of
+from parsolid.methods.peridynamics.plastic import flows
+from parsolid.methods.peridynamics.solids import (
+    has_tensor_history,
+    is_small_strain,
+    series_of,
+    undeformed_wave_modulus,
+)
 from parsolid.methods.peridynamics.tangent import algorithmic_law
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
@@ -52,13 +58,26 @@ def build_forces(
             fixed[:, plane.axis] |= plane.contains(particle_set)
     if isinstance(laws[0], BondBased):
         return BondBasedForces(bonds, blocks, settings, fixed)
-    scale = None
-    if settings.stabilisation.kind != "none":
-        scale = np.zeros(len(particle_set))
-        for block in blocks:
-            shear = algorithmic_law(block.law, 0.0).shear_modulus
-            scale[block.first : block.last] = settings.stabilisation.factor * shear
-    return CorrespondenceForces(bonds, blocks, laws, settings, scale, fixed)
+    scales = control_scales(laws, blocks, settings.stabilisation, particle_set.spacing.max(axis=1))
+    return CorrespondenceForces(bonds, blocks, laws, settings, scales, fixed)
+
+
+def control_scales(
+    laws: list[Any], blocks: list[Any], stabilisation: Any, spacing: np.ndarray
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """The scales (n,) of the control [Pa] and of that on velocities [Pa s], None where no law of the scene has it; the
+    latter is 0 without control."""
+    elastic, viscous = np.zeros((2, len(spacing)))
+    for block in blocks:
+        own, law = slice(block.first, block.last), block.law
+        if flows(law):
+            impedance = np.sqrt(law.density * undeformed_wave_modulus(law))
+            viscous[own] = stabilisation.viscous_factor * impedance * spacing[own]
+        else:
+            elastic[own] = stabilisation.factor * algorithmic_law(law, 0.0).shear_modulus
+    flow = list(map(flows, laws))
+    stores = stabilisation.kind != "none" and not all(flow)
+    return elastic if stores else None, viscous if any(flow) else None
 
 
 def _faults(scene: Any, laws: list[Any]) -> str | None:

@@ -8,11 +8,13 @@ from decomposition.reduction import sums
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum
 from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.fracture import Fracture
 from parsolid.methods.peridynamics.solids import is_small_strain
 from parsolid.methods.peridynamics.tangent import instantaneous_wave_modulus
+from parsolid.methods.plastic_particles import measure_flow
 from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 from parsolid.scene.warned import Note, Warned
 
@@ -65,7 +67,8 @@ class Reports(ParticleSystem):
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Deformation gradient and Cauchy stress (n, 3, 3); damage (n,)."""
         if name == "damage":
-            return np.zeros(last - first) if self.fracture is None else self.fracture.damage.damage[first:last]
+            known = "damage" in self.particles
+            return self.particles.owned_rows("damage")[first:last] if known else np.zeros(last - first)
         if name not in ("deformation_gradient", "stress"):
             return None
         return self._tensors(name)[first:last]
@@ -85,14 +88,21 @@ class Reports(ParticleSystem):
         return known[name]
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
-        """Broken bonds, and the place of the crack's tip; collective."""
+        """Broken bonds, the place of the crack's tip, and what flow and failure have done; collective."""
         if name == "broken_bonds":
             return "sum", np.array(0.0 if self.fracture is None else self.fracture.broken_bonds())
+        if name != "crack_tip":
+            return measure_flow(self.particles, self.particles.owned_rows("mass") * self.share, name)
         # the same on all ranks
         return "maximum", np.full(self.dimension, np.nan) if self.fracture is None else self.fracture.tip()
 
     def first_invalid(self) -> tuple[int, str] | None:
         """The first particle that is inside out or whose velocity is not finite, or the one farthest from balance."""
+        plastic = self.forces.plastic
+        if plastic is not None and not (room := plastic.room()).min(initial=np.inf) > 0.0:
+            index = int(np.argmin(room))
+            ratio = self.particles.owned_rows("jacobian")[index]
+            return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
         if not self.forces.sound:
             jacobian = np.linalg.det(self._tensors("deformation_gradient"))
             index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
@@ -136,8 +146,12 @@ class Reports(ParticleSystem):
         return self.solver.cost_notes()
 
     def summary(self) -> dict[str, Any]:
-        """Iterations of quasi-static solutions."""
-        return self.solver.summary()
+        """Iterations of quasi-static solutions, and what has failed."""
+        failed = {}
+        if "criterion_damage" in self.particles:
+            mass = self.particles.owned_rows("mass") * self.share
+            failed = failed_matter.summary(self.comm, self.particles, mass)
+        return self.solver.summary() | failed
 
     def exchanged_records(self) -> dict[str, int]:
         """The rows of the divergence sweep."""

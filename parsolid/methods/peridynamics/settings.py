@@ -6,6 +6,14 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
+from parsolid.materials.declaration import Phrase
+from parsolid.methods.plastic_fields import (
+    PLASTIC_STATE,
+    fields_of_no_body,
+    flowing,
+    temperatures_without_heat,
+    total_lagrangian_faults,
+)
 from parsolid.scene.base_model import (
     Detail,
     OnRestart,
@@ -17,26 +25,34 @@ from parsolid.scene.base_model import (
     reject,
 )
 from parsolid.scene.contact import in_contact
+from parsolid.scene.failure import faults_of_names
 from parsolid.scene.materials import HyperelasticSolid
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.shapes import Box
+from parsolid.scene.viscosity import ArtificialViscosity
 from parsolid.scene.warned import Note
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
 # coefficient of shear-scaled control with which a face is as stiff as a half space's
 _PRESSED = 0.125
+# of the control on velocities
+_VISCOUS = 0.05
 
 
 class Stabilisation(SceneModel):
     """Control of the zero-energy modes of the correspondence force.
 
-    shear-scaled  self-adjoint, in multiples of the equilibrium shear modulus, on the relaxing displacement
+    shear-scaled  self-adjoint, in multiples of the equilibrium shear modulus, on the relaxing displacement; of
+                  elastic-plastic bodies on velocities, in multiples of impedance times spacing
     none          nothing; static solutions are then not unique
     """
 
     kind: Literal["shear-scaled", "none"] = "shear-scaled"
     coefficient: Positive | None = Field(None, description="factor of the control: 0.35 unless given, 0.125 in contact")
+    viscous_coefficient: Positive | None = Field(
+        None, description="factor of the control on velocities of elastic-plastic bodies: 0.05 unless given"
+    )
     relaxes: bool = Field(
         True, description="whether the control relaxes with the body; false keeps angular momentum to rounding"
     )
@@ -47,6 +63,11 @@ class Stabilisation(SceneModel):
         return self.coefficient or {"shear-scaled": 0.35, "none": 0.0}[self.kind]
 
     @property
+    def viscous_factor(self) -> float:
+        """That of the control on velocities, with its default."""
+        return self.viscous_coefficient or {"shear-scaled": _VISCOUS, "none": 0.0}[self.kind]
+
+    @property
     def is_open(self) -> bool:
         """Whether it is shear-scaled control whose coefficient nobody has stated."""
         return self.kind == "shear-scaled" and "coefficient" not in self.model_fields_set
@@ -54,8 +75,9 @@ class Stabilisation(SceneModel):
     @model_validator(mode="after")
     def _used(self) -> "Stabilisation":
         details: list[Any] = []
-        if self.kind == "none" and self.coefficient is not None:
-            details.append((("coefficient",), "no such key without control", self.coefficient))
+        stated = [key for key in ("coefficient", "viscous_coefficient") if getattr(self, key) is not None]
+        if self.kind == "none":
+            details += [((key,), "no such key without control", getattr(self, key)) for key in stated]
         if self.kind == "none" and not self.relaxes:
             details.append((("relaxes",), "no such key without control", self.relaxes))
         reject(*details)
@@ -189,7 +211,7 @@ class Peridynamics(MethodSettings):
 
     system: ClassVar = "parsolid.methods.peridynamics.system:Peridynamics"
     dimensions: ClassVar = (1, 2, 3)
-    materials: ClassVar = ("hyperelastic", "prony", "bond-based")
+    materials: ClassVar = ("hyperelastic", "prony", "bond-based", "elastic-plastic")
     prescribes: ClassVar = ("velocity", "displacement")
     boundaries: ClassVar = (
         "fixed",
@@ -201,15 +223,20 @@ class Peridynamics(MethodSettings):
         "traction",
         "pressure",
     )
-    state_variables: ClassVar = ("velocity", "branch_displacements*", "tensor_history")
+    state_variables: ClassVar = (
+        *("velocity", "branch_displacements*", "tensor_history", "deformation_gradient", "jacobian"),
+        *("plastic_metric_inverse", "plastic_strain", "internal_energy", "temperature", "criterion_damage"),
+        *("back_stress", "volume_flow"),
+    )
+    declared_fields: ClassVar = PLASTIC_STATE
     state_of_particles: ClassVar = ("broken_bonds",)
     pressed: ClassVar = ("where", "box", "ball")
     refused: ClassVar = {
         "antisymmetric": "images of a solid that moves against it are not made",
         "spring": "loads do not depend on the motion",
         "wall": "rigid bodies that others touch are tools",
-        "temperature": "the method knows no heat",
-        "heat-flux": "the method knows no heat",
+        "temperature": "the method conducts no heat",
+        "heat-flux": "the method conducts no heat",
         "micro-hard": "it is for micro-inertia, in ulsph",
     }
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "displacement", "layer", "traction", "pressure")
@@ -220,9 +247,17 @@ class Peridynamics(MethodSettings):
         "bond_limit": "scalar",
         "micromodulus": "scalar",
         "internal_force": "vector",
+        "dissipative_force": "vector",
         "area": "vector",
     }
-    extra_quantities: ClassVar = {"broken_bonds": "scalar", "crack_tip": "vector"}
+    extra_quantities: ClassVar = {
+        "broken_bonds": "scalar",
+        "crack_tip": "vector",
+        "maximum_temperature": "scalar",
+        "maximum_plastic_strain": "scalar",
+        "maximum_damage": "scalar",
+        "failed_mass": "scalar",
+    }
 
     on_restart: ClassVar = dict.fromkeys(("horizon_ratio", "initial_state", "pre_cracks"), OnRestart.FIXED)
     kind: Literal["peridynamics"]
@@ -248,6 +283,7 @@ class Peridynamics(MethodSettings):
         'nothing relaxed yet, or "relaxed", held for ever',
     )
     stabilisation: Stabilisation = Stabilisation()
+    viscosity: ArtificialViscosity = Field(ArtificialViscosity(), description="of elastic-plastic bodies in shocks")
     solution: Solution = Field(Explicit(kind="explicit"), description="explicit steps, or equilibrium at each step")
     damage: Damage | None = Field(
         None,
@@ -287,8 +323,52 @@ class Peridynamics(MethodSettings):
         stated, keys = self.stabilisation.model_fields_set, self.stabilisation.model_dump() | {"coefficient": _PRESSED}
         return {"stabilisation": Stabilisation.model_construct(stated, **keys)}
 
+    def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
+        """Also what flow and the control on velocities heat."""
+        plastic = any(scene.bodies[i].material.kind == "elastic-plastic" for i in bodies)
+        return super().energy_terms(scene, bodies) | ({"plastic_work": 0, "control_heat": 0} if plastic else {})
+
     def scene_faults(self, scene: Any) -> list[Detail]:
-        """Hyperelastic solids that would have to find their own thickness: their laws know no free direction."""
+        """Laws that would have to find their own thickness, and what solids that flow do not bear."""
+        return self._unknown_thickness(scene) + self._plastic_faults(scene)
+
+    def _plastic_faults(self, scene: Any) -> list[Detail]:
+        """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""
+        faults = fields_of_no_body(scene) + temperatures_without_heat(scene)
+        faults += [fault for fault in faults_of_names(scene) if fault[2] != "damage"]
+        plastic = flowing(scene)
+        if not plastic:
+            expected, factor = "no such key without an elastic-plastic body", self.stabilisation.viscous_coefficient
+            if factor is not None:
+                faults.append((("method", "stabilisation", "viscous_coefficient"), expected, factor))
+            if self.viscosity != ArtificialViscosity():
+                faults.append((("method", "viscosity"), expected, self.viscosity.model_dump()))
+            return faults
+        if self.solution.kind != "explicit":
+            expected = "'explicit' with elastic-plastic bodies, whose control is one on velocities"
+            faults.append((("method", "solution", "kind"), expected, self.solution.kind))
+        for i in plastic:
+            faults += total_lagrangian_faults(scene.bodies[i].material, ("bodies", i, "material"))
+        return faults + self._bond_faults(scene, plastic)
+
+    def _bond_faults(self, scene: Any, plastic: list[int]) -> list[Detail]:
+        """Bonds of solids that flow break by their stretch alone, and are whole where the law itself fails."""
+        faults: list[Detail] = []
+        failing = [i for i in plastic if scene.bodies[i].material.failure is not None]
+        if failing and (self.damage is not None or self.pre_cracks):
+            expected = "no such key where bonds break: damage is the share of broken bonds there"
+            faults.append((("bodies", failing[0], "material", "failure"), expected, Phrase("criteria of failure")))
+        if self.damage is not None and self.damage.criterion == "energy":
+            expected = "'stretch' with elastic-plastic bodies, whose bonds store only a part of the work on them"
+            faults.append((("method", "damage", "criterion"), expected, "energy"))
+        named = self.damage is not None and not isinstance(self.damage.modulus, float)
+        if self.damage is not None and self.damage.fracture_energy is not None and named:
+            expected = "a number [Pa], or critical_stretch, with elastic-plastic bodies"
+            faults.append((("method", "damage", "modulus"), expected, self.damage.modulus))
+        return faults
+
+    def _unknown_thickness(self, scene: Any) -> list[Detail]:
+        """Solids whose laws know no free direction."""
         state = self.state(scene.dimension)
         if state not in ("plane-stress", "bar"):
             return []
@@ -298,7 +378,7 @@ class Peridynamics(MethodSettings):
         return [
             (("bodies", i, "material", "kind"), expected, getattr(material, "kind", ""))
             for i, material in kinds
-            if isinstance(material, HyperelasticSolid)
+            if isinstance(material, HyperelasticSolid) or material.kind == "elastic-plastic"
         ]
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:

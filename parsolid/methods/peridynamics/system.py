@@ -20,6 +20,7 @@ from parsolid.methods.peridynamics.quasi_static import QuasiStatic
 from parsolid.methods.peridynamics.tangent import Operator
 from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
+from parsolid.methods.plastic_particles import begin_plastic
 from parsolid.methods.previous_state import take_state
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.initial_fields import initial_displacement, initial_velocity
@@ -52,6 +53,9 @@ class Peridynamics(Reports):
         self.operator = Operator(self.forces, self.conditions)
         columns: dict[str, Any] = {"mirror": "vector", "layout": Columns()}
         self.particles.declare(Field("position", self.dimension, "m", **columns), particle_set.position)
+        # a control on velocities asks for those of neighbours
+        if self.forces.damping is not None:
+            columns |= {"ghosts": "forward", "message": "motion"}
         self.particles.declare(Field("velocity", self.dimension, "m/s", checkpointed=True, shown=True, **columns))
         self.solver: Any = (VelocityVerlet if explicit else QuasiStatic)(self, self.settings.solution)
         self.jumps, self.stop_times = self.solver.jumps, self.solver.stop_times
@@ -65,6 +69,8 @@ class Peridynamics(Reports):
         displacement = initial_displacement(*place)
         if displacement is not None:
             self.particles.owned_rows("displacement")[:] = displacement
+        if self.forces.plastic is not None:
+            begin_plastic(scene, self.particles, particle_set, self.forces.plastic.blocks)
         self._hold()
         self.forces.start(self.settings.initial_state == "instantaneous")
         if take_state(self.comm, scene, self, particle_set):

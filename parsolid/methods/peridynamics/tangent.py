@@ -140,6 +140,10 @@ class Operator:
         force = self.forces.stiffness_force(laws, change, step)
         np.multiply(force[:, : self.dimension], -self.share[:, None], out=out)
 
+    def damping(self, velocity: np.ndarray, out: np.ndarray) -> None:
+        """Minus the force [N] of the control on velocities (owned, d) [m/s] into out."""
+        np.multiply(self.forces.damping_force(velocity)[:, : self.dimension], -self.share[:, None], out=out)
+
     def external(self, time: float, before_jump: bool = False) -> np.ndarray:
         """Forces (owned, d) [N] of all loads at a time [s], at a jump after or before it."""
         found = self.conditions.find_loads(time, before_jump)

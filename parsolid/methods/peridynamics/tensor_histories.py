@@ -80,11 +80,19 @@ class TensorHistories:
             self.growth = max(self.growth, waves / undeformed_wave_modulus(law))
         return lost
 
-    def relax_fully(self) -> None:
-        """Let all branches relax, as after an infinite time at the settled deformation."""
+    def start(self, sums: np.ndarray, instantaneous: bool) -> None:
+        """Histories of the displacement at time 0, whose gradient has these sums: reached in a jump, or held for ever,
+        so that all branches are relaxed."""
+        self.commit(0.0, sums)
+        if instantaneous:
+            return
         for first, last, law in self.laws:
             mine = self.history[:, first:last]
             mine[6:] = 0.0 if isinstance(law, Prony) else np.tile(mine[:6], (len(mine) // 6 - 1, 1))
+
+    def resume(self, sums: np.ndarray) -> None:
+        """Energy and stiffness of a settled state that was put back, and of its gradient's sums."""
+        self.commit(0.0, sums)
 
     def nominal_stresses(self, sums: np.ndarray, result: np.ndarray) -> None:
         """First Piola-Kirchhoff stress (owned, 9) [Pa] of the settled state from the sums of the gradient of u."""

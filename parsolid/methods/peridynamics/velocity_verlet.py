@@ -34,8 +34,10 @@ class VelocityVerlet:
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.Explicit`."""
         self.body, self.settings, self.stop_times = body, settings, body.conditions.times
-        self.leapfrog = Leapfrog(body.particles, body.conditions, "internal_force")
+        damping = "dissipative_force" if body.forces.damping is not None else None
+        self.leapfrog = Leapfrog(body.particles, body.conditions, "internal_force", damping)
         self.largest_eigenvalue: float | None = None
+        self.largest_damping = 0.0
         self.finite = True
 
     def begin(self) -> None:
@@ -48,25 +50,41 @@ class VelocityVerlet:
         return self.body.fracture is not None and self.body.fracture.settings is not None
 
     def stable_step(self) -> float:
-        """Safety times 2/sqrt(lambda_max) [s] of the last settled state; the first call is collective."""
+        """Safety times the largest step [s] of the last settled state; the first call is collective.
+
+        It is 2/sqrt(lambda) with the largest eigenvalue of the stiffness; with a damping of largest eigenvalue b that
+        lags by half a step, lambda dt^2 + 2 b dt = 4, which is less than any wave allows.
+        """
         if self.largest_eigenvalue is None:
-            self.largest_eigenvalue = self._power_iteration(self.body.operator.free)
-            if self.largest_eigenvalue == 0.0:
-                # all are driven: the step that they would have if none were
-                self.largest_eigenvalue = self._power_iteration(np.ones_like(self.body.operator.free))
-        growth = self.body.forces.growth
+            self.largest_eigenvalue = self._find_eigenvalue()
+        growth, b, plastic = self.body.forces.growth, self.largest_damping, self.body.forces.plastic
+        if plastic is not None:
+            growth = max(growth, plastic.damped_growth(self.largest_eigenvalue, b))
         if not growth < _LOST:
             return 0.0
         growth = _STAIR ** ceil(log(growth) / log(_STAIR) - 1e-3)
         safety = self.settings.safety
         if self.breaks_bonds:
             safety = min(safety, self.settings.damage_safety)
-        return safety * 2.0 / sqrt(self.largest_eigenvalue * growth)
+        return safety * 4.0 / (b + sqrt(b * b + 4.0 * self.largest_eigenvalue * growth))
 
-    def _power_iteration(self, free: np.ndarray) -> float:
+    def _find_eigenvalue(self) -> float:
+        """Of the stiffness of the undeformed body, and that of the damping; collective."""
+        operator = self.body.operator
+
+        def stiffness(change: np.ndarray, out: np.ndarray) -> None:
+            operator.stiffness(change, out, 0.0)
+
+        if self.body.forces.damping is not None:
+            self.largest_damping = self._power_iteration(operator.damping, operator.free)
+        # all are driven: the step that they would have if none were
+        found = self._power_iteration(stiffness, operator.free)
+        return found if found > 0.0 else self._power_iteration(stiffness, np.ones_like(operator.free))
+
+    def _power_iteration(self, multiply: Any, free: np.ndarray) -> float:
         operator = self.body.operator
         start = start_vector(operator.identifier, self.body.dimension)
-        return largest_eigenvalue(operator.comm, lambda x, y: operator.stiffness(x, y, 0.0), start, operator.mass, free)
+        return largest_eigenvalue(operator.comm, multiply, start, operator.mass, free)
 
     # --- a step -----------------------------------------------------------------------------------------------
 
@@ -89,6 +107,7 @@ class VelocityVerlet:
         early = not self.breaks_bonds and not forces.stiffens
         if early:
             announce(self.finite, self.stable_step())
+        forces.last_step = self.leapfrog.last_step
         forces.internal_force(step)
         dissipated = forces.commit(step)
         if self.breaks_bonds:
@@ -98,6 +117,8 @@ class VelocityVerlet:
         self.leapfrog.close_step(time + step, step, body.substeps)
         self.leapfrog.book(step, ledger, dissipated, KINETIC_OFFSET)
         forces.book_softening(ledger)
+        if forces.plastic is not None:
+            forces.plastic.book(ledger)
         return bool(self.finite and forces.sound)
 
     # --- what is asked of it ----------------------------------------------------------------------------------
@@ -107,12 +128,14 @@ class VelocityVerlet:
         return []
 
     def state(self) -> dict[str, Any]:
-        """The largest eigenvalue, which decides on the step, and the length of the last step [s]."""
-        return {"largest_eigenvalue": self.largest_eigenvalue, "last_step": self.leapfrog.last_step}
+        """The largest eigenvalues, which decide on the step, and the length of the last step [s]."""
+        found = {"largest_eigenvalue": self.largest_eigenvalue, "largest_damping": self.largest_damping}
+        return {**found, "last_step": self.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take it back."""
-        self.largest_eigenvalue, self.leapfrog.last_step = state["largest_eigenvalue"], state["last_step"]
+        self.largest_eigenvalue, self.largest_damping = state["largest_eigenvalue"], state["largest_damping"]
+        self.leapfrog.last_step = state["last_step"]
 
     def first_invalid(self) -> tuple[int, str] | None:
         """The first particle whose velocity is not finite."""

@@ -22,6 +22,7 @@ from parsolid.methods.tlsph.shared_nodes import SharedNodes
 from parsolid.methods.tlsph.tangent import isotropic_moduli, packed
 from parsolid.pairs.mesh_weights import (
     MeshPairs,
+    centres_of_functions,
     corrected_volumes,
     on_surface,
     pairs_of_elements,
@@ -54,8 +55,9 @@ class MeshNeighbours:
     """The pairs of a rank's nodes of meshes, with what `pair_list.Neighbours` offers; there are no images.
 
     surface, stiffness: for the lists inner and outer, `SurfacePairs` and c_ab (m,) [N/m] of the stabilisation.
-    volume (rows,) [m^3], area (owned, d) [m^2]: of the weights; mass_volume (owned,) [m^3]: corrected masses over the
-    density; limited: how many of this rank's nodes have less of the correction.
+    volume (rows,) [m^3], area (owned, d) [m^2]: of the weights; centres (owned, d) [m]: int N X / V, where F belongs;
+    mass_volume (owned,) [m^3]: corrected masses over the density; limited: how many of this rank's nodes have less of
+    the correction.
     """
 
     def __init__(
@@ -86,6 +88,7 @@ class MeshNeighbours:
         # rows of other bodies have no pairs
         volume[volume == 0.0] = 1.0
         self.volume, self.area = halo.with_ghosts(volume[: self.owned]), area[: self.owned]
+        self.centres = centres_of_functions(pairs, self.positions, self.volume)[: self.owned]
         self.mass_volume, self.limited = corrected_volumes(
             pairs, self.positions, self.volume, halo, lambda flag: anywhere(comm, flag)
         )
@@ -141,10 +144,12 @@ class MeshBodies(ListBodies):
     largest_step [s]: of leapfrog at rest, on all ranks; limited: how many nodes of all ranks have less than the whole
     correction of their masses; least_masses: by number of the body, mass over that of the volume; of_second_order:
     kinds of such elements by number of the body; stiffness: c_ab (m,) [N/m] of the pairs of the inner and of the outer
-    list; shared: `SharedNodes`, None where there are none.
+    list; shared: `SharedNodes`, None where there are none; extent [m]: of the largest element; mirrored (last, d):
+    along which axes a plane of symmetry ends the body at a node; nodal: `NodalStress`, None until it is asked for.
     """
 
     near: Any
+    nodal: Any = None
     added_stress = "stabiliser_stress"
     # pressure waves alone: how stiff the laws have become since the body was at rest
     signals = (1.0, 0.0) * 3
@@ -175,11 +180,11 @@ class MeshBodies(ListBodies):
             of_meshes.setdefault(body.shape.model.mesh_key, []).append(found[number])
         self.of_second_order = {number: one.of_second_order for number, one in found.items() if one.of_second_order}
         elements = [block for one in found.values() for block in one.blocks]
-        extent = max(one.extent for one in found.values())
+        self.extent = max(one.extent for one in found.values())
         rows = slice(0, self.last)
         place = np.ascontiguousarray(particle_set.position[rows]), particle_set.identifier[rows]
         own, others = _shared(comm, [bodies for bodies in of_meshes.values() if len(bodies) > 1])
-        near = MeshNeighbours(comm, elements, extent, *place, self.system.settings.dissipation_of("mesh"), others)
+        near = MeshNeighbours(comm, elements, self.extent, *place, self.system.settings.dissipation_of("mesh"), others)
         self._make_rows(near)
         self.take_corrections(np.eye(self.dimension), near.volume[: near.owned])
         # of bodies that share nodes the area there is that of facets that are not between them
@@ -206,12 +211,14 @@ class MeshBodies(ListBodies):
         """Of nodes on symmetry planes, where the bodies end: which part of a whole node they are, and their area
         without that of the plane, as contact and tools need them."""
         planes = symmetry_planes(self.system.conditions.ends)
+        self.mirrored = np.zeros((self.last, self.dimension), bool)
         if not planes:
             return
         part = np.ones(len(particle_set))
         for plane in planes:
             here = plane.contains(particle_set)
             part[here] *= 0.5
+            self.mirrored[:, plane.axis] |= here[: self.last]
             self.particles.owned_rows("area")[here, plane.axis] = 0.0
         self.particles.declare(Field(HALF, 1, "1"), part)
 
@@ -256,6 +263,23 @@ class MeshBodies(ListBodies):
         H = self.particles.owned_rows("deformation_gradient")[: self.last] - np.eye(d).ravel()
         of_particles = np.einsum("n,nc,nc->", self.stabiliser * near.volume[: self.last], H, H)
         return total - 0.5 * float(of_particles)
+
+    def prepare_nodal_stress(self, time: float) -> None:
+        """Find the stresses at nodes in the state at a time [s]; collective."""
+        if self.nodal is None:
+            # most runs do without scipy
+            from parsolid.methods.tlsph.nodal_stress import NodalStress
+
+            self.nodal = NodalStress(self)
+        self.nodal.find(time)
+
+    def nodal_stress(self, first: int, last: int, result: np.ndarray) -> None:
+        """Fill Cauchy stresses (last - first, 3, 3) [Pa] at the nodes of rows first .. last - 1 that are these
+        bodies' into the result, as they were found last."""
+        for block in self.blocks:
+            low, high = max(first, block.first), min(last, block.last)
+            if low < high:
+                result[low - first : high - first] = self.nodal.stress[low:high]
 
     def add_stiffness(self, result: np.ndarray) -> None:
         """See `ListBodies.add_stiffness`: of the elements, with the mean of their directions."""

@@ -1,5 +1,6 @@
 """What output, reports and contact ask of total-Lagrangian SPH."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,10 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
+from parsolid.methods.plastic_particles import measure_flow
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
+from parsolid.scene.observed import NODAL_STRESS, NODAL_VON_MISES
 from parsolid.scene.warned import Note
 
 
@@ -23,6 +26,7 @@ class Reports(ParticleSystem):
     plastic_blocks: list[Any]
     sweeps: list[Any]
     meshes: Any
+    statics: Any
     reference: Any
     initial_stress: Any
     lattice_bodies: list[Any]
@@ -33,6 +37,8 @@ class Reports(ParticleSystem):
         """Deformation gradient and first Piola-Kirchhoff stress (n, 3, 3)."""
         if name == "deformation_gradient":
             return deformation_gradients(self.particles, first, last)
+        if name == NODAL_STRESS:
+            return self._nodal_stress(first, last)
         if name != "first_piola_kirchhoff_stress":
             return None
         stress = np.zeros((last - first, 3, 3))
@@ -44,12 +50,28 @@ class Reports(ParticleSystem):
             stress += self.initial_stress.first_piola_kirchhoff_stress(first, last)
         return stress
 
+    def prepare_fields(self, names: Iterable[str], time: float) -> None:
+        """See `ParticleSystem`; for stresses at nodes."""
+        if self.meshes is not None and any(name.startswith((NODAL_STRESS, NODAL_VON_MISES)) for name in names):
+            self.meshes.prepare_nodal_stress(time)
+
+    def _nodal_stress(self, first: int, last: int) -> np.ndarray | None:
+        """Cauchy stress (n, 3, 3) [Pa] at nodes, of particles whose stress belongs to their place that one."""
+        if self.meshes is None:
+            return None
+        F = deformation_gradients(self.particles, first, last)
+        P: Any = self.shown("first_piola_kirchhoff_stress", first, last)
+        result = np.asarray(P @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None])
+        self.meshes.nodal_stress(first, last, result)
+        return result
+
     def first_invalid(self) -> tuple[int, str] | None:
         """Also a reference that could not be moved."""
         if self.reference is not None and self.reference.fault is not None and self.owned:
             most = int(np.argmin(self.particles.owned_rows("jacobian")))
             return most, f"the reference could not be moved: {self.reference.fault}"
-        return super().first_invalid() or self._beyond_its_law()
+        unbalanced = None if self.statics is None else self.statics.first_invalid()
+        return unbalanced or super().first_invalid() or self._beyond_its_law()
 
     def _beyond_its_law(self) -> tuple[int, str] | None:
         """The first particle that is compressed beyond its equation of state."""
@@ -63,16 +85,13 @@ class Reports(ParticleSystem):
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """See `ParticleSystem`: of plastic flow and of failure."""
-        failed = failed_matter.measure(self.particles, self.mass * self.share, name)
-        if failed is not None:
-            return failed
-        field = name.removeprefix("maximum_")
-        values = self.particles.owned_rows(field) if field in self.particles else np.zeros(0)
-        return "maximum", np.array([values.max(initial=0.0)])
+        return measure_flow(self.particles, self.mass * self.share, name)
 
     def advice(self) -> str:
         """What most likely helps when a run goes wrong, by the settings."""
         settings, hints = self.settings, list[str]()
+        if self.statics is not None:
+            return "a smaller load, more supports, or displacements that are prescribed in place of forces"
         if settings.reference == "updated":
             # it fails where a fixed one goes on, in shear beside free corners
             return 'method.reference = "fixed", or another method.update_when'
@@ -116,8 +135,9 @@ class Reports(ParticleSystem):
         return max(reaches, default=0.0)
 
     def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions."""
-        return {"ghosts": sum(bodies.ghosts for bodies in self.sweeps), "interactions": self.directed_pairs}
+        """Ghosts and interactions; unknowns of equilibria."""
+        found = {"ghosts": sum(bodies.ghosts for bodies in self.sweeps), "interactions": self.directed_pairs}
+        return found if self.statics is None else found | {"unknowns": int(self.statics.free.sum())}
 
     def arrays(self) -> list[np.ndarray]:
         """Pair lists, and what sweeps read and write."""
@@ -132,14 +152,20 @@ class Reports(ParticleSystem):
         failed."""
         moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
         moved |= failed_matter.summary(self.comm, self.particles, self.mass * self.share)
+        moved |= {} if self.statics is None else self.statics.summary()
         chosen = self.settings.weights in ("best", "mesh")
         return {**moved, "pair_weights": list(self.body_weights)} if chosen else moved
+
+    def progress(self) -> list[str]:
+        """Iterations and residual of equilibria."""
+        return [] if self.statics is None else self.statics.progress()
 
     def cost_notes(self) -> list[Note]:
         """Elements of second order, of which the corners are taken."""
         found = {} if self.meshes is None else self.meshes.of_second_order
         code, words = "second-order-elements", "are taken by their corners"
-        return [
+        cost = [] if self.statics is None else [Note("load-step-cost", self.statics.cost())]
+        return cost + [
             Note(code, f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) {words}")
             for i, kinds in found.items()
         ]

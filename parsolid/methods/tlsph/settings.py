@@ -8,7 +8,13 @@ from pydantic import Field, model_validator
 
 from parsolid.materials.declaration import SOFTENING, Phrase
 from parsolid.methods.failure_fields import DAMAGE
-from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body, flowing
+from parsolid.methods.plastic_fields import (
+    PLASTIC_STATE,
+    fields_of_no_body,
+    flowing,
+    temperatures_without_heat,
+    total_lagrangian_faults,
+)
 from parsolid.methods.tlsph.body_weights import (
     ON_LATTICES,
     RESOLVED,
@@ -22,6 +28,7 @@ from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
 from parsolid.scene.failure import faults_of_names
 from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
+from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.warned import Note
 
 # keys of which a scene that states one has chosen its weights
@@ -30,6 +37,8 @@ _OF_WEIGHTS = {"kernel", "smoothing", "weights"}
 MESH_DISSIPATION = 0.1
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
 FIXED_WALLS = "fixed_wall_work"
+# with what there is no motion
+_IN_EQUILIBRIUM = "with equilibria instead of motion"
 
 
 class TotalLagrangianSPH(MethodSettings):
@@ -46,6 +55,7 @@ class TotalLagrangianSPH(MethodSettings):
     state_variables: ClassVar = (
         *("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),
         *("plastic_metric_inverse", "plastic_strain", "internal_energy", "temperature", "damage", "criterion_damage"),
+        *("back_stress", "volume_flow"),
     )
     state_forces: ClassVar = (
         *("stress_force", "dissipative_force", "excess_wall_force", "acting_stress", "riemann_heat"),
@@ -57,6 +67,7 @@ class TotalLagrangianSPH(MethodSettings):
         "maximum_damage": "scalar",
         "failed_mass": "scalar",
     }
+    pictured_fields: ClassVar = (NODAL_VON_MISES, *MethodSettings.pictured_fields)
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = (
         "fixed",
@@ -64,13 +75,13 @@ class TotalLagrangianSPH(MethodSettings):
         "antisymmetric",
         "velocity",
         "rotation",
+        "displacement",
         "traction",
         "pressure",
         "spring",
     )
     reactions: ClassVar = boundaries
     refused: ClassVar = {
-        "displacement": "motion is prescribed as a velocity or a rotation",
         "layer": "a part of a body is held by 'fixed' in a region",
         "wall": "rigid bodies that others touch are tools",
         "temperature": "the method knows no heat",
@@ -82,9 +93,15 @@ class TotalLagrangianSPH(MethodSettings):
         "wendland-c2", description="the smoothing kernel"
     )
     smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
-    integrator: Literal["ssp-rk3", "leapfrog"] = Field(
+    integrator: Literal["ssp-rk3", "leapfrog", "static"] = Field(
         "leapfrog",
-        description='"leapfrog": one force evaluation a step, order 2; "ssp-rk3": three, order 3, as in the paper',
+        description='"leapfrog": one force evaluation a step, order 2; "ssp-rk3": three, order 3, as in the paper; '
+        '"static": a sequence of equilibria, the time being the parameter of the loads',
+    )
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        None,
+        description='of "static": forces that are not balanced over the largest load (or reaction) so far, 1e-8 unless '
+        "given",
     )
     cfl: Positive | None = Field(
         None, description="time step over (particle spacing / largest wave speed), 0.7 unless given; of ssp-rk3"
@@ -128,21 +145,33 @@ class TotalLagrangianSPH(MethodSettings):
     )
 
     @property
+    def prescribes(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Of a motion its velocity; of equilibria the displacement, too."""
+        return ("velocity", "displacement") if self.integrator == "static" else ("velocity",)
+
+    @property
     def pair_weights(self) -> str:
         """What `weights` asks for."""
         return self.weights or "kernel"
 
     def dissipation_of(self, weights: str) -> float:
         """The factor on the dissipation of bodies with pair weights of a kind."""
+        if self.integrator == "static":
+            return 0.0
         if self.dissipation is not None:
             return float(self.dissipation)
         return MESH_DISSIPATION if weights == "mesh" else 1.0
 
     @model_validator(mode="after")
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
-        key, other, usual = ("safety", "cfl", 0.9) if self.integrator == "leapfrog" else ("cfl", "safety", 0.7)
-        if getattr(self, other) is not None:
-            reject(((other,), f"no such key with the integrator {self.integrator!r}", getattr(self, other)))
+        own = {"leapfrog": ("safety", 0.9), "ssp-rk3": ("cfl", 0.7), "static": ("tolerance", 1e-8)}
+        key, usual = own.pop(self.integrator)
+        others = [other for other, _ in own.values() if getattr(self, other) is not None]
+        expected = f"no such key with the integrator {self.integrator!r}"
+        if self.integrator == "static":
+            others += ["dissipation"] if self.dissipation is not None else []
+            others += [] if self.reconstruction else ["reconstruction"]
+        reject(*(((other,), expected, getattr(self, other)) for other in others))
         if getattr(self, key) is None:
             # past the validation of an assignment, and not among what the scene states
             vars(self)[key] = usual
@@ -177,8 +206,10 @@ class TotalLagrangianSPH(MethodSettings):
     def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the
         tables confirms them: of eight nodes or more along each axis that no bond joins, whatever they meet."""
-        if self.integrator != "leapfrog" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
+        if self.integrator == "ssp-rk3" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
+        if self.integrator == "static":
+            return {"weights": "mesh"}
         own = self._own(scene, bodies)
         lattices = [i for i, body in enumerate(own.bodies) if body.shape.kind != "mesh"]
         meshes = len(lattices) < len(own.bodies)
@@ -209,6 +240,8 @@ class TotalLagrangianSPH(MethodSettings):
         """Weights, where the scene leaves them to its bodies."""
         usual = self.defaults_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
+        if self.integrator == "static":
+            return []
         why = f"boxes of {RESOLVED} nodes or more along each axis have weights that close"
         if usual.get("weights") == "mesh":
             why = "bodies from meshes have those of their elements"
@@ -252,8 +285,12 @@ class TotalLagrangianSPH(MethodSettings):
         return 30.0
 
     def contact_refused(self, scene: Any) -> str | None:
-        """It can."""
-        return None
+        """Bodies in motion can."""
+        return _IN_EQUILIBRIUM if self.integrator == "static" else None
+
+    def substeps_refused(self) -> str | None:
+        """Equilibria have no steps of motion."""
+        return _IN_EQUILIBRIUM if self.integrator == "static" else None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Planes whose images are exact for small strain only, where the reference follows a large one."""
@@ -273,23 +310,53 @@ class TotalLagrangianSPH(MethodSettings):
             faults.append((("method", "integrator"), expected, self.integrator))
         refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
         faults += [refused] if refused is not None else []
-        return faults + self._edge_faults(scene)
+        return faults + self._edge_faults(scene) + self._faults_of_equilibria(scene)
+
+    def _faults_of_equilibria(self, scene: Any) -> list[Detail]:
+        """What a sequence of equilibria does not know, and what it alone knows."""
+        moved = enumerate(one.kind for one in scene.boundaries)
+        if self.integrator != "static":
+            expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
+            return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
+        key, faults = ("method", "integrator"), list[Detail]()
+        for table in ("tools", "tie"):
+            if getattr(scene, table):
+                faults.append(((table,), f"no such table {_IN_EQUILIBRIUM}", Phrase("one")))
+        if self.reference == "updated":
+            faults.append((("method", "reference"), "'fixed' with method.integrator = 'static'", self.reference))
+        if scene.methods is not None and len(scene.methods) > 1:
+            faults.append((key, "'leapfrog' beside other methods", self.integrator))
+        if scene.loads.manufactured:
+            faults.append((("loads", "manufactured"), f"no such key {_IN_EQUILIBRIUM}", True))
+        expected = "'mesh' for all bodies, which are from meshes, with method.integrator = 'static'"
+        for i, kind in enumerate(weights_of_bodies(self.pair_weights, scene)):
+            if kind != "mesh":
+                faults.append((("method", "weights"), expected, Phrase(f"{kind!r} for bodies.{i}")))
+        for i, body in enumerate(scene.bodies):
+            place = ("bodies", i, "material")
+            if body.material.kind == "elastic-plastic":
+                faults.append(
+                    ((*place, "kind"), "a hyperelastic law with method.integrator = 'static'", body.material.kind)
+                )
+            elif body.material.branches:
+                found = Phrase(f"{len(body.material.branches)}")
+                faults.append(((*place, "branches"), "none with method.integrator = 'static'", found))
+            if getattr(body.material, "ledger_terms", None):
+                expected = "a law without memory with method.integrator = 'static'"
+                faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
+            if body.velocity is not None:
+                faults.append((("bodies", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
+        return faults
 
     def _plastic_faults(self, scene: Any) -> list[Detail]:
         """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""
         faults, plastic = fields_of_no_body(scene) + faults_of_names(scene), flowing(scene)
+        faults += temperatures_without_heat(scene)
         if plastic and self.integrator == "ssp-rk3":
             expected = "'leapfrog' with elastic-plastic bodies, whose flow is found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
         for i in plastic:
-            material, here = scene.bodies[i].material, ("bodies", i, "material")
-            for key in ("conductivity", "conductivity_tensor"):
-                if getattr(material, key) is not None:
-                    expected = "no such key: the method conducts no heat"
-                    faults.append(((*here, key), expected, getattr(material, key)))
-            if material.failure is not None and material.failure.after == "delete":
-                expected = "'pressure': neighbours of a reference configuration stay neighbours"
-                faults.append(((*here, "failure", "after"), expected, "delete"))
+            faults += total_lagrangian_faults(scene.bodies[i].material, ("bodies", i, "material"))
         for i, state in enumerate(scene.initial):
             meant = {state.body} if state.body is not None else {body.name for body in scene.bodies}
             if state.of("stress") is not None and meant & {scene.bodies[k].name for k in plastic}:
@@ -312,7 +379,7 @@ class TotalLagrangianSPH(MethodSettings):
         graded = [i for i, body in enumerate(scene.bodies) if body.grading is not None]
         expected = "weights in closed form, method.integrator = 'leapfrog' and no contact where bodies are graded"
         meets = bool(scene.contact or scene.tie or scene.tools)
-        others = [i for i in graded if meets or kinds[i] not in ON_LATTICES or self.integrator != "leapfrog"]
+        others = [i for i in graded if meets or kinds[i] not in ON_LATTICES or self.integrator == "ssp-rk3"]
         found = Phrase(f"{self.pair_weights!r} weights with {self.integrator!r}{' and contact' if meets else ''}")
         return [(("bodies", i, "grading"), expected, found) for i in others]
 

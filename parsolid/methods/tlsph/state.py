@@ -159,6 +159,19 @@ class LawBlock:
         stresses(self.solid, self.branches(0.0), first, last, self.places, *self._state(), *tiles, self.values, result)
         return result
 
+    def stresses_of(self, rows: np.ndarray, gradients: np.ndarray, branches: np.ndarray | None) -> np.ndarray:
+        """First Piola-Kirchhoff stresses (k, 3, 3) [Pa] of some rows (k,) under other deformation gradients (k, 3, 3)
+        and inner variables of the branches (components, k), None without."""
+        d, count, values = self.dimension, len(rows), self.values
+        if values is not None:
+            field = np.ascontiguousarray(values.field[:, rows])
+            values = values._replace(field=field, volume=values.volume[rows])
+        F = np.ascontiguousarray(gradients[:, :d, :d].reshape(count, d * d).T)
+        result, tiles = np.zeros((count, 3, 3)), (self.tiles, self.A, self.branch_sum)
+        state = F, None, None, branches
+        stresses(self.solid, self.branches(0.0), 0, count, self.places, *state, *tiles, values, result)
+        return result
+
     def find_moduli(self, index: np.ndarray, moduli: np.ndarray) -> None:
         """d2W/dF dF [Pa] of the present deformation, without branches, into columns of moduli, see `tangent`."""
         gradient = self.particles.storage("deformation_gradient")

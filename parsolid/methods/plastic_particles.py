@@ -1,0 +1,228 @@
+"""Particles of elastic-plastic solids in methods that have deformation gradients (`plastic.total_lagrangian`).
+
+They carry C_p^-1, the equivalent plastic strain, internal energy and temperature, back stresses and plastic volumes of
+laws that have them, and the stress that acts, whose work the internal energy takes. What dissipative forces between
+particles take is heat of these.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parsolid.kernels import inlined
+from parsolid.materials.failure.failure import count_of
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.tile_update import (
+    BACK_STRESS_ENERGY,
+    HEAT,
+    JACOBIAN,
+    METRIC,
+    PLASTIC_VOLUME,
+    PLASTIC_WORK,
+    REFERENTIAL_BACK_STRESS,
+    RELEASED,
+    ROOM,
+    STRESS,
+    load_if_any,
+    load_state,
+    store_if_any,
+    store_state,
+)
+from parsolid.materials.registry import laws_of
+from parsolid.methods import failed_matter, plastic_fields
+from parsolid.methods.failure_fields import FAILURE_DISSIPATION
+from parsolid.methods.plastic_fields import PLASTIC_STATE
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Columns, Field
+from parsolid.particles.initial_fields import (
+    initial_plastic_strain,
+    initial_temperature,
+    initial_zero_energy_temperature,
+)
+from parsolid.tiles import TILE, load_placed, load_rows, store_placed, store_rows
+
+METRIC_FIELD, ACTING = "plastic_metric_inverse", "acting_stress"
+PLASTIC_WORK_TERM = "plastic_work"
+_METRIC_AT_REST = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+# components of the stress in space: those of the plane are 11 12 21 22 33
+STRESS_PLACES = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
+# of particles that share a law in a step: plastic work, what failure released, heat of the dissipation [J], least room
+# to compress, what of the plastic work back stresses have stored [J]
+WORK, RELEASED_HEAT, DISSIPATED, ROOM_LEFT, STORED, TOTALS = range(6)
+
+
+def declare_plastic(particles: Particles, dimension: int, laws: list[Any], heat: str | None) -> None:
+    """What particles carry where any law flows; heat: name of the field of what dissipative forces take, None without
+    such forces."""
+    if not any(isinstance(law, ElasticPlastic) for law in laws):
+        return
+    columns: dict[str, Any] = {"checkpointed": True, "layout": Columns()}
+    particles.declare(Field(METRIC_FIELD, 6, "1", **columns), _METRIC_AT_REST)
+    for field in PLASTIC_STATE:
+        particles.declare(field)
+    particles.declare(Field(ACTING, len(STRESS_PLACES[dimension]), "Pa", **columns))
+    if heat is not None:
+        particles.declare(Field(heat, 1, "W", **columns))
+    plastic_fields.declare_flow_state(particles, laws, 6)
+    failed_matter.declare_failure(particles, laws)
+
+
+def begin_plastic(scene: Any, particles: Particles, particle_set: Any, blocks: list[Any]) -> None:
+    """Temperature, plastic strain and internal energy at time 0."""
+    if METRIC_FIELD not in particles:
+        return
+    rows, place = particles.owned_rows, (scene, particle_set.body, particle_set.position)
+    usual = np.array([getattr(law, "reference_temperature", 0.0) for law in laws_of(scene)])
+    rows("temperature")[:] = initial_temperature(*place, usual, particle_set.regions)
+    rows("plastic_strain")[:] = initial_plastic_strain(*place, particle_set.regions)
+    for block in blocks:
+        own = slice(block.first, block.last)
+        warm, law = rows("temperature")[own], block.law
+        cold = initial_zero_energy_temperature(scene, particle_set.body[own], warm, law.reference_temperature)
+        rows("internal_energy")[own] = law.internal_energy(warm, cold)
+
+
+class PlasticFields(NamedTuple):
+    """Fields (components, n) of particles that flow, and of all; None where there is no such thing.
+
+    numbers, failing, strength: see `tile_update.load_state`; jacobian (n,): of the start of a step; heat: what
+    dissipative forces take [W]; mean_step [s]: for which these have acted, halves of the steps before and of this one.
+    totals (TOTALS,): see above; tile: of `tile_update`.
+    """
+
+    metric: np.ndarray
+    numbers: tuple[np.ndarray, ...]
+    stress: np.ndarray
+    jacobian: np.ndarray
+    volume: np.ndarray
+    share: np.ndarray
+    mass: np.ndarray
+    stress_force: np.ndarray
+    dissipative_force: np.ndarray
+    heat: np.ndarray | None
+    failing: tuple[np.ndarray, np.ndarray] | None
+    strength: np.ndarray | None
+    back_stress: np.ndarray | None
+    volume_flow: np.ndarray | None
+    stress_places: np.ndarray
+    mean_step: float
+    totals: np.ndarray
+    tile: np.ndarray
+
+
+@inlined
+def load_particles(fields, first, count, tile):
+    """What particles first .. first + count - 1 carry, and no HEAT."""
+    load_rows(fields.metric, first, count, tile, METRIC)
+    load_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
+    load_state(fields.numbers, fields.failing, fields.strength, first, count, tile)
+    load_if_any(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
+    load_if_any(fields.volume_flow, first, count, tile, PLASTIC_VOLUME)
+    for p in range(count):
+        tile[JACOBIAN * TILE + p], tile[HEAT * TILE + p] = fields.jacobian[first + p], 0.0
+
+
+@inlined
+def take_heat_of_dissipation(fields, heat, first, count, tile):
+    """HEAT [J/m^3] of the dissipation D, which has acted in the kicks around its time.
+
+    The powers q are of velocities half a step before; in mean_step (h) all forces F change these by h F/m on the mean,
+    and -D.dv of both halves is h q - h^2 D.F/2m.
+    """
+    step = fields.mean_step
+    for p in range(count):
+        a = first + p
+        power = 0.0
+        for c in range(fields.stress_force.shape[0]):
+            damping = fields.dissipative_force[c, a]
+            power += damping * (fields.stress_force[c, a] + damping)
+        lost = step * (heat[0, a] - 0.5 * step / fields.mass[a] * power)
+        tile[HEAT * TILE + p] = lost * fields.share[a] / fields.volume[a]
+
+
+@inlined
+def store_particles(fields, first, count, tile):
+    """What particles first .. first + count - 1 carry after a step, without that of the dissipation."""
+    store_rows(fields.metric, first, count, tile, METRIC)
+    store_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
+    store_state(fields.numbers, fields.failing, first, count, tile)
+    store_if_any(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
+    store_if_any(fields.volume_flow, first, count, tile, PLASTIC_VOLUME)
+
+
+@inlined
+def add_totals(fields, first, count, tile):
+    """Add what a step has done with particles of a tile to the totals."""
+    totals = fields.totals
+    for p in range(count):
+        volume = fields.volume[first + p]
+        totals[WORK] += volume * tile[PLASTIC_WORK * TILE + p]
+        totals[STORED] += volume * tile[BACK_STRESS_ENERGY * TILE + p]
+        totals[RELEASED_HEAT] += volume * tile[RELEASED * TILE + p]
+        totals[DISSIPATED] += volume * tile[HEAT * TILE + p]
+        room = tile[ROOM * TILE + p]
+        # also where it is not a number
+        if not room >= totals[ROOM_LEFT]:
+            totals[ROOM_LEFT] = room
+
+
+def fields_of(
+    particles: Particles, law: Any, dimension: int, names: tuple[str, str], mean_step: float, *room: np.ndarray
+) -> PlasticFields:
+    """The fields of particles of a law as kernels take them; mean_step [s]: see `PlasticFields`.
+
+    names: of the fields of forces without dissipation, and of what dissipation takes; room: totals, which begin anew,
+    and tile.
+    """
+    stored, (force, heat), (totals, tile) = particles.storage, names, room
+
+    def if_any(name: str) -> np.ndarray | None:
+        return stored(name) if name in particles else None
+
+    totals[:] = 0.0
+    totals[ROOM_LEFT] = np.inf
+    failing = None
+    if law.failure is not None:
+        failing = stored("damage"), stored("criterion_damage")[: count_of(law.failure)]
+    return PlasticFields(
+        metric=stored(METRIC_FIELD),
+        numbers=tuple(stored(field.name) for field in PLASTIC_STATE),
+        stress=stored(ACTING),
+        jacobian=stored("jacobian")[0],
+        volume=stored("volume").ravel(),
+        share=stored("share").ravel(),
+        mass=stored("mass").ravel(),
+        stress_force=stored(force),
+        dissipative_force=stored("dissipative_force"),
+        heat=if_any(heat),
+        failing=failing,
+        strength=None if failing is None else if_any("strength_factor"),
+        back_stress=stored(plastic_fields.BACK_STRESS) if plastic_fields.has_back_stress(law) else None,
+        volume_flow=stored(plastic_fields.VOLUME_FLOW) if plastic_fields.flows_in_volume(law) else None,
+        stress_places=STRESS_PLACES[dimension],
+        mean_step=mean_step,
+        totals=totals,
+        tile=tile,
+    )
+
+
+def book(law: Any, totals: np.ndarray, heat: str, ledger: Any) -> None:
+    """Enter into a ledger what a step did with particles of a law: heat of the dissipation, a term of that name, is in
+    the stored energy."""
+    ledger.add(1.0, 0.0, -totals[DISSIPATED], 0.0)
+    ledger.add_term(heat, totals[DISSIPATED])
+    ledger.add_term(PLASTIC_WORK_TERM, totals[WORK])
+    if plastic_fields.has_back_stress(law):
+        ledger.add_term(plastic_fields.BACK_STRESS_ENERGY, totals[STORED])
+    if law.failure is not None:
+        ledger.add_term(FAILURE_DISSIPATION, totals[RELEASED_HEAT])
+
+
+def measure_flow(particles: Particles, mass: np.ndarray, name: str) -> tuple[str, np.ndarray]:
+    """This rank's part of a quantity of plastic flow or failure, see `ParticleSystem.measure`; mass (owned,) [kg]."""
+    failed = failed_matter.measure(particles, mass, name)
+    if failed is not None:
+        return failed
+    field = name.removeprefix("maximum_")
+    values = particles.owned_rows(field) if field in particles else np.zeros(0)
+    return "maximum", np.array([values.max(initial=0.0)])
