@@ -8,6 +8,7 @@ Errors are the root mean square of those of the first five frequencies, of a sph
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -26,6 +27,8 @@ EXACT = {
     "block": lambda: box_frequencies(SOLID, (1.0, 1.0, 2.0), 5),
     "plate": lambda: box_frequencies(SOLID, (1.0, 3.0), 5),
 }
+# of boxes on lattices
+WEIGHTS = {"block": ("cells", "fourth-order"), "plate": ("cells", "fourth-order")}
 
 
 def write_mesh(shape: str, spacings: float, path: Path) -> None:
@@ -60,7 +63,7 @@ def tables(shape: str, spacings: float, folder: Path, weights: str) -> dict:
     """The scene of a shape."""
     body: dict = {"material": MATERIAL}
     method: dict = {"kind": "tlsph"}
-    if shape in ("block", "plate"):
+    if shape in WEIGHTS:
         sides = (1.0, 1.0, 2.0) if shape == "block" else (1.0, 3.0)
         body["shape"] = {"box": {"lower": [0.0] * len(sides), "upper": list(sides)}}
         body["particles"] = [round(side * spacings) + 1 for side in sides]
@@ -73,30 +76,36 @@ def tables(shape: str, spacings: float, folder: Path, weights: str) -> dict:
     return {"dimension": 2 if plane else 3, "end_time": 1.0, "method": method, "bodies": [body]}
 
 
+def errors_of(
+    shape: str, spacings: float, folder: Path, weights: str = "mesh", **method: float
+) -> tuple[np.ndarray, Any]:
+    """Relative errors of the lowest frequencies, and what was found; method: further keys of it. Collective."""
+    data, exact = tables(shape, spacings, folder, weights), EXACT[shape]()
+    data["method"].update(method)
+    found = find_modes(MPI.COMM_WORLD, parse_scene(data), len(exact), None)
+    return found.frequencies[found.rigid :] * 2.0 * np.pi / exact - 1.0, found
+
+
 def main() -> None:
     """Print a row a shape and spacing, with the order between rows."""
-    asked, spacings = [one for one in sys.argv[1:] if one in EXACT], []
-    for word in sys.argv[1:]:
-        spacings += [] if word in EXACT else [float(word)]
+    asked = [word for word in sys.argv[1:] if word in EXACT] or list(EXACT)
+    spacings = [float(word) for word in sys.argv[1:] if word not in EXACT] or [8.0, 16.0, 24.0]
+    kinds = [(shape, weights) for shape in asked for weights in WEIGHTS.get(shape, ("mesh",))]
     with tempfile.TemporaryDirectory() as folder:
-        for shape in asked or EXACT:
-            exact, last = EXACT[shape](), None
-            for weights in ("cells", "fourth-order") if shape in ("block", "plate") else ("mesh",):
-                for m in spacings or [8.0, 16.0, 24.0]:
-                    scene = parse_scene(tables(shape, m, Path(folder), weights))
-                    found = find_modes(MPI.COMM_WORLD, scene, len(exact), None)
-                    errors = found.frequencies[found.rigid :] * 2.0 * np.pi / exact - 1.0
-                    size = float(np.sqrt(np.mean(errors**2)))
-                    order = "" if last is None else f"{np.log(last[1] / size) / np.log(m / last[0]):.2f}"
-                    last = m, size
-                    told = " ".join(f"{100 * one:.2g}" for one in errors)
-                    print(
-                        f"{shape:7} {weights:12} {m:4g} {found.particles:7} {found.rigid} rigid,"
-                        f" error {100 * size:.3g} % [{told}], order {order or '-'},"
-                        f" {found.iterations} iterations, {found.products} products, {found.seconds:.2f} s",
-                        flush=True,
-                    )
-                last = None
+        for shape, weights in kinds:
+            last: tuple[float, float] | None = None
+            for m in spacings:
+                errors, found = errors_of(shape, m, Path(folder), weights)
+                size = float(np.sqrt(np.mean(errors**2)))
+                order = "-" if last is None else f"{np.log(last[1] / size) / np.log(m / last[0]):.2f}"
+                last = m, size
+                told = " ".join(f"{100 * one:.2g}" for one in errors)
+                print(
+                    f"{shape:7} {weights:12} {m:4g} {found.particles:7} {found.rigid} rigid, error {100 * size:.3g} %"
+                    f" [{told}], order {order}, {found.iterations} iterations, {found.products} products,"
+                    f" {found.seconds:.2f} s",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

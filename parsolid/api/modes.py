@@ -21,7 +21,7 @@ from parsolid.scene.warned import Note
 from parsolid.simulation.vibrations import VibratingBodies, Vibrations
 
 # residuals that are small enough, so that frequencies are exact to some 1e-9 where modes are apart; iterations
-TOLERANCE, ITERATIONS = 1e-4, 400
+TOLERANCE, ITERATIONS = 1e-4, 500
 # of the largest side of all bodies, the largest displacement of a shape in files
 _AMPLITUDE = 0.05
 

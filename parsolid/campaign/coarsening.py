@@ -2,8 +2,9 @@
 
 Every lattice gets whole numbers of intervals again, so that the ratio of the spacings is not the one requested; the
 ratio is chosen near it such that all directions of all bodies have nearly the same one, probes stand as they did
-between particles, and planes that lie on a background grid lie on the coarser one. What follows from the spacing by a
-ratio (horizon, skin, smoothing length, radius of contact) needs no rule; the cell of a grid grows with it.
+between particles, and planes that lie on a background grid lie on the coarser one. Geometry is meshed with larger
+elements. What follows from the spacing by a ratio (horizon, skin, smoothing length, radius of contact) needs no rule;
+the cell of a grid grows with it.
 """
 
 import math
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.particles.fillings import filling_of
+from parsolid.particles.meshes.geometry import AROUND
 from parsolid.scene import Scene, parse_scene
 from parsolid.scene.contact import BodyPairs
 
@@ -76,10 +78,13 @@ class Level:
 
 
 def lattices_of(scene: Scene) -> list[BodyLattice]:
-    """The lattices of all bodies. Raises NotCoarsened for a mesh, which has its own particles."""
+    """The lattices of all bodies but those from geometry. Raises NotCoarsened for a mesh, which has its own
+    particles."""
     kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}
     result = []
     for number, body in enumerate(scene.bodies):
+        if body.shape.kind == "mesh" and body.shape.model.size is not None:
+            continue
         if body.shape.kind == "mesh":
             raise NotCoarsened(f"bodies.{number} is a mesh, which has its own particles: a coarser one is not known")
         filling: Any = filling_of(body, scene.dimension)
@@ -92,12 +97,32 @@ def lattices_of(scene: Scene) -> list[BodyLattice]:
 
 
 def lattice_words(scene: Scene) -> str:
-    """Numbers of particles of all lattices: "9 x 49 x 9", or "71 x 21, 71 x 21"."""
+    """Numbers of particles of all lattices: "9 x 49 x 9", or "71 x 21, 71 x 21"; of geometry the size of elements."""
     try:
         lattices = lattices_of(scene)
     except NotCoarsened:
         return "mesh"
-    return ", ".join(" x ".join(str(n + end) for n, end in zip(one.intervals, one.ends)) for one in lattices)
+    words = [" x ".join(str(n + end) for n, end in zip(one.intervals, one.ends)) for one in lattices]
+    return ", ".join([*words, *_sizes_in_words(scene.resolved())])
+
+
+def _sizes_in_words(tables: dict[str, Any]) -> list[str]:
+    return list(dict.fromkeys(f"elements of {mesh['size']:.4g} m" for mesh in _geometry(tables)))
+
+
+def _geometry(tables: dict[str, Any]) -> list[dict[str, Any]]:
+    """The tables of bodies' meshes that are made of geometry."""
+    meshes = [(body["shape"].get("mesh") or {}) for body in tables["bodies"]]
+    return [mesh for mesh in meshes if mesh.get("size") is not None]
+
+
+def _enlarge_elements(tables: dict[str, Any], ratio: float) -> None:
+    """Let all elements of geometry be larger, those around curves, too."""
+    for mesh in _geometry(tables):
+        mesh["size"] *= ratio
+        around = AROUND if mesh.get("around") is None else mesh["around"]
+        mesh["around"] = round(around / ratio)
+        mesh["refine"] = [one | {"size": one["size"] * ratio} for one in mesh.get("refine", [])]
 
 
 def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> Level:
@@ -106,7 +131,9 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
     Raises NotCoarsened with the reason: a mesh, a body of too few particles, a grid that does not fit.
     """
     lattices = lattices_of(scene)
-    ratio = _best_ratio(scene, lattices, requested, more_than)
+    if not lattices and requested < more_than:
+        raise NotCoarsened(f"a ratio of {requested:.3g} is no more than {more_than:.3g}")
+    ratio = _best_ratio(scene, lattices, requested, more_than) if lattices else requested
     new = [lattice.coarser(ratio) for lattice in lattices]
     for lattice, intervals in zip(lattices, new):
         for axis, (before, now) in enumerate(zip(lattice.intervals, intervals)):
@@ -125,10 +152,11 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
     for method in methods_of(tables):
         if "cell" in method:
             method["cell"] *= ratio
-    if not any("cell" in method for method in methods_of(tables)):
+    if lattices and not any("cell" in method for method in methods_of(tables)):
         actual = _mean_ratio(lattices, new)
-    words = ", ".join(" x ".join(map(str, tables["bodies"][one.number]["particles"])) for one in lattices)
-    return Level(tables, actual, words)
+    _enlarge_elements(tables, actual)
+    words = [" x ".join(map(str, tables["bodies"][one.number]["particles"])) for one in lattices]
+    return Level(tables, actual, ", ".join([*words, *_sizes_in_words(tables)]))
 
 
 def without_requests(scene: Scene) -> dict[str, Any]:

@@ -309,7 +309,7 @@ class Row:
 
 
 def rows_of_comparison(title: str, stated: Comparison, lines: Iterable[list[Any]]) -> list[Row]:
-    """A row of each line of cases (coarse to fine, see `study.lines_to_compare`) that computes a comparison."""
+    """A row of each line of cases that have been run, coarse to fine, of those that compute a comparison."""
     return [
         _row(title, stated, line) for line in lines if stated.series is None or line[0].series.name in stated.series
     ]

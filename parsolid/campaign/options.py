@@ -118,7 +118,8 @@ def _with_method(tables: dict[str, Any], kind: str, level: Scene) -> dict[str, A
         fillings = [filling_of(body, level.dimension) for body in level.bodies]
         volumes = [float(one.piece(0, one.count).volume.sum()) / one.count for one in fillings]
         method["cell"] = _CELLS * min(volumes) ** (1.0 / level.dimension)
-    for lattice, body in zip(lattices, bodies):
+    for lattice in lattices:
+        body = bodies[lattice.number]
         if kind in ("mpm", "ulsph") and any(lattice.ends):
             body.pop("spacing", None)
             body |= {"particles": list(lattice.intervals), "placement": "cells"}

@@ -50,6 +50,8 @@ def box_of(scene: Scene, place: np.ndarray) -> BodyLattice | None:
         lattices = lattices_of(scene)
     except NotCoarsened:
         return None
+    if not lattices:
+        return None
     room = 1e-9 * np.ptp([bound for one in lattices for bound in (one.lower, one.upper)])
     found = [one for one in lattices if (place >= one.lower - room).all() and (place <= one.upper + room).all()]
     if len(found) != 1:

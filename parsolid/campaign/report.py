@@ -72,9 +72,12 @@ def comparison_table(title: str, rows: list[Row], with_case: bool = False) -> Re
         cells += [tolerance, "" if row.order is None else f"{row.order:.1f}"]
         cells += ["" if row.core_seconds is None else f"{row.core_seconds:.3g}", row.verdict]
         table.rows.append(([row.case] if with_case else []) + cells)
-    sources = [f"{row.quantity}: {row.source}" for row in rows if row.reference is not None]
-    told = [(row, text) for row in rows for text in (row.remark, row.reason) if text]
-    table.notes = list(dict.fromkeys([*sources, *(f"{row.method}, {row.quantity}: {text}" for row, text in told)]))
+    names = [(f"{row.case}, " if with_case else "", row) for row in rows]
+    notes = [f"{case}{row.quantity}: {row.source}" for case, row in names if row.reference is not None]
+    told = [(case, row, row.reason) for case, row in names if row.reason]
+    told += [(case, row, row.remark) for case, row in names if row.remark and row.agrees is False]
+    notes += [f"{case}{row.method}, {row.quantity}: {text}" for case, row, text in told]
+    table.notes = list(dict.fromkeys(notes))
     return table
 
 

@@ -134,20 +134,24 @@ def compared_rows(study: Study, cases: list[Case]) -> list[Row]:
 
 
 def error_rows(study: Study, cases: list[Case]) -> list[Row]:
-    """Rows of errors, bounds and endings of the cases that have been run; the finest of a line has all its levels."""
+    """Rows of errors, bounds and endings of the cases that have been run; the finest of a line has all its levels.
+
+    Beside comparisons those alone of which something is asked.
+    """
     rows, finest = [], {id(line[-1]): line for line in lines_of(cases).values()}
     for case in cases:
         if case.record is None:
             continue
-        if case.expect in ("failure", "refused"):
-            source = "a clean failure" if case.expect == "failure" else "refused"
+        if case.expect in ("failure", "refused") or case.record.status != FINISHED:
+            source = {"failure": "a clean failure", "refused": "refused"}.get(case.expect or "", "stable")
             rows.append(Row(study.title, case.title, "how it ends", source=source))
             rows[-1].verdict = NOT_AS_STATED if case.faults else AS_STATED
+            rows[-1].reason = "; ".join(case.faults)
             continue
         for name in (*(case.measures.get("errors") or ()), *_bounded_measures(case)):
             rows.append(_error_row(study, case, name))
             rows[-1].levels = [Level.of(one, one.value(name)) for one in finest.get(id(case), ())]
-    return rows
+    return [row for row in rows if row.agrees is not None] if study.compared else rows
 
 
 def _bounded_measures(case: Case) -> list[str]:
@@ -164,8 +168,11 @@ def _error_row(study: Study, case: Case, name: str) -> Row:
         row.source = next(f"{key} {one}" if one is not True else key for key, one in words.items() if one)
     row.error, row.tolerance, row.order = case.value(name), case.bounds.get(name), case.orders.get(name)
     row.core_seconds, row.line = record.core_seconds, ", ".join(case.line)
-    if name in case.bounds or record.status != FINISHED:
-        sound = record.status == FINISHED and row.error is not None and row.error <= case.bounds.get(name, math.inf)
+    least = case.series.orders.get(name) if name in case.orders else None
+    if name in case.bounds or least is not None:
+        sound = row.error is not None and row.error <= case.bounds.get(name, math.inf)
+        if least is not None and case.orders[name] < least:
+            sound, row.reason = False, f"the order is to be at least {least:g}"
         row.verdict = AS_STATED if sound else NOT_AS_STATED
     return row
 

@@ -40,12 +40,13 @@ def studies_of(named: Iterable[str]) -> list[str]:
 def folders_of(studies: list[str], folder: Path) -> list[Path]:
     """The folder of each study's runs and summary below one: named after its file, with that file's folders where
     others have the name."""
-    names = Counter(Path(one).stem for one in studies)
-    result = []
+    names, result = Counter(Path(one).stem for one in studies), list[Path]()
     for one in studies:
         path = Path(one)
         above = [part for part in path.resolve().parts[-3:-1] if part != "studies"]
-        result.append(folder / (path.stem if names[path.stem] == 1 else "_".join([*above, path.stem])))
+        name = path.stem if names[path.stem] == 1 else "_".join([*above, path.stem])
+        alike = sum(other.name.startswith(name) for other in result)
+        result.append(folder / (f"{name}_{alike + 1}" if folder / name in result else name))
     return result
 
 
@@ -59,7 +60,7 @@ def run_verification(studies: list[str], folder: Path, jobs: int, page: Path, tr
         try:
             planned.append(Planned.read(path, place, trust_code))
         except SceneError as error:
-            faults += [f"{path}: {fault}" for fault in error.faults]
+            faults += [one if str(one).startswith(path) else f"{path}: {one}" for one in error.faults]
     if faults:
         raise SceneError(faults)
     console = new_console()

@@ -17,6 +17,9 @@ def add_arguments(parser: Any) -> None:
     parser.add_argument("--law", required=True, metavar="KIND", help="of hyperelastic materials, such as yeoh or ogden")
     fixed = "hold a parameter of the law, such as alpha_1=1.3; may be repeated"
     parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help=fixed)
+    parser.add_argument(
+        "--angle", type=float, metavar="DEGREES", help="of fibres in the sheet from the first axis; on both sides of it"
+    )
     parser.add_argument("-o", "--output", metavar="FILE.csv", help="write the curve beside the points")
 
 
@@ -29,7 +32,7 @@ def run_fit(comm: Any, options: Any) -> int:
         return DONE
     from parsolid.materials import registry
     from parsolid.output.log import print_line
-    from parsolid.point.fit import fit, fitted_parameters
+    from parsolid.point.fit import directions_at, fit, fitted_parameters, has_fibres
     from parsolid.scene.validation_errors import suggestion
 
     kinds = [kind for kind in registry.kinds("hyperelastic") if kind != "formula" and fitted_parameters(kind)]
@@ -45,9 +48,12 @@ def run_fit(comm: Any, options: Any) -> int:
             raise SolverError(f"--fix {name}: expected a number, found {value!r}") from None
         if name not in known_names:
             raise SolverError(f"--fix: expected one of {', '.join(known_names)}, found {name!r}")
+    if has_fibres(options.law) != (options.angle is not None):
+        expected = "an angle of the fibres" if options.angle is None else "no angle of a law without fibres"
+        raise SolverError(f"--angle: expected {expected}, found {'none' if options.angle is None else options.angle}")
     tests = read_tests(options.data)
     try:
-        found = fit(options.law, tests, fixed)
+        found = fit(options.law, tests, fixed, options.angle or 0.0)
     except ValueError as error:
         raise SolverError(f"--law {options.law}: expected {error}, found none") from error
     print_line(f"[bodies.material]\nkind = {json.dumps(options.law)}")
@@ -55,6 +61,8 @@ def run_fit(comm: Any, options: Any) -> int:
         print_line(f"{name} = {value:.6g}    # +- {spread:.2g}")
     for name, value in fixed.items():
         print_line(f"{name} = {value:g}    # held")
+    for name, stated in directions_at(options.law, options.angle or 0.0).items():
+        print_line(f"{name} = {{ vector = [{', '.join(f'{x:.6g}' for x in stated['vector'])}] }}")
     points = sum(len(one.stretch) for one in tests)
     print_line(
         f"# {points} points: root mean square of the differences {found.error:.3g} of the largest stress of a test"

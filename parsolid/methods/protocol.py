@@ -59,6 +59,7 @@ class ParticleSystem:
     a ghost from this rank's particles [m], where neighbours stand along lines and fill no ball.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
+    reached: time [s] of the state after a step that ended before its end, as there is no way on; None else.
     rebuild_needed: whether this rank has found what all ranks must act on at the next step, as it is when a step is
     announced; rebuild_anywhere: whether any rank had, told before the next step.
     reactions: of conditions that report their force.
@@ -85,6 +86,7 @@ class ParticleSystem:
     evaluations: int = 1
     directed_pairs: int = 0
     farthest: float = 0.0
+    reached: float | None = None
     rebuild_needed: bool = False
     rebuild_anywhere: bool = False
     placements: int | None = 0
@@ -256,6 +258,10 @@ class ParticleSystem:
     def advice(self) -> str:
         """What most likely helps when a run goes wrong."""
         return "more particles, or a milder load"
+
+    def progress(self) -> list[str]:
+        """What lines of progress say besides times and energies."""
+        return []
 
     def cost_notes(self) -> list[Note]:
         """What makes a run cost more than its particles say; collective, the same on all ranks."""

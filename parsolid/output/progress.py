@@ -3,6 +3,7 @@
 import os
 import sys
 import time as clock
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -50,8 +51,11 @@ class Progress:
         if columns:
             self._start_bar(columns)
 
-    def update(self, step: int, time: float, step_size: float, row: dict[str, float] | None) -> None:
-        """Show a step (with its time [s] and size [s]), if it is time to; row: the last history row, by column."""
+    def update(
+        self, step: int, time: float, step_size: float, row: dict[str, float] | None, told: Sequence[str] = ()
+    ) -> None:
+        """Show a step (with its time [s] and size [s]), if it is time to; row: the last history row, by column; told:
+        what methods say of it."""
         if self._level == QUIET:
             return
         now = clock.perf_counter()
@@ -64,7 +68,7 @@ class Progress:
             self._first = (now, step, time)
         if not self._due(now, time):
             return
-        words = self._words(self._first, (now, step, time), step_size, row or {})
+        words = [*self._words(self._first, (now, step, time), step_size, row or {}), *told]
         self._last = (now, step, time)
         head = f"step {step:7d}  t {time:.4e} s {100.0 * time / self._end_time:5.1f} %"
         if self._bar is None:

@@ -30,14 +30,15 @@ def filling_of(
     comm: MPI.Comm = MPI.COMM_SELF,
     mesh: MeshSlices | None = None,
     groups: Sequence[str] = (),
+    by_nodes: bool = False,
 ) -> Filling:
-    """The particles of a body, not yet made; mesh, groups: see `MeshFilling`; collective. Raises SceneError for a mesh
-    that cannot be used."""
+    """The particles of a body, not yet made; mesh, groups, by_nodes: see `MeshFilling`; collective. Raises SceneError
+    for a mesh that cannot be used."""
     if body.shape.kind != "mesh":
         nodes_of_cells = body.shape.kind == "perforated_box" and body.placed_on == "vertices"
         made: Filling = (PerforatedNodes if nodes_of_cells else _FILLINGS[body.shape.kind])(body, dimension)
         return made
-    filling = MeshFilling(comm, body, dimension, mesh, groups)
+    filling = MeshFilling(comm, body, dimension, mesh, groups, by_nodes)
     _EXTENTS[_key(body, dimension)] = Extent(filling.lower, filling.upper, filling.coarsest)
     return filling
 

@@ -78,6 +78,13 @@ def _fillings(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices]) -> li
     fillings: dict[int, Filling] = {}
     faults: list[str] = []
     groups: dict[Any, list[str]] = {}
+    # bodies that hold together by what shares nodes, not by distances
+    by_nodes = {
+        body
+        for one in scene.systems
+        for body, bonds in zip(one.bodies, one.settings.bonding(scene, one.bodies))
+        if not bonds
+    }
     for body in scene.bodies:
         if body.shape.kind == "mesh" and body.shape.model.group is not None:
             groups.setdefault(body.shape.model.mesh_key, []).append(body.shape.model.group)
@@ -87,7 +94,8 @@ def _fillings(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices]) -> li
                 fillings[i] = filling_of(body, scene.dimension, comm)
                 continue
             mesh = whole_mesh(comm, body.shape.model, scene.dimension, meshes)
-            fillings[i] = filling_of(body, scene.dimension, comm, mesh, groups.get(body.shape.model.mesh_key, ()))
+            own = groups.get(body.shape.model.mesh_key, ())
+            fillings[i] = filling_of(body, scene.dimension, comm, mesh, own, i in by_nodes)
         except SceneError as error:
             place = ("bodies", i, "shape", "mesh")
             faults += [

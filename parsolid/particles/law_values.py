@@ -52,7 +52,8 @@ def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set
         except ValueError as error:
             fault = fault or f"bodies.{i}.material.{unread or error}"
     raise_together(comm, fault)
-    particles.declare(Field(RECORD, total, "", layout=Columns()), values.T)
+    # a field of one component is (n,)
+    particles.declare(Field(RECORD, total, "", layout=Columns()), values.T if total > 1 else values[0])
     _declare_members(particles, rows, values, particle_set.position.shape[1])
 
 

@@ -6,7 +6,8 @@ from typing import Any, Literal, get_origin
 import numpy as np
 
 from parsolid.materials import registry
-from parsolid.materials.declaration import parameters_of
+from parsolid.materials.declaration import Direction, OfParticle, parameters_of
+from parsolid.materials.hyperelastic.at_particles import members
 from parsolid.materials.hyperelastic.functions import stress
 
 # parameters that tests at constant volume do not determine, and those that state xi of the Mooney-Rivlin law otherwise
@@ -22,6 +23,8 @@ KINDS = tuple(_KINDS)
 _STARTS, _NUMBERS = 24, (2.0, 30.0)
 # standard deviations in half a 95 % interval
 _CONFIDENCE = 1.96
+# logarithm of the most that free stretches differ from their mean
+_MOST_UNEQUAL = 1.5
 # residual of parameters that the law refuses, and the cost from which no start has led to others
 _REFUSED, _LOST = 1e3, 1e2
 
@@ -48,27 +51,59 @@ class Fit:
 
 
 def nominal_stress(law: Any, kind: str, stretch: np.ndarray) -> np.ndarray:
-    """Nominal stress (n,) [Pa] along the first axis at constant volume, without stress on the free face."""
+    """Nominal stress (n,) [Pa] along the first axis at constant volume, without stress on the free face, in uniaxial
+    tests on both."""
     result = np.empty(len(stretch))
     for n, a in enumerate(map(float, stretch)):
         l1, l2, l3 = _KINDS[kind](a)
-        F, H = (l1, 0.0, 0.0, 0.0, l2, 0.0, 0.0, 0.0, l3), (l2 * l3, 0.0, 0.0, 0.0, l1 * l3, 0.0, 0.0, 0.0, l1 * l2)
-        P = stress(law, F, H, 1.0)
+        if kind == "uniaxial" and members(law):
+            l2, l3 = _free_stretches(law, l1)
+        P = _nominal(law, l1, l2, l3)
         result[n] = P[0] - P[8] * l3 / l1
     return result
 
 
+def _nominal(law: Any, l1: float, l2: float, l3: float) -> Any:
+    F, H = (l1, 0.0, 0.0, 0.0, l2, 0.0, 0.0, 0.0, l3), (l2 * l3, 0.0, 0.0, 0.0, l1 * l3, 0.0, 0.0, 0.0, l1 * l2)
+    return stress(law, F, H, 1.0)
+
+
+def _free_stretches(law: Any, l1: float) -> tuple[float, float]:
+    """The other stretches of a uniaxial test, which differ where fibres lie in the sheet."""
+    from scipy.optimize import brentq
+
+    def unequal(e: float) -> float:
+        l2, l3 = np.exp(e) * l1**-0.5, np.exp(-e) * l1**-0.5
+        P = _nominal(law, l1, float(l2), float(l3))
+        return float(P[4] * l2 - P[8] * l3)
+
+    e = float(brentq(unequal, -_MOST_UNEQUAL, _MOST_UNEQUAL, xtol=1e-12))
+    return float(np.exp(e) * l1**-0.5), float(np.exp(-e) * l1**-0.5)
+
+
 def fitted_parameters(kind: str) -> dict[str, Any]:
     """Name -> `Parameter` of those of a hyperelastic kind that such tests tell."""
-    found = parameters_of(registry.declared("hyperelastic", kind))
+    found = {
+        n: it
+        for n, it in parameters_of(registry.declared("hyperelastic", kind)).items()
+        if not isinstance(it[1], OfParticle)
+    }
     # not one of several words (the volumetric part), nor what has one value (zeta of neo-Hookean solids)
     numbers = {name: note for name, (annotation, note) in found.items() if get_origin(annotation) is not Literal}
     return {name: note for name, note in numbers.items() if name not in _UNSEEN}
 
 
-def fit(kind: str, tests: list[Measured], fixed: dict[str, float]) -> Fit:
-    """The least squares of all tests, each over its largest stress; fixed: parameters that stay. Raises ValueError
-    where nothing is left to fit, or no start leads anywhere."""
+def has_fibres(kind: str) -> bool:
+    """Whether a kind has a direction, the angle of which tests do not tell."""
+    return any(
+        isinstance(note, Direction) for _, note in parameters_of(registry.declared("hyperelastic", kind)).values()
+    )
+
+
+def fit(kind: str, tests: list[Measured], fixed: dict[str, float], angle: float = 0.0) -> Fit:
+    """The least squares of all tests, each over its largest stress; fixed: parameters that stay; angle [degrees]: of
+    fibres from the first axis, see `law_with`. Raises ValueError where nothing is left to fit, or no start leads
+    anywhere."""
     from scipy.optimize import least_squares
 
     parameters = {name: one for name, one in fitted_parameters(kind).items() if name not in fixed}
@@ -81,7 +116,7 @@ def fit(kind: str, tests: list[Measured], fixed: dict[str, float]) -> Fit:
     largest = [np.abs(one.stress).max() * np.sqrt(len(one.stress)) for one in tests]
 
     def residual(x: np.ndarray) -> np.ndarray:
-        law = law_with(kind, dict(zip(names, x * units)) | fixed)
+        law = law_with(kind, dict(zip(names, x * units)) | fixed, angle)
         if law is None:
             return np.full(sum(len(one.stress) for one in tests), _REFUSED)
         parts = [
@@ -102,7 +137,7 @@ def fit(kind: str, tests: list[Measured], fixed: dict[str, float]) -> Fit:
             best = found
     if best is None or best.cost > _LOST:
         raise ValueError("a start that leads to parameters")
-    law = law_with(kind, dict(zip(names, best.x * units)) | fixed)
+    law = law_with(kind, dict(zip(names, best.x * units)) | fixed, angle)
     points = sum(len(one.stress) for one in tests)
     freedom = max(points - len(names), 1)
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2.0 * best.cost / freedom
@@ -111,17 +146,31 @@ def fit(kind: str, tests: list[Measured], fixed: dict[str, float]) -> Fit:
     return Fit(names, best.x * units, spread, curves, float(np.sqrt(2.0 * best.cost / len(tests))))
 
 
-def law_with(kind: str, values: dict[str, float]) -> Any:
-    """The law of a kind with parameters; the bulk modulus is of no matter here. None where it refuses them."""
+def directions_at(kind: str, angle: float) -> dict[str, Any]:
+    """What a scene states of fibres in the sheet at an angle [degrees] from the first axis: one family along an axis,
+    else two, on both sides, where the kind has two."""
+    stated, x, y = {}, float(np.cos(np.radians(angle))), float(np.sin(np.radians(angle)))
+    for name, (_, note) in parameters_of(registry.declared("hyperelastic", kind)).items():
+        if isinstance(note, Direction) and (note.needed or angle % 90.0 != 0.0):
+            stated[name] = {"vector": [x, y if note.needed else -y, 0.0]}
+    return stated
+
+
+def law_with(kind: str, values: dict[str, float], angle: float = 0.0) -> Any:
+    """The law of a kind with parameters and fibres at an angle, see `directions_at`; the bulk modulus is of no matter
+    here. None where it refuses them."""
+    import parsolid.scene.materials  # noqa: F401 (what hyperelastic tables have in common)
     from parsolid.scene.declared import model_of
     from parsolid.scene.validation_errors import SceneError
 
     declared = registry.declared("hyperelastic", kind)
     others = {"density": 1.0, "bulk_modulus": 1e9, "lambda_hat": 1e9}
     known = parameters_of(declared)
-    stated = {"kind": kind} | {name: value for name, value in (others | values).items() if name in known}
+    stated: dict[str, Any] = {name: value for name, value in (others | values).items() if name in known}
+    stated |= {"kind": kind} | directions_at(kind, angle)
     try:
-        return model_of(declared).model_validate(stated).equilibrium_law()  # type: ignore[attr-defined]
+        model: Any = model_of(declared).model_validate(stated, context={"dimension": 3})
+        return model.law_at((0.0, 0.0, 0.0))
     except (SceneError, ValueError):
         return None
 

@@ -36,6 +36,9 @@ FAULTS = {
     ),
     "element": Code("elements of a mesh inside out or flat", "mend the mesh there"),
     "double-node": Code("nodes of a mesh at one place, which nothing joins", "merge them, or make two bodies"),
+    "hanging-node": Code(
+        "nodes of a mesh in the middle of facets or edges, where elements come apart", "split the elements there"
+    ),
     "edge-contact": Code(
         "parts of a mesh that share an edge alone, or in the plane a node", "join or separate them there"
     ),
@@ -80,6 +83,7 @@ NOTES = {
     "other-method": Code("results of another method, of which some fields alone are taken", "name the fields"),
     "restart-change": Code("a key that differs from that of the checkpoint", "nothing, if that is meant"),
     "restart-energy": Code("energy that allowed changes have given to the state of a restart", "nothing, if meant"),
+    "load-step-cost": Code("unknowns of equilibria, and what a load step takes", "nothing"),
     "results-moved": Code("results of an earlier run that are in another folder now", "another `-o`, if not meant"),
     "second-order-elements": Code("elements of second order, which are taken by their corners", "nothing"),
     "sheared-part": Code(

@@ -435,12 +435,20 @@ def _or_free(value: Any, info: ValidationInfo) -> Formula | None:
 FORMULA = WithJsonSchema({"type": ["string", "number"], "title": "a formula"}, mode="validation")
 
 
-def _vector_of(validate: Any) -> Any:
+def _vector_of(validate: Any, counted: Any = OnePerDimension) -> Any:
     """A list of formulas, one per dimension, that becomes a FormulaVector and is written as a list again."""
     component = Annotated[Any, PlainValidator(validate), FORMULA]
     return Annotated[
-        list[component], OnePerDimension, AfterValidator(FormulaVector), PlainSerializer(lambda vector: vector.sources)
+        list[component], counted, AfterValidator(FormulaVector), PlainSerializer(lambda vector: vector.sources)
     ]
+
+
+def _in_space(values: list[Any], info: ValidationInfo) -> list[Any]:
+    """Refuse other than one component per dimension, or three."""
+    dimension = dimension_of(info)
+    if len(values) not in (3, dimension or len(values)):
+        raise mismatch(f"{dimension} components, or 3", Phrase(f"{len(values)}"))
+    return values
 
 
 def _scalar_of(validate: Any) -> Any:
@@ -451,6 +459,8 @@ def _scalar_of(validate: Any) -> Any:
 InitialScalar: Any = _scalar_of(formula_of_place)
 Scalar: Any = _scalar_of(_of_place_and_time)
 InitialVector: Any = _vector_of(formula_of_place)
+# also out of the plane in 2-D
+InitialDirection: Any = _vector_of(formula_of_place, AfterValidator(_in_space))
 Vector: Any = _vector_of(_of_place_and_time)
 VectorOrFree: Any = _vector_of(_or_free)
 InitialMatrix = Annotated[

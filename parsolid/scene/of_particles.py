@@ -7,7 +7,7 @@ from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo, Wit
 
 from parsolid.materials.declaration import Direction
 from parsolid.scene.base_model import SceneModel
-from parsolid.scene.formulas import InitialScalar, InitialVector, formula_of_place
+from parsolid.scene.formulas import InitialDirection, InitialScalar, formula_of_place
 
 
 class OfCells(SceneModel):
@@ -21,7 +21,7 @@ class StatedDirection(SceneModel):
 
     exactly_one: ClassVar = (("angle", "vector", "cell_data"),)
     angle: InitialScalar | None = Field(None, description="angle [rad] from X to Y, a formula of the reference place")
-    vector: InitialVector | None = Field(None, description="components, formulas of the reference place")
+    vector: InitialDirection | None = Field(None, description="components, formulas of the reference place")
     cell_data: Annotated[str, Field(min_length=1)] | None = Field(
         None, description="the name of a vector that elements have in the mesh file of the body"
     )

@@ -39,7 +39,8 @@ class ProgressOutput(Output):
         for one in self.lines:
             for warning in new:
                 one.say(str(warning))
-            one.update(now.step, now.time, now.step_size, self.history.last_row)
+            told = [word for system in simulation.systems for word in system.progress()]
+            one.update(now.step, now.time, now.step_size, self.history.last_row, told)
 
 
 class Job:

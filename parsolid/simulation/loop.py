@@ -136,6 +136,7 @@ class Simulation:
             self.stable, (interrupted, *over) = self._agreed()
             self._check_step(self.stable)
             self._write(due, over)
+            self._check_reached(due)
             self._check_energy()
             self._check_meetings()
             if self.clock.time >= end:
@@ -203,13 +204,22 @@ class Simulation:
             sent = COMMUNICATION.seconds
             self._complete_step(number, step)
             moment = self._count_work(number, moment, sent)
-        self.clock.time, self.clock.step_size = arrival, step
-        self.time_steps.last = step
-        self.clock.step += 1
+        self._count_step(arrival, step)
         if self.interactions:
             self.phases.contact += started - began + forces - positions
         self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor
         self._count_seconds(moment - began, clock.process_time() - processor_began)
+
+    def _count_step(self, arrival: float, step: float) -> None:
+        """A step [s] to a time [s], or as far as systems have come, which may be nowhere."""
+        before, reached = self.clock.time, [one.reached for one in self.systems if one.reached is not None]
+        if reached:
+            arrival = min(reached)
+            step = arrival - before
+        self.clock.time, self.clock.step_size = arrival, step
+        self.time_steps.last = step
+        if not reached or step > 0.0:
+            self.clock.step += 1
 
     def _count_work(self, number: int, began: float, sent: float) -> float:
         """Count what a part of a step of one system took that began at a reading of the clock, with so many seconds in
@@ -317,6 +327,12 @@ class Simulation:
         self.failed_somewhere = stable < 0.0
         what = f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"
         raise RunFailed(describe_failure(self, "the state was lost within the step" if stable < 0.0 else what))
+
+    def _check_reached(self, outputs: Outputs) -> None:
+        """Write the state and raise RunFailed on all ranks where a system has found no way on from it."""
+        if any(system.reached is not None for system in self.systems):
+            outputs.write_all(self)
+            raise RunFailed(describe_failure(self, "there is no way on"))
 
     def _check_meetings(self) -> None:
         """Raise RunFailed on all ranks where bodies have met that no table names, or warn of them."""

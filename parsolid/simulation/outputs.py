@@ -110,3 +110,10 @@ class Outputs:
             if one.last_step != simulation.clock.step and (id(one) in requested or one.due(simulation)):
                 one.write(simulation)
                 one.last_step, one.last_wall = simulation.clock.step, clock.perf_counter()
+
+    def write_all(self, simulation: "Simulation") -> None:
+        """Write this state, where it has not been written, before a run that has failed ends; collective."""
+        for one in self._outputs:
+            if one.last_step != simulation.clock.step:
+                one.write(simulation)
+                one.last_step = simulation.clock.step

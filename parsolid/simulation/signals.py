@@ -28,7 +28,7 @@ class StopRequest:
 
 
 # commands that keep the usual effect of the signals
-_OTHERS = ("check", "bench", "point", "study", "verify", "plot", "view", "keys", "import", "fit")
+_OTHERS = ("check", "bench", "point", "study", "verify", "modes", "plot", "view", "keys", "import", "fit")
 REQUEST = StopRequest()
 
 

@@ -160,6 +160,8 @@ def refuse_nonlinear(scene: Scene) -> None:
     faults = [fault((name,), "none for modes, whose bodies are linear", getattr(scene, name)) for name in meeting]
     springs = [number for number, one in enumerate(scene.boundaries) if one.kind == "spring"]
     faults += [fault(("boundaries", i, "kind"), "no spring for modes", "spring") for i in springs]
+    rough = [number for number, one in enumerate(scene.bodies) if one.shape.kind == "perforated_box"]
+    faults += [fault(("bodies", i, "shape"), "a box or a mesh for modes", "perforated_box") for i in rough]
     systems = scene.systems
     if len(systems) > 1:
         faults.append(fault(("methods",), "one method for modes", len(systems)))

@@ -400,7 +400,7 @@ def _at_places(blend: Blend, free: np.ndarray, nodes: int) -> Any:
         values[:, i, :, 1:] = blend.values[:, :, None] * np.einsum("rj,ncj->ncr", W[W[:, i].any(axis=1), i], blend.arms)
         columns[:, i] = blend.rows[:, :, None] * k + ways
     values *= free[:, :, None, None]
-    starts = np.arange(0, n * d * c * d + 1, c * d)
+    starts = np.arange(0, n * d * c * d + 1, c * d, dtype=np.int32)
     return sparse.csr_array((values.ravel(), columns.ravel(), starts), (n * d, nodes * k))
 
 

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from solids import RUBBER
 
 from parsolid.campaign.coarsening import NotCoarsened, coarsen, lattice_words, parsed
 from parsolid.campaign.variants import SOLVER, SPACING, STEP, coarse_variants
 from parsolid.particles.fillings import filling_of
-from parsolid.scene import load_scene
+from parsolid.scene import load_scene, parse_scene
 
 RUNS = Path(__file__).parents[2] / "runs"
 
@@ -52,6 +53,31 @@ def test_planes_on_the_nodes_of_a_grid_stay_on_nodes_and_what_has_no_such_grid_i
     assert made.ratio == 2.0 and made.tables["method"]["cell"] == 0.002
     with pytest.raises(NotCoarsened, match="planes of the boundaries on its nodes"):
         coarsen(scene, 2.56, 2.5)
+
+
+def test_geometry_is_meshed_with_larger_elements(tmp_path):
+    pytest.importorskip("gmsh")
+    (tmp_path / "disc.geo").write_text('SetFactory("OpenCASCADE"); Disk(1) = {0, 0, 0, 2, 2};')
+    refine = [{"where": "edge-1", "size": 0.1}]
+    body = {"shape": {"file": "disc.geo", "size": 0.3, "refine": refine}, "material": RUBBER}
+    box = {"box": {"lower": [3, 0], "upper": [4, 1]}}
+    bodies = [body, {"shape": box, "particles": [9, 9], "placement": "vertices", "material": RUBBER}]
+    tables = {"dimension": 2, "end_time": 1.0, "method": {"kind": "tlsph"}, "bodies": bodies}
+    scene = parse_scene(tables, tmp_path)
+    made = coarsen(scene, 2.0)
+    mesh = made.tables["bodies"][0]["shape"]["mesh"]
+    assert made.ratio == 2.0 and (mesh["size"], mesh["around"], mesh["refine"][0]["size"]) == (0.6, 6, 0.2)
+    assert made.lattices == "5 x 5, elements of 0.6 m" and made.lattices == lattice_words(
+        parsed(made.tables, False, 2.0)
+    )
+    other = parsed(made.tables, False, 2.0)
+    spacings = [filling_of(one.bodies[0], 2).rows["spacing"] for one in (scene, other)]
+    assert np.median(spacings[1]) == pytest.approx(2.0 * np.median(spacings[0]), rel=0.2)
+    # bodies from geometry alone can have any ratio
+    alone = parse_scene(tables | {"bodies": [body]}, tmp_path)
+    found, refused = coarse_variants(alone, False)
+    assert [one.ratio for one in found] == [3.6, 1.9] and not refused
+    assert len({one.digest for one in found}) == 2
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 from parsolid.campaign.cases import cases_of
 from parsolid.campaign.measures import energies_of, momentum_of
 from parsolid.campaign.runner import Record, not_finite, read_record, wait
-from parsolid.campaign.study import judge
+from parsolid.campaign.study import error_rows, judge
 from parsolid.campaign.study_file import load_study
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
@@ -316,3 +316,25 @@ def test_what_is_asked_for_in_vain_is_told_in_one_message(folder, tmp_path, caps
         assert main(words) == 2
         found = capsys.readouterr().err
         assert re.match(f"parsolid: (argument )?{told}", found), found
+
+
+def test_rows_of_a_report_hold_bounds_and_orders(folder):
+    """The finest run has the errors of all; an order that is too low is not as stated, whatever the bound."""
+    series = "orders = { kinetic = 1.9 }\nbounds = { kinetic = 3e-2 }"
+    for errors, verdicts in (
+        ([4e-2, 1e-2], ["not as stated", "as stated"]),
+        ([3e-2, 2e-2], ["as stated", "not as stated"]),
+    ):
+        study = load_study(write(folder, series=series))
+        cases = with_errors(folder, errors, series=series)
+        for case in cases:
+            case.record.summary["particles"], case.record.processor_seconds = case.particles, [2.0]
+        rows = error_rows(study, cases)
+        assert [(row.error, row.tolerance, row.verdict) for row in rows] == [
+            (error, 3e-2, verdict) for error, verdict in zip(errors, verdicts)
+        ]
+        assert rows[0].levels == [] and [one.value for one in rows[1].levels] == errors
+        assert rows[1].source == "series series.json" and rows[1].order is not None
+    cases[1].record.status = "failed"
+    judge(study, cases)
+    assert [row.verdict for row in error_rows(study, cases)][1:] == ["not as stated"]

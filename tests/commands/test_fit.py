@@ -87,6 +87,8 @@ def test_treloars_rubber(capsys, tmp_path):
         ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "saint-venant-kirchhoff"]),
         ("kind,stretch,stress\nuniaxial,1.5,1e5\npure-shear,1.5,0\n", ["--law", "gent"]),
         ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "-o", "missing/curve.csv"]),
+        ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "--angle", "10"]),
+        ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "guccione"]),
     ],
 )
 def test_data_and_laws_that_are_none_are_refused(tmp_path, capsys, text, arguments):
@@ -94,3 +96,14 @@ def test_data_and_laws_that_are_none_are_refused(tmp_path, capsys, text, argumen
     data.write_text(text)
     assert main(["fit", str(data), *arguments]) == 2
     assert MPI.COMM_WORLD.rank > 0 or "expected" in capsys.readouterr().err
+
+
+def test_fibres_at_an_angle_come_back_and_make_free_stretches_unequal():
+    """A sheet with two families; pulled between them it narrows less across the sheet than along it."""
+    values, angle = {"shear_modulus": 2e4, "fibre_modulus": 5e4, "fibre_exponent": 3.0}, 30.0
+    law, a = law_with("holzapfel-gasser-ogden", values, angle), np.array([1.1, 1.2, 1.3])
+    assert law.fibre == pytest.approx((np.cos(np.pi / 6.0), 0.5, 0.0)) and law.second_fibre[1] == -law.fibre[1]
+    tests = [Measured(kind, a, nominal_stress(law, kind, a)) for kind in ("uniaxial", "pure-shear")]
+    found = fit("holzapfel-gasser-ogden", tests, {"fibre_exponent": 3.0}, angle)
+    for name, value in zip(found.names, found.values):
+        assert value == pytest.approx(values[name], rel=1e-4), name

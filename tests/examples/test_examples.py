@@ -2,6 +2,7 @@
 stale.
 """
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -46,6 +47,35 @@ def test_a_block_with_a_law_of_ones_own_runs_with_every_method(comm, method):
     # no more than it had: (5 Z, 0, 2 Z) over 2 m of 1100 kg/m^3
     start = 0.5 * 1100.0 * (25.0 + 4.0) * 8.0 / 3.0
     assert kinetic + stored < 1.03 * start and kinetic > 0.5 * start
+
+
+_TORN = """
+import sys
+from mpi4py import MPI
+from parsolid.scene import load_scene
+from parsolid.simulation.loop import Simulation
+for method in (["method.kind=tlsph"], ["method.kind=peridynamics"], sys.argv[2:]):
+    scene = load_scene(sys.argv[1], ["bodies.0.particles=[4, 4]", *method], trust_code=True)
+    simulation = Simulation(MPI.COMM_SELF, scene)
+    (system,) = simulation.systems
+    row = simulation.ledger.row(simulation.comm, *system.energies())
+    for _ in range(3):
+        assert simulation.take_step(0.1 * system.stable_step()) is not False
+    row = simulation.ledger.row(simulation.comm, *system.energies())
+    worst = system.particles.owned_rows("worst")
+    print(row["softening_dissipation"] / row["kinetic"], row["energy_error"] / row["kinetic"], worst.min() >= 0.0)
+"""
+
+
+def test_a_law_with_a_direction_and_a_state_variable_tears_in_every_method():
+    """As Python runs it: what is dissipated is in the balance."""
+    of_points = ['method={kind = "mpm", cell = 0.08}', "bodies.0.placement=cells"]
+    command = [sys.executable, "-c", _TORN, EXAMPLES / "torn_strip.toml", *of_points]
+    done = subprocess.run(command, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True)
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert len(lines) == 3, done.stderr[-2000:]
+    for dissipated, error, sound in lines:
+        assert float(dissipated) > 0.0 and abs(float(error)) < 3e-3 and sound == "True"
 
 
 def test_a_bar_with_a_flow_stress_of_ones_own_flows(comm):

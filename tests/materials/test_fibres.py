@@ -19,6 +19,7 @@ from parsolid.materials.hyperelastic.rubbers import Yeoh
 from parsolid.materials.hyperelastic.softening import Softened
 from parsolid.materials.hyperelastic.transversely_isotropic import Guccione
 from parsolid.materials.hyperelastic.volume import Quadratic
+from parsolid.methods.small_scene import small_scene
 from parsolid.scene import SceneError, parse_scene
 
 HERE, NONE = Path(__file__).parent, (None, None)
@@ -105,7 +106,7 @@ def test_softening_is_that_of_ogden_and_roxburgh_in_every_row():
         assert across == pytest.approx(lateral, rel=2e-9)
         law, F = pulled(across)
         assert stress(law, F)[0, 0] == pytest.approx(P, rel=5e-9, abs=1e-3)
-        assert law.largest == pytest.approx(largest, rel=5e-9, abs=1e-3)
+        assert law.largest_energy == pytest.approx(largest, rel=5e-9, abs=1e-3)
         U = of.volume_part(YEOH, float(np.linalg.det(F)))[1]
         H = np.array(arguments(F)[1]).reshape(3, 3)
         if stretch > 1.0:
@@ -172,7 +173,7 @@ def test_work_around_a_cycle_is_what_is_dissipated(name):
     """To second order in the step; nothing is stored after it."""
     errors = []
     for steps in (400, 800):
-        law, work, F = around_a_cycle(MODERATE[name]._replace(largest=0.0), steps)
+        law, work, F = around_a_cycle(MODERATE[name]._replace(largest_energy=0.0), steps)
         errors.append(abs(float(of.dissipated_energy(law)) / work - 1.0))
         assert energy(law, F) == pytest.approx(0.0, abs=1e-9 * work)
     assert errors[1] < errors[0] / 3.0 and errors[1] < 1e-3
@@ -250,7 +251,18 @@ def test_values_of_particles_become_the_law_there():
     assert values.shape == (7, 2)
     here = at_particle(law, values, 1)
     assert here.solid.fibre == pytest.approx((0.5**0.5, 0.5**0.5, 0.0)) and here.solid.second_fibre == (0.0, -1.0, 0.0)
-    assert type(here) is type(law) and here.largest == 0.0
+    assert type(here) is type(law) and here.largest_energy == 0.0
+    hoop = parse_scene(scene(fibre={"vector": ["0", "0", "2"]})).bodies[0].material
+    np.testing.assert_array_equal(hoop.values_at(np.zeros((1, 2)), {})[:, 0], [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("fibre", [{"cell_data": "grain"}, {"vector": ["-Y", "X"]}, {"angle": "log(X)"}])
+def test_the_scene_that_kernels_are_compiled_for_has_directions(fibre):
+    """It has no mesh, and a particle at the origin."""
+    stated = parse_scene(scene(fibre=fibre, second_fibre=fibre))
+    small = parse_scene(small_scene(stated, stated.method), again=True).bodies[0].material
+    assert np.isfinite(small.values_at(np.zeros((1, 2)), {})).all()
+    assert type(small.build("plane-strain")) is type(stated.bodies[0].material.build("plane-strain"))
 
 
 _UNIFORM = """

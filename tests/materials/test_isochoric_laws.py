@@ -175,7 +175,7 @@ def scene(material, method="tlsph"):
 
 BULK = {"bulk_modulus": 2e7}
 STATED = {
-    "yeoh": {"kind": "yeoh", "c1": 0.17e6, "c2": -1.5e3, "c3": 50.0, **BULK},
+    "yeoh": {"kind": "yeoh", "c1": 0.17e6, "c2": -1.5e3, "c3": 50.0, "softening": {"r": 2.0, "m": 1e4}, **BULK},
     "gent": {"kind": "gent", "shear_modulus": 0.3e6, "limit": 90.0, **BULK},
     "arruda-boyce": {"kind": "arruda-boyce", "modulus": 0.3e6, "locking_stretch": 2.8, **BULK},
     "ogden": {"kind": "ogden", "mu_1": 0.63e6, "alpha_1": 1.3, "mu_2": -0.01e6, "alpha_2": -2.0, **BULK},

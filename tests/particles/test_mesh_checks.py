@@ -48,6 +48,10 @@ FAULTS = {
         [[0, 0], [1, 0], [0, 1], [1, 0], [0, 1], [1, 1]], [("triangle", [[0, 1, 2], [3, 5, 4]])], 2,
     ),
     "edge-contact": ([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]], [("triangle", [[0, 1, 2], [0, 3, 4]])], 2),
+    "hanging-node": (
+        [[0, 0], [2, 0], [2, 2], [0, 2], [3, 0], [3, 1], [2, 1], [3, 2]],
+        [("quad", [[0, 1, 2, 3], [1, 4, 5, 6], [6, 5, 7, 2]])], 2,
+    ),
     "self-overlap": (
         [[0, 0], [1, 0], [0, 1], [0.2, 0.2], [1.2, 0.3], [0.3, 1.2]], [("triangle", [[0, 1, 2], [3, 4, 5]])], 2,
     ),
@@ -62,6 +66,20 @@ def test_faults(shared_path, comm, code):
     (fault,) = error.value.faults
     assert (fault.code, fault.key) == (code, "bodies.0.shape.mesh.file")
     assert fault.found.startswith(("1 ", "2 ", "3 ", "6 ", "4 ", "5 ")) and "(" in fault.found
+
+
+def test_nodes_in_the_middle_of_faces_and_edges(shared_path, comm):
+    """A cube of tetrahedra beside one of a hexahedron with a node in the middle of the face and on one edge."""
+    points, blocks = cubes([0, 0, 0])
+    more = [[2, 0, 0], [2, 1, 0], [2, 0, 1], [2, 1, 1], [1, 0.5, 0.5], [1, 0.5, 0.0]]
+    number = {tuple(row): i for i, row in enumerate(np.concatenate([points, more]).tolist())}
+    middle, edge, far = number[1, 0.5, 0.5], number[1, 0.5, 0.0], number[2, 0, 0]
+    ring = [number[1, y, z] for y, z in ((0, 0), (0, 1), (1, 1), (1, 0))]
+    sides = [(ring[0], ring[1]), (ring[1], ring[2]), (ring[2], ring[3]), (ring[3], edge), (edge, ring[0])]
+    blocks = [*blocks, ("tetra", [[a, b, middle, far] for a, b in sides])]
+    with pytest.raises(SceneError) as error:
+        simulation(scene_of(shared_path, np.concatenate([points, more]), blocks, 3), comm)
+    assert [(one.code, one.found.split()[0]) for one in error.value.faults] == [("hanging-node", "2")]
 
 
 def test_solids_that_share_an_edge(shared_path, comm):

@@ -33,14 +33,14 @@ LARGEST_ENERGY = StateVariable("J/m^3", "the largest energy of shape so far")
 
 class Softened(NamedTuple):
     """A law that softens. solid: without branches and state variables; ratio: r > 1; scale: m > 0 [J/m^3]; beta >= 0;
-    largest: Wm [J/m^3]."""
+    largest_energy: Wm [J/m^3]."""
 
     density: float
     solid: Any
     ratio: float
     scale: float
     beta: float
-    largest: float
+    largest_energy: float
     branch_moduli: tuple[float, ...] | None
     relaxation_times: tuple[float, ...] | None
 
@@ -64,15 +64,15 @@ def _stress_of_shape(law, F, H, J):
 @inlined
 def _below(law, W):
     """d/s and s."""
-    s = law.scale + law.beta * law.largest
-    return max(law.largest - W, 0.0) / s, s
+    s = law.scale + law.beta * law.largest_energy
+    return max(law.largest_energy - W, 0.0) / s, s
 
 
 @energy.of(Softened)
 def _energy(law, F, H, J):
     W = _energy_of_shape(law, F, H, J)
     u, s = _below(law, W)
-    return volume_part(law.solid, J)[0] + W - s / law.ratio * (_integral(law.largest / s) - _integral(u))
+    return volume_part(law.solid, J)[0] + W - s / law.ratio * (_integral(law.largest_energy / s) - _integral(u))
 
 
 @stress.of(Softened)
@@ -109,8 +109,8 @@ def _moduli(law):
 
 @dissipated_energy.of(Softened)
 def _dissipated(law):
-    s = law.scale + law.beta * law.largest
-    return s / law.ratio * _integral(law.largest / s)
+    s = law.scale + law.beta * law.largest_energy
+    return s / law.ratio * _integral(law.largest_energy / s)
 
 
 @members.of(Softened)
@@ -128,7 +128,7 @@ def _at_particle(law, values, p):
 
 @after_step.of(Softened)
 def _after_step(law, F, H, J):
-    largest = max(law.largest, _energy_of_shape(law, F, H, J))
+    largest = max(law.largest_energy, _energy_of_shape(law, F, H, J))
     return Softened(
         law.density, law.solid, law.ratio, law.scale, law.beta, largest, law.branch_moduli, law.relaxation_times
     )
@@ -136,4 +136,4 @@ def _after_step(law, F, H, J):
 
 @keep_state.of(Softened)
 def _keep_state(law, values, p):
-    values[len(values) - 1, p] = law.largest
+    values[len(values) - 1, p] = law.largest_energy

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.boundary.reactions import Reaction
+from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.methods.peridynamics.coarse_space import coarse_space
 from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
 from parsolid.methods.peridynamics.tangent import Settled, Work
@@ -107,26 +107,11 @@ class QuasiStatic:
     def _react(self, start: Settled, before: np.ndarray, after: np.ndarray, time: float, step: float) -> None:
         """Forces of conditions at the end of a step [s] from a time [s], and their work; before, after (owned, d) [N]:
         all loads at its start and end."""
-        operator, conditions = self.operator, self.body.conditions
+        operator = self.operator
         change, force = operator.displacement - start.displacement, operator.settled_force()
         places = (operator.particles.owned_rows("reference_position") + operator.displacement).T
         work = -0.5 * (start.force + force + before + after) * change
-        for holder in conditions.holders:
-            rows, components = holder.find()
-            needed = np.where(components, -(force[rows] + after[rows]), 0.0)
-            holder.reaction.set(places[:, rows], needed.T, float(np.sum(components * work[rows])))
-        of_loads: dict[Reaction, np.ndarray] = {}
-        for load, reaction in conditions.loads_of:
-            if reaction is not None:
-                ends = of_loads.setdefault(reaction, np.zeros((2, *places.shape)))
-                for end, (moment, before_jump) in zip(ends, ((time, step == 0.0), (time + step, step > 0.0))):
-                    rows, values = load.forces(moment, before_jump)
-                    end[: len(values), rows] += values
-        for reaction, (first, last) in of_loads.items():
-            if time == step == 0.0:
-                # what held the bodies' start lets go as the first loads come
-                first[:] = 0.0
-            reaction.set(places, last, float(np.sum(0.5 * (first + last) * change.T)))
+        report_equilibrium(self.body.conditions, places, change, -(force + after), work, time, step)
 
     def balance_anew(self, time: float, ledger: Any) -> bool:
         """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces,

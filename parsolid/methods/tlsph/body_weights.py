@@ -60,8 +60,8 @@ def no_mesh_weights(scene: Any) -> Detail | None:
 def _no_mesh_weights_of(i: int, scene: Any) -> Detail | None:
     """The same of one body from a mesh."""
     settings, body = scene.method, scene.bodies[i]
-    if settings.integrator != "leapfrog":
-        return ("method", "integrator"), "'leapfrog' with weights = \"mesh\"", settings.integrator
+    if settings.integrator == "ssp-rk3":
+        return ("method", "integrator"), "'leapfrog' or 'static' with weights = \"mesh\"", settings.integrator
     if settings.reference != "fixed":
         return ("method", "reference"), "'fixed' with weights = \"mesh\"", settings.reference
     if body.placed_on != "vertices":

@@ -76,15 +76,17 @@ class Leapfrog:
         pressure, shear = wave_weights(system.dimension, settings.smoothing)
         # D grows with the factor on it; without any, waves alone would allow more
         most = max(1.0, settings.dissipation_of("kernel"))
+        # equilibria have none, and no steps
+        safety = settings.safety or 1.0
         if not system.lattice_bodies:
-            return (pressure, shear) * 3, settings.safety / most
+            return (pressure, shear) * 3, safety / most
         signals = [one.signal_speed(settings) for one in system.lattice_bodies]
         if any(kind not in (*ON_LATTICES, "mesh") for kind in system.body_weights):
             signals.append(lambda fast, slow: most * (pressure * fast + shear * slow))
         # at rest, the mean of all laws: there the bound is sharpest
         middle = float(np.sqrt(np.mean([speed_ratio(law) for law in system.laws])))
         forms = chords(signals, min(max(middle, 0.05), 0.95))
-        return tuple(float(number) for form in forms for number in form), settings.safety
+        return tuple(float(number) for form in forms for number in form), safety
 
     def step_of(self, density: float, signal: float) -> float:
         """Largest step [s] for a signal [sqrt(Pa)] of particles of a density [kg/m^3]."""

@@ -26,6 +26,7 @@ class Reports(ParticleSystem):
     plastic_blocks: list[Any]
     sweeps: list[Any]
     meshes: Any
+    statics: Any
     reference: Any
     initial_stress: Any
     lattice_bodies: list[Any]
@@ -69,7 +70,8 @@ class Reports(ParticleSystem):
         if self.reference is not None and self.reference.fault is not None and self.owned:
             most = int(np.argmin(self.particles.owned_rows("jacobian")))
             return most, f"the reference could not be moved: {self.reference.fault}"
-        return super().first_invalid() or self._beyond_its_law()
+        unbalanced = None if self.statics is None else self.statics.first_invalid()
+        return unbalanced or super().first_invalid() or self._beyond_its_law()
 
     def _beyond_its_law(self) -> tuple[int, str] | None:
         """The first particle that is compressed beyond its equation of state."""
@@ -97,6 +99,8 @@ class Reports(ParticleSystem):
     def advice(self) -> str:
         """What most likely helps when a run goes wrong, by the settings."""
         settings, hints = self.settings, list[str]()
+        if self.statics is not None:
+            return "a smaller load, more supports, or displacements that are prescribed in place of forces"
         if settings.reference == "updated":
             # it fails where a fixed one goes on, in shear beside free corners
             return 'method.reference = "fixed", or another method.update_when'
@@ -139,8 +143,9 @@ class Reports(ParticleSystem):
         return max(reaches, default=0.0)
 
     def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions."""
-        return {"ghosts": sum(bodies.ghosts for bodies in self.sweeps), "interactions": self.directed_pairs}
+        """Ghosts and interactions; unknowns of equilibria."""
+        found = {"ghosts": sum(bodies.ghosts for bodies in self.sweeps), "interactions": self.directed_pairs}
+        return found if self.statics is None else found | {"unknowns": int(self.statics.free.sum())}
 
     def arrays(self) -> list[np.ndarray]:
         """Pair lists, and what sweeps read and write."""
@@ -155,14 +160,20 @@ class Reports(ParticleSystem):
         failed."""
         moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
         moved |= failed_matter.summary(self.comm, self.particles, self.mass * self.share)
+        moved |= {} if self.statics is None else self.statics.summary()
         chosen = self.settings.weights in ("best", "mesh")
         return {**moved, "pair_weights": list(self.body_weights)} if chosen else moved
+
+    def progress(self) -> list[str]:
+        """Iterations and residual of equilibria."""
+        return [] if self.statics is None else self.statics.progress()
 
     def cost_notes(self) -> list[Note]:
         """Elements of second order, of which the corners are taken."""
         found = {} if self.meshes is None else self.meshes.of_second_order
         code, words = "second-order-elements", "are taken by their corners"
-        return [
+        cost = [] if self.statics is None else [Note("load-step-cost", self.statics.cost())]
+        return cost + [
             Note(code, f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) {words}")
             for i, kinds in found.items()
         ]

@@ -37,6 +37,8 @@ _OF_WEIGHTS = {"kernel", "smoothing", "weights"}
 MESH_DISSIPATION = 0.1
 # what images at fixed planes do beyond what is adjoint, see `fixed_walls`
 FIXED_WALLS = "fixed_wall_work"
+# with what there is no motion
+_IN_EQUILIBRIUM = "with equilibria instead of motion"
 
 
 class TotalLagrangianSPH(MethodSettings):
@@ -72,13 +74,13 @@ class TotalLagrangianSPH(MethodSettings):
         "antisymmetric",
         "velocity",
         "rotation",
+        "displacement",
         "traction",
         "pressure",
         "spring",
     )
     reactions: ClassVar = boundaries
     refused: ClassVar = {
-        "displacement": "motion is prescribed as a velocity or a rotation",
         "layer": "a part of a body is held by 'fixed' in a region",
         "wall": "rigid bodies that others touch are tools",
         "temperature": "the method conducts no heat",
@@ -90,9 +92,15 @@ class TotalLagrangianSPH(MethodSettings):
         "wendland-c2", description="the smoothing kernel"
     )
     smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
-    integrator: Literal["ssp-rk3", "leapfrog"] = Field(
+    integrator: Literal["ssp-rk3", "leapfrog", "static"] = Field(
         "leapfrog",
-        description='"leapfrog": one force evaluation a step, order 2; "ssp-rk3": three, order 3, as in the paper',
+        description='"leapfrog": one force evaluation a step, order 2; "ssp-rk3": three, order 3, as in the paper; '
+        '"static": a sequence of equilibria, the time being the parameter of the loads',
+    )
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        None,
+        description='of "static": forces that are not balanced over the largest load (or reaction) so far, 1e-8 unless '
+        "given",
     )
     cfl: Positive | None = Field(
         None, description="time step over (particle spacing / largest wave speed), 0.7 unless given; of ssp-rk3"
@@ -136,21 +144,33 @@ class TotalLagrangianSPH(MethodSettings):
     )
 
     @property
+    def prescribes(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Of a motion its velocity; of equilibria the displacement, too."""
+        return ("velocity", "displacement") if self.integrator == "static" else ("velocity",)
+
+    @property
     def pair_weights(self) -> str:
         """What `weights` asks for."""
         return self.weights or "kernel"
 
     def dissipation_of(self, weights: str) -> float:
         """The factor on the dissipation of bodies with pair weights of a kind."""
+        if self.integrator == "static":
+            return 0.0
         if self.dissipation is not None:
             return float(self.dissipation)
         return MESH_DISSIPATION if weights == "mesh" else 1.0
 
     @model_validator(mode="after")
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
-        key, other, usual = ("safety", "cfl", 0.9) if self.integrator == "leapfrog" else ("cfl", "safety", 0.7)
-        if getattr(self, other) is not None:
-            reject(((other,), f"no such key with the integrator {self.integrator!r}", getattr(self, other)))
+        own = {"leapfrog": ("safety", 0.9), "ssp-rk3": ("cfl", 0.7), "static": ("tolerance", 1e-8)}
+        key, usual = own.pop(self.integrator)
+        others = [other for other, _ in own.values() if getattr(self, other) is not None]
+        expected = f"no such key with the integrator {self.integrator!r}"
+        if self.integrator == "static":
+            others += ["dissipation"] if self.dissipation is not None else []
+            others += [] if self.reconstruction else ["reconstruction"]
+        reject(*(((other,), expected, getattr(self, other)) for other in others))
         if getattr(self, key) is None:
             # past the validation of an assignment, and not among what the scene states
             vars(self)[key] = usual
@@ -185,8 +205,10 @@ class TotalLagrangianSPH(MethodSettings):
     def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the
         tables confirms them: of eight nodes or more along each axis that touch nothing."""
-        if self.integrator != "leapfrog" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
+        if self.integrator == "ssp-rk3" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
+        if self.integrator == "static":
+            return {"weights": "mesh"}
         own = self._own(scene, bodies)
         lattices = [i for i, body in enumerate(own.bodies) if body.shape.kind != "mesh"]
         meshes = len(lattices) < len(own.bodies)
@@ -218,6 +240,8 @@ class TotalLagrangianSPH(MethodSettings):
         """Weights, where the scene leaves them to its bodies."""
         usual = self.defaults_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
+        if self.integrator == "static":
+            return []
         why = f"all bodies but meshes are boxes of {RESOLVED} nodes or more along each axis"
         if usual.get("weights") == "mesh":
             why = "bodies from meshes have those of their elements"
@@ -261,8 +285,12 @@ class TotalLagrangianSPH(MethodSettings):
         return 30.0
 
     def contact_refused(self, scene: Any) -> str | None:
-        """It can."""
-        return None
+        """Bodies in motion can."""
+        return _IN_EQUILIBRIUM if self.integrator == "static" else None
+
+    def substeps_refused(self) -> str | None:
+        """Equilibria have no steps of motion."""
+        return _IN_EQUILIBRIUM if self.integrator == "static" else None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Planes whose images are exact for small strain only, where the reference follows a large one."""
@@ -282,7 +310,43 @@ class TotalLagrangianSPH(MethodSettings):
             faults.append((("method", "integrator"), expected, self.integrator))
         refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
         faults += [refused] if refused is not None else []
-        return faults + self._edge_faults(scene)
+        return faults + self._edge_faults(scene) + self._faults_of_equilibria(scene)
+
+    def _faults_of_equilibria(self, scene: Any) -> list[Detail]:
+        """What a sequence of equilibria does not know, and what it alone knows."""
+        moved = enumerate(one.kind for one in scene.boundaries)
+        if self.integrator != "static":
+            expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
+            return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
+        key, faults = ("method", "integrator"), list[Detail]()
+        for table in ("tools", "tie"):
+            if getattr(scene, table):
+                faults.append(((table,), f"no such table {_IN_EQUILIBRIUM}", Phrase("one")))
+        if self.reference == "updated":
+            faults.append((("method", "reference"), "'fixed' with method.integrator = 'static'", self.reference))
+        if scene.methods is not None and len(scene.methods) > 1:
+            faults.append((key, "'leapfrog' beside other methods", self.integrator))
+        if scene.loads.manufactured:
+            faults.append((("loads", "manufactured"), f"no such key {_IN_EQUILIBRIUM}", True))
+        expected = "'mesh' for all bodies, which are from meshes, with method.integrator = 'static'"
+        for i, kind in enumerate(weights_of_bodies(self.pair_weights, scene)):
+            if kind != "mesh":
+                faults.append((("method", "weights"), expected, Phrase(f"{kind!r} for bodies.{i}")))
+        for i, body in enumerate(scene.bodies):
+            place = ("bodies", i, "material")
+            if body.material.kind == "elastic-plastic":
+                faults.append(
+                    ((*place, "kind"), "a hyperelastic law with method.integrator = 'static'", body.material.kind)
+                )
+            elif body.material.branches:
+                found = Phrase(f"{len(body.material.branches)}")
+                faults.append(((*place, "branches"), "none with method.integrator = 'static'", found))
+            if getattr(body.material, "ledger_terms", None):
+                expected = "a law without memory with method.integrator = 'static'"
+                faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
+            if body.velocity is not None:
+                faults.append((("bodies", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
+        return faults
 
     def _plastic_faults(self, scene: Any) -> list[Detail]:
         """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""
@@ -315,7 +379,7 @@ class TotalLagrangianSPH(MethodSettings):
         graded = [i for i, body in enumerate(scene.bodies) if body.grading is not None]
         expected = "weights in closed form, method.integrator = 'leapfrog' and no contact where bodies are graded"
         meets = bool(scene.contact or scene.tie or scene.tools)
-        others = [i for i in graded if meets or kinds[i] not in ON_LATTICES or self.integrator != "leapfrog"]
+        others = [i for i in graded if meets or kinds[i] not in ON_LATTICES or self.integrator == "ssp-rk3"]
         found = Phrase(f"{self.pair_weights!r} weights with {self.integrator!r}{' and contact' if meets else ''}")
         return [(("bodies", i, "grading"), expected, found) for i in others]
 

@@ -21,6 +21,7 @@ from parsolid.methods.tlsph.output import Reports
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT, PlasticBlock
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
 from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
+from parsolid.methods.tlsph.static import Static
 from parsolid.methods.tlsph.sweeps_of_bodies import (
     box_bodies_of,
     groups_of,
@@ -49,8 +50,9 @@ class TotalLagrangianSPH(Reports):
     plastic_blocks: those with laws that flow; branches: most of any law. lists, boxes: `ListBodies` and `BoxBodies`,
     None where the scene has no such bodies;
     sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
-    advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator,
-    the other is None.
+    advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator
+    of motion, the other is None; statics: that of equilibria, None for motion; meshes_of_bodies: the key of the mesh
+    whose weights each body has, or None.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
@@ -96,6 +98,9 @@ class TotalLagrangianSPH(Reports):
         self.leapfrog = None if staged else Leapfrog(self, scene)
         self.staged_step = StagedStep(self, scene) if staged else None
         self.evaluations, self.stop_times = (3, ()) if staged else (1, self.conditions.times)
+        self.meshes_of_bodies = [
+            scene.bodies[i].shape.model.mesh_key if i in meshes else None for i in range(len(scene.bodies))
+        ]
         self.initial_stress = initial_stress_of(self, scene)
         self.boxes = box_bodies_of(self, scene)
         self.lists: Any = list_bodies_of(self, scene, particle_set)
@@ -109,6 +114,9 @@ class TotalLagrangianSPH(Reports):
         if self.lists is not None:
             metric = metrics(particle_set.spacing, particle_set.axes, smoothing_of(self, particle_set))
             self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share)
+        self.statics = Static(self, scene) if self.settings.integrator == "static" else None
+        if self.statics is not None:
+            self.jumps = (0.0, *self.conditions.times)
 
     @staticmethod
     def sort(comm: Any, scene: Any, particle_set: ParticleSet) -> np.ndarray:
@@ -165,6 +173,8 @@ class TotalLagrangianSPH(Reports):
         for block in self.blocks:
             block.settle()
         self.conditions.hold(0.0)
+        if self.statics is not None:
+            self.statics.begin()
         if take_forces(self.comm, scene, self) and self.leapfrog is not None:
             self.leapfrog.forces_of = 0
 
@@ -194,14 +204,14 @@ class TotalLagrangianSPH(Reports):
     def state(self) -> dict[str, Any]:
         """When the reference was moved, and whether the particles have the forces that a step begins with."""
         moved = {} if self.reference is None else self.reference.state()
-        return moved if self.leapfrog is None else {**moved, **self.leapfrog.state()}
+        return moved if self.integrator is self.staged_step else {**moved, **self.integrator.state()}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         if self.reference is not None:
             self.reference.set_state(state)
-        if self.leapfrog is not None:
-            self.leapfrog.set_state(state)
+        if self.integrator is not self.staged_step:
+            self.integrator.set_state(state)
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
@@ -221,8 +231,13 @@ class TotalLagrangianSPH(Reports):
 
     @property
     def integrator(self) -> Any:
-        """Leapfrog or the stages of SSP-RK3."""
-        return self.leapfrog or self.staged_step
+        """Equilibria, leapfrog or the stages of SSP-RK3."""
+        return self.statics or self.leapfrog or self.staged_step
+
+    @property
+    def reached(self) -> float | None:  # type: ignore[override]
+        """Time [s] of the last equilibrium, where a step ended before its end."""
+        return None if self.statics is None else self.statics.reached
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in the present state."""

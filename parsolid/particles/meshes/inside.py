@@ -27,6 +27,8 @@ _SIMPLICES = {
 }
 # places of the surface that are looked for in other elements: so far from a corner, so far below it, as shares
 _FROM_CORNER, _BELOW = 0.05, 0.01
+# part of a short edge within which a node is on a facet, or at another node
+_ROUNDING = 1e-6
 # cells of the grid that pairs are found on, over the mean box; cells along an axis of that which finds what is near
 _CELL, _COUNTED = 0.75, {2: 1024, 3: 128}
 # pairs of a place and an element that are looked at together
@@ -96,15 +98,34 @@ class Solid:
             other = of["owner"][place] != block.number[own]
             size = largest(np.ptp(block.corners[own[other]], axis=1))
             wrong[place[other][-largest(-distance[other]) > 1e-6 * size]] = True
+        return self._counted(wrong, of["facet"], places)
+
+    def hanging_nodes(self, length: float) -> tuple[int, np.ndarray | None]:
+        """How many nodes of the surface lie on facets or edges of elements that do not have them, and the place (d,)
+        [m] of the first; length [m]: of short edges, the same on all ranks. Collective."""
+        local = self.mesh.local
+        rows = np.unique(np.concatenate([np.zeros(0, np.int64), *(nodes.ravel() for _, nodes, _ in self.facets)]))
+        margin = _ROUNDING * length
+        places, of, blocks = self._together(local.points[rows], {"node": local.nodes[rows]}, margin)
+        wrong = np.zeros(len(places), bool)
+        for block, own, place, distance, _ in _distances(blocks, places, margin):
+            near = np.flatnonzero((distance >= -margin).all(axis=1))
+            corners, at = block.corners[own[near]], places[place[near]]
+            nearest = np.sqrt(((corners - at[:, None]) ** 2).sum(axis=2).min(axis=1))
+            wrong[place[near[nearest > margin]]] = True
+        return self._counted(wrong, of["node"], places)
+
+    def _counted(self, wrong: np.ndarray, number: np.ndarray, places: np.ndarray) -> tuple[int, np.ndarray | None]:
+        """How many different numbers (n,) of all ranks are wrong, and the place of the least. Collective."""
         if not self.comm.allreduce(int(wrong.sum())):
             return 0, None
-        # facets by the rank that keeps their number, once each
-        keeper = of["facet"][wrong] % self.comm.size
-        different = np.unique(migrate(self.comm, keeper, {"facet": of["facet"][wrong]})["facet"])
-        first = int(np.flatnonzero(wrong)[np.argmin(of["facet"][wrong])]) if wrong.any() else -1
-        number = int(of["facet"][first]) if wrong.any() else np.iinfo(np.int64).max
+        # once each, by the rank that keeps the number
+        keeper = number[wrong] % self.comm.size
+        different = np.unique(migrate(self.comm, keeper, {"number": number[wrong]})["number"])
+        first = int(np.flatnonzero(wrong)[np.argmin(number[wrong])]) if wrong.any() else -1
+        least = int(number[first]) if wrong.any() else np.iinfo(np.int64).max
         place = places[first] if wrong.any() else np.full(places.shape[1], np.inf)
-        return self.comm.allreduce(len(different)), first_place(self.comm, number, place)
+        return self.comm.allreduce(len(different)), first_place(self.comm, least, place)
 
     def _below_surface(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places just below the corners and the middle of all facets, the elements that own these, and a number for

@@ -1,0 +1,417 @@
+"""A sequence of equilibria along the load, in place of motion: `integrator = "static"`; the time is the load parameter.
+
+    T(u) + L(t) = 0 on free components,   u prescribed elsewhere
+
+F is 1 + grad u by the scheme's own operator, so that no history of steps adds rounding. From an equilibrium a load step
+goes along the tangent, K du = dL with what is prescribed, and Newton's method (`solvers.newton`) ends it. The rates
+u' of the tangents at both ends give the work of the step to fourth order,
+
+    W = (f0 + f1)/2 . du + [(f1 - f0) . (u1' - u0') - du . (f1' - f0')]/12
+
+in which f are loads, and reactions where components are prescribed. It is compared with what the stored energy has
+gained: a step along which the body jumps, or that is too long for its path, does not close, and is taken again with
+half the load. A limit point closes with no step.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from decomposition.reduction import sums
+from parsolid.boundary.equilibrium import report_equilibrium
+from parsolid.boundary.forces import DistributedLoad
+from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
+from parsolid.methods.tlsph.tangent import Tangent
+from parsolid.particles.declaration import Columns, Field
+from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
+from parsolid.solvers.gmres import gmres
+from parsolid.solvers.newton import State, newton
+
+# of a load, what the tangent of a step leaves; the share of a step's work that may be missing in the stored energy, at
+# most, and as lengths of steps are chosen; by how many powers of 2 these change at most
+_TANGENT = 1e-3
+_MISSING, _AIM = 2e-3, 1e-4
+_POWERS = 2.0
+# of the scene's end, the first load step; of one that was asked for, the shortest that is tried
+_FIRST, _LEAST = 0.1, 2.0**-10
+# products with the tangent in one solution at most
+_PRODUCTS = 3000
+_STATE = (
+    "load_step",
+    "largest_load",
+    "load_steps",
+    "retries",
+    "corrections",
+    "products",
+    "most_products",
+    "norm",
+    "target",
+)
+
+
+class Equilibrium(NamedTuple):
+    """displacement (owned, d) [m]; held (owned, d) [N]: loads on free components, loads and reactions on others; stored
+    energy [J] of all ranks."""
+
+    displacement: np.ndarray
+    held: np.ndarray
+    stored: float
+
+
+class Taken(NamedTuple):
+    """A load step that was taken: the equilibrium at its end; work (owned, d) [J] of what is held, that of all ranks,
+    and what of it the stored energy has not gained [J]; slope, curvature (owned, d) [m]: of the path at the end, over
+    the load step."""
+
+    end: Equilibrium
+    work: np.ndarray
+    total: float
+    missing: float
+    slope: np.ndarray
+    curvature: np.ndarray
+
+
+class Tangential(NamedTuple):
+    """Displacement (owned, d) [m] along the tangent of a path, and K times it [N]."""
+
+    change: np.ndarray
+    force: np.ndarray
+
+
+class Failed(NamedTuple):
+    """Why a load step does not count; critical: whether that is so at a limit of the load."""
+
+    fault: str
+    critical: bool = False
+
+
+class Static:
+    """Takes one rank's particles from equilibrium to equilibrium; all methods are collective.
+
+    Also the `solvers.newton.Problem` of a load. reached: the time [s] of the last equilibrium, where the last step
+    ended before its end, else None; fault: why it did; load_step [s]: the next one; norm, target [N]: what is not
+    balanced in the last state, and what may be.
+    """
+
+    def __init__(self, system: Any, scene: Any) -> None:
+        """system: `system.TotalLagrangianSPH` with its sweeps. Raises SolverError on all ranks where nothing holds a
+        body. Collective."""
+        self.system, self.comm, self.conditions, self.settings = system, system.comm, system.conditions, system.settings
+        kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
+        system.particles.declare(Field("displacement", system.dimension, "m", **kept))
+        system.particles.declare(Field("displacement_rate", system.dimension, "m/s", **kept))
+        system.particles.declare(Field("displacement_curvature", system.dimension, "m/s^2", **kept))
+        self.tangent = Tangent(system)
+        self.free = self.tangent.free
+        self.preconditioner = StaticPreconditioner(self.tangent)
+        loads = [load for load, _ in self.conditions.loads_of]
+        # whether all loads have a potential, which is their product with the displacement
+        self.dead = all(isinstance(load, DistributedLoad) for load in loads)
+        self.end = float(scene.end_time)
+        self.load_step = min(_FIRST * self.end, self.settings.maximum_step or np.inf)
+        self.reached: float | None = None
+        self.fault, self.largest_load, self.norm, self.target = "", 0.0, 0.0, 0.0
+        self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
+        # of the equilibrium that is sought: time [s], length [s] and part of the load step
+        self._at = (0.0, 0.0, 0.0)
+        self._residual = np.zeros(self.free.shape)
+
+    # --- the problem of a load -----------------------------------------------------------------------------------
+
+    def evaluate(self, displacement: np.ndarray) -> State:
+        """See `Problem`: under the loads of the equilibrium that is sought."""
+        sound = self._deform(displacement)
+        external = self._loads(*self._at)
+        residual = np.where(self.free, self.internal_force() + external, 0.0)
+        stored, work = self.system.energies()[1], float(np.vdot(external, displacement))
+        square, stored, work, size, lost = sums(
+            self.comm, [np.vdot(residual, residual), stored, work, abs(stored) + abs(work), float(not sound)]
+        )
+        energy = float(stored - work) if self.dead else np.nan
+        whole = bool(lost == 0.0 and np.isfinite(square) and np.isfinite(stored))
+        self.norm, self._residual = float(np.sqrt(square)), residual
+        return State(displacement, residual, self.norm, energy, 1e-13 * float(size), whole)
+
+    def _deform(self, displacement: np.ndarray) -> bool:
+        """Places, deformation and internal forces of a displacement; whether this rank's Jacobians are positive."""
+        system, of = self.system, self.system.particles.owned_rows
+        of("displacement")[:] = displacement
+        np.add(of("reference_position"), displacement, out=of("position"))
+        # a step of length 1 from the undeformed body with the displacement as velocity gives F = 1 + grad u
+        of("velocity")[:] = displacement
+        of("deformation_gradient")[:] = np.eye(system.dimension).ravel()
+        sound = [bodies.advance_step(1.0)[0] for bodies in system.sweeps]
+        for bodies in system.sweeps:
+            bodies.find_forces()
+        for name in ("velocity", "dissipative_force"):
+            of(name)[:] = 0.0
+        return all(sound)
+
+    def internal_force(self) -> np.ndarray:
+        """Internal force (owned, d) [N] of the displacement evaluated last, on this side of mirror planes."""
+        return np.asarray(self.system.particles.owned_rows("stress_force") * self.system.share[:, None])
+
+    def _loads(self, time: float, step: float, part: float) -> np.ndarray:
+        """Loads (owned, d) [N] at a part of a load step [s] from a time [s], in the present shape; of a jump, where the
+        step is 0, from those before it to those after it."""
+        if step == 0.0:
+            before = self._held_at_start if time == 0.0 else self._loads_at(time, True)
+            return (1.0 - part) * before + part * self._loads_at(time, False)
+        return self._loads_at(time + part * step, part > 0.0)
+
+    def _loads_at(self, time: float, before_jump: bool) -> np.ndarray:
+        found = self.conditions.find_loads(time, before_jump)
+        if found is None:
+            return np.zeros(self.free.shape)
+        loads = found.copy()
+        self.tangent.share(loads)
+        return np.ascontiguousarray(loads.T)
+
+    def linearise(self) -> None:
+        """See `Problem`."""
+        self.tangent.linearise()
+
+    def precondition(self, residual: np.ndarray) -> np.ndarray:
+        """See `Problem`."""
+        return np.asarray(self.preconditioner(residual))
+
+    def solve(self, load: np.ndarray, target: float) -> Solution:
+        """See `Problem`; the preconditioner is made anew at the present shape once it takes much more products."""
+        size = float(np.sqrt(sums(self.comm, [np.vdot(load * self.free, load)])[0]))
+        solver = conjugate_gradients if self.dead else gmres
+        solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, self.preconditioner)
+        self.products += solution.iterations
+        self.most_products = max(self.most_products, solution.iterations)
+        self.preconditioner.note(solution.iterations, max(np.log10(size / max(solution.residual, 1e-300)), 0.5))
+        return solution
+
+    def _product(self, change: np.ndarray, out: np.ndarray) -> None:
+        """(K - dL/du) du of a change (owned, d) [m] into out [N]."""
+        out[:] = self.tangent.product(change)
+        if not self.dead:
+            out -= self._change_of_loads(change)
+
+    def _change_of_loads(self, change: np.ndarray) -> np.ndarray:
+        """dL/du du (owned, d) [N] of loads that follow the shape: differences, which are exact for springs and for a
+        pressure, whose loads are polynomials of second order in du."""
+        of, system = self.system.particles.owned_rows, self.system
+        x, F = of("position").copy(), of("deformation_gradient").copy()
+        one, ends = np.eye(system.dimension).ravel(), []
+        for sign in (1.0, -1.0):
+            of("position")[:] = x + sign * change
+            of("deformation_gradient")[:] = one + system.displacement_gradient().reshape(F.shape)
+            ends.append(self._loads(*self._at))
+        of("position")[:], of("deformation_gradient")[:] = x, F
+        return np.asarray(0.5 * (ends[0] - ends[1]))
+
+    # --- load steps ----------------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Take the displacement of the start, and no velocity."""
+        of = self.system.particles.owned_rows
+        of("velocity")[:] = 0.0
+        np.subtract(of("position"), of("reference_position"), out=of("displacement"))
+
+    def stable_step(self) -> float:
+        """The next load step [s]."""
+        return self.load_step
+
+    def advance_positions(self, time: float, step: float, ledger: Any) -> None:
+        """Nothing: an equilibrium is one with the positions at the end of its step."""
+
+    def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
+        """Equilibria up to the end of a load step [s] from a time [s], or as far as there are any: then `reached` says
+        how far and `fault` why."""
+        first = self._begin(time)
+        at, work, total = first, np.zeros(self.free.shape), 0.0
+        part, length, shortened, self.fault, self.reached = 0.0, 1.0, False, "", None
+        while part < 1.0:
+            end = 1.0 if length >= 1.0 - part else part + length
+            tried = self._attempt(time, step, part, end, at)
+            if isinstance(tried, Taken):
+                at, work, total = tried.end, work + tried.work, total + tried.total
+                self.load_steps += 1
+                over, part = end - part, end
+                self._keep_path(tried, over * step)
+                # what was too long just now may be so again
+                length, shortened = over * min(self._growth(tried), 1.0 if shortened else np.inf), False
+                if step > 0.0:
+                    self.load_step = min(length * step, self.settings.maximum_step or self.end)
+                continue
+            self.retries, shortened = self.retries + 1, True
+            self._deform(at.displacement)
+            self.preconditioner.build()
+            length = 0.5 * (end - part)
+            if length * step < (self.settings.minimum_step or 0.0) or length < _LEAST:
+                self._end_at(time + part * step, tried)
+                break
+        self._report(time, step if part == 1.0 else part * step, first, at, work)
+        ledger.add(1.0, 0.0, 0.0, float(work.sum()))
+        announce(True, self.load_step)
+        self.conditions.report(step, ledger)
+        return True
+
+    def _begin(self, time: float) -> Equilibrium:
+        """The equilibrium that a step begins with."""
+        u = self.system.particles.owned_rows("displacement").copy()
+        self._deform(u)
+        self.preconditioner.build()
+        force = self.internal_force()
+        self._held_at_start = -force if time == 0.0 else np.zeros(force.shape)
+        return Equilibrium(u, -force, self._stored_energy())
+
+    def _attempt(self, time: float, step: float, part: float, end: float, start: Equilibrium) -> Taken | Failed:
+        """From the equilibrium at a part of a load step [s] from a time [s] to that at another part."""
+        before, ahead, of = self._loads(time, step, part), (end - part) * step, self.system.particles.owned_rows
+        self._at = (time, step, end)
+        load = self._loads(*self._at) - before
+        moved = self._moved(time, step, part, end, start.displacement)
+        first = self._tangent_of_path(load, moved, of("displacement_rate") * ahead)
+        if isinstance(first, Failed):
+            return first
+        curved = np.where(self.free, 0.5 * ahead**2 * of("displacement_curvature"), 0.0)
+        state = self.evaluate(start.displacement + first.change + curved)
+        self._set_target()
+        found = newton(self, state, self.target)
+        self.corrections += found.corrections
+        if found.fault:
+            return Failed(found.fault)
+        last = self._tangent_of_path(load, moved, first.change)
+        if isinstance(last, Failed):
+            return last
+        held = np.where(self.free & self.dead, self._loads(*self._at), -self.internal_force())
+        end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy())
+        taken = self._taken(start, end_of_step, load, first, last)
+        if taken.missing > _MISSING * self._scale(taken) + self._rounding:
+            return Failed("the body jumps, as its energy does not follow the work of the load", True)
+        return taken
+
+    def _stored_energy(self) -> float:
+        """Of all ranks [J]."""
+        return float(sums(self.comm, [self.system.energies()[1]])[0])
+
+    def _taken(
+        self, start: Equilibrium, end: Equilibrium, load: np.ndarray, first: Tangential, last: Tangential
+    ) -> Taken:
+        """A step between two equilibria for a change of the loads (owned, d) [N], with the tangents at its ends; see
+        the head of this file."""
+        du, loaded = end.displacement - start.displacement, self.free & self.dead
+        rates = [np.where(loaded, load, one.force) for one in (first, last)]
+        curved = (end.held - start.held) * (last.change - first.change) - du * (rates[1] - rates[0])
+        work = np.asarray(0.5 * (start.held + end.held) * du + curved / 12.0)
+        total = float(sums(self.comm, [work.sum()])[0])
+        # of the cubic polynomial through both ends
+        curvature = 2.0 * first.change + 4.0 * last.change - 6.0 * du
+        return Taken(end, work, total, abs(total - (end.stored - start.stored)), last.change, curvature)
+
+    def _moved(self, time: float, step: float, part: float, end: float, u: np.ndarray) -> np.ndarray:
+        """By how much (owned, d) [m] prescribed components move between two parts of a load step."""
+        motion, result = self.conditions.motion, u.copy()
+        if motion.there:
+            motion.displace(time + part * step, (end - part) * step, result.T)
+        result -= u
+        return result * ((end - part) / (1.0 - part)) if step == 0.0 else result
+
+    def _tangent_of_path(self, load: np.ndarray, moved: np.ndarray, guess: np.ndarray) -> Tangential | Failed:
+        """The tangent for a change of the loads (owned, d) [N] and of what is prescribed (owned, d) [m]; guess (owned,
+        d) [m]: of the change."""
+        self.linearise()
+        lifted, change = np.where(self.free, 0.0, moved), np.where(self.free, guess, moved)
+        products = np.empty((2, *change.shape))
+        for one, product in zip((lifted, change), products):
+            self._product(one, product)
+        wanted, left = np.where(self.free, load - products, 0.0)
+        size = float(np.sqrt(sums(self.comm, [np.vdot(wanted, wanted)])[0]))
+        solution = self.solve(left, max(_TANGENT * size, self.preconditioner.rounding))
+        if not solution.converged:
+            return Failed(f"along the load, {solution.reason}", solution.iterations < _PRODUCTS)
+        change += solution.value
+        return Tangential(change, self.tangent.product(change))
+
+    def _scale(self, taken: Taken) -> float:
+        """Energy [J] beside which what is missing counts."""
+        return max(abs(taken.total), 0.01 * abs(taken.end.stored))
+
+    @property
+    def _rounding(self) -> float:
+        return 1e-11 * float(self.system.energy_scale)
+
+    def _growth(self, taken: Taken) -> float:
+        """The next load step over one that was taken."""
+        missing = max(taken.missing - self._rounding, 1e-300)
+        # a power of 2, so that rounding on other ranks changes no step
+        power = np.floor(0.25 * np.log2(max(_AIM * self._scale(taken) / missing, 1e-9)))
+        return float(2.0 ** np.clip(power, -_POWERS, _POWERS))
+
+    def _set_target(self) -> None:
+        """What may be left of the loads, or of the reactions where nothing is loaded, and of rounding."""
+        external, force = self._loads(*self._at), self.internal_force()
+        squares = [np.vdot(external, external), np.vdot(force[~self.free], force[~self.free])]
+        load, reaction = np.sqrt(sums(self.comm, squares))
+        if load == 0.0 and self.largest_load == 0.0:
+            load = reaction
+        self.largest_load = max(self.largest_load, float(load))
+        self.target = max(self.settings.tolerance * self.largest_load, self.preconditioner.rounding)
+
+    def _keep_path(self, taken: Taken, step: float) -> None:
+        """Keep slope and curvature of the path at the end of a load step [s], with which the next one begins; after a
+        jump there are none."""
+        of = self.system.particles.owned_rows
+        of("displacement_rate")[:] = taken.slope / step if step > 0.0 else 0.0
+        of("displacement_curvature")[:] = taken.curvature / step**2 if step > 0.0 else 0.0
+
+    def _end_at(self, time: float, tried: Failed) -> None:
+        """No equilibrium has been found beyond a time [s]."""
+        self.reached = time
+        limit = "a limit point of the load: beyond it there is no stable equilibrium near the last one"
+        self.fault = f"{limit} ({tried.fault})" if tried.critical else tried.fault
+
+    def _report(self, time: float, step: float, first: Equilibrium, last: Equilibrium, work: np.ndarray) -> None:
+        """Forces and works of conditions in a step [s] from a time [s]."""
+        loads, change = self._loads(time, step, 1.0), last.displacement - first.displacement
+        both = self._loads(time, step, 0.0) + loads
+        places, reaction = self.system.particles.owned_rows("position").T, -self.internal_force() - loads
+        report_equilibrium(self.conditions, places, change, reaction, work - 0.5 * both * change, time, step)
+
+    # --- what is asked of it -----------------------------------------------------------------------------------
+
+    def first_invalid(self) -> tuple[int, str] | None:
+        """This rank's particle farthest from balance, where the last step found none; and why."""
+        if not self.fault or not len(self._residual):
+            return None
+        index = int(np.argmax(np.linalg.norm(self._residual, axis=1)))
+        left = float(np.linalg.norm(self._residual[index]))
+        return index, f"{self.fault}; of what was not balanced this particle has most, {left:.3g} of {self.norm:.3g} N"
+
+    def state(self) -> dict[str, Any]:
+        """What a restart needs besides the fields."""
+        return {name: getattr(self, name) for name in _STATE}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Take back what `state` gave."""
+        for name in _STATE:
+            setattr(self, name, state[name])
+
+    def summary(self) -> dict[str, Any]:
+        """Entries of summary.json."""
+        return {
+            "load_steps": self.load_steps,
+            "load_steps_retried": self.retries,
+            "newton_iterations": self.corrections,
+            "linear_iterations": self.products,
+            "most_linear_iterations": self.most_products,
+            "residual_newtons": self.norm,
+            "residual_target_newtons": self.target,
+        }
+
+    def cost(self) -> str:
+        """What a load step takes, in words; collective."""
+        unknowns = int(sums(self.comm, [float(self.free.sum())])[0])
+        return (
+            f"equilibria of {unknowns} unknowns: 10 to 40 products with the tangent a linear solution, from 1e3 to 1e5 "
+            "unknowns, and 3 to 6 solutions a load step"
+        )
+
+    def progress(self) -> list[str]:
+        """What lines of progress say of the last equilibrium."""
+        return [f"Newton {self.corrections}", f"linear {self.products}", f"residual {self.norm:.2e} N"]

@@ -1,0 +1,136 @@
+"""The preconditioner of equilibria of total-Lagrangian SPH: `solvers.grid_levels` at the present shape.
+
+The particles' own level is the diagonal of nearest-neighbour elements, the others are grids over the bodies as they
+are. Moduli are those at rest, of nearly incompressible laws those of a softer volume, as a grid would lock.
+"""
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from decomposition.reduction import sums
+from parsolid.boundary.forces import SpringLoad
+from parsolid.collective import SolverError, maximum
+from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.methods.tlsph.tangent import Tangent
+from parsolid.solvers import GridLevels, start_vector, unrestrained_modes
+
+# of the shear modulus, the first Lame constant at most: with Poisson's ratio 0.4
+_SOFTEST = 4.0
+# products a decade over those of the first solution, from which the shape has left that of the preconditioner; products
+# of a solution that say something
+_GROWN, _FEW = 1.5, 8
+# bits of a particle's stiffness times its size that forces have as rounding
+_BITS = 4.0 * 2.0**-52
+# of a body's size, a turn or shift that is none
+_LOOSE = 1e-9
+
+
+class StaticPreconditioner:
+    """M^-1 r of residuals; all methods are collective.
+
+    rounding [N]: of the norm of forces.
+    """
+
+    def __init__(self, tangent: Tangent) -> None:
+        """Raises SolverError on all ranks where nothing holds a body."""
+        self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
+        system, d = self.system, self.system.dimension
+        of = system.particles.owned_rows
+        self.lame, self.shear = np.zeros((2, system.owned))
+        for block in system.blocks:
+            shear, lame = elastic_moduli(block.law)
+            self.shear[block.first : block.last], self.lame[block.first : block.last] = (
+                shear,
+                min(lame, _SOFTEST * shear),
+            )
+        self.volume = np.array(of("volume"))
+        count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
+        self.spacing = float(volume / count) ** (1.0 / d)
+        self.diagonal = self._scaled_diagonal()
+        size = self.volume[:, None] ** (1.0 / d)
+        self.rounding = _BITS * float(np.sqrt(sums(self.comm, [np.sum((self.diagonal * size) ** 2)])[0]))
+        self._refuse_loose_bodies()
+
+    def _scaled_diagonal(self) -> np.ndarray:
+        """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest."""
+        tangent, estimate = self.tangent, self.tangent.diagonal()
+        signs = np.sign(start_vector(self.system.particles.owned_rows("identifier"), self.system.dimension))
+        tangent.share_moves(signs)
+        trial = np.where(tangent.free, signs, 0.0)
+        tangent.linearise()
+        power, measure = sums(self.comm, [np.vdot(trial, tangent.product(trial)), np.vdot(trial, estimate * trial)])
+        return estimate * float(power / measure) if measure > 0.0 else estimate
+
+    def build(self) -> None:
+        """Take the present shape."""
+        places = np.ascontiguousarray(self.system.particles.owned_rows("position"))
+        self._levels = GridLevels(self.comm, places, self.spacing, self.tangent.free)
+        self._levels.of_moduli(self.lame, self.shear, self.volume, self.diagonal)
+        self._first: float | None = None
+
+    def note(self, products: int, decades: float) -> None:
+        """Hear how many products took how many decades of a residual; take the present shape where it is far more
+        than at first."""
+        if products < _FEW:
+            return
+        if self._first is None:
+            self._first = products / decades
+        elif products / decades > _GROWN * self._first:
+            self.build()
+
+    def __call__(self, residual: np.ndarray) -> np.ndarray:
+        """M^-1 r (owned, d) [m] of a residual (owned, d) [N] that is 0 where a component is prescribed."""
+        return np.asarray(self._levels(residual))
+
+    # --- what nothing holds -------------------------------------------------------------------------------------
+
+    def _refuse_loose_bodies(self) -> None:
+        """Raise SolverError on all ranks for a body that can move as one without a force."""
+        system, d = self.system, self.system.dimension
+        if any(isinstance(load, SpringLoad) for load, _ in system.conditions.loads_of):
+            return
+        body, X = system.particles.owned_rows("body"), system.particles.owned_rows("reference_position")
+        for number, group in self._joined_bodies().items():
+            here = np.isin(body, group)
+            modes = _rigid_modes(self.comm, X, here)
+            held = modes * ~self.tangent.free
+            restraint = sums(self.comm, np.tensordot(held, held, ((1, 2), (1, 2))))
+            loose = unrestrained_modes(self.comm, modes, restraint)
+            if len(loose):
+                parts = sums(self.comm, np.tensordot(loose, modes, ((1, 2), (1, 2))))
+                names = _names(d, parts)
+                expected = "boundaries: expected conditions that hold every body in equilibrium"
+                raise SolverError(f"{expected}, found none against {names} of bodies.{number}")
+
+    def _joined_bodies(self) -> dict[int, list[int]]:
+        """Numbers of bodies that share nodes, under the first of them; by their meshes."""
+        keys: dict[Any, int] = {}
+        groups: dict[int, list[int]] = {}
+        for number, mesh in enumerate(self.system.meshes_of_bodies):
+            first = keys.setdefault(mesh, number) if mesh is not None else number
+            groups.setdefault(first, []).append(number)
+        return groups
+
+
+def _rigid_modes(comm: Any, X: np.ndarray, here: np.ndarray) -> np.ndarray:
+    """Shifts along the axes and turns about the middle (k, owned, d) of some particles."""
+    d = X.shape[1]
+    count, *middle = sums(comm, [float(here.sum()), *X[here].sum(axis=0)])
+    arm = (X - np.array(middle) / max(count, 1.0)) * here[:, None]
+    arm /= max(maximum(comm, float(np.abs(arm).max(initial=0.0))), 1e-300)
+    modes = [np.eye(d)[i] * here[:, None] for i in range(d)]
+    for i, j in combinations(range(d), 2):
+        turn = np.zeros(X.shape)
+        turn[:, i], turn[:, j] = -arm[:, j], arm[:, i]
+        modes.append(turn)
+    return np.array(modes)
+
+
+def _names(d: int, parts: np.ndarray) -> str:
+    """What shifts and turns loose modes (l, k) have parts of, in words."""
+    names = [f"a shift along {axis}" for axis in "XYZ"[:d]]
+    names += ["a turn"] if d == 2 else [f"a turn about {axis}" for axis in "ZYX"]
+    sizes = np.abs(parts).max(axis=0)
+    return ", ".join(name for name, size in zip(names, sizes) if size > _LOOSE * sizes.max())
