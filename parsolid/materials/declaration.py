@@ -25,6 +25,7 @@ Role = Literal[
     "equation-of-state",
     "shear-modulus",
     "flow-stress",
+    "kinematic-hardening",
     "melting",
     "failure",
     "micro-inertia",

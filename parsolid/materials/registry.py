@@ -32,6 +32,7 @@ _FUNCTIONS: dict[str, tuple[str, dict[str, tuple[Any, ...]]]] = {
         dict.fromkeys(("energy", "stress", "pressure_waves"), (_IDENTITY, _IDENTITY, 1.0)) | {"elastic_moduli": ()},
     ),
     "flow-stress": (_PLASTIC, {"flow_stress": (0.1, 1.0, 300.0, 1e10, 1e4)}),
+    "kinematic-hardening": (_PLASTIC, {"back_stress_step": (0.1,), "back_stress_energy": (1e10,)}),
     "shear-modulus": (_PLASTIC, {"shear_modulus": (1.0, 0.0, 300.0, 1e4)}),
     "melting": (_PLASTIC, {"melting_temperature": (1.0,)}),
     "failure": (_FAILURE, {"damage_after": (0.0, 1.0, _LOADING)}),

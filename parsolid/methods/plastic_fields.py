@@ -3,6 +3,7 @@
 from typing import Any
 
 from parsolid.methods.failure_fields import kept_column
+from parsolid.particles.container import Particles
 from parsolid.scene.method_settings import named_observables
 
 # what particles of elastic-plastic laws carry
@@ -11,6 +12,9 @@ PLASTIC_STATE = (
     kept_column("internal_energy", 1, "J/m^3"),
     kept_column("temperature", 1, "K"),
 )
+BACK_STRESS, BACK_STRESS_ENERGY = "back_stress", "back_stress_energy"
+# plastic logarithmic strain of volume, and that of the cap alone
+VOLUME_FLOW = "volume_flow"
 _OF_PLASTICITY = (
     *(field.name for field in PLASTIC_STATE),
     "maximum_temperature",
@@ -23,6 +27,24 @@ _OF_PLASTICITY = (
 def flowing(scene: Any) -> list[int]:
     """Numbers of the elastic-plastic bodies of a scene."""
     return [i for i, body in enumerate(scene.bodies) if body.material.kind == "elastic-plastic"]
+
+
+def has_back_stress(law: Any) -> bool:
+    """Whether a law has kinematic hardening."""
+    return getattr(law, "kinematic_hardening", None) is not None
+
+
+def flows_in_volume(law: Any) -> bool:
+    """Whether flow changes the volume."""
+    return getattr(type(getattr(law, "flow_stress", None)), "flows_in_volume", False)
+
+
+def declare_flow_state(particles: Particles, laws: list[Any], components: int) -> None:
+    """What particles carry where any law needs it; components: of back stresses."""
+    if any(map(has_back_stress, laws)):
+        particles.declare(kept_column(BACK_STRESS, components, "Pa"))
+    if any(map(flows_in_volume, laws)):
+        particles.declare(kept_column(VOLUME_FLOW, 2, "1"))
 
 
 def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:

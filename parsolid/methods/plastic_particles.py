@@ -1,7 +1,8 @@
 """Particles of elastic-plastic solids in methods that have deformation gradients (`plastic.total_lagrangian`).
 
-They carry C_p^-1, the equivalent plastic strain, internal energy and temperature, and the stress that acts, whose work
-the internal energy takes. What dissipative forces between particles take is heat of these.
+They carry C_p^-1, the equivalent plastic strain, internal energy and temperature, back stresses and plastic volumes of
+laws that have them, and the stress that acts, whose work the internal energy takes. What dissipative forces between
+particles take is heat of these.
 """
 
 from typing import Any, NamedTuple
@@ -13,18 +14,23 @@ from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.functions import temperature_rise
 from parsolid.materials.plastic.tile_update import (
+    BACK_STRESS_ENERGY,
     HEAT,
     JACOBIAN,
     METRIC,
+    PLASTIC_VOLUME,
     PLASTIC_WORK,
+    REFERENTIAL_BACK_STRESS,
     RELEASED,
     ROOM,
     STRESS,
+    load_if_any,
     load_state,
+    store_if_any,
     store_state,
 )
 from parsolid.materials.registry import laws_of
-from parsolid.methods import failed_matter
+from parsolid.methods import failed_matter, plastic_fields
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.plastic_fields import PLASTIC_STATE
 from parsolid.particles.container import Particles
@@ -42,8 +48,8 @@ _METRIC_AT_REST = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 # components of the stress in space: those of the plane are 11 12 21 22 33
 STRESS_PLACES = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
 # of particles that share a law in a step: plastic work, what failure released, heat of the dissipation [J], least room
-# to compress
-WORK, RELEASED_HEAT, DISSIPATED, ROOM_LEFT = range(4)
+# to compress, what of the plastic work back stresses have stored [J]
+WORK, RELEASED_HEAT, DISSIPATED, ROOM_LEFT, STORED, TOTALS = range(6)
 
 
 def declare_plastic(particles: Particles, dimension: int, laws: list[Any], heat: str | None) -> None:
@@ -58,6 +64,7 @@ def declare_plastic(particles: Particles, dimension: int, laws: list[Any], heat:
     particles.declare(Field(ACTING, len(STRESS_PLACES[dimension]), "Pa", **columns))
     if heat is not None:
         particles.declare(Field(heat, 1, "W", **columns))
+    plastic_fields.declare_flow_state(particles, laws, 6)
     failed_matter.declare_failure(particles, laws)
 
 
@@ -81,7 +88,7 @@ class PlasticFields(NamedTuple):
 
     numbers, failing, strength: see `tile_update.load_state`; jacobian (n,): of the start of a step; heat: what
     dissipative forces take [W]; mean_step [s]: for which these have acted, halves of the steps before and of this one.
-    totals (4,): see above; tile: of `tile_update`.
+    totals (TOTALS,): see above; tile: of `tile_update`.
     """
 
     metric: np.ndarray
@@ -96,6 +103,8 @@ class PlasticFields(NamedTuple):
     heat: np.ndarray | None
     failing: tuple[np.ndarray, np.ndarray] | None
     strength: np.ndarray | None
+    back_stress: np.ndarray | None
+    volume_flow: np.ndarray | None
     stress_places: np.ndarray
     mean_step: float
     totals: np.ndarray
@@ -108,6 +117,8 @@ def load_particles(fields, first, count, tile):
     load_rows(fields.metric, first, count, tile, METRIC)
     load_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
     load_state(fields.numbers, fields.failing, fields.strength, first, count, tile)
+    load_if_any(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
+    load_if_any(fields.volume_flow, first, count, tile, PLASTIC_VOLUME)
     for p in range(count):
         tile[JACOBIAN * TILE + p], tile[HEAT * TILE + p] = fields.jacobian[first + p], 0.0
 
@@ -136,6 +147,8 @@ def store_particles(fields, first, count, tile):
     store_rows(fields.metric, first, count, tile, METRIC)
     store_placed(fields.stress, fields.stress_places, first, count, tile, STRESS)
     store_state(fields.numbers, fields.failing, first, count, tile)
+    store_if_any(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
+    store_if_any(fields.volume_flow, first, count, tile, PLASTIC_VOLUME)
 
 
 @inlined
@@ -145,6 +158,7 @@ def add_totals(fields, first, count, tile):
     for p in range(count):
         volume = fields.volume[first + p]
         totals[WORK] += volume * tile[PLASTIC_WORK * TILE + p]
+        totals[STORED] += volume * tile[BACK_STRESS_ENERGY * TILE + p]
         totals[RELEASED_HEAT] += volume * tile[RELEASED * TILE + p]
         totals[DISSIPATED] += volume * tile[HEAT * TILE + p]
         room = tile[ROOM * TILE + p]
@@ -184,6 +198,8 @@ def fields_of(
         heat=if_any(heat),
         failing=failing,
         strength=None if failing is None else if_any("strength_factor"),
+        back_stress=stored(plastic_fields.BACK_STRESS) if plastic_fields.has_back_stress(law) else None,
+        volume_flow=stored(plastic_fields.VOLUME_FLOW) if plastic_fields.flows_in_volume(law) else None,
         stress_places=STRESS_PLACES[dimension],
         mean_step=mean_step,
         totals=totals,
@@ -197,6 +213,8 @@ def book(law: Any, totals: np.ndarray, heat: str, ledger: Any) -> None:
     ledger.add(1.0, 0.0, -totals[DISSIPATED], 0.0)
     ledger.add_term(heat, totals[DISSIPATED])
     ledger.add_term(PLASTIC_WORK_TERM, totals[WORK])
+    if plastic_fields.has_back_stress(law):
+        ledger.add_term(plastic_fields.BACK_STRESS_ENERGY, totals[STORED])
     if law.failure is not None:
         ledger.add_term(FAILURE_DISSIPATION, totals[RELEASED_HEAT])
 

@@ -15,14 +15,16 @@ from parsolid.tiles import TILE
 
 
 class PlasticState(NamedTuple):
-    """F (3, 3), unrotated deviator (6,), scalars, Cauchy stress (3, 3).
+    """F (3, 3), unrotated deviator and back stress (6,), plastic volume strains (2,), scalars, Cauchy stress (3, 3).
 
-    plastic_work, with what failure released, and heat given away [J/m^3] since time 0; damage (1 + criteria,), the
-    largest and that of each criterion, (0,) of a law that does not fail.
+    plastic_work, with what failure released and without what back stresses store, and heat given away [J/m^3] since
+    time 0; damage (1 + criteria,), the largest and that of each criterion, (0,) of a law that does not fail.
     """
 
     F: np.ndarray
     deviator: np.ndarray
+    back_stress: np.ndarray
+    volume_flow: np.ndarray
     plastic_strain: float
     plastic_strain_rate: float
     energy: float
@@ -61,7 +63,9 @@ class PlasticPoint(PointLaw):
         energy = self.law.internal_energy(self.start, self.cold)
         stress = -plastic_evaluation.pressure(self.law, 1.0, energy) * np.eye(3)
         whole = np.zeros(0 if self.law.failure is None else 1 + count_of(self.law.failure))
-        return PlasticState(np.eye(3), np.zeros(6), 0.0, 0.0, energy, self.start, stress, 0.0, 0.0, whole)
+        return PlasticState(
+            np.eye(3), np.zeros(6), np.zeros(6), np.zeros(2), 0.0, 0.0, energy, self.start, stress, 0.0, 0.0, whole
+        )
 
     def updated(self, state: PlasticState, F: np.ndarray, step: float) -> PlasticState:
         if step == 0.0:
@@ -71,6 +75,8 @@ class PlasticPoint(PointLaw):
         gradient = (F - state.F) @ np.linalg.inv(state.F) / step
         rows[update.VELOCITY_GRADIENT : update.VELOCITY_GRADIENT + 9, 0] = gradient.ravel()
         rows[update.DEVIATOR : update.DEVIATOR + 6, 0] = state.deviator
+        rows[update.BACK_STRESS : update.BACK_STRESS + 6, 0] = state.back_stress
+        rows[update.PLASTIC_VOLUME : update.PLASTIC_VOLUME + 2, 0] = state.volume_flow
         rows[update.PLASTIC_STRAIN, 0], rows[update.ENERGY, 0] = state.plastic_strain, state.energy
         rows[update.TEMPERATURE, 0] = state.temperature
         if len(state.damage):
@@ -82,7 +88,7 @@ class PlasticPoint(PointLaw):
         J = np.linalg.det(F)
         if not rows[update.ROOM, 0] > 0.0:
             raise PathLost(f"the state is lost at J = {J:g}: compressed beyond the equation of state, or not a number")
-        work, released = rows[update.PLASTIC_WORK, 0], rows[update.RELEASED, 0]
+        work, released = rows[update.PLASTIC_WORK, 0] - rows[update.BACK_STRESS_ENERGY, 0], rows[update.RELEASED, 0]
         energy, temperature, heat = rows[update.ENERGY, 0], rows[update.TEMPERATURE, 0], 0.0
         if self.isothermal:
             # of the flow, and of dE = T dS = -gamma rho0 C_v T dJ that keeps the temperature
@@ -94,14 +100,18 @@ class PlasticPoint(PointLaw):
         if law.failure is not None:
             damage = np.append(rows[update.DAMAGE, 0], rows[update.CRITERIA :, 0])
         # without the heat that has left
-        pressure = plastic_evaluation.pressure(law, J, energy)
+        volumes = rows[update.PLASTIC_VOLUME : update.PLASTIC_VOLUME + 2, 0].copy()
+        pressure = plastic_evaluation.pressure(law, J, energy, volumes[0])
         if len(damage) and damage[0] >= 1.0:
             pressure = np.maximum(pressure, 0.0)
         deviator, R = rows[update.DEVIATOR : update.DEVIATOR + 6, 0].copy(), self._rotation()
         stress = R @ symmetric_tensors(deviator) @ R.T - pressure * np.eye(3)
         ep = rows[update.PLASTIC_STRAIN, 0]
         flow = (ep, (ep - state.plastic_strain) / step, energy, temperature, stress)
-        return PlasticState(F, deviator, *flow, state.plastic_work + work + released, state.heat + heat, damage)
+        back = rows[update.BACK_STRESS : update.BACK_STRESS + 6, 0].copy()
+        return PlasticState(
+            F, deviator, back, volumes, *flow, state.plastic_work + work + released, state.heat + heat, damage
+        )
 
     def _rotation(self) -> np.ndarray:
         rows = self.tile.reshape(-1, TILE)
@@ -130,7 +140,8 @@ class PlasticPoint(PointLaw):
             result["damage"] = np.array([state.damage[0] for state in states])
         law, temperature = self.law, result["temperature"]
         J = np.linalg.det(self.deformations(states))
-        pressure = plastic_evaluation.pressure(law, J, result["internal_energy"])
+        volume = np.array([state.volume_flow[0] for state in states])
+        pressure = plastic_evaluation.pressure(law, J, result["internal_energy"], volume)
         mu = plastic_evaluation.shear_modulus(law, J, pressure, temperature)
         modulus = plastic_evaluation.isentropic_bulk_modulus(law, J, pressure) + 4.0 / 3.0 * mu
         arguments = (result["plastic_strain"], result["plastic_strain_rate"], temperature, J, pressure)

@@ -97,6 +97,10 @@ class HyperelasticSolid(DeclaredModel):
                 rows.append(np.full((len(points), 1), one.note.initial))
                 continue
             stated = getattr(self, one.name)
+            if stated is None:
+                # a direction that need not be stated
+                rows.append(np.tile(one.note.at_rest, (len(points), 1)))
+                continue
             if one.name in self.cell_data and one.name not in of_cells:
                 raise ValueFault(f"{one.name}.cell_data", "a formula where there is no mesh", stated.cell_data)
             found = of_cells[one.name] if one.name in of_cells else stated.evaluate(points)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, FiniteFloat, model_validator
 
+from parsolid.materials.declaration import Phrase
 from parsolid.materials.registry import declared
 from parsolid.scene.base_model import reject
 from parsolid.scene.declared import DeclaredModel, laws, model_of, table_of
@@ -22,6 +23,7 @@ EquationOfState: Any = laws("equation-of-state")
 ShearModulus: Any = laws("shear-modulus")
 FlowStress: Any = laws("flow-stress")
 Melting: Any = laws("melting")
+KinematicHardening: Any = laws("kinematic-hardening")
 
 
 @table_of("elastic-plastic")
@@ -38,6 +40,7 @@ class ElasticPlasticTable(DeclaredModel):
     shear_modulus: ShearModulus | None = Field(None, description="a table: that of pressure and temperature")
     flow_stress: FlowStress | None = Field(None, description="a table: that of strain, rate and temperature")
     melting: Melting | None = Field(None, description="a table: the melting temperature under pressure")
+    kinematic_hardening: KinematicHardening | None = Field(None, description="a table: the back stress that flow moves")
     failure: Failure | None = Field(None, description="a table: when matter fails, and what becomes of it")
 
     @model_validator(mode="after")
@@ -52,6 +55,8 @@ class ElasticPlasticTable(DeclaredModel):
             part = self.parts[key]
             if self.parts["melting"] is None and getattr(getattr(part, "declared", None), "needs_melting", False):
                 details.append((("melting",), f"a table, needed by the {key.replace('_', ' ')} {part.kind!r}", NOTHING))
+        if getattr(getattr(self.parts["flow_stress"], "declared", None), "flows_in_volume", False):
+            details += self._not_beside_flow_in_volume()
         heat, slope = self.parts["specific_heat"], self.parts["specific_heat_slope"]
         if heat is not None and not heat > slope * self.parts["reference_temperature"]:
             details.append((("specific_heat_slope",), "a specific heat that is positive at 0 K", slope))
@@ -66,11 +71,24 @@ class ElasticPlasticTable(DeclaredModel):
         reject(*details)
         return self
 
+    def _not_beside_flow_in_volume(self) -> list[Any]:
+        """(location, expected, found) of parts that do not go with a flow stress whose flow changes the volume."""
+        kind = self.parts["flow_stress"].kind
+        details: list[Any] = []
+        for key, needed in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
+            part = self.parts[key]
+            if part is not None and part.kind != needed:
+                details.append(((key, "kind"), f"{needed!r} with the flow stress {kind!r}", part.kind))
+        if self.parts["kinematic_hardening"] is not None:
+            details.append((("kinematic_hardening",), f"no such key with the flow stress {kind!r}", Phrase("it")))
+        return details
+
     @property
     def ledger_terms(self) -> dict[str, int]:
-        """The energy terms of a solid that fails, see `simulation.ledger.Ledger`."""
+        """The energy terms of a solid that fails or has a back stress, see `simulation.ledger.Ledger`."""
         stated: Any = self
-        return {} if stated.failure is None else dict(stated.failure.ledger_terms)
+        back = {} if self.parts["kinematic_hardening"] is None else {"back_stress_energy": 0}
+        return back if stated.failure is None else back | dict(stated.failure.ledger_terms)
 
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
@@ -86,10 +104,11 @@ class ElasticPlasticTable(DeclaredModel):
             "conductivity_tensor": None,
             "specific_heat_slope": 0.0,
             "melting": None,
+            "kinematic_hardening": None,
             "reference_temperature": 300.0,
             "taylor_quinney": 0.9,
         }
-        for key in (*_SHARED, "equation_of_state", "shear_modulus", "flow_stress", "melting"):
+        for key in (*_SHARED, "equation_of_state", "shear_modulus", "flow_stress", "melting", "kinematic_hardening"):
             stated = getattr(table, key)
             if stated is None and known is not None:
                 stated = known.parts[key]

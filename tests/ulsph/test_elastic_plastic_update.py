@@ -57,7 +57,7 @@ class Particles:
         # the moment of perfect order: 11, 22, 33
         for place in (3, 12, 13) if d == 3 else (4, 5):
             self.rates[:, place] = weight
-        sound, work, heat, released = self.update(step)
+        sound, work, heat, released, _ = self.update(step)
         assert sound and heat == 0.0 and released == 0.0
         return work / (4 * 2.0 / self.law.density)
 

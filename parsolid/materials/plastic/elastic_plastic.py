@@ -1,8 +1,8 @@
 """Hypoelastic-plastic solid with an equation of state; its parts are chosen by type.
 
 sigma = s - (P + q) 1. The deviator is carried unrotated (Green-Naghdi rate), flow is isochoric and associated (d^p
-along s), P follows from the full internal energy, and the temperature enters flow stress, shear modulus and melting
-alone.
+along s, less the back stress of kinematic hardening), P follows from the full internal energy, and the temperature
+enters flow stress, shear modulus and melting alone.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -13,7 +13,7 @@ from parsolid.materials.declaration import Parameter, Phrase, law
 from parsolid.materials.failure.failure import Failure
 
 # parts, each told apart by its kind or found in a file of its own
-PARTS = ("equation_of_state", "shear_modulus", "flow_stress", "melting")
+PARTS = ("equation_of_state", "shear_modulus", "flow_stress", "melting", "kinematic_hardening")
 
 
 class ElasticPlastic(NamedTuple):
@@ -22,7 +22,8 @@ class ElasticPlastic(NamedTuple):
     density [kg/m^3], specific_heat C_v [J/(kg K)] at the reference_temperature [K], that of the state without stress
     and energy, and specific_heat_slope dC_v/dT [J/(kg K^2)]; taylor_quinney: share of the plastic work that heats;
     conductivity [W/(m K)] or None, the largest if there is a conductivity_tensor (xx yy zz xy xz yz, None: isotropic);
-    equation_of_state, shear_modulus, flow_stress, melting (None: never), failure (None: never).
+    equation_of_state, shear_modulus, flow_stress, melting (None: never), failure (None: never), kinematic_hardening
+    (None: the yield surface stays about no stress).
     """
 
     # laws of other roles have such parts
@@ -39,6 +40,7 @@ class ElasticPlastic(NamedTuple):
     specific_heat_slope: float = 0.0
     conductivity_tensor: tuple[float, ...] | None = None
     failure: Failure | None = None
+    kinematic_hardening: Any = None
 
     def internal_energy(self, temperature: Any, without_energy: Any = None) -> Any:
         """E [J/m^3] of the undeformed body at temperatures [K]; 0 at others, the reference unless given."""

@@ -59,6 +59,40 @@ def room_to_compress(eos, J):
     """Positive while the equation of state holds at J."""
 
 
+@law_function
+def elastic_jacobian(flow, J, volume):
+    """The elastic part of the Jacobian J; volume: the plastic logarithmic strain of volume, of flow stresses whose flow
+    changes the volume."""
+
+
+@elastic_jacobian.otherwise
+def _isochoric_flow(flow, J, volume):
+    return J
+
+
+@law_function
+def stress_measure(flow, J):
+    """(a, b) of sigma = a (2 mu d - A 1) + b mu d:d 1 in methods with deformation gradients, d the logarithmic elastic
+    deviator: (1/J, 0) where 2 mu d - A 1 is Kirchhoff's stress, whose energy is mu d:d - int A d ln J."""
+
+
+@stress_measure.otherwise
+def _of_cauchy_stress(flow, J):
+    return 1.0, 1.0
+
+
+@law_function
+def back_stress_step(hardening, increment):
+    """(kept, modulus [Pa]): a back stress beta becomes kept (beta + 2/3 modulus dp) in a step with the plastic strain
+    dp, whose equivalent is the increment. kept falls and kept modulus does not grow with it, and both are 1 and the
+    modulus at 0."""
+
+
+@law_function
+def back_stress_energy(hardening, square):
+    """Energy [J/m^3] that a back stress stores, from beta:beta [Pa^2]."""
+
+
 @inlined
 def specific_heat(law, temperature):
     """C_v [J/(kg K)] of an elastic-plastic law at a temperature [K]."""

@@ -23,9 +23,11 @@ def melting_temperature(law, J) -> np.ndarray:
     return _evaluated(law, _MELTING, J)
 
 
-def pressure(law, J, energy) -> np.ndarray:
-    """P [Pa] of the Jacobian and the internal energy E [J/m^3] per reference volume."""
-    J, energy = np.broadcast_arrays(np.asarray(J, float), np.asarray(energy, float))
+def pressure(law, J, energy, volume=0.0) -> np.ndarray:
+    """P [Pa] of the Jacobian, the internal energy E [J/m^3] per reference volume, and the plastic logarithmic strain of
+    volume of laws that have one."""
+    elastic = np.asarray(J, float) * np.exp(-np.asarray(volume))
+    J, energy = np.broadcast_arrays(elastic, np.asarray(energy, float))
     result = np.empty(J.shape)
     _pressures(law.equation_of_state, J.ravel(), energy.ravel(), result.reshape(-1))
     return result

@@ -30,8 +30,15 @@ Failed matter (DAMAGE 1) has no deviator, and a pressure only where it is compre
 pressure, and its volume has to close before pressure comes back. The internal energy is continuous at failure: what
 was stored elastically is heat from then on.
 
+Laws with kinematic hardening flow about a back stress beta, along s - beta, whose size is returned to the flow stress.
+BACK_STRESS* (6, as the deviator) is theirs, and the update adds PLASTIC_FLOW, the plastic strain of the step, and
+BACK_STRESS_ENERGY, the part of PLASTIC_WORK that the back stress has stored; the rest of it is dissipated, and heats.
+
+Laws whose flow changes the volume have PLASTIC_VOLUME*, its logarithmic strain, and COMPACTION*, that of the cap alone;
+P is that of the elastic part of J, and VOLUME_WORK is the part of PLASTIC_WORK that pressure does.
+
 A method that carries deformation gradients has rows DEFORMATION*, VELOCITY_GRADIENT, ROTATION and VOLUME_RATE for them.
-The rows METRIC*, STRESS*, LOGARITHMS and WAVES are those of `total_lagrangian`.
+The rows METRIC*, STRESS*, LOGARITHMS, WAVES and REFERENTIAL_BACK_STRESS* are those of `total_lagrangian`.
 """
 
 import numpy as np
@@ -42,7 +49,10 @@ from parsolid.materials.failure.functions import damage_after
 from parsolid.materials.law_functions import law_function
 from parsolid.materials.plastic.functions import (
     SLOWEST_RATE,
+    back_stress_energy,
+    back_stress_step,
     cold_pressure,
+    elastic_jacobian,
     flow_stress,
     grueneisen_coefficient,
     isentropic_bulk_modulus,
@@ -56,6 +66,7 @@ from parsolid.materials.plastic.functions import (
 from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.tensors import (
     add_spherical,
+    combine_symmetric,
     congruence,
     contract_symmetric,
     plus_symmetric,
@@ -74,7 +85,12 @@ DEFORMATION, VELOCITY_GRADIENT, ROTATION, VOLUME_RATE = 30, 39, 48, 57
 # scratch of the return: trial von Mises stress, bracket, last point, slope, whether it still moves; work of the stress
 TRIAL, _LOW, _HIGH, _OLD, _OLD_RESIDUAL, _SLOPE, MOVES, _WORK, WORST = 58, 59, 60, 61, 62, 63, 64, 65, 66
 METRIC, STRESS, LOGARITHMS, WAVES = 67, 73, 82, 85
-CRITERIA = 91
+BACK_STRESS, PLASTIC_FLOW, REFERENTIAL_BACK_STRESS = 91, 97, 103
+BACK_STRESS_ENERGY, BACK_WORK = 109, 110
+# scratch of flow about a back stress: s:s, s:beta, beta:beta of the trial deviator
+_SQUARE, _PRODUCT, _BACK_SQUARE = 111, 112, 113
+PLASTIC_VOLUME, COMPACTION, VOLUME_WORK = 114, 115, 116
+CRITERIA = 117
 # of the return: the residual over the trial stress
 _TOLERANCE, _MOST_STEPS = 1e-10, 80
 
@@ -148,7 +164,8 @@ def start_step(law, failure, tile):
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
     for p in range(TILE):
         J, temperature = tile[JACOBIAN * TILE + p], tile[TEMPERATURE * TILE + p]
-        pressure = cold_pressure(eos, J) + gamma * tile[ENERGY * TILE + p]
+        elastic = elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p])
+        pressure = cold_pressure(eos, elastic) + gamma * tile[ENERGY * TILE + p]
         if failure is not None:
             pressure = pressure if tile[DAMAGE * TILE + p] < 1.0 else max(pressure, 0.0)
         melting = melting_temperature(law.melting, J)
@@ -158,9 +175,28 @@ def start_step(law, failure, tile):
         tile[SPEED * TILE + p] = wave_speed(law, J, pressure, mu)
 
 
+@inlined
+def load_if_any(field, first, count, tile, row):
+    """Rows of particles first .. first + count - 1 that not all laws have; field: None where the law has none."""
+    if field is not None:
+        load_rows(field, first, count, tile, row)
+
+
+@inlined
+def store_if_any(field, first, count, tile, row):
+    """The way back of `load_if_any`."""
+    if field is not None:
+        store_rows(field, first, count, tile, row)
+
+
 @kernel
 def flow(law, failure, step, tile):
     """Return the deviator to the flow stress after a step [s]: DEVIATOR, PLASTIC_STRAIN, INCREMENT, PLASTIC_WORK."""
+    _flow(law, failure, law.kinematic_hardening, step, tile)
+
+
+@kernel
+def _flow(law, failure, hardening, step, tile):
     for p in range(TILE):
         s, strain = load_symmetric(tile, DEVIATOR * TILE + p), load_symmetric(tile, STRAIN * TILE + p)
         twice = 2.0 * tile[SHEAR_MODULUS * TILE + p]
@@ -168,15 +204,21 @@ def flow(law, failure, step, tile):
                  s[3] + twice * strain[3], s[4] + twice * strain[4], s[5] + twice * strain[5])  # fmt: skip
         tile[TRIAL * TILE + p] = (1.5 * contract_symmetric(trial, trial)) ** 0.5
         tile[INCREMENT * TILE + p] = 0.0
+    if hardening is not None:
+        find_relative_trial(1.0, tile)
     if step > 0.0:
         # without time to flow in, a stress above that of slow flow stays
-        plastic_increments(law.flow_stress, law.taylor_quinney, step, tile)
+        plastic_increments(law.flow_stress, law, hardening, step, tile)
+    if hardening is not None:
+        move_back_stress(hardening, 1.0, tile)
     for p in range(TILE):
         s, strain = load_symmetric(tile, DEVIATOR * TILE + p), load_symmetric(tile, STRAIN * TILE + p)
         mu, trial, increment = tile[SHEAR_MODULUS * TILE + p], tile[TRIAL * TILE + p], tile[INCREMENT * TILE + p]
         returned = trial - 3.0 * mu * increment
         factor = returned / trial if increment > 0.0 else 1.0
-        work = tile[NEW_JACOBIAN * TILE + p] * returned * increment
+        work = tile[NEW_JACOBIAN * TILE + p] * returned * increment + volume_work(law.flow_stress, tile, p)
+        if hardening is not None:
+            work += tile[BACK_WORK * TILE + p]
         if failure is not None:
             whole = tile[DAMAGE * TILE + p] < 1.0
             factor, increment, work = (
@@ -188,6 +230,11 @@ def flow(law, failure, step, tile):
         new = (factor * (s[0] + twice * strain[0]), factor * (s[1] + twice * strain[1]),
                factor * (s[2] + twice * strain[2]), factor * (s[3] + twice * strain[3]),
                factor * (s[4] + twice * strain[4]), factor * (s[5] + twice * strain[5]))  # fmt: skip
+        if hardening is not None:
+            left = 1.0 if tile[DAMAGE * TILE + p] < 1.0 else 0.0
+            trial_stress = combine_symmetric(1.0, s, twice, strain)
+            flowed = load_symmetric(tile, PLASTIC_FLOW * TILE + p)
+            new = times_symmetric(left, combine_symmetric(1.0, trial_stress, -twice, flowed))
         both = contract_symmetric(s, strain) + contract_symmetric(new, strain)
         tile[_WORK * TILE + p] = 0.5 * tile[MIDDLE_JACOBIAN * TILE + p] * both
         store_symmetric(tile, DEVIATOR * TILE + p, new)
@@ -195,27 +242,132 @@ def flow(law, failure, step, tile):
         tile[PLASTIC_STRAIN * TILE + p] += increment
 
 
+@kernel
+def find_relative_trial(share, tile):
+    """TRIAL of the deviator less the back stress, and what `relative_stress` needs. share: of the strain of the step
+    that DEVIATOR lacks in the trial state."""
+    for p in range(TILE):
+        trial, back = _trial_deviator(share, tile, p), load_symmetric(tile, BACK_STRESS * TILE + p)
+        relative = combine_symmetric(1.0, trial, -1.0, back)
+        tile[TRIAL * TILE + p] = (1.5 * contract_symmetric(relative, relative)) ** 0.5
+        tile[_SQUARE * TILE + p] = contract_symmetric(trial, trial)
+        tile[_PRODUCT * TILE + p] = contract_symmetric(trial, back)
+        tile[_BACK_SQUARE * TILE + p] = contract_symmetric(back, back)
+
+
+@inlined
+def _trial_deviator(share, tile, p):
+    s, strain = load_symmetric(tile, DEVIATOR * TILE + p), load_symmetric(tile, STRAIN * TILE + p)
+    return combine_symmetric(1.0, s, 2.0 * share * tile[SHEAR_MODULUS * TILE + p], strain)
+
+
+@inlined
+def relative_stress(hardening, tile, p, x):
+    """What the flow stress [Pa] would be if x were the INCREMENT of particle p: with hardening
+    |s - kept beta| - (3 mu + kept modulus) x, in von Mises stresses of the trial deviator s (Eterovic & Bathe, Int. J.
+    Numer. Methods Eng. 30 (1990) 1099; see `functions.back_stress_step`)."""
+    mu = tile[SHEAR_MODULUS * TILE + p]
+    if hardening is not None:
+        kept, modulus = back_stress_step(hardening, x)
+        square = tile[_SQUARE * TILE + p] + kept * (
+            kept * tile[_BACK_SQUARE * TILE + p] - 2.0 * tile[_PRODUCT * TILE + p]
+        )
+        result = (1.5 * max(square, 0.0)) ** 0.5 - (3.0 * mu + kept * modulus) * x
+    else:
+        result = tile[TRIAL * TILE + p] - 3.0 * mu * x
+    return result
+
+
+@kernel
+def move_back_stress(hardening, share, tile):
+    """BACK_STRESS after the INCREMENT, PLASTIC_FLOW, and the energies of both; TRIAL is what is returned to the flow
+    stress along the flow. Failed matter does not flow."""
+    for p in range(TILE):
+        x, J = tile[INCREMENT * TILE + p], tile[NEW_JACOBIAN * TILE + p]
+        x = x if tile[DAMAGE * TILE + p] < 1.0 else 0.0
+        back = load_symmetric(tile, BACK_STRESS * TILE + p)
+        kept, modulus = back_stress_step(hardening, x)
+        relative = combine_symmetric(1.0, _trial_deviator(share, tile, p), -kept, back)
+        size = (1.5 * contract_symmetric(relative, relative)) ** 0.5
+        flowed = times_symmetric(1.5 * x / max(size, 1e-300), relative)
+        new = combine_symmetric(kept, back, 2.0 / 3.0 * kept * modulus, flowed)
+        tile[TRIAL * TILE + p] = size - kept * modulus * x
+        # of the mean back stress
+        tile[BACK_WORK * TILE + p] = 0.5 * J * (contract_symmetric(back, flowed) + contract_symmetric(new, flowed))
+        before, after = contract_symmetric(back, back), contract_symmetric(new, new)
+        stored = back_stress_energy(hardening, after) - back_stress_energy(hardening, before)
+        tile[BACK_STRESS_ENERGY * TILE + p] = J * stored
+        store_symmetric(tile, BACK_STRESS * TILE + p, new)
+        store_symmetric(tile, PLASTIC_FLOW * TILE + p, flowed)
+
+
+@kernel
+def release_back_stress(law, hardening, tile):
+    """Failed matter has no back stress: what it stored is RELEASED as heat. hardening: that of the law, or None."""
+    if hardening is not None:
+        for p in range(TILE):
+            back, failed = load_symmetric(tile, BACK_STRESS * TILE + p), tile[DAMAGE * TILE + p] >= 1.0
+            stored = tile[NEW_JACOBIAN * TILE + p] * back_stress_energy(hardening, contract_symmetric(back, back))
+            lost, left = stored if failed else 0.0, 0.0 if failed else 1.0
+            tile[RELEASED * TILE + p] += lost
+            tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[CAPACITY * TILE + p], lost)
+            for c in range(6):
+                tile[(BACK_STRESS + c) * TILE + p] *= left
+                tile[(REFERENTIAL_BACK_STRESS + c) * TILE + p] *= left
+
+
 @law_function
-def plastic_increments(flow, taylor_quinney, step, tile):
+def plastic_increments(flow, law, hardening, step, tile):
     """INCREMENT x of the equivalent plastic strain in a step [s] with
 
         trial - 3 mu x = sigma_y(ep + x, x/step, T + heating sigma_y x),
 
-    heating: taylor_quinney J/(rho0 C_v) [K/(J/m^3)]; 0 where the trial state is elastic."""
+    heating: taylor_quinney J/(rho0 C_v) [K/(J/m^3)]; 0 where the trial state is elastic. With kinematic hardening (None
+    without) the left side is `relative_stress`. Laws whose flow changes the volume advance PLASTIC_VOLUME and
+    COMPACTION, too."""
+
+
+@law_function
+def volume_work(flow, tile, p):
+    """Plastic work of the pressure on particle p in the step [J/m^3], 0 of isochoric flow."""
+
+
+@volume_work.otherwise
+def _no_volume_work(flow, tile, p):
+    return 0.0
+
+
+@law_function
+def flow_stress_before(flow, plastic_strain, rate, temperature, shear_modulus, melting_temperature, returned):
+    """The flow stress [Pa] at the start of a step, or, where it depends on more than this, that at its end."""
+
+
+@flow_stress_before.otherwise
+def _flow_stress_before(flow, plastic_strain, rate, temperature, shear_modulus, melting_temperature, returned):
+    return flow_stress(flow, plastic_strain, rate, temperature, shear_modulus, melting_temperature)
 
 
 @plastic_increments.of(LinearHardening)
-def _linear_increments(flow, taylor_quinney, step, tile):
+def _linear_increments(flow, law, hardening, step, tile):
+    if hardening is not None:
+        _guarded_increments(flow, law, hardening, step, tile)
+    else:
+        _linear_in_closed_form(flow, tile)
+
+
+@inlined
+def _linear_in_closed_form(flow, tile):
     for p in range(TILE):
         temperature, melting = tile[TEMPERATURE * TILE + p], tile[MELTING * TILE + p]
         mu = tile[SHEAR_MODULUS * TILE + p]
-        yielding = flow_stress(flow, tile[PLASTIC_STRAIN * TILE + p], step, temperature, mu, melting)
+        yielding = flow_stress(flow, tile[PLASTIC_STRAIN * TILE + p], SLOWEST_RATE, temperature, mu, melting)
         slope = flow.hardening if temperature < melting else 0.0
         tile[INCREMENT * TILE + p] = max((tile[TRIAL * TILE + p] - yielding) / (3.0 * mu + slope), 0.0)
 
 
 @plastic_increments.otherwise
-def _guarded_increments(flow, taylor_quinney, step, tile):
+@inlined
+def _guarded_increments(flow, law, hardening, step, tile):
     # Newton's method with the slope through the last two points, and bisection where it leaves the bracket
     flowing = 0
     for p in range(TILE):
@@ -237,8 +389,8 @@ def _guarded_increments(flow, taylor_quinney, step, tile):
         flowing = 0
         for p in range(TILE):
             x, trial, mu = tile[INCREMENT * TILE + p], tile[TRIAL * TILE + p], tile[SHEAR_MODULUS * TILE + p]
-            returned = trial - 3.0 * mu * x
-            heating = taylor_quinney * tile[NEW_JACOBIAN * TILE + p] / tile[CAPACITY * TILE + p]
+            returned = relative_stress(hardening, tile, p, x)
+            heating = law.taylor_quinney * tile[NEW_JACOBIAN * TILE + p] / tile[CAPACITY * TILE + p]
             residual = returned - flow_stress(
                 flow, tile[PLASTIC_STRAIN * TILE + p] + x, max(x / step, SLOWEST_RATE),
                 tile[TEMPERATURE * TILE + p] + heating * returned * x, mu, tile[MELTING * TILE + p])  # fmt: skip
@@ -269,9 +421,11 @@ def finish_step(law, failure, step, tile):
     for p in range(TILE):
         new_J, pressure = tile[NEW_JACOBIAN * TILE + p], tile[PRESSURE * TILE + p]
         change, heat = new_J - tile[JACOBIAN * TILE + p], tile[HEAT * TILE + p]
-        cold, part = cold_pressure(eos, new_J), 0.5 * gamma * change
+        elastic = elastic_jacobian(law.flow_stress, new_J, tile[PLASTIC_VOLUME * TILE + p])
+        cold, part = cold_pressure(eos, elastic), 0.5 * gamma * change
         worked = tile[ENERGY * TILE + p] + tile[_WORK * TILE + p] + heat
-        warmed = law.taylor_quinney * tile[PLASTIC_WORK * TILE + p] + heat
+        dissipated = tile[PLASTIC_WORK * TILE + p] - tile[BACK_STRESS_ENERGY * TILE + p]
+        warmed = law.taylor_quinney * dissipated + heat
         rise, temperature = temperature_rise(law, tile[CAPACITY * TILE + p], warmed), tile[TEMPERATURE * TILE + p]
         energy = (worked - 0.5 * (pressure + cold) * change) / (1.0 + part)
         new_temperature, new_pressure = (temperature * (1.0 - part) + rise) / (1.0 + part), cold + gamma * energy
@@ -285,6 +439,7 @@ def finish_step(law, failure, step, tile):
         tile[PRESSURE * TILE + p], tile[RELEASED * TILE + p] = new_pressure, 0.0
     if failure is not None:
         _fail(law, failure, step, tile)
+        release_back_stress(law, law.kinematic_hardening, tile)
     for p in range(TILE):
         J = tile[NEW_JACOBIAN * TILE + p]
         room = room_to_compress(eos, J)

@@ -11,9 +11,13 @@ J mu d:d the energy of the deviator: without it a closed elastic cycle would tak
 E is what the forces do that act, (P_0 + P):dF/2 with the stresses P of both ends of the step, and HEAT: in leapfrog it
 is all the energy of a particle. Plastic work and heat are parts of it.
 
+With kinematic hardening the flow is along the deviator less the back stress, which need not have the axes of d: then
+ln(b)/2 of the new state is that of the trial state less the plastic strain of the step.
+
 A method loads DEFORMATION (F at the end of the step), VELOCITY_GRADIENT (its change dF in the step), JACOBIAN (of its
 start), METRIC*, STRESS* (first Piola-Kirchhoff), PLASTIC_STRAIN*, ENERGY*, TEMPERATURE*, HEAT, and for laws that fail
-DAMAGE*, STRENGTH and CRITERIA*; then `advance_tile`. Rows with * are replaced; rows that are filled besides:
+DAMAGE*, STRENGTH and CRITERIA*, with kinematic hardening REFERENTIAL_BACK_STRESS*; then `advance_tile`. Rows with * are
+replaced; rows that are filled besides:
 
     NEW_JACOBIAN, DEVIATOR and PRESSURE (Cauchy) [Pa], INCREMENT, PLASTIC_WORK and RELEASED [J/m^3], ROOM,
     WAVES: symmetric tensor Q, rho0 c^2 <= N.QN of pressure waves along N [Pa]; SHEAR_MODULUS: its part of shear waves
@@ -29,16 +33,20 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.functions import (
     SLOWEST_RATE,
     cold_pressure,
-    flow_stress,
+    elastic_jacobian,
     grueneisen_coefficient,
     isentropic_bulk_modulus,
     melting_temperature,
     room_to_compress,
     shear_modulus,
     specific_heat,
+    stress_measure,
     temperature_rise,
 )
 from parsolid.materials.plastic.tile_update import (
+    BACK_STRESS,
+    BACK_STRESS_ENERGY,
+    BACK_WORK,
     CAPACITY,
     CRITERIA,
     DAMAGE,
@@ -52,9 +60,12 @@ from parsolid.materials.plastic.tile_update import (
     MELTING,
     METRIC,
     NEW_JACOBIAN,
+    PLASTIC_FLOW,
     PLASTIC_STRAIN,
+    PLASTIC_VOLUME,
     PLASTIC_WORK,
     PRESSURE,
+    REFERENTIAL_BACK_STRESS,
     RELEASED,
     ROOM,
     ROTATION,
@@ -67,26 +78,34 @@ from parsolid.materials.plastic.tile_update import (
     WAVES,
     WORST,
     advance_damage,
+    find_relative_trial,
+    flow_stress_before,
+    move_back_stress,
     plastic_increments,
+    release_back_stress,
+    volume_work,
 )
 from parsolid.principal import from_principal, principal
 from parsolid.tensors import (
     add_spherical,
     cofactor,
     combine,
+    combine_symmetric,
     congruence,
     contract,
     contract_symmetric,
     general,
     gram,
+    inverse_symmetric,
     matmul,
     matmul_transposed,
     symmetric_part,
     times,
     times_symmetric,
+    trace_symmetric,
     transpose,
 )
-from parsolid.tiles import TILE, load, load_symmetric, store, store_symmetric, store_vector
+from parsolid.tiles import TILE, load, load_symmetric, load_vector, store, store_symmetric, store_vector
 
 
 @isotropic_shear_modulus.of(ElasticPlastic)
@@ -104,13 +123,14 @@ def _moduli_at_rest(law):
 @inlined
 def advance_tile(law, failure, step, tile):
     """The state of a tile after a step [s]; a step of 0 finds the stress of the state."""
+    hardening = law.kinematic_hardening
     find_trial(law, failure, tile)
-    if step > 0.0:
-        # without time to flow in, a stress above that of slow flow stays
-        plastic_increments(law.flow_stress, law.taylor_quinney, step, tile)
-    find_flow(law, step, tile)
+    find_back_stress(hardening, tile)
+    find_increments(law, hardening, step, tile)
+    find_flow(law, hardening, step, tile)
     if failure is not None:
         fail(law, failure, step, tile)
+        release_back_stress(law, hardening, tile)
     find_stress(law, failure, tile)
 
 
@@ -128,9 +148,11 @@ def find_trial(law, failure, tile):
         l1, l2, l3 = 0.5 * log(values[0]), 0.5 * log(values[1]), 0.5 * log(values[2])
         mean = (l1 + l2 + l3) / 3.0
         temperature = tile[TEMPERATURE * TILE + p]
-        pressure = cold_pressure(eos, J) + gamma * tile[ENERGY * TILE + p]
+        measure, _ = stress_measure(law.flow_stress, J)
+        elastic = elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p])
+        pressure = measure * cold_pressure(eos, elastic) + gamma * tile[ENERGY * TILE + p]
         melting = melting_temperature(law.melting, J)
-        mu = shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
+        mu = measure * shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
         if failure is not None:
             l1, l2, l3 = _of_whole(tile[DAMAGE * TILE + p], mean, l1, l2, l3)
         d1, d2, d3 = l1 - mean, l2 - mean, l3 - mean
@@ -153,7 +175,62 @@ def _of_whole(damage, mean, l1, l2, l3):
 
 
 @kernel
-def find_flow(law, step, tile):
+def find_back_stress(hardening, tile):
+    """BACK_STRESS in the present axes, V^-1 F B F^T V^-1 with the elastic stretch V of the trial state; None: nothing.
+
+    B = F_p^-1 beta F_p^-T (REFERENTIAL_BACK_STRESS) of the back stress beta in the intermediate axes, in which plastic
+    flow has no spin (Eterovic & Bathe, Int. J. Numer. Methods Eng. 30 (1990) 1099)."""
+    if hardening is not None:
+        for p in range(TILE):
+            F, axes = load(tile, DEFORMATION * TILE + p), load(tile, ROTATION * TILE + p)
+            d, size = load_vector(tile, LOGARITHMS * TILE + p), exp(-1.0 / 3.0 * log(tile[NEW_JACOBIAN * TILE + p]))
+            unstretched = from_principal((size * exp(-d[0]), size * exp(-d[1]), size * exp(-d[2])), axes)
+            back = congruence(F, load_symmetric(tile, REFERENTIAL_BACK_STRESS * TILE + p))
+            back = congruence(general(unstretched), back)
+            # Cayley's quotient leaves a trace of third order in the step
+            back = add_spherical(back, -trace_symmetric(back) / 3.0)
+            store_symmetric(tile, BACK_STRESS * TILE + p, back)
+        find_relative_trial(0.0, tile)
+
+
+@kernel
+def find_increments(law, hardening, step, tile):
+    """INCREMENT of a step [s], and the back stress after it."""
+    if step > 0.0:
+        # without time to flow in, a stress above that of slow flow stays
+        plastic_increments(law.flow_stress, law, hardening, step, tile)
+    if hardening is not None:
+        move_back_stress(hardening, 0.0, tile)
+
+
+@kernel
+def turn_elastic_axes(tile):
+    """LOGARITHMS, ROTATION, DEVIATOR and REFERENTIAL_BACK_STRESS after PLASTIC_FLOW about a back stress, which need not
+    have the axes of the trial state.
+
+    F_p^-1 becomes F_p^-1 exp(-dp), dp in intermediate axes: B = G beta G^T with G = F^-1 V exp(-dp), dp in present axes
+    and exp by Cayley's quotient, whose error is of third order in the step."""
+    for p in range(TILE):
+        if tile[INCREMENT * TILE + p] > 0.0:
+            H, J = cofactor(load(tile, DEFORMATION * TILE + p)), tile[NEW_JACOBIAN * TILE + p]
+            axes, d = load(tile, ROTATION * TILE + p), load_vector(tile, LOGARITHMS * TILE + p)
+            size = exp(1.0 / 3.0 * log(J)) / J
+            stretch = from_principal((size * exp(d[0]), size * exp(d[1]), size * exp(d[2])), axes)
+            flowed, mu = load_symmetric(tile, PLASTIC_FLOW * TILE + p), tile[SHEAR_MODULUS * TILE + p]
+            after = inverse_symmetric(add_spherical(times_symmetric(0.5, flowed), 1.0))
+            after = matmul(general(after), general(add_spherical(times_symmetric(-0.5, flowed), 1.0)))
+            back = congruence(after, load_symmetric(tile, BACK_STRESS * TILE + p))
+            back = congruence(matmul(transpose(H), general(stretch)), back)
+            store_symmetric(tile, REFERENTIAL_BACK_STRESS * TILE + p, back)
+            s = combine_symmetric(1.0, load_symmetric(tile, DEVIATOR * TILE + p), -2.0 * mu, flowed)
+            values, axes = principal(times_symmetric(0.5 / mu, s))
+            store_symmetric(tile, DEVIATOR * TILE + p, s)
+            store_vector(tile, LOGARITHMS * TILE + p, values)
+            store(tile, ROTATION * TILE + p, axes)
+
+
+@kernel
+def find_flow(law, hardening, step, tile):
     """Shorten LOGARITHMS and DEVIATOR by the INCREMENT of plastic strain: PLASTIC_STRAIN, PLASTIC_WORK (of the mean of
     the flow stress at the start of the step and the stress at its end), PRESSURE without failure, and the TEMPERATURE
     that belongs to it."""
@@ -164,22 +241,31 @@ def find_flow(law, step, tile):
         returned = trial - 3.0 * mu * x
         factor = returned / trial if x > 0.0 else 1.0
         rate = max(x / max(step, 1e-300), SLOWEST_RATE)
-        before = flow_stress(
-            law.flow_stress, tile[PLASTIC_STRAIN * TILE + p], rate, temperature, mu, tile[MELTING * TILE + p]
-        )
+        before = flow_stress_before(law.flow_stress, tile[PLASTIC_STRAIN * TILE + p], rate, temperature, mu,
+                                    tile[MELTING * TILE + p], returned)  # fmt: skip
         work = 0.5 * J * x * (before + returned) if x > 0.0 else 0.0
-        for c in range(3):
-            tile[(LOGARITHMS + c) * TILE + p] *= factor
-        for c in range(6):
-            tile[(DEVIATOR + c) * TILE + p] *= factor
+        work += volume_work(law.flow_stress, tile, p)
+        dissipated = work
+        if hardening is not None:
+            work += tile[BACK_WORK * TILE + p]
+            dissipated = work - tile[BACK_STRESS_ENERGY * TILE + p]
+        else:
+            for c in range(3):
+                tile[(LOGARITHMS + c) * TILE + p] *= factor
+            for c in range(6):
+                tile[(DEVIATOR + c) * TILE + p] *= factor
         tile[PLASTIC_STRAIN * TILE + p] += x
         part, heat = 0.5 * gamma * (J - tile[JACOBIAN * TILE + p]), tile[HEAT * TILE + p]
-        rise = temperature_rise(law, tile[CAPACITY * TILE + p], law.taylor_quinney * work + heat)
+        rise = temperature_rise(law, tile[CAPACITY * TILE + p], law.taylor_quinney * dissipated + heat)
         tile[TEMPERATURE * TILE + p] = (temperature * (1.0 - part) + rise) / (1.0 + part)
         tile[PLASTIC_WORK * TILE + p], tile[RELEASED * TILE + p] = work, 0.0
         # what criteria of failure see, of the work of the old stress
         worked = contract(load(tile, STRESS * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p))
-        tile[PRESSURE * TILE + p] = cold_pressure(eos, J) + gamma * (tile[ENERGY * TILE + p] + worked + heat)
+        elastic = elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p])
+        cold = stress_measure(law.flow_stress, J)[0] * cold_pressure(eos, elastic)
+        tile[PRESSURE * TILE + p] = cold + gamma * (tile[ENERGY * TILE + p] + worked + heat)
+    if hardening is not None:
+        turn_elastic_axes(tile)
 
 
 @kernel
@@ -227,11 +313,12 @@ def find_stress(law, failure, tile):
             at = (METRIC + c) * TILE + p
             tile[at] = metric[c] if flows else tile[at]
         # of the deviator, in which the pressure of the equation of state is not
-        P = matmul(general(add_spherical(s, mu * square)), H)
+        measure, of_cauchy = stress_measure(law.flow_stress, J)
+        P = matmul(general(add_spherical(s, of_cauchy * mu * square)), H)
         a = contract(H, change)
         worked = 0.5 * contract(load(tile, STRESS * TILE + p), change) + tile[HEAT * TILE + p]
         worked += tile[ENERGY * TILE + p]
-        cold = cold_pressure(eos, J)
+        cold = measure * cold_pressure(eos, elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p]))
         energy = (worked + 0.5 * contract(P, change) - 0.5 * cold * a) / (1.0 + 0.5 * gamma * a)
         pressure = cold + gamma * energy
         if failure is not None:
@@ -239,7 +326,9 @@ def find_stress(law, failure, tile):
             opened = tile[DAMAGE * TILE + p] >= 1.0 and pressure <= 0.0
             energy, pressure = worked if opened else energy, 0.0 if opened else pressure
         q = 2.0 * mu * (1.5 * square) ** 0.5
-        bulk = max(isentropic_bulk_modulus(eos, J, pressure), 0.0)
+        # Kirchhoff's pressure over J falls as the volume grows, too
+        bulk = measure * isentropic_bulk_modulus(eos, J, pressure) + (1.0 - of_cauchy) * pressure
+        bulk = max(bulk, 0.0)
         waves = times_symmetric((bulk + 4.0 / 3.0 * mu + 2.0 / 3.0 * q) / J, gram(H))
         room = room_to_compress(eos, J)
         store(tile, STRESS * TILE + p, combine(1.0, P, -pressure, H))

@@ -14,6 +14,8 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.functions import specific_heat
 from parsolid.materials.plastic.plastic_evaluation import pressure_wave_modulus
 from parsolid.materials.plastic.tile_update import (
+    BACK_STRESS,
+    BACK_STRESS_ENERGY,
     DAMAGE,
     DEFORMATION,
     DEVIATOR,
@@ -22,6 +24,7 @@ from parsolid.materials.plastic.tile_update import (
     MIDDLE_JACOBIAN,
     MOVES,
     NEW_JACOBIAN,
+    PLASTIC_VOLUME,
     PLASTIC_WORK,
     PRESSURE,
     RELEASED,
@@ -35,11 +38,14 @@ from parsolid.materials.plastic.tile_update import (
     fill_idle,
     finish_step,
     flow,
+    load_if_any,
     load_state,
     new_tile,
     start_step,
+    store_if_any,
     store_state,
 )
+from parsolid.methods import plastic_fields
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.mpm.points import TENSOR_ROWS, MaterialPoints
 from parsolid.tensors import (
@@ -77,7 +83,8 @@ class State(NamedTuple):
 
     F: 9 rows in space (11, 12, 13, 21...), 5 in the plane (11, 12, 21, 22, 33); unrotated deviator s [Pa]: 6 rows (11,
     22, 33, 12, 13, 23) or 4 (11, 22, 33, 12); one row each: equivalent plastic strain, energy E [J/m^3] per reference
-    volume, temperature [K].
+    volume, temperature [K]. Back stress [Pa] as the deviator, and plastic volume strains (2),
+    None where the law has none.
     """
 
     deformation_gradient: np.ndarray
@@ -85,6 +92,8 @@ class State(NamedTuple):
     plastic_strain: np.ndarray
     internal_energy: np.ndarray
     temperature: np.ndarray
+    back_stress: np.ndarray | None = None
+    volume_flow: np.ndarray | None = None
 
 
 class BulkViscosity(NamedTuple):
@@ -221,10 +230,10 @@ def advance_state(
     damage and that of each criterion (rows, capacity); strength, its factors; deleted, masses [kg]; rise (1, capacity)
     [K], to which plastic warming is added. motion, rate, stress: see `transfer`; V sigma is written, artificial
     viscosity included, and c + |v| in the last column. tile: of `tile_update`. Returns (sound, largest c + |v| [m/s],
-    plastic work, viscous work, what failure released [J]); sound is False where J <= 0, beyond the equation of state,
-    or not a number.
+    plastic work, viscous work, what failure released, what of the plastic work back stresses store [J]); sound is False
+    where J <= 0, beyond the equation of state, or not a number.
     """
-    sound, fastest, plastic, viscous, released = True, 0.0, 0.0, 0.0, 0.0
+    sound, fastest, plastic, stored, viscous, released = True, 0.0, 0.0, 0.0, 0.0, 0.0
     q, deformation, deviator = np.zeros(TILE), state.deformation_gradient, state.unrotated_deviator
     numbers = (state.plastic_strain, state.internal_energy, state.temperature)
     for i in range(first, last, TILE):
@@ -232,6 +241,8 @@ def advance_state(
         load_placed(deformation, places, i, count, tile, DEFORMATION)
         load_rows(deviator, i, count, tile, DEVIATOR)
         load_state(numbers, failing, strength, i, count, tile)
+        load_if_any(state.back_stress, i, count, tile, BACK_STRESS)
+        load_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
         load_rates(tile, rate, deleted, i, count)
         if count < TILE:
             fill_idle(law, tile, count)
@@ -245,6 +256,8 @@ def advance_state(
         store_placed(deformation, places, i, count, tile, DEFORMATION)
         store_rows(deviator, i, count, tile, DEVIATOR)
         store_state(numbers, failing, i, count, tile)
+        store_if_any(state.back_stress, i, count, tile, BACK_STRESS)
+        store_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
         for p in range(count):
             r = np.uintp(i + p)
             volume = motion[r, 7]
@@ -262,15 +275,17 @@ def advance_state(
                 continue
             fastest = max(fastest, speed)
             plastic += volume * tile[PLASTIC_WORK * TILE + p]
+            stored += volume * tile[BACK_STRESS_ENERGY * TILE + p]
             viscous += volume * tile[HEAT * TILE + p]
             released += volume * tile[RELEASED * TILE + p]
             if rise is not None:
                 capacity = law.density * specific_heat(law, tile[TEMPERATURE * TILE + p])
-                rise[0, r] += law.taylor_quinney * tile[PLASTIC_WORK * TILE + p] / capacity
+                dissipated = tile[PLASTIC_WORK * TILE + p] - tile[BACK_STRESS_ENERGY * TILE + p]
+                rise[0, r] += law.taylor_quinney * dissipated / capacity
             # not so for numbers that are none
             if not (tile[ROOM * TILE + p] > 0.0 and speed > 0.0):
                 sound = False
-    return sound, fastest, plastic, viscous, released
+    return sound, fastest, plastic, viscous, released, stored
 
 
 class ElasticPlasticSolid:
@@ -284,18 +299,24 @@ class ElasticPlasticSolid:
     def advance(self, block: MaterialBlock, step: float, centred: bool) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticSolid.advance`."""
         points, law, of = self.points, self.law, self.points.storage
-        state, failing = State(*map(of, State._fields)), None
+        state, failing = State(*map(of, State._fields[:-2])), None
+        if plastic_fields.has_back_stress(law):
+            state = state._replace(back_stress=of(plastic_fields.BACK_STRESS))
+        if plastic_fields.flows_in_volume(law):
+            state = state._replace(volume_flow=of(plastic_fields.VOLUME_FLOW))
         strength = deleted = None
         if law.failure is not None:
             failing = of("damage"), of("criterion_damage")[: count_of(law.failure)]
             strength, deleted = points.find("strength_factor"), points.find("deleted_mass")
         plane, places = True if points.dimension == 2 else None, TENSOR_ROWS[points.dimension]
         arrays = points.motion, of("velocity_gradient"), of("stress_and_volume")
-        sound, fastest, plastic, viscous, released = advance_state(
+        sound, fastest, plastic, viscous, released, stored = advance_state(
             block.first, block.last, law, law.failure, plane, places, step, self.viscosity._replace(centred=centred),
             state, failing, strength, deleted, points.find("plastic_rise"), *arrays, self._tile,
         )  # fmt: skip
         terms = {"plastic_work": plastic, "viscous_work": viscous}
+        if law.kinematic_hardening is not None:
+            terms[plastic_fields.BACK_STRESS_ENERGY] = stored
         return sound, fastest, terms if law.failure is None else terms | {FAILURE_DISSIPATION: released}
 
     def stored_energy(self, block: MaterialBlock) -> float:

@@ -13,7 +13,7 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import declare_failure, failed_to_delete, note_deleted
 from parsolid.methods.failure_fields import DELETED_INTERNAL, DELETED_KINETIC, kept_column
 from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
-from parsolid.methods.plastic_fields import PLASTIC_STATE
+from parsolid.methods.plastic_fields import PLASTIC_STATE, declare_flow_state
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.extents import domain_bounds
@@ -132,6 +132,7 @@ class MaterialPoints(Particles):
         self.declare(kept_column("unrotated_deviator", SYMMETRIC_ROWS[self.dimension], "Pa"))
         for field in PLASTIC_STATE:
             self.declare(field)
+        declare_flow_state(self, self.laws, SYMMETRIC_ROWS[self.dimension])
         # planes at a temperature take up the plastic heat of the particles beside them, see `heat.Conduction`
         if scene.method.conduction and loads.of(PrescribedTemperature):
             self.declare(kept_column("plastic_rise", 1, "K"))

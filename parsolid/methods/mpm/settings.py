@@ -37,7 +37,7 @@ class MaterialPoint(MethodSettings):
     state_variables: ClassVar = (
         *("velocity", "velocity_slope", "velocity_gradient", "deformation_gradient", "unrotated_deviator"),
         *("temperature", "temperature_slope", "internal_energy", "plastic_strain", "plastic_rise"),
-        *("damage", "criterion_damage"),
+        *("damage", "criterion_damage", "back_stress", "volume_flow"),
     )
     state_of_particles: ClassVar = ("deleted_*",)
     state_forces: ClassVar = ("stress_and_volume",)

@@ -32,12 +32,13 @@ from parsolid.materials.plastic.total_lagrangian import advance_tile
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.solids import largest_principal_value, undeformed_wave_modulus
 from parsolid.methods.peridynamics.sweeps import bond_vectors, gradient_at, image_of, inverse_at, matmul_in, store_rows
-from parsolid.methods.plastic_fields import PLASTIC_STATE
+from parsolid.methods.plastic_fields import BACK_STRESS, PLASTIC_STATE, VOLUME_FLOW
 from parsolid.methods.plastic_particles import (
     ACTING,
     METRIC_FIELD,
     ROOM_LEFT,
     STRESS_PLACES,
+    TOTALS,
     PlasticFields,
     add_totals,
     book,
@@ -76,7 +77,7 @@ class PlasticStates:
         self.bonds, self.particles, self.plane = bonds, bonds.particles, True if bonds.d == 2 else None
         self.blocks = [MaterialBlock(*one) for one in laws if flows(one[2])]
         self.tiles = [new_tile(count_of(block.law.failure)) for block in self.blocks]
-        self.totals = [aligned_zeros(4) for _ in self.blocks]
+        self.totals = [aligned_zeros(TOTALS) for _ in self.blocks]
         self.sound, self.mean_step = True, 0.0
         # of each particle: stiffness over that at rest, and kinematic viscosity over c_p^2 at rest [s]
         self.growths, self.viscosities = np.ones(bonds.owned), np.zeros(bonds.owned)
@@ -89,7 +90,8 @@ class PlasticStates:
         declare(Field("dissipative_force", d, "N", mirror="vector", **kept))
         declare_plastic(self.particles, d, distinct, CONTROL_HEAT)
         names = (METRIC_FIELD, *(field.name for field in PLASTIC_STATE), ACTING, _GRADIENT, "jacobian")
-        names += tuple(name for name in ("damage", "criterion_damage") if name in self.particles)
+        of_some = (BACK_STRESS, VOLUME_FLOW, "damage", "criterion_damage")
+        names += tuple(name for name in of_some if name in self.particles)
         self._ends = {name: aligned_zeros(self.particles.storage(name).shape) for name in names}
 
     def _fields(self, number: int) -> tuple[PlasticFields, PlasticFields]:
@@ -106,6 +108,8 @@ class PlasticStates:
             stress=ends[ACTING],
             jacobian=ends["jacobian"][0],
             failing=failing,
+            back_stress=None if start.back_stress is None else ends[BACK_STRESS],
+            volume_flow=None if start.volume_flow is None else ends[VOLUME_FLOW],
         )
         return start, end
 

@@ -226,6 +226,7 @@ class Peridynamics(MethodSettings):
     state_variables: ClassVar = (
         *("velocity", "branch_displacements*", "tensor_history", "deformation_gradient", "jacobian"),
         *("plastic_metric_inverse", "plastic_strain", "internal_energy", "temperature", "criterion_damage"),
+        *("back_stress", "volume_flow"),
     )
     declared_fields: ClassVar = PLASTIC_STATE
     state_of_particles: ClassVar = ("broken_bonds",)

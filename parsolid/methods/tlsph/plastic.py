@@ -27,6 +27,7 @@ from parsolid.materials.plastic.tile_update import (
 from parsolid.materials.plastic.total_lagrangian import advance_tile
 from parsolid.methods.plastic_particles import (
     ROOM_LEFT,
+    TOTALS,
     PlasticFields,
     add_totals,
     book,
@@ -121,7 +122,7 @@ class PlasticBlock(LawBlock):
         self, particles: Particles, first: int, last: int, law: Any, rows_of_values: slice | None = None
     ) -> None:
         super().__init__(particles, first, last, law, rows_of_values)
-        self.totals, self._tile = aligned_zeros(4), new_tile(count_of(law.failure))
+        self.totals, self._tile = aligned_zeros(TOTALS), new_tile(count_of(law.failure))
 
     def carried_fields(self, step: float, last_step: float) -> PlasticFields:
         """The fields as kernels take them in a step [s] after one of another length; their totals begin anew."""

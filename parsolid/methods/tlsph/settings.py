@@ -55,6 +55,7 @@ class TotalLagrangianSPH(MethodSettings):
     state_variables: ClassVar = (
         *("velocity", "deformation_gradient", "cofactor", "jacobian", "viscous_strain_inverse_*"),
         *("plastic_metric_inverse", "plastic_strain", "internal_energy", "temperature", "damage", "criterion_damage"),
+        *("back_stress", "volume_flow"),
     )
     state_forces: ClassVar = (
         *("stress_force", "dissipative_force", "excess_wall_force", "acting_stress", "riemann_heat"),

@@ -14,11 +14,14 @@ from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
+    BACK_STRESS,
+    BACK_STRESS_ENERGY,
     DEVIATOR,
     HEAT,
     JACOBIAN,
     MIDDLE_JACOBIAN,
     NEW_JACOBIAN,
+    PLASTIC_VOLUME,
     PLASTIC_WORK,
     PRESSURE,
     RELEASED,
@@ -27,11 +30,14 @@ from parsolid.materials.plastic.tile_update import (
     fill_idle,
     finish_step,
     flow,
+    load_if_any,
     load_state,
     new_tile,
     start_step,
+    store_if_any,
     store_state,
 )
+from parsolid.methods import plastic_fields
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.ulsph.heat import advance_heat_flux
 from parsolid.methods.ulsph.kinematics import (
@@ -53,7 +59,7 @@ from parsolid.tiles import TILE, load_rows, store_rows
 
 
 class State(NamedTuple):
-    """Fields (components, particles) that every law has, see `state`."""
+    """Fields (components, particles) that every law has, see `state`; those that not all have, or None."""
 
     mass: np.ndarray
     density: np.ndarray
@@ -64,6 +70,8 @@ class State(NamedTuple):
     temperature: np.ndarray
     pair_stress: np.ndarray
     sound_speed: np.ndarray
+    back_stress: np.ndarray | None = None
+    volume_flow: np.ndarray | None = None
 
 
 @inlined
@@ -125,10 +133,11 @@ def advance_state(
     most, in_plane: see `kinematics`; centred: not None where B is carried on from the middle of the step. None where
     there is no such thing: flows, of heat; viscosity: force, viscous_force, viscous_heat, impulse_power; external:
     forces of contact; failing: damage, criterion_damage; strength, its factors; deleted, masses. tile: of
-    `tile_update`, for the law. Returns (sound, plastic work, viscous heat, energy that failure released) [J]; sound: no
-    particle is compressed beyond its equation of state, and all are numbers.
+    `tile_update`, for the law. Returns (sound, plastic work, viscous heat, energy that failure released, what of the
+    plastic work back stresses store) [J]; sound: no particle is compressed beyond its equation of state, and all are
+    numbers.
     """
-    sound, plastic, viscous, released = True, 0.0, 0.0, 0.0
+    sound, plastic, viscous, released, stored = True, 0.0, 0.0, 0.0, 0.0
     kinematics, numbers = np.zeros(ROWS * TILE), (state.plastic_strain, state.energy, state.temperature)
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
@@ -136,10 +145,12 @@ def advance_state(
         load_rows(state.correction, i, count, kinematics, LAST)
         load_rows(state.deviator, i, count, tile, DEVIATOR)
         load_state(numbers, failing, strength, i, count, tile)
+        load_if_any(state.back_stress, i, count, tile, BACK_STRESS)
+        load_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
         fill_idle(law, tile, count)
         find_gradients(step, most, in_plane, kinematics)
         carry_on_correction(0.5 * step if centred is not None else 0.0, mean_step, kinematics)
-        turn_deviator(step, kinematics, tile)
+        turn_deviator(step, kinematics, state.back_stress, tile)
         advance_density(state.density, law.density, i, count, kinematics, tile)
         start_step(law, failure, tile)
         tile[HEAT * TILE : (HEAT + 1) * TILE] = 0.0
@@ -156,6 +167,8 @@ def advance_state(
         finish_step(law, failure, step, tile)
         store_rows(state.deviator, i, count, tile, DEVIATOR)
         store_state(numbers, failing, i, count, tile)
+        store_if_any(state.back_stress, i, count, tile, BACK_STRESS)
+        store_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
         store_rows(state.sound_speed, i, count, tile, SPEED)
         store_rows(state.correction, i, count, kinematics, CORRECTION)
         store_pair_stress(tile, PRESSURE, kinematics, CARRIED, state.density, in_plane, i, count, state.pair_stress)
@@ -163,16 +176,17 @@ def advance_state(
             volume = state.mass[0, i + p] / law.density
             if deleted is None or deleted[0, i + p] <= 0.0:
                 plastic += volume * tile[PLASTIC_WORK * TILE + p]
+                stored += volume * tile[BACK_STRESS_ENERGY * TILE + p]
                 released += volume * tile[RELEASED * TILE + p]
                 sound = sound and tile[ROOM * TILE + p] > 0.0
-    return sound, plastic, viscous, released
+    return sound, plastic, viscous, released, stored
 
 
 class ElasticPlasticSolid:
     """Particles of one elastic-plastic law on a rank.
 
     stores_heat: stored energies hold heat, that of the viscosity too; speeds_change: speeds of sound follow the state;
-    plastic_work, viscous_heat, released (by failure) [J]: since `take_energies`.
+    plastic_work, what of it back stresses have stored, viscous_heat, released (by failure) [J]: since `take_energies`.
     """
 
     stores_heat = speeds_change = True
@@ -181,7 +195,11 @@ class ElasticPlasticSolid:
         self.law = law
         self.flows = frozenset() if law.conductivity is None else frozenset({"heat"})
         self.fields = frozenset({"energy"} if law.conductivity is None else {"energy", "heat_flux"})
-        self.plastic_work = self.viscous_heat = self.released = 0.0
+        if plastic_fields.has_back_stress(law):
+            self.fields |= {plastic_fields.BACK_STRESS}
+        if plastic_fields.flows_in_volume(law):
+            self.fields |= {plastic_fields.VOLUME_FLOW}
+        self.plastic_work = self.viscous_heat = self.released = self.stored = 0.0
         self._tile = new_tile(count_of(law.failure))
 
     def begin(self, scene: Scene, particles: Particles, here: slice) -> None:
@@ -196,7 +214,11 @@ class ElasticPlasticSolid:
         numerical loss [J] outside of stored energies, which are none."""
         particles, law, rates = system.particles, self.law, system.neighbours
         of = particles.storage
-        state = State(*(of(name) for name in State._fields))
+        state = State(*(of(name) for name in State._fields[:-2]))
+        if plastic_fields.has_back_stress(law):
+            state = state._replace(back_stress=of(plastic_fields.BACK_STRESS))
+        if plastic_fields.flows_in_volume(law):
+            state = state._replace(volume_flow=of(plastic_fields.VOLUME_FLOW))
         viscosity = failing = strength = deleted = None
         external = of(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
         if system.viscosity is not None:
@@ -207,13 +229,14 @@ class ElasticPlasticSolid:
             deleted = of("deleted_mass") if "deleted_mass" in particles else None
         flows = rates.flows if "heat" in self.flows else None
         how = step, system.kicks.viscous_heat.mean_step(step), system.most_correction, system.centred, system.in_plane
-        sound, plastic, viscous, released = advance_state(
+        sound, plastic, viscous, released, stored = advance_state(
             here.start, here.stop, law, law.failure, *how, rates.rates, flows,
             state, viscosity, external, failing, strength, deleted, self._tile,
         )  # fmt: skip
         self.plastic_work += plastic
         self.viscous_heat += viscous
         self.released += released
+        self.stored += stored
         return sound, 0.0, 0.0
 
     def advance_fluxes(self, system: Any, here: slice, step: float) -> float:
@@ -241,7 +264,8 @@ class ElasticPlasticSolid:
     def pressures(self, particles: Particles, here: slice) -> np.ndarray:
         """P (n,) [Pa]."""
         of = particles.owned_rows
-        return plastic_evaluation.pressure(self.law, self.law.density / of("density")[here], of("energy")[here])
+        volume = of(plastic_fields.VOLUME_FLOW)[here, 0] if plastic_fields.flows_in_volume(self.law) else 0.0
+        return plastic_evaluation.pressure(self.law, self.law.density / of("density")[here], of("energy")[here], volume)
 
     def room(self, particles: Particles, here: slice) -> np.ndarray | None:
         """Room (n,) that the equation of state leaves to compress particles, see `room_to_compress`."""
@@ -253,9 +277,12 @@ class ElasticPlasticSolid:
         return float(np.sqrt(plastic_evaluation.pressure_wave_modulus(self.law) / self.law.density))
 
     def take_energies(self) -> dict[str, float]:
-        """Plastic work, viscous heat and what failure released [J], all in stored energies, since this was asked."""
+        """Plastic work, what of it back stresses store, viscous heat and what failure released [J], all in stored
+        energies, since this was asked."""
         result = {"plastic_work": self.plastic_work, "viscous_heat": self.viscous_heat}
+        if self.law.kinematic_hardening is not None:
+            result[plastic_fields.BACK_STRESS_ENERGY] = self.stored
         if self.law.failure is not None:
             result[FAILURE_DISSIPATION] = self.released
-        self.plastic_work = self.viscous_heat = self.released = 0.0
+        self.plastic_work = self.viscous_heat = self.released = self.stored = 0.0
         return result

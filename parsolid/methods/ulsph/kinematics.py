@@ -8,7 +8,7 @@ import numpy as np
 
 from parsolid.elementary import exp
 from parsolid.kernels import inlined
-from parsolid.materials.plastic.tile_update import DEVIATOR, STRAIN, deviatoric_strain
+from parsolid.materials.plastic.tile_update import BACK_STRESS, DEVIATOR, STRAIN, deviatoric_strain
 from parsolid.tensors import (
     add_spherical,
     combine_symmetric,
@@ -100,14 +100,18 @@ def carry_on_correction(after, since, tile):
 
 
 @inlined
-def turn_deviator(step, tile, state):
+def turn_deviator(step, tile, back_stress, state):
     """DEVIATOR and STRAIN of a tile of `tile_update` after a step [s] in Jaumann's rate: S turned with the spin, half
-    of dev D dt before the turn and half after it."""
+    of dev D dt before the turn and half after it. back_stress: not None where BACK_STRESS turns with it."""
     for p in range(TILE):
         L = load(tile, GRADIENT * TILE + p)
         turn = spin_rotation(L, step)
         store_symmetric(state, STRAIN * TILE + p, deviatoric_strain(turn, L, step))
         store_symmetric(state, DEVIATOR * TILE + p, congruence(turn, load_symmetric(state, DEVIATOR * TILE + p)))
+        if back_stress is not None:
+            store_symmetric(
+                state, BACK_STRESS * TILE + p, congruence(turn, load_symmetric(state, BACK_STRESS * TILE + p))
+            )
 
 
 @inlined

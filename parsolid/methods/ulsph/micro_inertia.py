@@ -143,7 +143,7 @@ def find_trial(step, shear_modulus, rates, tile):
     for p in range(TILE):
         S = load_symmetric(tile, DEVIATOR * TILE + p)
         tile[TAU * TILE + p] = contract_symmetric(S, S) ** 0.5
-    flow.turn_deviator(step, rates, tile)
+    flow.turn_deviator(step, rates, None, tile)
     for p in range(TILE):
         turned, strain = load_symmetric(tile, DEVIATOR * TILE + p), load_symmetric(tile, STRAIN * TILE + p)
         trial = combine_symmetric(1.0, turned, 2.0 * shear_modulus, strain)

@@ -43,7 +43,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     state_variables: ClassVar = (
         *("velocity", "density", "deviator", "temperature", "energy", "plastic_strain", "damage", "criterion_damage"),
         *("micro_rate", "micro_stress", "micro_curl", "micro_gradient"),
-        *("energetic_flux", "dissipative_flux", "heat_flux"),
+        *("energetic_flux", "dissipative_flux", "heat_flux", "back_stress", "volume_flow"),
     )
     state_of_particles: ClassVar = ("deleted_*",)
     state_forces: ClassVar = (

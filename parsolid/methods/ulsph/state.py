@@ -47,8 +47,9 @@ def declare_state(
     pair_stress: P = sigma B/rho^2, column after column (d d); pair_micro_flux: xi B/rho^2, pair_heat_flux: q B/rho^2;
     force and viscous_force [N]: of stresses and of the artificial viscosity; viscous_heat [W], alike for both particles
     of a pair; energy E [J/m^3] per reference volume; micro_curl eta, micro_gradient grad v^p, energetic_flux and
-    dissipative_flux xi, heat_flux q: see `micro_inertia`; impulse_power [W]: the viscous force times what
-    contact has changed of the velocity since the force was found.
+    dissipative_flux xi, heat_flux q: see `micro_inertia`; back_stress [Pa] (6), volume_flow (2), see
+    `plastic_fields`; impulse_power [W]: the viscous force times what contact has changed of the velocity since the
+    force was found.
     """
     d = dimension
     record = partial(_kept, ghosts="forward", message="record")
@@ -78,6 +79,8 @@ def declare_state(
         _kept("energetic_flux", d, "N/m"),
         _kept("dissipative_flux", d, "N/m"),
         _kept("heat_flux", d, "W/m^2"),
+        _kept("back_stress", 6, "Pa"),
+        _kept("volume_flow", 2, "1"),
     )
     for field in others:
         if field.name in of_laws:
