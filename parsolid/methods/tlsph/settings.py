@@ -84,8 +84,8 @@ class TotalLagrangianSPH(MethodSettings):
     refused: ClassVar = {
         "layer": "a part of a body is held by 'fixed' in a region",
         "wall": "rigid bodies that others touch are tools",
-        "temperature": "the method knows no heat",
-        "heat-flux": "the method knows no heat",
+        "temperature": "the method conducts no heat",
+        "heat-flux": "the method conducts no heat",
         "micro-hard": "it is for micro-inertia, in ulsph",
     }
     kind: Literal["tlsph"]
