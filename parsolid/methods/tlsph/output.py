@@ -134,6 +134,7 @@ class Reports(ParticleSystem):
         kinetic = kinetic_energy(self.owned, self.particles.storage("velocity"), self.mass, self.share)
         stored = 0.0 if self.initial_stress is None else self.initial_stress.energy()
         stored += 0.0 if self.meshes is None else self.meshes.stabiliser_energy()
+        stored += 0.0 if self.statics is None else self.statics.stabiliser_energy()
         return float(kinetic), stored + sum(block.energy() for block in self.blocks)
 
     @property
