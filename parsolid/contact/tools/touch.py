@@ -204,7 +204,10 @@ class Touch:
         if self.record is None or not self.system.takes_heat:
             return 0.0
         warmed = self.touched.lost > 0.0
-        return self.system.take_heat(0.5 * self.touched.lost[warmed], self.rows[warmed])
+        rows = self.rows[warmed]
+        # of whole particles
+        heat = 0.5 * self.touched.lost[warmed] / self.system.share[rows]
+        return self.system.take_heat(heat, rows)
 
     def give(self, step: float) -> None:
         """Add the forces to those on the particles, and the impulse that a step [s] has besides."""

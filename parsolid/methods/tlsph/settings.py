@@ -84,8 +84,8 @@ class TotalLagrangianSPH(MethodSettings):
     refused: ClassVar = {
         "layer": "a part of a body is held by 'fixed' in a region",
         "wall": "rigid bodies that others touch are tools",
-        "temperature": "the method knows no heat",
-        "heat-flux": "the method knows no heat",
+        "temperature": "the method conducts no heat",
+        "heat-flux": "the method conducts no heat",
         "micro-hard": "it is for micro-inertia, in ulsph",
     }
     kind: Literal["tlsph"]
@@ -209,7 +209,7 @@ class TotalLagrangianSPH(MethodSettings):
         if self.integrator == "ssp-rk3" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
         if self.integrator == "static":
-            return {"weights": "mesh"}
+            return {"weights": "best"}
         own = self._own(scene, bodies)
         lattices = [i for i, body in enumerate(own.bodies) if body.shape.kind != "mesh"]
         meshes = len(lattices) < len(own.bodies)
@@ -329,9 +329,9 @@ class TotalLagrangianSPH(MethodSettings):
             faults.append((key, "'leapfrog' beside other methods", self.integrator))
         if scene.loads.manufactured:
             faults.append((("loads", "manufactured"), f"no such key {_IN_EQUILIBRIUM}", True))
-        expected = "'mesh' for all bodies, which are from meshes, with method.integrator = 'static'"
+        expected = "nodes of meshes ('mesh') and of boxes ('cells', 'fourth-order') with method.integrator = 'static'"
         for i, kind in enumerate(weights_of_bodies(self.pair_weights, scene)):
-            if kind != "mesh":
+            if kind != "mesh" and (kind not in ON_LATTICES or scene.bodies[i].shape.kind != "box"):
                 faults.append((("method", "weights"), expected, Phrase(f"{kind!r} for bodies.{i}")))
         for i, body in enumerate(scene.bodies):
             place = ("bodies", i, "material")
