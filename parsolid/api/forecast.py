@@ -12,9 +12,11 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.observables.declared import field_of
 from parsolid.observables.in_region import OfRegion
 from parsolid.output.fields import bytes_of_rows, exact_names
 from parsolid.scene import Scene
+from parsolid.scene.previous_results import STATE
 from parsolid.simulation.observables import Observables
 
 # particles of all ranks that stand for the others
@@ -120,13 +122,14 @@ def bytes_on_disk(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> tup
     for system in systems:
         shown, total = Observables([system]), comm.allreduce(system.owned)
         names = shown.written(scene.output.fields)
-        shown.prepare(names, 0.0)
+        # no rows have the same width as all
+        kinds = {name: shown.field(name) if name.startswith(STATE) else field_of(system, name, 0, 0) for name in names}
         written = total
         if scene.output.where is not None:
             chosen = OfRegion(shown, list(scene.named_regions).index(scene.output.where))
             written = int(comm.allreduce(len(chosen.rows("identifier"))))
         exact = exact_names(names)
-        fields += written * (24 + sum(bytes_of_rows(np.asarray(shown.field(name)), name in exact) for name in names))
+        fields += written * (24 + sum(bytes_of_rows(np.asarray(one), name in exact) for name, one in kinds.items()))
         particles += written
         kept = system.particles.checkpointed().values()
         checkpoint += total * sum(rows.dtype.itemsize * int(np.prod(rows.shape[1:])) for rows in kept)

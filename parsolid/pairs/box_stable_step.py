@@ -122,7 +122,9 @@ def _greatest_eigenvalue(
     if axis.nodes > few.nodes:
         # 4 q, of the wave that alternates from node to node
         damping *= (8.0 / 3.0 if fourth_order else 2.0) / float(np.linalg.eigvalsh(found[0].power)[-1])
-    most = max(float(np.linalg.eigvalsh(stiffness * one.F + 2.0 * damping * one.power)[-1]) for one in found)
+    # of no nodes where all are held
+    values = [np.linalg.eigvalsh(stiffness * one.F + 2.0 * damping * one.power) for one in found]
+    most = max(float(one.max(initial=0.0)) for one in values)
     return most if len(parts) == 1 else (1.0 + _BEYOND_PART) * most
 
 

@@ -6,8 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from decomposition.reduction import sums
-from parsolid.collective import maximum, minimum, raise_together
-from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.collective import SolverError, maximum, minimum, raise_together
+from parsolid.materials.damage.bond_based import BondBased
+from parsolid.materials.declaration import Direction, parameters_of
+from parsolid.materials.registry import laws_of
+from parsolid.methods.peridynamics.small_motion import SmallMotion
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.validation_errors import fault
@@ -17,6 +20,8 @@ from parsolid.solvers import GridLevels, LowestModes, Modes, rigid_modes, start_
 
 # weights whose tangent resists all that strains a body
 _WEIGHTS = ("mesh", "cells", "fourth-order")
+# by the kind of the method
+_TANGENTS: dict[str, Any] = {"tlsph": Tangent, "peridynamics": SmallMotion}
 # of the shear modulus, Lame's first of the preconditioner at most: Poisson's ratio 0.4
 _SOFTEST = 4.0
 # of the square of the lowest frequency of shear waves across the scene, what a motion without stiffness is below
@@ -45,21 +50,25 @@ class VibratingBodies:
     """The bodies of a scene on one rank with stiffness, mass and constraints; all methods are collective."""
 
     def __init__(self, comm: Any, scene: Scene) -> None:
-        """Raises SceneError or SolverError on all ranks for what does not vibrate linearly."""
+        """Raises SceneError or SolverError on all ranks for what does not vibrate linearly, or is held all over."""
         refuse_nonlinear(scene)
         self.comm, self.scene = comm, scene
         systems: list[Any] = build_systems(comm, scene, None)[0]
         (self.system,) = systems
         raise_together(comm, self._fault())
-        self.tangent = Tangent(self.system)
+        self.tangent: Any = _TANGENTS[self.system.settings.kind](self.system)
         self.tangent.linearise()
         self.free, self.mass = self.tangent.free, self.tangent.mass[:, None]
-        self.stabiliser = None if self.system.boxes is None else self.system.boxes.stabiliser()
+        if comm.allreduce(int(self.free.sum())) == 0:
+            raise SolverError("boundaries: expected something that moves, found all of it held")
+        boxes = getattr(self.system, "boxes", None)
+        self.stabiliser = None if boxes is None else boxes.stabiliser()
         self.places = np.ascontiguousarray(self.system.particles.owned_rows("reference_position"))
         self.particles = comm.allreduce(len(self.places))
 
     def _fault(self) -> str | None:
-        kinds = sorted({kind for kind in self.system.body_weights if kind not in _WEIGHTS})
+        of_bodies = getattr(self.system, "body_weights", ())
+        kinds = sorted({kind for kind in of_bodies if kind not in _WEIGHTS})
         if kinds:
             return f"method.weights: expected one of {', '.join(_WEIGHTS)} for modes, found {kinds[0]!r}"
         if self.system.conditions.rollers:
@@ -68,13 +77,14 @@ class VibratingBodies:
 
     def notes(self) -> list[Note]:
         """What is left out of the linear motion."""
-        laws = [block.law for block in self.system.blocks]
+        materials = [one.material for one in self.scene.bodies]
+        relax = [getattr(one, "branches", None) or getattr(one, "terms", None) for one in materials]
         told = {
             "loads do not act": any(one.kind in ("traction", "pressure") for one in self.scene.boundaries),
-            "flow and failure are left out: bodies are elastic": any(hasattr(law, "flow_stress") for law in laws),
-            "branches are left out: moduli are those of slow motion": any(law.branch_moduli for law in laws),
+            "flow and failure are left out, bodies are elastic": any(m.kind == "elastic-plastic" for m in materials),
+            "what relaxes is left out, moduli are those of slow motion": any(relax),
         }
-        return [Note("linear-motion", text) for text, here in told.items() if maximum(self.comm, float(here)) > 0.0]
+        return [Note("linear-motion", text) for text, here in told.items() if here]
 
     def joined(self, vectors: np.ndarray) -> np.ndarray:
         """Vectors (n, d) that constraints allow: held components do not move, shared nodes move as one."""
@@ -94,8 +104,8 @@ class VibratingBodies:
         particles = self.system.particles
         volume = particles.owned_rows("volume") * self.system.share
         lame, shear = np.zeros((2, len(volume)))
-        for block in self.system.blocks:
-            shear[block.first : block.last], lame[block.first : block.last] = elastic_moduli(block.law)
+        for first, last, *moduli, _ in self.tangent.laws:
+            shear[first:last], lame[first:last] = moduli
         # a grid locks where volumes are stiff
         lame = np.minimum(lame, _SOFTEST * shear)
         whole = sums(self.comm, [float(volume.sum()), float(len(volume))])
@@ -107,7 +117,7 @@ class VibratingBodies:
     def rigid_modes(self) -> tuple[np.ndarray, np.ndarray]:
         """Shapes (l, n, d) of motions that nothing resists, and w^2 (l,) [1/s^2] of rounding."""
         motions = self._rigid_motions()
-        speeds = [elastic_moduli(block.law)[0] / block.law.density for block in self.system.blocks]
+        speeds = [shear / density for _, _, shear, _, density in self.tangent.laws]
         size = maximum(self.comm, self.places.max(axis=0, initial=-np.inf))
         size = size - minimum(self.comm, self.places.min(axis=0, initial=np.inf))
         least = _RIGID * minimum(self.comm, min(speeds, default=np.inf)) / float(np.max(size)) ** 2
@@ -154,6 +164,17 @@ class VibratingBodies:
         return Vibrations(len(rigid), frequencies, residuals, shapes, shares, found)
 
 
+def _no_tangent(material: Any, method: str) -> str:
+    """What is expected for modes in place of a law with fibres that has no tangent at rest, or none that the method
+    knows; empty where the law has one."""
+    notes = [note for _, note in parameters_of(getattr(material, "declared", object)).values()]
+    if not any(isinstance(note, Direction) for note in notes):
+        return ""
+    if getattr(material, "bears_tension_alone", False):
+        return "a law as stiff in compression as in tension for modes"
+    return "'tlsph', or a law without fibres, for modes" if method == "peridynamics" else ""
+
+
 def refuse_nonlinear(scene: Scene) -> None:
     """Raise SceneError for what of a scene does not vibrate linearly, or not by this method."""
     meeting = [name for name in ("contact", "tie", "tools") if getattr(scene, name)]
@@ -162,10 +183,16 @@ def refuse_nonlinear(scene: Scene) -> None:
     faults += [fault(("boundaries", i, "kind"), "no spring for modes", "spring") for i in springs]
     rough = [number for number, one in enumerate(scene.bodies) if one.shape.kind == "perforated_box"]
     faults += [fault(("bodies", i, "shape"), "a box or a mesh for modes", "perforated_box") for i in rough]
+    for i, body in enumerate(scene.bodies):
+        if expected := _no_tangent(body.material, scene.systems[0].settings.kind):
+            faults.append(fault(("bodies", i, "material", "kind"), expected, body.material.kind, "method"))
     systems = scene.systems
     if len(systems) > 1:
         faults.append(fault(("methods",), "one method for modes", len(systems)))
-    elif systems[0].settings.kind != "tlsph":
-        faults.append(fault((*systems[0].place, "kind"), "'tlsph' for modes", systems[0].settings.kind, "method"))
+    elif systems[0].settings.kind not in _TANGENTS:
+        expected = f"{' or '.join(map(repr, _TANGENTS))} for modes"
+        faults.append(fault((*systems[0].place, "kind"), expected, systems[0].settings.kind, "method"))
+    elif any(isinstance(law, BondBased) for law in laws_of(scene.part(systems[0]))):
+        faults.append(fault(("bodies",), "laws with elastic moduli for modes", "a bond-based one", "method"))
     if faults:
         raise SceneError(faults)

@@ -108,7 +108,42 @@ def test_half_a_plate_beside_a_plane_of_symmetry(comm):
     assert np.abs(found[:, None] / whole - 1.0).min(axis=1).max() < 2e-3
 
 
+def peridynamic(particles, upper, **rest):
+    data = tables(particles, upper=upper, method={"kind": "peridynamics"}, body={"placement": "cells"}, **rest)
+    return parse_scene(data)
+
+
+def test_peridynamic_bodies(comm):
+    """A free plate in plane strain, and a bar of one dimension, whose waves are n half lengths."""
+    rigid, found = frequencies(comm, peridynamic((16, 32), (1.0, 2.0)), 4)
+    assert rigid == 3
+    assert found == pytest.approx(box_frequencies(SOLID, (1.0, 2.0), 4), rel=0.03)
+    rigid, found = frequencies(comm, peridynamic((40,), (2.0,), material={**SOFT, "kind": "linear-elastic"}), 3)
+    assert rigid == 1
+    speed = (SOLID.youngs_modulus / SOLID.density) ** 0.5
+    assert found == pytest.approx(np.pi * speed / 2.0 * np.arange(1, 4), rel=0.04)
+
+
 PLATE = {"shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}}, "particles": [8, 8], "material": SOFT}
+MUSCLE = {
+    "kind": "guccione",
+    "density": 1000.0,
+    "stiffness": 1e4,
+    "along": 4.0,
+    "across": 1.0,
+    "shear": 2.0,
+    "bulk_modulus": 1e6,
+    "fibre": {"angle": "0"},
+}
+TENDON = {
+    "kind": "holzapfel-gasser-ogden",
+    "density": 1000.0,
+    "shear_modulus": 1e4,
+    "bulk_modulus": 1e6,
+    "fibre_modulus": 1e5,
+    "fibre_exponent": 1.0,
+    "fibre": {"angle": "0"},
+}
 ABOVE = {**PLATE, "shape": {"box": {"lower": [0.0, 1.5], "upper": [1.0, 2.5]}}}
 TLSPH = {"kind": "tlsph", "weights": "cells"}
 
@@ -119,6 +154,8 @@ TLSPH = {"kind": "tlsph", "weights": "cells"}
         ({"method": {"kind": "mpm", "cell": 0.25}, "bodies": [{**PLATE, "placement": "cells"}]}, "method.kind"),
         ({"bodies": [{**PLATE, "name": "a"}, {**ABOVE, "name": "b"}], "contact": [{"bodies": ["a", "b"]}]}, "contact"),
         ({"boundaries": [{"kind": "spring", "plane": "X = 0", "stiffness": 1.0}]}, "boundaries.0.kind"),
+        ({"bodies": [{**PLATE, "material": TENDON}]}, "bodies.0.material.kind"),
+        ({"bodies": [{**PLATE, "material": MUSCLE}], "method": {"kind": "peridynamics"}}, "bodies.0.material.kind"),
     ],
 )
 def test_what_does_not_vibrate_linearly_is_refused(comm, changes, place):
@@ -126,6 +163,12 @@ def test_what_does_not_vibrate_linearly_is_refused(comm, changes, place):
     with pytest.raises(SceneError) as caught:
         find_modes(comm, scene, 2, None)
     assert [fault.key for fault in caught.value.faults] == [place]
+
+
+def test_a_body_that_is_held_all_over_is_refused(comm):
+    scene = scene_of((2, 5), (1.0, 4.0), boundaries=supports(X0=(0.0, "fixed"), X1=(1.0, "fixed")))
+    with pytest.raises(SolverError):
+        find_modes(comm, scene, 2, None)
 
 
 def test_weights_that_do_not_close_are_refused(comm):

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from grouped_meshes import ring
+from scipy.optimize import brentq
 from solids import (
     evolved,
     gathered,
@@ -13,6 +15,7 @@ from solids import (
     tables,
 )
 from test_mesh_weights import RUBBER, linear, of_mesh, write
+from test_shared_nodes import scene_of, two_groups
 
 from parsolid.collective import SolverError
 from parsolid.output.results import load
@@ -29,6 +32,13 @@ def static(folder, kind="triangle", dimension=2, method=None, **rest):
     data["end_time"] = 1.0
     data["output"] = {"fields_interval": 1.0}
     return data
+
+
+def box(size, weights, **rest):
+    """Tables of a box of so many nodes in equilibrium."""
+    data = tables((9,) * len(size), size, method={"integrator": "static", "weights": weights}, **rest)
+    del data["method"]["kernel"]
+    return data | {"output": {"fields_interval": 1.0}}
 
 
 def beam(folder, arch=0.0, **rest):
@@ -49,17 +59,21 @@ def sagging(folder):
     return beam(folder, boundaries=[]) | {"loads": {"acceleration": ["0", "-3e-3*t"]}}
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_patch(shared_path, comm, dimension):
+@pytest.mark.parametrize(
+    ("kind", "dimension"), [("mixed", 2), ("mixed", 3), ("cells", 2), ("fourth-order", 2), ("fourth-order", 3)]
+)
+def test_patch(shared_path, comm, kind, dimension):
     """Faces that are driven linearly strain the body evenly, by work that it stores."""
-    sides = [
-        (axis, place) for axis, count in zip("XYZ", (4, 4) if dimension == 2 else (5, 2, 2)) for place in (0, count)
-    ]
+    size = (1.0, 1.0) if dimension == 2 else (1.25, 0.5, 0.5)
     moved = [f"t*({one})" for one in linear(STRAIN, dimension)]
     driven = [
-        {"plane": f"{axis} = {0.25 * place}", "kind": "displacement", "displacement": moved} for axis, place in sides
+        {"plane": f"{axis} = {place}", "kind": "displacement", "displacement": moved}
+        for axis, length in zip("XYZ", size)
+        for place in (0.0, length)
     ]
-    sim, found = run_to_end(static(shared_path, "mixed", dimension, boundaries=driven), comm)
+    data = box(size, kind) if kind in ("cells", "fourth-order") else static(shared_path, kind, dimension)
+    data["method"]["tolerance"] = 1e-12
+    sim, found = run_to_end(data | {"boundaries": driven}, comm)
     (F,) = gathered(sim, "deformation_gradient")
     assert np.abs(F.reshape(-1, dimension, dimension) - np.eye(dimension) - STRAIN[:dimension, :dimension]).max() < 1e-9
     assert found["strain_energy"][-1] == pytest.approx(found["external_work"][-1], rel=1e-4)
@@ -77,6 +91,54 @@ def test_beam(shared_path, comm):
     sim, _ = run_to_end(data, comm)
     force = comm.allreduce(sim.systems[0].reaction("clamp"))
     np.testing.assert_allclose(force[:2], [0.0, 1.1 * 8.0 * 3e-3], atol=1e-8)
+
+
+@pytest.mark.ranks(1, 2)
+@pytest.mark.parametrize("weights", ["cells", "fourth-order"])
+def test_box(comm, weights):
+    """A box in shear between rollers: the same on all ranks, and its work is stored."""
+    held = [{"plane": "X = 0", "kind": "roller"}, {"plane": "Y = 0", "kind": "fixed"}]
+    loads = [{"plane": "Y = 1", "kind": "traction", "traction": ["0.2*t", "0.1*t*X"]}]
+    data = box((1.0, 1.0), weights, boundaries=held + loads)
+    rows = run_alone_and_on_all(data, comm, names=("time", "external_work", "strain_energy"))
+    assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=2e-4)
+
+
+@pytest.mark.ranks(1, 2)
+def test_two_materials(shared_path, comm):
+    """Groups of one mesh that share nodes bear one stress, each with a stretch of its own."""
+    data = scene_of(two_groups(shared_path, "triangle", 2), 2)
+    data |= {"end_time": 1.0, "method": {"kind": "tlsph", "integrator": "static"}, "output": {"fields_interval": 1.0}}
+    pulled = {"plane": "X = 2", "kind": "displacement", "displacement": ["0.4*t", "free"]}
+    data["boundaries"] = [{"plane": "X = 0", "kind": "roller"}, {"plane": "Y = 0", "kind": "roller"}, pulled]
+    sim, rows = run_to_end(data, comm)
+    # P11 = E/2 (l - 1/l) of these laws, of Poisson's ratio 0
+    soft = brentq(lambda one: (one - 1.0 / one) - 8.0 * (2.4 - one - 1.0 / (2.4 - one)), 1.0, 1.4)
+    body, F = gathered(sim, "body", "deformation_gradient")
+    np.testing.assert_allclose(F[:, 0], np.where(body == 0, soft, 2.4 - soft), atol=1e-7)
+    assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-4)
+
+
+def test_pressure_against_springs(shared_path, comm):
+    """A thick ring under a pressure within, on springs around it: Lame's displacements."""
+    a, b, p, k, E, nu = 1.0, 2.0, 1e-4, 1.5, 3.0, 0.3
+    boundaries = [
+        {"where": "bore", "kind": "pressure", "pressure": f"{p}*t"},
+        {"where": "outside", "kind": "spring", "stiffness": k},
+    ]
+    data = static(shared_path, boundaries=boundaries)
+    data["bodies"][0]["shape"]["mesh"]["file"] = ring(shared_path / "ring.msh", a, b, 5)
+    sim, rows = run_to_end(data, comm)
+    # u = A r + B/r, s_r = E/(1 + nu) [A/(1 - 2 nu) - B/r^2]
+    G = E / (1.0 + nu)
+    within = [G / (1.0 - 2.0 * nu), -G / a**2]
+    around = [G / (1.0 - 2.0 * nu) + k * b, -G / b**2 + k / b]
+    A, B = np.linalg.solve([within, around], [-p, 0.0])
+    X, u = gathered(sim, "reference_position", "displacement")
+    radius = np.hypot(*X.T)
+    found = np.einsum("ni,ni->n", X, u) / radius
+    np.testing.assert_allclose(found, A * radius + B / radius, rtol=0.03)
+    assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-4)
 
 
 @pytest.mark.ranks(1, 2)

@@ -29,7 +29,7 @@ from parsolid.solvers.newton import State, newton
 
 # of a load, what the tangent of a step leaves; the share of a step's work that may be missing in the stored energy, at
 # most, and as lengths of steps are chosen; by how many powers of 2 these change at most
-_TANGENT = 1e-3
+_TANGENT = 1e-4
 _MISSING, _AIM = 2e-3, 1e-4
 _POWERS = 2.0
 # of the scene's end, the first load step; of one that was asked for, the shortest that is tried
@@ -38,6 +38,7 @@ _FIRST, _LEAST = 0.1, 2.0**-10
 _PRODUCTS = 3000
 _STATE = (
     "load_step",
+    "loaded",
     "largest_load",
     "load_steps",
     "retries",
@@ -103,14 +104,17 @@ class Static:
         system.particles.declare(Field("displacement_curvature", system.dimension, "m/s^2", **kept))
         self.tangent = Tangent(system)
         self.free = self.tangent.free
-        self.preconditioner = StaticPreconditioner(self.tangent)
+        # of boxes; meshes have their own in their forces and energy
+        self.stabiliser = None if system.boxes is None else system.boxes.stabiliser()
+        self._stabilising = np.zeros(self.free.shape)
+        self.preconditioner = StaticPreconditioner(self.tangent, self.stiffness)
         loads = [load for load, _ in self.conditions.loads_of]
         # whether all loads have a potential, which is their product with the displacement
         self.dead = all(isinstance(load, DistributedLoad) for load in loads)
         self.end = float(scene.end_time)
         self.load_step = min(_FIRST * self.end, self.settings.maximum_step or np.inf)
         self.reached: float | None = None
-        self.fault, self.largest_load, self.norm, self.target = "", 0.0, 0.0, 0.0
+        self.fault, self.loaded, self.largest_load, self.norm, self.target = "", False, 0.0, 0.0, 0.0
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
         # of the equilibrium that is sought: time [s], length [s] and part of the load step
         self._at = (0.0, 0.0, 0.0)
@@ -120,6 +124,9 @@ class Static:
 
     def evaluate(self, displacement: np.ndarray) -> State:
         """See `Problem`: under the loads of the equilibrium that is sought."""
+        # nothing resists particles of one node that rounding has moved apart
+        displacement = displacement.copy()
+        self.tangent.share_moves(displacement)
         sound = self._deform(displacement)
         external = self._loads(*self._at)
         residual = np.where(self.free, self.internal_force() + external, 0.0)
@@ -145,11 +152,26 @@ class Static:
             bodies.find_forces()
         for name in ("velocity", "dissipative_force"):
             of(name)[:] = 0.0
+        if self.stabiliser is not None:
+            self._stabilising[:] = 0.0
+            self.stabiliser.add_product(displacement, self._stabilising)
         return all(sound)
 
     def internal_force(self) -> np.ndarray:
         """Internal force (owned, d) [N] of the displacement evaluated last, on this side of mirror planes."""
-        return np.asarray(self.system.particles.owned_rows("stress_force") * self.system.share[:, None])
+        force = self.system.particles.owned_rows("stress_force") * self.system.share[:, None]
+        return np.asarray(force - self._stabilising)
+
+    def stabiliser_energy(self) -> float:
+        """Energy [J] of what resists rough displacements of this rank's boxes, in the state evaluated last."""
+        return 0.5 * float(np.vdot(self.system.particles.owned_rows("displacement"), self._stabilising))
+
+    def stiffness(self, change: np.ndarray) -> np.ndarray:
+        """K du (owned, d) [N] of a change of the displacement (owned, d) [m], without that of loads."""
+        result = self.tangent.product(change)
+        if self.stabiliser is not None:
+            self.stabiliser.add_product(change, result)
+        return result
 
     def _loads(self, time: float, step: float, part: float) -> np.ndarray:
         """Loads (owned, d) [N] at a part of a load step [s] from a time [s], in the present shape; of a jump, where the
@@ -182,12 +204,13 @@ class Static:
         solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, self.preconditioner)
         self.products += solution.iterations
         self.most_products = max(self.most_products, solution.iterations)
-        self.preconditioner.note(solution.iterations, max(np.log10(size / max(solution.residual, 1e-300)), 0.5))
+        decades = max(np.log10(max(size, 1e-300) / max(solution.residual, 1e-300)), 0.5)
+        self.preconditioner.note(solution.iterations, decades)
         return solution
 
     def _product(self, change: np.ndarray, out: np.ndarray) -> None:
         """(K - dL/du) du of a change (owned, d) [m] into out [N]."""
-        out[:] = self.tangent.product(change)
+        out[:] = self.stiffness(change)
         if not self.dead:
             out -= self._change_of_loads(change)
 
@@ -202,6 +225,9 @@ class Static:
             of("deformation_gradient")[:] = one + system.displacement_gradient().reshape(F.shape)
             ends.append(self._loads(*self._at))
         of("position")[:], of("deformation_gradient")[:] = x, F
+        if system.meshes is not None:
+            # rows of the sweeps have places, too, which the energy needs
+            system.meshes.begin()
         return np.asarray(0.5 * (ends[0] - ends[1]))
 
     # --- load steps ----------------------------------------------------------------------------------------------
@@ -326,7 +352,7 @@ class Static:
         if not solution.converged:
             return Failed(f"along the load, {solution.reason}", solution.iterations < _PRODUCTS)
         change += solution.value
-        return Tangential(change, self.tangent.product(change))
+        return Tangential(change, self.stiffness(change))
 
     def _scale(self, taken: Taken) -> float:
         """Energy [J] beside which what is missing counts."""
@@ -348,7 +374,8 @@ class Static:
         external, force = self._loads(*self._at), self.internal_force()
         squares = [np.vdot(external, external), np.vdot(force[~self.free], force[~self.free])]
         load, reaction = np.sqrt(sums(self.comm, squares))
-        if load == 0.0 and self.largest_load == 0.0:
+        self.loaded = self.loaded or bool(load > 0.0)
+        if not self.loaded:
             load = reaction
         self.largest_load = max(self.largest_load, float(load))
         self.target = max(self.settings.tolerance * self.largest_load, self.preconditioner.rounding)

@@ -4,6 +4,7 @@ The particles' own level is the diagonal of nearest-neighbour elements, the othe
 are. Moduli are those at rest, of nearly incompressible laws those of a softer volume, as a grid would lock.
 """
 
+from collections.abc import Callable
 from itertools import combinations
 from typing import Any
 
@@ -22,7 +23,7 @@ _SOFTEST = 4.0
 # of a solution that say something
 _GROWN, _FEW = 1.5, 8
 # bits of a particle's stiffness times its size that forces have as rounding
-_BITS = 4.0 * 2.0**-52
+_BITS = 32.0 * 2.0**-52
 # of a body's size, a turn or shift that is none
 _LOOSE = 1e-9
 
@@ -33,8 +34,8 @@ class StaticPreconditioner:
     rounding [N]: of the norm of forces.
     """
 
-    def __init__(self, tangent: Tangent) -> None:
-        """Raises SolverError on all ranks where nothing holds a body."""
+    def __init__(self, tangent: Tangent, stiffness: Callable[[np.ndarray], np.ndarray]) -> None:
+        """stiffness(u) gives K u (owned, d) [N]. Raises SolverError on all ranks where nothing holds a body."""
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
         system, d = self.system, self.system.dimension
         of = system.particles.owned_rows
@@ -48,19 +49,19 @@ class StaticPreconditioner:
         self.volume = np.array(of("volume"))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
-        self.diagonal = self._scaled_diagonal()
+        self.diagonal = self._scaled_diagonal(stiffness)
         size = self.volume[:, None] ** (1.0 / d)
         self.rounding = _BITS * float(np.sqrt(sums(self.comm, [np.sum((self.diagonal * size) ** 2)])[0]))
         self._refuse_loose_bodies()
 
-    def _scaled_diagonal(self) -> np.ndarray:
+    def _scaled_diagonal(self, stiffness: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest."""
         tangent, estimate = self.tangent, self.tangent.diagonal()
         signs = np.sign(start_vector(self.system.particles.owned_rows("identifier"), self.system.dimension))
         tangent.share_moves(signs)
         trial = np.where(tangent.free, signs, 0.0)
         tangent.linearise()
-        power, measure = sums(self.comm, [np.vdot(trial, tangent.product(trial)), np.vdot(trial, estimate * trial)])
+        power, measure = sums(self.comm, [np.vdot(trial, stiffness(trial)), np.vdot(trial, estimate * trial)])
         return estimate * float(power / measure) if measure > 0.0 else estimate
 
     def build(self) -> None:

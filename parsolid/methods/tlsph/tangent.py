@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import inlined, kernel
-from parsolid.materials.hyperelastic.functions import stress
+from parsolid.materials.hyperelastic.functions import elastic_moduli, stress
 from parsolid.methods.tlsph.list_update import find_gradients, store_stresses
 from parsolid.methods.tlsph.point_update import TILE, load, load_values, store
 from parsolid.methods.tlsph.tile_fields import copy_in, copy_out, law_in
@@ -152,6 +152,12 @@ class Tangent:
     def mass(self) -> np.ndarray:
         """Mass (owned,) [kg] of this side's part."""
         return np.asarray(self.system.mass * self.system.share)
+
+    @property
+    def laws(self) -> list[tuple[int, int, float, float, float]]:
+        """First and last row of those that share a law, its shear and Lame's first modulus [Pa], density [kg/m^3]."""
+        blocks = self.system.blocks
+        return [(one.first, one.last, *elastic_moduli(one.law), one.law.density) for one in blocks]
 
     def linearise(self) -> None:
         """Take the moduli of the present deformation."""
