@@ -1,7 +1,7 @@
 """Frequencies and shapes of the vibrations of a scene's bodies, into a folder."""
 
 import csv
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,8 @@ from mpi4py import MPI
 
 from parsolid.api.arguments import require_whole_number
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
-from parsolid.collective import maximum, minimum
-from parsolid.output.errors import together
+from parsolid.collective import SolverError, maximum, minimum
+from parsolid.output.errors import OutputError, together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.summary import provenance, write_summary
@@ -28,9 +28,12 @@ _AMPLITUDE = 0.05
 
 @dataclass(frozen=True)
 class ModesFound:
-    """What `modes` gives, the same on all ranks: frequencies (k,) [Hz], rigid ones first; rigid: how many; residuals
-    (k,); shares (k, d) of the mass that move as a whole translates; iterations, products, particles; converged;
-    seconds; notes; folder: where tables and shapes are, None where they are written nowhere."""
+    """What `modes` gives, the same on all ranks but for the note that results were moved.
+
+    frequencies (k,) [Hz], rigid ones first; rigid: how many; residuals (k,); shares (k, d) of the mass that move as a
+    whole translates; iterations, products, particles; converged; seconds; notes; folder: where tables and shapes are,
+    None where they are written nowhere.
+    """
 
     frequencies: np.ndarray
     rigid: int
@@ -76,25 +79,39 @@ def find_modes(
     """The same of a scene that is read; inputs: files that are not written over. Collective."""
     began = MPI.Wtime()
     bodies = VibratingBodies(comm, scene)
-    notes = tuple(bodies.notes())
-    found = bodies.find(count, tolerance, ITERATIONS)
-    result = ModesFound(
-        frequencies=found.frequencies,
-        rigid=found.rigid,
-        residuals=found.residuals,
-        shares=found.shares,
-        iterations=found.found.iterations,
-        products=found.found.products,
-        particles=bodies.particles,
-        converged=found.found.converged,
-        seconds=MPI.Wtime() - began,
-        notes=notes,
-        folder=folder,
-    )
-    if folder is not None:
-        with closing(RunFolder(comm, folder, inputs=inputs)) as opened:
+    notes = bodies.notes()
+    with ExitStack() as kept:
+        opened = None
+        if folder is not None:
+            opened = kept.enter_context(closing(_folder(comm, folder, inputs)))
+            notes += [
+                Note("results-moved", f"the results of an earlier run are in {aside} now") for aside in opened.moved
+            ]
+        found = bodies.find(count, tolerance, ITERATIONS)
+        result = ModesFound(
+            frequencies=found.frequencies,
+            rigid=found.rigid,
+            residuals=found.residuals,
+            shares=found.shares,
+            iterations=found.found.iterations,
+            products=found.found.products,
+            particles=bodies.particles,
+            converged=found.found.converged,
+            seconds=MPI.Wtime() - began,
+            notes=tuple(notes),
+            folder=folder,
+        )
+        if opened is not None:
             _write(comm, bodies, found, result, opened)
     return result
+
+
+def _folder(comm: Any, folder: Path, inputs: tuple[Path | str, ...]) -> RunFolder:
+    """The folder, made ready; raises SolverError on all ranks where it cannot be written."""
+    try:
+        return RunFolder(comm, folder, inputs=inputs)
+    except OutputError as error:
+        raise SolverError(str(error)) from error
 
 
 def rows_of(found: ModesFound) -> list[dict[str, Any]]:

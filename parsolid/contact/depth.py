@@ -11,6 +11,7 @@ from parsolid.contact.bodies import BodyKind, ContactBodies, ContactLaw, reflect
 from parsolid.contact.kernel import norm, over_planes, shape
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.generated import cell_volumes
 
 # penetration at the start that is refused, in the smaller spacing
 _TOO_DEEP = 1.0
@@ -100,7 +101,7 @@ def own_colours(comm: Any, system: ParticleSystem, rows: np.ndarray, law: Contac
     place, body = np.ascontiguousarray(read("reference_position")[rows]), read("body")[rows].astype(np.int64)
     halo = Halo(comm, place, law.reach * (1.0 + 1e-9))
     whole, body = halo.with_ghosts(place), halo.with_ghosts(body)
-    volume = halo.with_ghosts(np.ascontiguousarray(read("volume")[rows] / shares_of(system, rows, law)))
+    volume = halo.with_ghosts(np.ascontiguousarray(cell_volumes(system.particles)[rows] / shares_of(system, rows, law)))
     d, inverse = place.shape[1], 1.0 / law.reach
     total = volume * shape(0.0)
     search = ClosePairs()

@@ -14,6 +14,7 @@ from parsolid.contact.self_contact import SelfContact
 from parsolid.contact.time_step import SEEN
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.generated import cell_volumes
 
 
 @kernel
@@ -115,7 +116,8 @@ class Search:
         place, share = self.gathered("position"), self._shares()
         reach = float(reaches[boxes.near].max(initial=0.0))
         halo = Halo(self.comm, place, reach * REACH_MARGIN if reach > 0.0 else 1.0)
-        d, volume = place.shape[1], self.gathered("volume") / share
+        whole = [cell_volumes(self.systems[one.system].particles)[one.rows] for one in self.segments]
+        d, volume = place.shape[1], np.concatenate([np.zeros(0), *whole]) / share
         of_law: Any = constants(volume, share)
         skin, identifier = boxes.skin[self.pair], self.gathered("identifier").astype(np.int64)
         rows = np.zeros((self.owned + halo.ghosts, 4))

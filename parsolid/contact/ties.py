@@ -21,6 +21,7 @@ from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field
+from parsolid.particles.generated import cell_volumes
 from parsolid.scene import Scene
 from parsolid.scene.tie import TIE_TERMS, tied_pairs
 
@@ -108,7 +109,8 @@ class TiedFaces:
         place = self._gathered("reference_position")[:, : self._dimension]
         # what a spring joins lies within two reaches and the way to the face of what it pulls
         halo = Halo(self.comm, place, 2.0 * reach + 2.0 * coarse)
-        told = halo.with_ghosts(np.column_stack((place, self._gathered("volume"))))
+        whole = [cell_volumes(side.system.particles)[rows] for side, rows in zip(self.sides, self.rows)]
+        told = halo.with_ghosts(np.column_stack((place, np.concatenate(whole))))
         names = halo.with_ghosts(self._gathered("identifier").astype(np.int64))
         second = halo.with_ghosts((np.arange(self.owned) >= self.first).astype(np.int64)) > 0
         place, volume = np.ascontiguousarray(told[:, :-1]), np.ascontiguousarray(told[:, -1])

@@ -12,6 +12,7 @@ import numpy as np
 from parsolid.kernels import inlined
 from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.functions import temperature_rise
 from parsolid.materials.plastic.tile_update import (
     BACK_STRESS_ENERGY,
     HEAT,
@@ -226,3 +227,21 @@ def measure_flow(particles: Particles, mass: np.ndarray, name: str) -> tuple[str
     field = name.removeprefix("maximum_")
     values = particles.owned_rows(field) if field in particles else np.zeros(0)
     return "maximum", np.array([values.max(initial=0.0)])
+
+
+def take_heat(particles: Particles, blocks: list[Any], heat: np.ndarray, rows: np.ndarray) -> float:
+    """Warm the particles of blocks (first, last, law) among rows (n,), see `ParticleSystem.take_heat`; others take
+    nothing."""
+    of, taken = particles.owned_rows, 0.0
+    temperature, energy = of("temperature"), of("internal_energy")
+    for block in blocks:
+        chosen = (rows >= block.first) & (rows < block.last)
+        here = rows[chosen]
+        # E is that of the part on this side of mirror planes, as the volume is
+        own = heat[chosen] * of("share")[here]
+        density = own / of("volume")[here]
+        capacity = block.law.density * block.law.specific_heat_at(temperature[here])
+        temperature[here] += temperature_rise(block.law, capacity, density)
+        energy[here] += density
+        taken += float(own.sum())
+    return taken

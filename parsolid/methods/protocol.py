@@ -170,7 +170,7 @@ class ParticleSystem:
         return []
 
     def least_mass(self, body: int) -> float:
-        """Least mass of a particle of a body over that of its volume."""
+        """Least mass of a particle of a body over that of its cell."""
         return 1.0
 
     def wave_modulus(self, body: int) -> tuple[float, float]:

@@ -7,6 +7,14 @@ import numpy as np
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 
+# volumes of the cells of lattices whose particles have the weights of a quadrature as "volume"
+CELL_VOLUME = "cell_volume"
+
+
+def cell_volumes(particles: Particles) -> np.ndarray:
+    """Volumes (owned,) [m^3] of the particles' cells: matter as others see it, whatever integrals take for it."""
+    return np.asarray(particles.owned_rows(CELL_VOLUME if CELL_VOLUME in particles else "volume"))
+
 
 def declare_generated(
     particles: Particles, particle_set: Any, told: tuple[str, ...] = (), **layouts: Rows | Columns | Within

@@ -8,6 +8,7 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.materials.damage.bond_based import BondBased
+from parsolid.materials.declaration import Direction, parameters_of
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.small_motion import SmallMotion
 from parsolid.methods.tlsph.tangent import Tangent
@@ -163,6 +164,17 @@ class VibratingBodies:
         return Vibrations(len(rigid), frequencies, residuals, shapes, shares, found)
 
 
+def _no_tangent(material: Any, method: str) -> str:
+    """What is expected for modes in place of a law with fibres that has no tangent at rest, or none that the method
+    knows; empty where the law has one."""
+    notes = [note for _, note in parameters_of(getattr(material, "declared", object)).values()]
+    if not any(isinstance(note, Direction) for note in notes):
+        return ""
+    if getattr(material, "bears_tension_alone", False):
+        return "a law as stiff in compression as in tension for modes"
+    return "'tlsph', or a law without fibres, for modes" if method == "peridynamics" else ""
+
+
 def refuse_nonlinear(scene: Scene) -> None:
     """Raise SceneError for what of a scene does not vibrate linearly, or not by this method."""
     meeting = [name for name in ("contact", "tie", "tools") if getattr(scene, name)]
@@ -171,6 +183,9 @@ def refuse_nonlinear(scene: Scene) -> None:
     faults += [fault(("boundaries", i, "kind"), "no spring for modes", "spring") for i in springs]
     rough = [number for number, one in enumerate(scene.bodies) if one.shape.kind == "perforated_box"]
     faults += [fault(("bodies", i, "shape"), "a box or a mesh for modes", "perforated_box") for i in rough]
+    for i, body in enumerate(scene.bodies):
+        if expected := _no_tangent(body.material, scene.systems[0].settings.kind):
+            faults.append(fault(("bodies", i, "material", "kind"), expected, body.material.kind, "method"))
     systems = scene.systems
     if len(systems) > 1:
         faults.append(fault(("methods",), "one method for modes", len(systems)))

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
 from decomposition.reduction import sums
 
@@ -99,6 +98,8 @@ class LowestModes:
 
     def _ritz(self, S: _Block, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Least w^2 (count,) of combinations of vectors, and the factors (k, count) of these."""
+        from scipy.linalg import eigh
+
         stiffness, masses = sums(self.comm, np.array([_gram(S.vectors, S.images), self._masses(S.vectors)]))
         squares, factors = eigh(0.5 * (stiffness + stiffness.T), 0.5 * (masses + masses.T))
         return squares[:count], factors[:, :count]

@@ -54,11 +54,18 @@ def test_forces_are_the_derivative_of_the_energy(d, placement):
 
 
 @pytest.mark.parametrize(
-    "placement, wanted", [("vertices", (0.0199, 0.0995, 0.283)), ("cells", (0.0207, 0.122, 0.489))]
+    "placement, wide, weights, wanted",
+    [
+        ("vertices", 6, "kernel", (0.0199, 0.0995, 0.283)),
+        ("vertices", 8, "fourth-order", (0.0199, 0.0995, 0.283)),
+        ("cells", 6, "kernel", (0.0207, 0.122, 0.489)),
+    ],
 )
-def test_pressure_against_overlap(placement, wanted):
-    sim = simulated(bars(n=10, wide=6, placement=placement))
-    h, width = 0.1, 0.6
+def test_pressure_against_overlap(placement, wide, weights, wanted):
+    """Alike for all weights of nodes: contact sees where matter is."""
+    sim = simulated(bars(n=10, wide=wide, placement=placement))
+    assert sim.systems[0].body_weights == [weights] * 2
+    h, width = 0.1, 0.1 * wide
     contact = contact_of(sim)
     assert contact.contact_bodies.laws[0][1].stiffness == pytest.approx(MODULUS / h, rel=1e-12)
     at = 0.0
@@ -70,7 +77,7 @@ def test_pressure_against_overlap(placement, wanted):
 
 
 def test_touching_faces_feel_little_and_bodies_apart_nothing():
-    for data in (bars(), bars(placement="cells"), bars(ratio=4.0 / 3.0, n=12, wide=6)):
+    for data in (bars(), bars(wide=8), bars(placement="cells"), bars(ratio=4.0 / 3.0, n=12, wide=6)):
         sim = simulated(data)
         contact_of(sim).find_forces(None, held=True)
         assert abs(pressure(sim)) < 4e-5 * MODULUS

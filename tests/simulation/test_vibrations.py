@@ -125,6 +125,25 @@ def test_peridynamic_bodies(comm):
 
 
 PLATE = {"shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}}, "particles": [8, 8], "material": SOFT}
+MUSCLE = {
+    "kind": "guccione",
+    "density": 1000.0,
+    "stiffness": 1e4,
+    "along": 4.0,
+    "across": 1.0,
+    "shear": 2.0,
+    "bulk_modulus": 1e6,
+    "fibre": {"angle": "0"},
+}
+TENDON = {
+    "kind": "holzapfel-gasser-ogden",
+    "density": 1000.0,
+    "shear_modulus": 1e4,
+    "bulk_modulus": 1e6,
+    "fibre_modulus": 1e5,
+    "fibre_exponent": 1.0,
+    "fibre": {"angle": "0"},
+}
 ABOVE = {**PLATE, "shape": {"box": {"lower": [0.0, 1.5], "upper": [1.0, 2.5]}}}
 TLSPH = {"kind": "tlsph", "weights": "cells"}
 
@@ -135,6 +154,8 @@ TLSPH = {"kind": "tlsph", "weights": "cells"}
         ({"method": {"kind": "mpm", "cell": 0.25}, "bodies": [{**PLATE, "placement": "cells"}]}, "method.kind"),
         ({"bodies": [{**PLATE, "name": "a"}, {**ABOVE, "name": "b"}], "contact": [{"bodies": ["a", "b"]}]}, "contact"),
         ({"boundaries": [{"kind": "spring", "plane": "X = 0", "stiffness": 1.0}]}, "boundaries.0.kind"),
+        ({"bodies": [{**PLATE, "material": TENDON}]}, "bodies.0.material.kind"),
+        ({"bodies": [{**PLATE, "material": MUSCLE}], "method": {"kind": "peridynamics"}}, "bodies.0.material.kind"),
     ],
 )
 def test_what_does_not_vibrate_linearly_is_refused(comm, changes, place):

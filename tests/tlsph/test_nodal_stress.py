@@ -240,3 +240,17 @@ def test_of_other_particles_it_is_their_own(tmp_path, weights):
     sim = simulation(data)
     (_, one), (_, other) = nodal(sim), nodal(sim, "stress")
     assert (one == other).all() == (weights == "kernel")
+
+
+def test_inside_there_is_no_surface(shared_path, comm):
+    """What is rounding in the areas of inner nodes tells no traction."""
+    file = write(shared_path / "block.vtu", *element_mesh("triangle", (12, 12), 0.3, 0.25))
+    sim = simulation(of_mesh(file, 2, {"displacement": ["0.1*X", "-0.05*Y"]}), comm)
+    X, stress = nodal(sim)
+    _, own = nodal(sim, "stress")
+    inner = ((X > 0.01) & (X < 2.99)).all(axis=1)
+    assert inner.sum() == 121
+    np.testing.assert_allclose(stress[inner], own[inner], rtol=0.0, atol=1e-12)
+    nodes = sim.systems[0].meshes.nodal
+    here = np.array(sim.systems[0].particles.owned_rows("reference_position"))
+    assert (nodes.known.any(axis=1) == ((here < 0.01) | (here > 2.99)).any(axis=1)).all()

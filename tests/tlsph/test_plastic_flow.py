@@ -142,6 +142,19 @@ def test_a_restart_in_the_flow_has_the_same_bits(kind, shared_path, comm):
     assert through.simulation.systems[0].particles.owned_rows("plastic_strain").max() > 1e-3
 
 
+def test_rubber_and_copper_that_are_bonded_have_their_laws_and_controls():
+    """As a rubber knows the gradient of displacements alone, not that of velocities which copper's control needs."""
+    data = bent("bonds")
+    rubber = {"kind": "neo-hookean", "density": 2000.0, "youngs_modulus": 5e9, "poissons_ratio": 0.3}
+    box = {"box": {"lower": [0.0, 5e-4 + 5e-4 / 6.0], "upper": [1e-3, 1e-3 + 5e-4 / 6.0]}}
+    soft = data["bodies"][0] | {"name": "rubber", "shape": box, "material": rubber}
+    data |= {"bodies": [data["bodies"][0] | {"name": "copper"}, soft], "bond": [{"bodies": "all"}]}
+    sim, ledger = run_steps(data, 60)
+    energy = ledger["kinetic"][0]
+    assert ledger["plastic_work"][-1] > 0.05 * energy and sim.systems[0].forces.tensors.stored > 0.01 * energy
+    assert np.abs(ledger["energy_error"]).max() < 1e-4 * energy
+
+
 def test_the_stress_that_acts_is_that_of_the_state():
     sim, _ = run_steps(bent("kernel"), 30)
     system = sim.systems[0]

@@ -152,7 +152,42 @@ def test_boxes_beside_meshes_have_what_they_have_alone(tmp_path, particles, weig
     data["bodies"].append(beside)
     assert chosen(data)[0] == ["mesh", weights]
     data["contact"] = [{"bodies": [one["name"] for one in data["bodies"]]}]
-    assert chosen(data)[0] == ["mesh", "kernel"]
+    assert chosen(data)[0] == ["mesh", weights]
+
+
+BALL = {"shape": {"sphere": {"centre": [1.6, 0.5], "radius": 0.5}}, "spacing": 0.1}
+SECOND = {"shape": {"box": {"lower": [1.0, 0.0], "upper": [2.0, 1.0]}}, "placement": "vertices"}
+FLOOR = {"name": "floor", "shape": {"plane": {"point": [0.0, -0.1], "normal": [0.0, 1.0]}}}
+MEETS = {
+    "a box": ([SECOND | {"particles": [9, 9]}], {"contact": [{"bodies": ["one", "other"]}]}),
+    "a ball": ([BALL], {"contact": [{"bodies": ["one", "other"]}]}),
+    "a tool": ([], {"tools": [FLOOR]}),
+    "bars that a bond joins far away": (
+        [{"shape": {"box": {"lower": [x, 9.0], "upper": [x + 1.0, 10.0]}}, "particles": [8, 8]} for x in (0.0, 1.0)],
+        {"bond": [{"bodies": ["other", "other-2"]}]},
+    ),
+}
+
+
+@pytest.mark.parametrize("meets", MEETS)
+def test_a_body_has_the_same_weights_whatever_it_meets(meets):
+    others, more = MEETS[meets]
+    data = tables(**more)
+    names = ("other", "other-2")
+    data["bodies"] += [{"name": name, "material": SOFT, **other} for name, other in zip(names, others)]
+    kinds = chosen(data)[0]
+    assert kinds[0] == "fourth-order" and kinds[1:] == (
+        ["fourth-order"] if meets == "a box" else ["kernel"] * len(others)
+    )
+
+
+@pytest.mark.parametrize("offset, weights", [(0.0, "best"), (0.05, "kernel"), (0.5, "best")])
+def test_a_mirror_plane_beside_the_nodes_keeps_the_kernel(offset, weights):
+    """Weights in closed form have images at planes through nodes alone; this one bounds the first of two boxes."""
+    data = tables((9, 9), boundaries=[{"plane": "X = 0", "kind": "roller"}])
+    shape = {"box": {"lower": [offset, 3.0], "upper": [1.0 + offset, 4.0]}}
+    data["bodies"].append(data["bodies"][0] | {"name": "other", "shape": shape})
+    assert choice(data)[0] == weights
 
 
 def test_meshes_of_one_of_several_methods_have_them_too(tmp_path):

@@ -20,6 +20,7 @@ from parsolid.contact.tools.forces import (
 from parsolid.contact.tools.shapes import distance
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
+from parsolid.particles.generated import cell_volumes
 from parsolid.scene import Scene
 
 # fields of particles that any tool may touch
@@ -85,7 +86,7 @@ def stiffnesses(particles: Any, radius: np.ndarray, width: np.ndarray, moduli: n
     moduli (bodies,) [Pa]; polar: per radian about the axis X = 0.
     """
     face = np.abs(particles.owned_rows("area")).max(axis=1)
-    area = np.where((radius > 0.0) | (face == 0.0), particles.owned_rows("volume") / width, face)
+    area = np.where((radius > 0.0) | (face == 0.0), cell_volumes(particles) / width, face)
     if polar:
         area = area * particles.owned_rows("reference_position")[:, 0]
     return np.asarray(moduli[particles.owned_rows("body")] * area / width)
@@ -204,7 +205,10 @@ class Touch:
         if self.record is None or not self.system.takes_heat:
             return 0.0
         warmed = self.touched.lost > 0.0
-        return self.system.take_heat(0.5 * self.touched.lost[warmed], self.rows[warmed])
+        rows = self.rows[warmed]
+        # of whole particles
+        heat = 0.5 * self.touched.lost[warmed] / self.system.share[rows]
+        return self.system.take_heat(heat, rows)
 
     def give(self, step: float) -> None:
         """Add the forces to those on the particles, and the impulse that a step [s] has besides."""

@@ -68,6 +68,11 @@ class StatedHolzapfelGasserOgden:
     fibre: FIRST
     second_fibre: SECOND
 
+    @property
+    def bears_tension_alone(self) -> bool:
+        """Whether the stiffness at rest is one in tension and another in compression."""
+        return True
+
     def equilibrium_law(self) -> Any:
         """The law without branches."""
         matrix = law_with_volume(Yeoh, self, c1=0.5 * float(self.shear_modulus), c2=0.0, c3=0.0)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from decomposition.occupied import Mirror
+from decomposition.occupied import Mirror, words
 from parsolid.boundary.constraints import mirror_plane
 from parsolid.boundary.forces import surface_load
 from parsolid.boundary.loads import Loads
@@ -107,7 +107,9 @@ class DrivenRegion:
     Of a plane that bounds all bodies they are also those beyond it, in which the last points of a body have a part:
     free ones would follow the points, and these leave what drives them. Where its normal velocity is the same all over
     it, such a plane moves with it; the last nodes that it has passed stay driven until it comes to the next ones, as
-    there are too few points beyond them to carry the load.
+    there are too few points beyond them to carry the load. Behind a plane whose normal velocity is zero or free nodes
+    have the velocities of a mirror image that moves against the prescribed one, as those behind a folded plane: nodes
+    at rest there would see a strain that halves beside the plane, and take energy from what swings.
 
     plane: axis, side (1: bodies are below), offset [m], or None; moved, at: how far it has moved [m] by a time [s].
     """
@@ -122,7 +124,10 @@ class DrivenRegion:
         assert isinstance(velocity, LoadHistory)
         self.components = [(int(i), velocity.component(int(i))) for i in np.flatnonzero(~velocity.free)]
         self.plane = _bounding(motion, *bounds)
+        normal = dict(self.components).get(self.plane[0]) if self.plane is not None else None
+        self.stays = self.plane is not None and (normal is None or _is_zero(normal))
         self.moved, self.at, self._chosen_at = 0.0, 0.0, np.nan
+        self._behind, self._images, self._ratio = np.zeros(0, int), np.zeros(0, int), np.zeros(0)
 
     def follow(self, time: float) -> None:
         """Move a plane that bounds bodies to a time [s]."""
@@ -149,27 +154,62 @@ class DrivenRegion:
             else:
                 axis, side, offset = self.plane
                 beyond = side * (places[:, axis] - offset - self.moved)
-                inside = beyond >= -(1.0 - _NEAR) * nodes.spacing
+                inside = beyond >= -((0.5 if self.stays else 1.0) - _NEAR) * nodes.spacing
+                self._find_images(nodes, np.flatnonzero(inside & (beyond > _NEAR * nodes.spacing)), beyond)
             self._slots = np.flatnonzero(inside)
             self._places = np.ascontiguousarray(places[self._slots])
         return self._slots
 
+    def _find_images(self, nodes: Nodes, behind: np.ndarray, beyond: np.ndarray) -> None:
+        """Of nodes behind a plane that stays, those nearest to their mirror images, and their distances over those."""
+        self._behind, self._images, self._ratio = np.zeros(0, int), np.zeros(0, int), np.zeros(0)
+        if self.plane is None or not self.stays or not len(behind):
+            return
+        axis, side, _ = self.plane
+        cells, s = nodes.grid.cells, beyond[behind] / nodes.spacing
+        place = cells.nodes[behind].copy()
+        # whole cells from a node behind the plane to the one before it that is as far from it, half a cell at least
+        steps = np.maximum(np.rint(2.0 * s), np.ceil(s + 0.5 - _NEAR)).astype(np.int64)
+        place[:, axis] -= int(side) * steps
+        word = words(place)
+        slot = np.searchsorted(cells.node_words, word)
+        slot[slot == len(cells.node_words)] = 0
+        there = cells.node_words[slot] == word
+        self._behind, self._images = behind[there], slot[there]
+        self._ratio = (s / (steps - s))[there]
+
     def impose(self, nodes: Nodes, array: np.ndarray, time: float) -> tuple[float, float]:
-        """Set the nodes' velocities to those of a time [s]; the work on the nodes that this rank counts, and 0 [J]."""
-        slots, work = self.choose(nodes), 0.0
+        """Set the nodes' velocities to those of a time [s]; the work on the nodes that this rank counts, and what is
+        lost where they are held at rest [J]."""
+        slots, work, lost = self.choose(nodes), 0.0, 0.0
         mass = array[slots, 3] * nodes.share[slots]
+        row = np.searchsorted(slots, self._behind)
         for axis, velocity in self.components:
             wanted, found = velocity.evaluate(self._places, time)[:, 0], array[slots, axis]
+            if len(row):
+                has = array[self._images, 3] > 0.0
+                wanted = wanted.copy()
+                wanted[row] -= np.where(has, self._ratio * (array[self._images, axis] - wanted[row]), 0.0)
             change = np.where(array[slots, 3] > 0.0, wanted - found, 0.0)
-            work += sum_in_order(mass * (change * (found + 0.5 * change - 0.5 * array[slots, 4 + axis])))
+            given = sum_in_order(mass * (change * (found + 0.5 * change - 0.5 * array[slots, 4 + axis])))
+            if _is_zero(velocity):
+                # what stands still does no work
+                lost -= given
+            else:
+                work += given
             array[slots, axis] += change
             array[slots, 4 + axis] += change
-        return work, 0.0
+        return work, lost if array is nodes.motion else 0.0
 
     def moving(self, nodes: Nodes) -> np.ndarray:
         """Velocities (count, d) [m/s] in the middle of the step."""
         now, d = nodes.motion[: nodes.count], nodes.points.dimension
         return np.asarray(now[:, :d] - 0.5 * now[:, 4 : 4 + d])
+
+
+def _is_zero(velocity: LoadHistory) -> bool:
+    """Whether a component is zero everywhere and always."""
+    return not velocity.formulas[0].names and not velocity.evaluate(np.zeros((1, 3)), 0.0).any()
 
 
 def _bounding(motion: MotionCondition, lower: np.ndarray, upper: np.ndarray) -> tuple[int, float, float] | None:

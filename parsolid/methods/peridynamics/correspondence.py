@@ -195,9 +195,7 @@ class CorrespondenceForces(BondForces):
             memory.trial_step(step)
         if self.plastic is not None:
             self.plastic.mean_step = 0.5 * (self.last_step + step)
-        force = self._evaluate(step)
-        self._dampen()
-        return force
+        return self._evaluate(step)
 
     def _evaluate(self, step: float) -> np.ndarray:
         """Force (owned, d) [N] of the fields of the memories, and of the displacement at the end of a step [s]."""
@@ -246,9 +244,12 @@ class CorrespondenceForces(BondForces):
         return self.divergence(field, control, force)
 
     def commit(self, step: float) -> float:
-        """End a step [s] at the displacement of the last evaluation; the energy dissipated over it [J]."""
+        """End a step [s] at the displacement of the last evaluation, of which the sums are; the energy dissipated over
+        it [J]."""
         lost = sum(memory.commit(step, self.share) for memory in self.memories)
-        return lost + sum(one.commit(step, self.bonds.sums) for one in self.histories)
+        lost += sum(one.commit(step, self.bonds.sums) for one in self.histories)
+        self._dampen()
+        return lost
 
     def book_softening(self, ledger: Any) -> float:
         """Enter into a ledger what state variables of laws have dissipated in the step that was committed last; the

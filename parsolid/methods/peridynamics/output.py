@@ -14,7 +14,7 @@ from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.fracture import Fracture
 from parsolid.methods.peridynamics.solids import is_small_strain
 from parsolid.methods.peridynamics.tangent import instantaneous_wave_modulus
-from parsolid.methods.plastic_particles import measure_flow
+from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, take_heat
 from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 from parsolid.scene.warned import Note, Warned
 
@@ -86,6 +86,15 @@ class Reports(ParticleSystem):
             F = known[name] = np.tile(np.eye(3), (self.owned, 1, 1))
             F[:, :d, :d] += gradients
         return known[name]
+
+    @property
+    def takes_heat(self) -> bool:  # type: ignore[override]
+        """Whether any body flows."""
+        return METRIC_FIELD in self.particles
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """See `ParticleSystem.take_heat`."""
+        return take_heat(self.particles, self.forces.plastic.blocks, heat, rows)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """Broken bonds, the place of the crack's tip, and what flow and failure have done; collective."""

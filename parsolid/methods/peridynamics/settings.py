@@ -230,6 +230,7 @@ class Peridynamics(MethodSettings):
     )
     declared_fields: ClassVar = PLASTIC_STATE
     state_of_particles: ClassVar = ("broken_bonds",)
+    state_forces: ClassVar = ("dissipative_force", "control_heat", "acting_stress")
     pressed: ClassVar = ("where", "box", "ball")
     refused: ClassVar = {
         "antisymmetric": "images of a solid that moves against it are not made",

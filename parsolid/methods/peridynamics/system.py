@@ -21,7 +21,7 @@ from parsolid.methods.peridynamics.tangent import Operator
 from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.methods.peridynamics.velocity_verlet import VelocityVerlet
 from parsolid.methods.plastic_particles import begin_plastic
-from parsolid.methods.previous_state import take_state
+from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.initial_fields import initial_displacement, initial_velocity
 from parsolid.scene.boundaries.surface import Pressure
@@ -78,6 +78,7 @@ class Peridynamics(Reports):
             if self.fracture is not None:
                 self.fracture.take_over()
             self.forces.evaluate_anew()
+            take_forces(self.comm, scene, self)
         if self.fracture is not None:
             self.fracture.look()
 

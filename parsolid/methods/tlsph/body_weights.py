@@ -1,15 +1,17 @@
 """Which pair weights each body of a scene has, and which it cannot have; known before any particle is made."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from decomposition.pair_search import close_boxes
 from parsolid.materials.declaration import Phrase
+from parsolid.pairs.box_weights import REACH
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.fillings import extent_of
 from parsolid.scene.base_model import Detail
+from parsolid.scene.boundaries.support import Support
 from parsolid.scene.validation_errors import SceneError
 
 # shapes whose particles stand on no lattice
@@ -78,17 +80,33 @@ def _no_mesh_weights_of(i: int, scene: Any) -> Detail | None:
     return None
 
 
-def all_resolved_boxes(scene: Any, bodies: Iterable[int]) -> bool:
-    """Whether all of these bodies are nodes of boxes that touch no other, with `RESOLVED` or more along every axis."""
+def best_is_confirmed(scene: Any) -> bool:
+    """Whether "best" gives some bodies other weights than the kernel's, and only such as every table confirms: nodes of
+    boxes with `RESOLVED` or more along every axis, with mirror planes through nodes or far away."""
     try:
         kinds = weights_of_bodies("best", scene)
-        if any(kinds[i] != "fourth-order" for i in bodies):
+        closed = [i for i, kind in enumerate(kinds) if kind not in ("kernel", "mesh")]
+        if not closed or any(kinds[i] != "fourth-order" for i in closed):
             return False
-        numbers = [number for i in bodies for number in scene.bodies[i].numbers()]
+        resolved = all(min(scene.bodies[i].numbers()) >= RESOLVED for i in closed)
+        return resolved and not any(_beside_planes(i, scene) for i in closed)
     except SceneError:
         # told where the body is
         return False
-    return min(numbers) >= RESOLVED
+
+
+def _beside_planes(number: int, scene: Any) -> bool:
+    """Whether a mirror plane lies beside the nodes of a box, nearer than they reach."""
+    body = scene.bodies[number]
+    extent = extent_of(body, scene.dimension)
+    for one in scene.boundaries:
+        if not isinstance(one, Support) or one.plane is None or not one.mirror or one.body not in (None, body.name):
+            continue
+        ends = np.array([extent.lower[one.plane.axis], extent.upper[one.plane.axis]])
+        nearest = np.abs(ends - one.plane.offset).min() * (body.numbers()[one.plane.axis] - 1) / np.ptp(ends)
+        if 1e-6 < nearest < REACH:
+            return True
+    return False
 
 
 def weights_are_rounded(scene: Any) -> bool:

@@ -42,7 +42,8 @@ _END_PLANES = {"fourth-order": 4, "cells": 2}
 class LatticeBody(NamedTuple):
     """A body of nodes: its number, its axes in space, whether those with room are of fourth order, whether it is a box,
     the number of its first particle, rows (k,) of this rank's nodes where a clamp meets a free face, which do without a
-    part of their volume, and the cells around this rank's nodes of a body that is no box."""
+    part of their volume, volumes (n,) [m^3] of the cells of this rank's nodes of a box, and the cells around those of a
+    body that is no box."""
 
     body: int
     axes: tuple[Axis, ...]
@@ -50,6 +51,7 @@ class LatticeBody(NamedTuple):
     box: bool
     first_identifier: int
     clamp_edges: np.ndarray
+    cell_volume: np.ndarray
     cells: Cells | None
 
     @property
@@ -64,6 +66,14 @@ class LatticeBody(NamedTuple):
             return BoxWaves(self.axes, self.fourth_order, 1.0, False).highest_frequency()
         least = min(axis.step for axis in self.axes)
         return float(np.linalg.norm([_ONE_CELL * least / axis.step for axis in self.axes]))
+
+    @property
+    def least_mass(self) -> float:
+        """The least mass of a node on a face over that of its cell."""
+        lengths = [
+            (lengths_of(axis, self.fourth_order and axis.has_room), lengths_of(axis, False)) for axis in self.axes
+        ]
+        return min(float((own / cells).min()) for own, cells in lengths)
 
     @property
     def damping(self) -> float:
@@ -129,6 +139,7 @@ def find_lattice_bodies(
             # on all ranks
             fault = fault or str(error)
             continue
+        cell_volume = _volume_and_area(index, axes, False)[0]
         cells, edges, box = None, np.zeros(len(rows), bool), scene.bodies[body].shape.kind == "box"
         if box:
             particle_set.volume[rows], particle_set.area[rows] = _volume_and_area(index, axes, fourth_order)
@@ -137,7 +148,8 @@ def find_lattice_bodies(
         else:
             cells = cells_around(index, axes, filling.holds_cells)
             particle_set.volume[rows], particle_set.area[rows] = cells.volume, cells.area
-        found.append(LatticeBody(body, tuple(axes), fourth_order, box, int(first[body]), rows[edges], cells))
+        stated = body, tuple(axes), fourth_order, box, int(first[body]), rows[edges]
+        found.append(LatticeBody(*stated, cell_volume, cells))
     edges_anywhere = settings.clamp_edges == 0.0 or any(one.box and _have_clamp_edges(one.axes) for one in found)
     if kinds and set(kinds) & set(ON_LATTICES):
         raise_together(comm, fault or (None if edges_anywhere else _NO_EDGES.format(settings.clamp_edges)))

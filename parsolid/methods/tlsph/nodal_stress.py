@@ -23,6 +23,8 @@ from parsolid.pairs.patch_recovery import Patches
 
 # components of symmetric tensors by dimension; in the plane the last one is out of it
 _COMPONENTS = {2: ((0, 0), (1, 1), (0, 1), (2, 2)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))}
+# part of a face's size below which an area is none
+_ROUNDING = 1e-9
 # iterations for F across a surface, and the change of F by which derivatives of the stress are found
 _ITERATIONS, _CHANGE = 6, 1e-6
 
@@ -60,7 +62,9 @@ class NodalStress:
         conditions, rows, d = self.system.conditions, slice(0, self.owned), self.dimension
         vectors = self.particles.owned_rows("area")[rows]
         self.area = np.linalg.norm(vectors, axis=1)
-        surface = self.area > 1e-9 * self.area.max(initial=0.0)
+        # inside, areas are rounding
+        surface = self.area > _ROUNDING * self.bodies.near.volume[rows] ** (1.0 - 1.0 / d)
+        self.area[~surface] = 0.0
         self.normal = np.where(surface[:, None], vectors / np.where(surface, self.area, 1.0)[:, None], 0.0)
         free = np.ones((self.owned, d), bool)
         if conditions.free is not None:

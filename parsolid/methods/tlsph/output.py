@@ -10,7 +10,7 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
-from parsolid.methods.plastic_particles import measure_flow
+from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, take_heat
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
 from parsolid.scene.observed import NODAL_STRESS, NODAL_VON_MISES
@@ -83,6 +83,15 @@ class Reports(ParticleSystem):
                 return index, f"it is compressed beyond its equation of state (to {ratio:.4g} of its volume)"
         return None
 
+    @property
+    def takes_heat(self) -> bool:  # type: ignore[override]
+        """Whether any body flows."""
+        return METRIC_FIELD in self.particles
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """See `ParticleSystem.take_heat`."""
+        return take_heat(self.particles, self.plastic_blocks, heat, rows)
+
     def measure(self, name: str) -> tuple[str, np.ndarray]:
         """See `ParticleSystem`: of plastic flow and of failure."""
         return measure_flow(self.particles, self.mass * self.share, name)
@@ -112,8 +121,9 @@ class Reports(ParticleSystem):
         return lame + 2.0 * (shear + total_modulus(law.branch_moduli)), law.density
 
     def least_mass(self, body: int) -> float:
-        """Corrected masses are less than the lumped ones near the surface."""
-        return 1.0 if self.meshes is None else self.meshes.least_masses.get(body, 1.0)
+        """Corrected masses are less than the lumped ones near the surface, and so are those of fourth order."""
+        found = [one.least_mass for one in self.lattice_bodies if one.body == body]
+        return min(found) if found else 1.0 if self.meshes is None else self.meshes.least_masses.get(body, 1.0)
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]

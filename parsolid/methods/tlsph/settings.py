@@ -18,7 +18,7 @@ from parsolid.methods.plastic_fields import (
 from parsolid.methods.tlsph.body_weights import (
     ON_LATTICES,
     RESOLVED,
-    all_resolved_boxes,
+    best_is_confirmed,
     lattice_faults,
     no_mesh_weights,
     weights_of_bodies,
@@ -84,8 +84,8 @@ class TotalLagrangianSPH(MethodSettings):
     refused: ClassVar = {
         "layer": "a part of a body is held by 'fixed' in a region",
         "wall": "rigid bodies that others touch are tools",
-        "temperature": "the method knows no heat",
-        "heat-flux": "the method knows no heat",
+        "temperature": "the method conducts no heat",
+        "heat-flux": "the method conducts no heat",
         "micro-hard": "it is for micro-inertia, in ulsph",
     }
     kind: Literal["tlsph"]
@@ -125,7 +125,7 @@ class TotalLagrangianSPH(MethodSettings):
     weights: Literal["kernel", "closure", "cells", "fourth-order", "mesh", "best"] | None = Field(
         None,
         description='pair weights: unless given, with leapfrog "mesh" for bodies from meshes, "best" for boxes of 8 '
-        'nodes or more along each axis that touch nothing, and "kernel" for others; "closure" for irregular particles; '
+        'nodes or more along each axis that no bond joins, and "kernel" for others; "closure" for irregular particles; '
         '"cells" and "fourth-order" in closed form for lattices; "mesh": those of the elements of meshes; "best": for '
         "each body what fits it",
     )
@@ -205,7 +205,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the
-        tables confirms them: of eight nodes or more along each axis that touch nothing."""
+        tables confirms them: of eight nodes or more along each axis that no bond joins, whatever they meet."""
         if self.integrator == "ssp-rk3" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
         if self.integrator == "static":
@@ -216,8 +216,7 @@ class TotalLagrangianSPH(MethodSettings):
         if meshes and no_mesh_weights(own) is not None:
             return {}
         # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
-        apart = self.reconstruction and scene.methods is None and not _meets(scene)
-        if apart and lattices and all_resolved_boxes(own, lattices):
+        if self.reconstruction and lattices and best_is_confirmed(own):
             return {"weights": "best"}
         return {"weights": "mesh"} if meshes else {}
 
@@ -243,7 +242,7 @@ class TotalLagrangianSPH(MethodSettings):
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
         if self.integrator == "static":
             return []
-        why = f"all bodies but meshes are boxes of {RESOLVED} nodes or more along each axis"
+        why = f"boxes of {RESOLVED} nodes or more along each axis have weights that close"
         if usual.get("weights") == "mesh":
             why = "bodies from meshes have those of their elements"
         return [Note("chosen-weights", f"{told} unless stated, as {why}")] if usual else []

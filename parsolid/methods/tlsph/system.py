@@ -34,6 +34,7 @@ from parsolid.pairs.candidates import metrics
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.particles.distribution import sort_for_speed
+from parsolid.particles.generated import CELL_VOLUME
 from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.particles.law_values import declare_law_values, rows_of_laws
 from parsolid.particles.particle_set import ParticleSet
@@ -85,6 +86,12 @@ class TotalLagrangianSPH(Reports):
         # lattices have volumes and areas of their own
         self.particles.owned_rows("volume")[:] = particle_set.volume
         self.particles.owned_rows("area")[:] = particle_set.area
+        boxes = [one for one in self.lattice_bodies if one.box]
+        if boxes:
+            cells = particle_set.volume.copy()
+            for one in boxes:
+                cells[particle_set.body == one.body] = one.cell_volume
+            self.particles.declare(Field(CELL_VOLUME, 1, "m^3"), cells)
         density, share = np.array([law.density for law in self.laws])[particle_set.body], self.conditions.share
         self.particles.declare(Field("mass", 1, "kg"), particle_set.volume / share * density)
         self.particles.declare(Field("share", 1, "1"), share)
