@@ -19,7 +19,7 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.boundary.equilibrium import report_equilibrium
-from parsolid.boundary.forces import DistributedLoad
+from parsolid.boundary.forces import DistributedLoad, SpringLoad
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
@@ -34,6 +34,8 @@ _MISSING, _AIM = 2e-3, 1e-4
 _POWERS = 2.0
 # of the scene's end, the first load step; of one that was asked for, the shortest that is tried
 _FIRST, _LEAST = 0.1, 2.0**-10
+# of a residual, what a solution without the change of loads leaves
+_ROUGH = 0.1
 # products with the tangent in one solution at most
 _PRODUCTS = 3000
 _STATE = (
@@ -111,6 +113,8 @@ class Static:
         loads = [load for load, _ in self.conditions.loads_of]
         # whether all loads have a potential, which is their product with the displacement
         self.dead = all(isinstance(load, DistributedLoad) for load in loads)
+        # bodies that springs alone hold have a singular stiffness without them
+        self.sprung = any(isinstance(load, SpringLoad) for load in loads)
         self.end = float(scene.end_time)
         self.load_step = min(_FIRST * self.end, self.settings.maximum_step or np.inf)
         self.reached: float | None = None
@@ -201,12 +205,26 @@ class Static:
         """See `Problem`; the preconditioner is made anew at the present shape once it takes much more products."""
         size = float(np.sqrt(sums(self.comm, [np.vdot(load * self.free, load)])[0]))
         solver = conjugate_gradients if self.dead else gmres
-        solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, self.preconditioner)
+        precondition = self.preconditioner if self.dead or self.sprung else self._solve_roughly
+        solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, precondition)
         self.products += solution.iterations
         self.most_products = max(self.most_products, solution.iterations)
         decades = max(np.log10(max(size, 1e-300) / max(solution.residual, 1e-300)), 0.5)
         self.preconditioner.note(solution.iterations, decades)
         return solution
+
+    def _solve_roughly(self, residual: np.ndarray) -> np.ndarray:
+        """About K^-1 r (owned, d) [m] without the change of loads, the preconditioner where that is not found; without
+        this, restarts lose nearly incompressible bodies."""
+        target = _ROUGH * float(np.sqrt(sums(self.comm, [np.vdot(residual, residual)])[0]))
+
+        def product(change: np.ndarray, out: np.ndarray) -> None:
+            out[:] = self.stiffness(change)
+
+        settings = target, self.free, _PRODUCTS, self.preconditioner
+        found = conjugate_gradients(self.comm, product, residual, *settings)
+        self.products += found.iterations
+        return found.value if found.converged else self.precondition(residual)
 
     def _product(self, change: np.ndarray, out: np.ndarray) -> None:
         """(K - dL/du) du of a change (owned, d) [m] into out [N]."""
