@@ -1,7 +1,7 @@
 """The preconditioner of equilibria of total-Lagrangian SPH: `solvers.grid_levels` at the present shape.
 
 The particles' own level is the diagonal of nearest-neighbour elements, the others are grids over the bodies as they
-are. Moduli are those at rest, of nearly incompressible laws those of a softer volume, as a grid would lock.
+are. Moduli are those at rest.
 """
 
 from collections.abc import Callable
@@ -13,12 +13,9 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.boundary.forces import SpringLoad
 from parsolid.collective import SolverError, maximum
-from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.tangent import Tangent
-from parsolid.solvers import GridLevels, start_vector, unrestrained_modes
+from parsolid.solvers import GridLevels, moduli_of_rows, start_vector, unrestrained_modes
 
-# of the shear modulus, the first Lame constant at most: with Poisson's ratio 0.4
-_SOFTEST = 4.0
 # products a decade over those of the first solution, from which the shape has left that of the preconditioner; products
 # of a solution that say something
 _GROWN, _FEW = 1.5, 8
@@ -39,13 +36,7 @@ class StaticPreconditioner:
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
         system, d = self.system, self.system.dimension
         of = system.particles.owned_rows
-        self.lame, self.shear = np.zeros((2, system.owned))
-        for block in system.blocks:
-            shear, lame = elastic_moduli(block.law)
-            self.shear[block.first : block.last], self.lame[block.first : block.last] = (
-                shear,
-                min(lame, _SOFTEST * shear),
-            )
+        self.lame, self.shear = moduli_of_rows(tangent.laws, system.owned)
         self.volume = np.array(of("volume"))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
