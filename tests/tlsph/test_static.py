@@ -164,6 +164,13 @@ def test_limit_point(shared_path, comm):
     assert (folder / "checkpoint.h5").exists()
 
 
+@pytest.mark.parametrize(("ratio", "codes"), [(0.45, []), (0.46, ["stiff-volumes"])])
+def test_stiff_volumes(shared_path, comm, ratio, codes):
+    """That they take long is told."""
+    system = simulation(beam(shared_path, body={"material": RUBBER | {"poissons_ratio": ratio}}), comm).systems[0]
+    assert [note.code for note in system.cost_notes()] == ["load-step-cost", *codes]
+
+
 def test_loose_body(shared_path, comm):
     """A body that nothing holds is refused."""
     with pytest.raises(SolverError):
