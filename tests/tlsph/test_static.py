@@ -182,6 +182,8 @@ REFUSED = {
     "method.dissipation": {"method": {"dissipation": 0.5}},
     "method.weights": {"method": {"weights": "kernel"}},
     "bodies.0.velocity": {"body": {"velocity": ["1", "0"]}},
+    "boundaries.0.damping": {"boundaries": [{"plane": "X = 0", "kind": "spring", "stiffness": 1.0, "damping": 1.0}]},
+    "initial.0.velocity": {"initial": [{"velocity": ["1", "0"]}]},
     "bodies.0.material.branches": {"body": {"material": RUBBER | {"branches": [{"beta": 1.0, "tau": 1.0}]}}},
 }
 
