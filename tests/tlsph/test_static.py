@@ -172,9 +172,15 @@ def test_stiff_volumes(shared_path, comm, ratio, codes):
 
 
 def test_loose_body(shared_path, comm):
-    """A body that nothing holds is refused."""
+    """A body that nothing holds is refused, beside one on springs, too."""
     with pytest.raises(SolverError):
         simulation(static(shared_path), comm)
+    data = static(shared_path, boundaries=[{"plane": "X = 0", "kind": "spring", "stiffness": 1.0, "body": "sprung"}])
+    (body,) = data["bodies"]
+    apart = {"box": {"lower": [0.0, 9.0], "upper": [1.0, 10.0]}}
+    data["bodies"] = [body | {"name": "sprung"}, {"shape": apart, "particles": [9, 9], "material": RUBBER}]
+    with pytest.raises(SolverError):
+        simulation(data, comm)
 
 
 REFUSED = {

@@ -81,10 +81,11 @@ class StaticPreconditioner:
     def _refuse_loose_bodies(self) -> None:
         """Raise SolverError on all ranks for a body that can move as one without a force."""
         system, d = self.system, self.system.dimension
-        if any(isinstance(load, SpringLoad) for load, _ in system.conditions.loads_of):
-            return
         body, X = system.particles.owned_rows("body"), system.particles.owned_rows("reference_position")
+        sprung = self._bodies_on_springs(body)
         for number, group in self._joined_bodies().items():
+            if sprung[group].any():
+                continue
             here = np.isin(body, group)
             modes = _rigid_modes(self.comm, X, here)
             held = modes * ~self.tangent.free
@@ -95,6 +96,14 @@ class StaticPreconditioner:
                 names = _names(d, parts)
                 expected = "boundaries: expected conditions that hold every body in equilibrium"
                 raise SolverError(f"{expected}, found none against {names} of bodies.{number}")
+
+    def _bodies_on_springs(self, body: np.ndarray) -> np.ndarray:
+        """Whether any spring acts on each body, of the numbers (owned,) of the particles' bodies."""
+        found = np.zeros(len(self.system.laws))
+        for load, _ in self.system.conditions.loads_of:
+            if isinstance(load, SpringLoad):
+                found[body[load.surface.selection.rows]] = 1.0
+        return sums(self.comm, found) > 0.0
 
     def _joined_bodies(self) -> dict[int, list[int]]:
         """Numbers of bodies that share nodes, under the first of them; by their meshes."""
