@@ -75,10 +75,11 @@ class VibratingBodies:
 
     def notes(self) -> list[Note]:
         """What is left out of the linear motion."""
-        materials = [one.material for one in self.scene.bodies]
+        materials, loads = [one.material for one in self.scene.bodies], self.scene.loads
+        loaded = any(one is not None for one in (loads.body_force, loads.acceleration, loads.manufactured))
         relax = [getattr(one, "branches", None) or getattr(one, "terms", None) for one in materials]
         told = {
-            "loads do not act": any(one.kind in ("traction", "pressure") for one in self.scene.boundaries),
+            "loads do not act": loaded or any(b.kind in ("traction", "pressure") for b in self.scene.boundaries),
             "flow and failure are left out, bodies are elastic": any(m.kind == "elastic-plastic" for m in materials),
             "what relaxes is left out, moduli are those of slow motion": any(relax),
         }
