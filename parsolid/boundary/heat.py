@@ -31,15 +31,15 @@ class HeatSupply:
     def _through(self, flux: HeatFlux, body: int | None) -> DistributedLoad:
         """Heat [W] through the faces of particles at a plane, of all bodies or of one."""
         particles, axis = self.particles, flux.plane.axis
-        of = particles.owned_rows
+        of, name = particles.owned_rows, "area_across" if "area_across" in particles else "area"
         beyond = flux.plane.offset - of("reference_position")[:, axis]
-        here = (np.abs(beyond) <= _REACH * of("spacing")[:, axis]) & (of("area")[:, axis] * beyond > 0.0)
+        here = (np.abs(beyond) <= _REACH * of("spacing")[:, axis]) & (of(name)[:, axis] * beyond > 0.0)
         if body is not None:
             here &= of("body") == body
 
         def area(rows: Rows) -> np.ndarray:
             radius = particles.owned_rows("reference_position")[rows, 0] if self.per_radian else 1.0
-            return np.asarray(np.abs(particles.owned_rows("area")[rows, axis]) * radius)
+            return np.asarray(np.abs(particles.owned_rows(name)[rows, axis]) * radius)
 
         return DistributedLoad(particles, particles.selection(here), area, flux.prescribed)
 

@@ -36,6 +36,9 @@ class Surface:
             self._columns = slice(number * d, (number + 1) * d)
             assert particle_set.surfaces is not None
             here &= particle_set.surfaces[:, self._columns].any(axis=1)
+        elif particle_set.area_across is not None:
+            # nodes of meshes may be in the plane without a facet
+            here &= particle_set.area_across[:, self.axis] != 0.0
         found = bool(comm.allreduce(int(here.any())))
         fault = f"{key}: expected a region with a part of the surface of a body, found none"
         raise_together(comm, None if found else fault)
@@ -43,7 +46,8 @@ class Surface:
 
     def vectors(self, rows: np.ndarray | slice) -> np.ndarray:
         """Outward area vectors (k, d) [m^2] of the reference configuration."""
-        return self._own(self.particles.owned_rows("surfaces" if self.axis is None else "area")[rows])
+        name = "area_across" if "area_across" in self.particles else "area"
+        return self._own(self.particles.owned_rows("surfaces" if self.axis is None else name)[rows])
 
     def _own(self, area: np.ndarray) -> np.ndarray:
         """The condition's part of area vectors: one component on a plane, some columns of a region."""
@@ -63,7 +67,8 @@ class Surface:
 
     def normals_at_start(self, particle_set: ParticleSet) -> np.ndarray:
         """Outward normals (n, d) of a particle set; zero off the surface."""
-        return _unit(self._own(particle_set.area if self.axis is not None else np.asarray(particle_set.surfaces)))
+        areas = np.asarray(particle_set.surfaces) if self.axis is None else particle_set.area_in_planes()
+        return _unit(self._own(areas))
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -39,6 +39,8 @@ def declare_generated(
     if particle_set.axes is not None:
         declare("axes", d * d, "1", particle_set.axes.reshape(count, d * d), mirror="tensor")
     declare("area", d, "m^2", particle_set.area, mirror="vector")
+    if particle_set.area_across is not None:
+        declare("area_across", d, "m^2", particle_set.area_across, mirror="vector")
     if particle_set.regions is not None:
         # as vectors, so that one column is a column too
         many: dict[str, Any] = {"checkpointed": True, "mirror": "vector"}

@@ -58,7 +58,8 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
             piece.body[:] = i
             pieces.append(piece)
     coarsest = max(filling.coarsest for filling in fillings)
-    particle_set = ParticleSet.joined(pieces, scene.dimension, len(known))
+    meshed = any(isinstance(filling, MeshFilling) for filling in fillings)
+    particle_set = ParticleSet.joined(pieces, scene.dimension, len(known), meshed)
     particle_set.meshes = {
         filling.body.shape.model.mesh_key: filling.whole
         for filling in fillings

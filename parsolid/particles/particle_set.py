@@ -17,6 +17,7 @@ class ParticleSet:
     axes       (n, d, d)    rows = the particle's own orthonormal axes; None = Cartesian
     body       (n,) int32   index into the scene's bodies
     area       (n, d)       outward boundary area vector [m^2]: one component per direction, zero inside
+    area_across (n, d)      of each axis, outward area [m^2] of boundary facets that lie across it; None without meshes
     regions    (n, r) int64 1 in each of the scene's r regions with a name, else 0; None without any
     surfaces   (n, r d)     outward area vectors [m^2] of what of its boundary is in each of them
     meshes                  slices of the meshes that they are nodes of, by their keys, until systems are set up
@@ -29,6 +30,7 @@ class ParticleSet:
     axes: np.ndarray | None
     body: np.ndarray
     area: np.ndarray
+    area_across: np.ndarray | None = None
     regions: np.ndarray | None = None
     surfaces: np.ndarray | None = None
     meshes: dict[tuple[Any, ...], Any] = field(default_factory=dict)
@@ -36,10 +38,16 @@ class ParticleSet:
     def __len__(self) -> int:
         return len(self.identifier)
 
+    def area_in_planes(self) -> np.ndarray:
+        """Outward areas (n, d) [m^2] in the plane across each axis, without those of oblique facets of meshes."""
+        return self.area if self.area_across is None else self.area_across
+
     @classmethod
-    def joined(cls, pieces: list["ParticleSet"], dimension: int, regions: int = 0) -> "ParticleSet":
-        """Pieces one after the other; axes are filled in where only some pieces have them; regions: how many there
-        are."""
+    def joined(
+        cls, pieces: list["ParticleSet"], dimension: int, regions: int = 0, meshes: bool = False
+    ) -> "ParticleSet":
+        """Pieces one after the other; axes and areas are filled in where only some pieces have them; regions: how many
+        there are; meshes: whether there is one on any rank."""
         if not pieces:
             vectors = np.zeros((0, dimension))
             marks = (np.zeros((0, regions), np.int64), np.zeros((0, regions * dimension))) if regions else (None, None)
@@ -51,6 +59,7 @@ class ParticleSet:
                 None,
                 np.zeros(0, np.int32),
                 vectors.copy(),
+                vectors.copy() if meshes else None,
                 *marks,
             )
         axes = None
@@ -60,4 +69,6 @@ class ParticleSet:
         names = ["identifier", "position", "volume", "spacing", "body", "area"]
         names += ["regions", "surfaces"] if pieces[0].regions is not None else []
         joined: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
+        if meshes:
+            joined["area_across"] = np.concatenate([piece.area_in_planes() for piece in pieces])
         return cls(axes=axes, **joined)

@@ -41,7 +41,7 @@ _NEEDED = {
     "scene",
     "method_state",
 }
-_PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "regions", "surfaces")
+_PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "area_across", "regions", "surfaces")
 
 
 class Restart:

@@ -19,7 +19,7 @@ from parsolid.scene import SceneError, parse_scene
 
 ALL = [(d, kind) for d in KINDS for kind in KINDS[d]]
 COUNTS = {2: (9, 5), 3: (5, 4, 3)}
-NAMES = ("identifier", "position", "volume", "spacing", "area", "regions", "surfaces")
+NAMES = ("identifier", "position", "volume", "spacing", "area", "area_across", "regions", "surfaces")
 # of elements in input files of Abaqus, by dimension, kind and nodes
 TYPES = {(2, "triangle", 3): "CPS3", (2, "quad", 4): "CPS4", (2, "side", 2): "T2D2"}
 TYPES |= {(3, "tetra", 4): "C3D4", (3, "pyramid", 5): "C3D5", (3, "wedge", 6): "C3D6", (3, "hexahedron", 8): "C3D8"}

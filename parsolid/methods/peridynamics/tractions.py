@@ -167,7 +167,7 @@ class Tractions:
 
     def _add_at_face(self, one: Traction, plane: Plane, function: SpaceTimeFunction) -> None:
         """Traction times area on the particles of the face."""
-        area = np.abs(self.particle_set.area[:, plane.axis])
+        area = np.abs(self.particle_set.area_in_planes()[:, plane.axis])
         self._add(one, self._face(one), area, function, plane)
 
     def _add_spread(self, one: Traction, plane: Plane) -> None:
@@ -194,7 +194,7 @@ class Tractions:
         mine, particles = self._face(one), self.particle_set
         places = particles.position[mine].copy()
         places[:, plane.axis] = plane.offset
-        area = np.abs(particles.area[mine, plane.axis])
+        area = np.abs(particles.area_in_planes()[mine, plane.axis])
         lot = start_vector(particles.identifier[mine], 1)[:, 0]
         rows = sorted(zip(lot, area, *places.T))[:_SAMPLE]
         found = sorted(row for piece in self.comm.allgather(rows) for row in piece)[:_SAMPLE]
@@ -207,7 +207,8 @@ class Tractions:
 
     def _area(self, one: Traction, plane: Plane) -> float:
         """Area [m^2] of the face on all ranks."""
-        return float(sums(self.comm, np.abs(self.particle_set.area[self._face(one), plane.axis]).sum()))
+        area = self.particle_set.area_in_planes()[self._face(one), plane.axis]
+        return float(sums(self.comm, np.abs(area).sum()))
 
     def _beneath(self, one: Traction, plane: Plane) -> tuple[np.ndarray, float]:
         """Distance (owned,) [m] of particles meant from the face, infinite for others; sign of its normal."""

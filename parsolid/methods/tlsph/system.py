@@ -86,6 +86,9 @@ class TotalLagrangianSPH(Reports):
         # lattices have volumes and areas of their own
         self.particles.owned_rows("volume")[:] = particle_set.volume
         self.particles.owned_rows("area")[:] = particle_set.area
+        if particle_set.area_across is not None:
+            on_lattices = np.isin(particle_set.body, [one.body for one in self.lattice_bodies])
+            self.particles.owned_rows("area_across")[on_lattices] = particle_set.area[on_lattices]
         boxes = [one for one in self.lattice_bodies if one.box]
         if boxes:
             cells = particle_set.volume.copy()

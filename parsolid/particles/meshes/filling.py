@@ -8,6 +8,7 @@ import numpy as np
 from decomposition.slices import Slices, count_before
 from parsolid.collective import maximum, minimum
 from parsolid.particles.lattices.lattice import jitter_offsets
+from parsolid.particles.marks import TOLERANCE
 from parsolid.particles.meshes.elements import shares_of_nodes
 from parsolid.particles.meshes.inside import Solid
 from parsolid.particles.meshes.membership import Membership
@@ -92,24 +93,33 @@ class MeshFilling:
     def _on_nodes(self, volumes: list[np.ndarray]) -> None:
         mesh, local = self.mesh, self.mesh.local
         total, d = len(local.nodes), local.points.shape[1]
-        volume, area, movable = np.zeros(total), np.zeros((total, d)), np.ones(total, bool)
+        volume, area, across, movable = np.zeros(total), *np.zeros((2, total, d)), np.ones(total, bool)
         for (_, cells), shares in zip(local.blocks, volumes):
             volume += np.bincount(cells.ravel(), shares.ravel(), minlength=total)
-        for (_, nodes, _), (_, outer, areas) in zip(self.facets, self.outer):
+        for (_, nodes, _), (_, outer, areas), flat in zip(self.facets, self.outer, self._flat()):
             shares = shares_of_nodes(local.points[outer], areas)
             for i in range(d):
                 area[:, i] += np.bincount(outer.ravel(), shares[:, :, i].ravel(), minlength=total)
+                own = flat[:, i]
+                across[:, i] += np.bincount(outer[own].ravel(), shares[own, :, i].ravel(), minlength=total)
             movable[nodes] = False
-        come = mesh.nodes.deliver(local.nodes, volume=volume, area=area, movable=movable)
+        come = mesh.nodes.deliver(local.nodes, volume=volume, area=area, across=across, movable=movable)
         self._used = _marked(len(mesh.nodes), come["number"])
         self.rows = {
             "position": mesh.points,
             "volume": _summed(len(mesh.nodes), come["number"], come["volume"]),
             "area": _summed(len(mesh.nodes), come["number"], come["area"]),
+            "area_across": _summed(len(mesh.nodes), come["number"], come["across"]),
             "spacing": self.edge,
             "movable": ~_marked(len(mesh.nodes), come["number"][~come["movable"]]),
         }
         self.rows = {name: values[self._used] for name, values in self.rows.items()}
+
+    def _flat(self) -> list[np.ndarray]:
+        """Of facets by number of nodes, across which axes (facets, d) they lie, to a rounding error. Collective."""
+        local, nodes = self.mesh.local, self.mesh.nodes
+        tolerance = nodes.fetch(local.nodes, 2.0 * TOLERANCE * self.edge)
+        return [np.ptp(local.points[own], axis=1) <= tolerance[own].max(axis=1)[:, None] for _, own, _ in self.outer]
 
     def _without_neighbours(self, groups: set[str]) -> Facets:
         """The facets that are on the surface of the elements of all groups, too."""
@@ -128,13 +138,15 @@ class MeshFilling:
     def _in_elements(self, volumes: list[np.ndarray]) -> None:
         points = self.mesh.local.points
         volume = np.concatenate([shares.sum(axis=1) for shares in volumes])
-        area = np.zeros((len(volume), points.shape[1]))
-        for owner, _, vectors in self.outer:
+        area, across = np.zeros((2, len(volume), points.shape[1]))
+        for (owner, _, vectors), flat in zip(self.outer, self._flat()):
             np.add.at(area, owner, vectors)
+            np.add.at(across, owner, vectors * flat)
         self.rows = {
             "position": np.concatenate([points[cells].mean(axis=1) for _, cells in self.mesh.local.blocks]),
             "volume": volume,
             "area": area,
+            "area_across": across,
             "spacing": volume ** (1.0 / points.shape[1]),
             "movable": np.ones(len(volume), bool),
         }
@@ -202,6 +214,7 @@ class MeshFilling:
             axes=None,
             body=np.zeros(len(identifier), np.int32),
             area=rows["area"],
+            area_across=rows["area_across"],
             regions=rows.get("regions"),
             surfaces=rows.get("surfaces"),
         )
