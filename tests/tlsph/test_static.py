@@ -120,6 +120,7 @@ def test_two_materials(shared_path, comm):
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1, 2)
 def test_small_pressure_is_a_traction(shared_path, comm):
     """On a nearly incompressible beam, of which the tangent is hard to solve."""
     law = {"kind": "guccione", "density": 1.1, "stiffness": 1.0, "along": 8.0, "across": 2.0, "shear": 4.0}
