@@ -1,9 +1,10 @@
 """Arguments that several commands take, and values that they may have."""
 
 import argparse
+from pathlib import Path
 from typing import Any
 
-from parsolid.scene.validation_errors import suggestion
+from parsolid.scene.validation_errors import SceneError, suggestion
 from parsolid.scene.warned import CODES
 
 TRUST_CODE = "run the Python files of laws that the scene names"
@@ -83,3 +84,10 @@ def check_arguments(parser: Any) -> None:
     parser.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")
     picture = "draw bodies, regions, supports, loads and interfaces into FILE (png, pdf, svg)"
     parser.add_argument("--picture", metavar="FILE", help=picture)
+
+
+def refuse_files(**folders: Path) -> None:
+    """Raise SceneError where a folder that a command is to write, by the name of its argument, is a file."""
+    files = {name: path for name, path in folders.items() if path.is_file()}
+    if files:
+        raise SceneError([f"--{name}: expected a folder, found the file {path}" for name, path in files.items()])

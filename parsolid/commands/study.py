@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from parsolid.commands.arguments import TRUST_CODE, whole_number
+from parsolid.commands.arguments import TRUST_CODE, refuse_files, whole_number
 from parsolid.launcher import refuse_ranks
 
 
@@ -29,6 +29,7 @@ def run_study(comm: Any, options: Any) -> int:
     from parsolid.campaign.study import run_study
 
     folder = Path(options.output or Path("results") / Path(options.study).stem)
+    refuse_files(output=folder)
     return run_study(
         options.study,
         folder,

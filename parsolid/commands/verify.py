@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-from parsolid.commands.arguments import TRUST_CODE, whole_number
+from parsolid.commands.arguments import TRUST_CODE, refuse_files, whole_number
 from parsolid.exit_status import DONE
 from parsolid.launcher import refuse_ranks
+from parsolid.scene.validation_errors import SceneError
 
 
 def add_arguments(parser: Any) -> None:
@@ -32,9 +33,8 @@ def run_verify(comm: Any, options: Any) -> int:
 
     folder = Path(options.output)
     page = Path(options.page or folder)
+    refuse_files(output=folder, page=page)
     if options.report and options.studies:
-        from parsolid.scene.validation_errors import SceneError
-
         raise SceneError([f"--report: expected no studies, as it runs none, found {' '.join(options.studies)}"])
     if options.report:
         print(f"written: {build_report(folder, page)}")

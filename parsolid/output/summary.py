@@ -46,7 +46,7 @@ def read_summary(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         stated = found.pop(_CHECKSUM, None)
-    except (OSError, ValueError, AttributeError) as error:
+    except (OSError, ValueError, AttributeError, TypeError) as error:
         raise OutputError(f"cannot read {path}: {words(error)}") from error
     if stated not in (None, digest(_as_json(found).encode())):
         raise OutputError(f"{path}: damaged: it is not as it was written (checksums differ)")

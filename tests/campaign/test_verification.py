@@ -123,6 +123,14 @@ def test_faulty_studies_are_refused_before_anything_runs(folder, capsys):
     assert main(["verify", words[0], "--report", "-o", str(folder / "out")]) == 2
 
 
+def test_files_in_place_of_folders_are_refused(folder):
+    write(folder)
+    study, file = (str(folder / name) for name in ("study.toml", "bar.toml"))
+    for words in (["study", study, "-o", file], ["verify", study, "-o", file], ["verify", study, "--page", file]):
+        assert main(words) == 2
+    assert main(["verify", "--report", "-o", file]) == 2
+
+
 def summary(folder, name, rows, **more):
     entries = {"study": name, "group": "waves", "remark": None, "rows": [row.as_stated() for row in rows]}
     entries |= {"runs": 1, "faults": [], "core_seconds": 2.5, "git_hash": "abc", "host": "here", "cores": "2 cores"}

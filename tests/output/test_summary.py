@@ -44,6 +44,9 @@ def test_a_changed_digit_of_a_summary_or_a_resolved_scene_is_told(tmp_path):
         with pytest.raises((OutputError, SceneError)):
             read()
         path.write_text(text)
+    (tmp_path / "list.json").write_text("[]")
+    with pytest.raises(OutputError):
+        read_summary(tmp_path / "list.json")
     # those of earlier versions have no checksum
     scene.write_text("dimension = 2\n")
     summary.write_text('{"energy": 1.5}')
