@@ -19,6 +19,12 @@ def require_seconds(name: str, value: Any) -> None:
         raise SolverError(f"{name}: expected a positive number of seconds, found {value!r}")
 
 
+def require_part(name: str, value: Any) -> None:
+    """Raise SolverError for what is no number between 0 and 1."""
+    if isinstance(value, bool) or not (isinstance(value, Real) and 0.0 < float(value) < 1.0):
+        raise SolverError(f"{name}: expected a number between 0 and 1, found {value!r}")
+
+
 def require_texts(name: str, value: Any) -> None:
     """Raise SolverError for what is no list of texts."""
     if isinstance(value, str) or not isinstance(value, Iterable):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.api.arguments import require_whole_number
+from parsolid.api.arguments import require_part, require_whole_number
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.output.errors import OutputError, together
@@ -62,6 +62,7 @@ def modes(
     residuals. Collective in a script on several ranks. Raises SceneError or SolverError for bad input, OutputError.
     """
     require_whole_number("count", count)
+    require_part("tolerance", tolerance)
     comm = MPI.COMM_WORLD
     stated = scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code))
     inputs = (str(scene),) if isinstance(scene, str | Path) else ()

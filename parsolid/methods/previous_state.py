@@ -13,6 +13,7 @@ import numpy as np
 
 from parsolid.collective import anywhere, raise_together
 from parsolid.particles.initial_fields import meant
+from parsolid.particles.law_values import state_variable_fields
 from parsolid.scene.previous_results import STATE, PreviousField, StepOfResults, methods_of
 
 # between particles, too
@@ -26,8 +27,13 @@ _DERIVED = ("jacobian", "cofactor")
 def state_variable_names(system: Any) -> list[str]:
     """Declared fields of a system's state besides its places: those of the settings that the scene has."""
     settings = system.settings
-    own = (*settings.state_variables, *settings.state_of_particles, *settings.state_forces)
-    return _named(system, (*own, *settings.contact_variables))
+    return _named(system, (*_evolved(system), *settings.state_forces, *settings.contact_variables))
+
+
+def _evolved(system: Any) -> tuple[str, ...]:
+    """Patterns of the fields without which a state is none: the method's, and state variables of laws."""
+    settings = system.settings
+    return (*settings.state_variables, *state_variable_fields(system.particles), *settings.state_of_particles)
 
 
 def _named(system: Any, patterns: tuple[str, ...]) -> list[str]:
@@ -72,14 +78,14 @@ def _steps_with(velocity: PreviousField, name: str, components: int) -> list[Ste
 
 def _left_over(system: Any, velocity: PreviousField) -> list[str]:
     """Fields of this method's state that results have and the scene has no place for."""
-    own, settings = state_variable_names(system), system.settings
-    needed = _named(system, (*settings.state_variables, *settings.state_of_particles))
+    own, evolved = state_variable_names(system), _evolved(system)
+    needed = _named(system, evolved)
     blocks = [step.names for step in velocity.steps if all(STATE + name in step.names for name in needed)]
     found = [
         [
             name.removeprefix(STATE)
             for name in names
-            if any(fnmatchcase(name, STATE + one) for one in (*settings.state_variables, *settings.state_of_particles))
+            if any(fnmatchcase(name, STATE + one) for one in evolved)
             and name.removeprefix(STATE) not in (*own, *_DERIVED)
         ]
         for names in blocks
@@ -90,7 +96,7 @@ def _left_over(system: Any, velocity: PreviousField) -> list[str]:
 def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.ndarray, key: str) -> Iterator[str]:
     """Put every field of a state into rows (n,) with reference places (n, d) [m]; what was wrong with it."""
     settings = system.settings
-    for name in _named(system, (*settings.state_variables, *settings.state_of_particles)):
+    for name in _named(system, _evolved(system)):
         rows = two_axes(system.particles.owned_rows(name))
         steps = _steps_with(velocity, name, rows.shape[1])
         if not steps:

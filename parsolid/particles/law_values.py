@@ -73,6 +73,15 @@ def _declare_members(particles: Particles, rows: dict[Any, slice], values: np.nd
             row += one.components
 
 
+def state_variable_fields(particles: Particles) -> tuple[str, ...]:
+    """Names of the fields that are state variables of laws."""
+    return tuple(
+        one.name
+        for one in particles.fields.values()
+        if one.checkpointed and isinstance(one.layout, Within) and one.layout.record == RECORD
+    )
+
+
 def _cell_data(comm: Any, body: Any, dimension: int, identifiers: np.ndarray) -> tuple[dict[str, np.ndarray], str]:
     """Cell data of a body's particles (n, components) by the names of members, and what is wrong with the first that
     there is not; collective."""

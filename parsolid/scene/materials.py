@@ -105,11 +105,13 @@ class HyperelasticSolid(DeclaredModel):
                 raise ValueFault(f"{one.name}.cell_data", "a formula where there is no mesh", stated.cell_data)
             found = of_cells[one.name] if one.name in of_cells else stated.evaluate(points)
             found = found.reshape(len(points), one.components)
-            if isinstance(one.note, Direction):
-                length = np.linalg.norm(found, axis=1)
-                if not (bad := np.isfinite(length) & (length > 0.0)).all():
-                    where = ", ".join(f"{x:g}" for x in points[int(np.argmin(bad))])
-                    raise ValueFault(one.name, "a direction everywhere", f"none at ({where})")
+            direction, length = isinstance(one.note, Direction), np.linalg.norm(found, axis=1)
+            known = np.isfinite(length) & ((length > 0.0) | (not direction))
+            if not known.all():
+                where = ", ".join(f"{x:g}" for x in points[int(np.argmin(known))])
+                expected = "a direction everywhere" if direction else "a number everywhere"
+                raise ValueFault(one.name, expected, f"none at ({where})")
+            if direction:
                 found = found / length[:, None]
             rows.append(found)
         return np.concatenate(rows, axis=1).T if rows else np.zeros((0, len(points)))

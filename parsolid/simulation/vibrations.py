@@ -16,14 +16,12 @@ from parsolid.scene import Scene, SceneError
 from parsolid.scene.validation_errors import fault
 from parsolid.scene.warned import Note
 from parsolid.simulation.setup import build_systems
-from parsolid.solvers import GridLevels, LowestModes, Modes, rigid_modes, start_vector, turns
+from parsolid.solvers import GridLevels, LowestModes, Modes, moduli_of_rows, rigid_modes, start_vector, turns
 
 # weights whose tangent resists all that strains a body
 _WEIGHTS = ("mesh", "cells", "fourth-order")
 # by the kind of the method
 _TANGENTS: dict[str, Any] = {"tlsph": Tangent, "peridynamics": SmallMotion}
-# of the shear modulus, Lame's first of the preconditioner at most: Poisson's ratio 0.4
-_SOFTEST = 4.0
 # of the square of the lowest frequency of shear waves across the scene, what a motion without stiffness is below
 _RIGID = 1e-9
 # vectors beyond the wanted ones, which let the last of these converge
@@ -77,10 +75,11 @@ class VibratingBodies:
 
     def notes(self) -> list[Note]:
         """What is left out of the linear motion."""
-        materials = [one.material for one in self.scene.bodies]
+        materials, loads = [one.material for one in self.scene.bodies], self.scene.loads
+        loaded = any(one is not None for one in (loads.body_force, loads.acceleration, loads.manufactured))
         relax = [getattr(one, "branches", None) or getattr(one, "terms", None) for one in materials]
         told = {
-            "loads do not act": any(one.kind in ("traction", "pressure") for one in self.scene.boundaries),
+            "loads do not act": loaded or any(b.kind in ("traction", "pressure") for b in self.scene.boundaries),
             "flow and failure are left out, bodies are elastic": any(m.kind == "elastic-plastic" for m in materials),
             "what relaxes is left out, moduli are those of slow motion": any(relax),
         }
@@ -103,15 +102,10 @@ class VibratingBodies:
         """About the inverse of K on what constraints allow."""
         particles = self.system.particles
         volume = particles.owned_rows("volume") * self.system.share
-        lame, shear = np.zeros((2, len(volume)))
-        for first, last, *moduli, _ in self.tangent.laws:
-            shear[first:last], lame[first:last] = moduli
-        # a grid locks where volumes are stiff
-        lame = np.minimum(lame, _SOFTEST * shear)
         whole = sums(self.comm, [float(volume.sum()), float(len(volume))])
         spacing = float((whole[0] / whole[1]) ** (1.0 / self.places.shape[1]))
         levels = GridLevels(self.comm, self.places, spacing, self.free)
-        levels.of_moduli(lame, shear, volume, self.tangent.diagonal())
+        levels.of_moduli(*moduli_of_rows(self.tangent.laws, len(volume)), volume, self.tangent.diagonal())
         return lambda residual: self.joined(levels(residual))
 
     def rigid_modes(self) -> tuple[np.ndarray, np.ndarray]:

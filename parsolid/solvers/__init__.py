@@ -8,7 +8,7 @@ collective.
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
 from parsolid.solvers.eigenmodes import LowestModes, Modes, rigid_modes
-from parsolid.solvers.grid_levels import GridLevels, turns
+from parsolid.solvers.grid_levels import GridLevels, moduli_of_rows, turns
 from parsolid.solvers.nearly_incompressible import NearlyIncompressible
 from parsolid.solvers.node_grid import Grid
 from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
@@ -25,6 +25,7 @@ __all__ = [
     "conjugate_gradients",
     "dynamic_relaxation",
     "largest_eigenvalue",
+    "moduli_of_rows",
     "relaxation_mass",
     "rigid_modes",
     "start_vector",

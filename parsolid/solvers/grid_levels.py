@@ -38,6 +38,8 @@ _FLOOR = 1e-9
 _SPREAD = 0.1
 # numbers of a chunk of the quadrature
 _CHUNK = 4_000_000
+# of the shear modulus, Lame's first at most: Poisson's ratio 0.4; a grid locks where volumes are stiffer
+SOFTEST = 4.0
 
 
 class SharedNodes:
@@ -262,7 +264,7 @@ class GridLevels:
 
     def of_moduli(self, lame: np.ndarray, shear: np.ndarray, volume: np.ndarray, diagonal: np.ndarray) -> None:
         """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]."""
-        self.diagonal = diagonal
+        self.diagonal, lame = diagonal, np.minimum(lame, SOFTEST * shear)
         matrix = self._stiffness(lame * volume, shear * volume, diagonal * ~self.free)
         self.levels: list[Level] = []
         nodes = self.nodes
@@ -330,6 +332,14 @@ class GridLevels:
         rest = level.from_coarser.T @ (right - level.matrix @ x)
         x = x + level.from_coarser @ self._cycle(number + 1, rest)
         return level.smooth(x, right)
+
+
+def moduli_of_rows(laws: list[tuple[int, int, float, float, float]], count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lame's first and shear moduli (count,) [Pa] of rows that share laws, see `Tangent.laws`."""
+    lame, shear = np.zeros((2, count))
+    for first, last, *moduli, _ in laws:
+        shear[first:last], lame[first:last] = moduli
+    return lame, shear
 
 
 def _energy_roots(gradients: np.ndarray, lame: np.ndarray, shear: np.ndarray) -> np.ndarray:

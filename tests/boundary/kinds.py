@@ -51,7 +51,11 @@ def tables_of(method: str, *boundaries: dict) -> dict:
         material = COPPER | {"conductivity": 400.0, "reference_temperature": 300.0}
         return scene([0.0, 0.0], [1.0, 1.0], 0.125, 0.25, material=material, boundaries=list(boundaries))
     if method == "tlsph":
-        return tables((9, 9), material=SOFT, boundaries=list(boundaries))
+        if all(one["kind"] != "displacement" for one in boundaries):
+            return tables((9, 9), material=SOFT, boundaries=list(boundaries))
+        # prescribed in equilibria alone, in which something holds the body
+        static, held = {"integrator": "static", "weights": "cells"}, {"kind": "fixed", "plane": "X = 0"}
+        return tables((9, 9), material=SOFT, method=static, boundaries=[*boundaries, held])
     if method == "ulsph":
         steel = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
         data = tables((9, 9), material=steel, boundaries=list(boundaries), body={"placement": "cells"})

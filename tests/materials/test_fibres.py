@@ -21,6 +21,7 @@ from parsolid.materials.hyperelastic.transversely_isotropic import Guccione
 from parsolid.materials.hyperelastic.volume import Quadratic
 from parsolid.methods.small_scene import small_scene
 from parsolid.scene import SceneError, parse_scene
+from parsolid.scene.materials import ValueFault
 
 HERE, NONE = Path(__file__).parent, (None, None)
 STATES = json.loads((HERE / "hyperelastic_states.json").read_text())
@@ -303,6 +304,11 @@ def test_a_law_of_ones_own_has_numbers_by_place_and_states(tmp_path, change, fau
     stated = parse_scene(data, trust_code=True).bodies[0].material
     values = stated.values_at(np.array([[0.0, 0.0], [0.5, 0.0]]), {})
     np.testing.assert_allclose(values, [[1e5, 1.5e5], [1.0, 1.0], [0.0, 0.0], [0.0, 0.0], [1.0, 1.0]])
+    none = parse_scene(
+        data | {"bodies": [data["bodies"][0] | {"material": table | {"modulus": "log(X)"}}]}, trust_code=True
+    )
+    with pytest.raises(ValueFault, match="^modulus: "):
+        none.bodies[0].material.values_at(np.array([[0.5, 0.0], [0.0, 0.0]]), {})
     here = after_step(at_particle(stated.build("plane-strain"), values, 1), *arguments(np.diag([1.2, 1.0, 1.0])))
     assert here.modulus == 1.5e5 and here.largest == pytest.approx(1.2)
 

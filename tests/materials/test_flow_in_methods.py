@@ -73,6 +73,19 @@ def test_a_restart_in_the_flow_has_the_same_bits(kind, law, shared_path, comm):
     assert np.abs(gathered(through.simulation, LAWS[law][1])[0]).max() > 0.2 * LAWS[law][2]
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_bonds_that_break_heat_nothing_again(law):
+    """Forces are evaluated anew where bonds have broken, in no time: the step before has heated."""
+    sim, ledger = run_steps(swinging("peridynamics", LAWS[law][0]), 40)
+    assert min(ledger[name][-1] for name in ("control_heat", "plastic_work")) > 1e-4 * ledger["kinetic"][0]
+    names = ("internal_energy", "temperature", "acting_stress")
+    before = [sim.systems[0].particles.owned_rows(name).copy() for name in names]
+    sim.systems[0].forces.evaluate_anew()
+    for name, values in zip(names, before):
+        found = sim.systems[0].particles.owned_rows(name)
+        np.testing.assert_allclose(found, values, rtol=0.0, atol=1e-10 * np.abs(values).max(), err_msg=name)
+
+
 @pytest.mark.parametrize(
     ("change", "key"),
     [

@@ -23,6 +23,14 @@ STAMPED = [{"kind": "fixed", "plane": "X = 0"}]
 CASES = {
     "tlsph in stages": tables((6, 5), material=SOFT | {"branches": THREE_BRANCHES}, body=SHEARED, end_time=0.4),
     "tlsph, leapfrog": tables((6, 5), method={"integrator": "leapfrog"}, material=SOFT, body=SHEARED, end_time=0.4),
+    # past its largest strain, so that the state variable is not of the present one
+    "tlsph, softened": tables(
+        (6, 5),
+        method={"integrator": "leapfrog"},
+        material=SOFT | {"softening": {"r": 1.5, "m": 0.01}},
+        body=SHEARED,
+        end_time=2.0,
+    ),
     # by more spacings than four bytes tell apart
     "tlsph, far away": tables(
         (6, 5),
@@ -63,7 +71,12 @@ CASES = {
     ),
 }
 # what is to be there at the end, so that the test is one of it
-NOT_ZERO = {"mpm": "damage", "ulsph": "damage", "peridynamics, finite strain that breaks": "broken_bonds"}
+NOT_ZERO = {
+    "mpm": "damage",
+    "ulsph": "damage",
+    "tlsph, softened": "largest_energy",
+    "peridynamics, finite strain that breaks": "broken_bonds",
+}
 
 
 def goes_on(folder, comm, data):

@@ -6,10 +6,11 @@ from element_meshes import element_mesh
 from mpi4py import MPI
 from solids import SOFT, supports, tables
 
-from parsolid.api.modes import find_modes
+from parsolid.api.modes import find_modes, modes
 from parsolid.collective import SolverError
 from parsolid.exact.free_modes import Solid, box_frequencies, ring_frequencies
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.vibrations import VibratingBodies
 
 SOLID = Solid(SOFT["youngs_modulus"], SOFT["poissons_ratio"], SOFT["density"])
 
@@ -163,6 +164,18 @@ def test_what_does_not_vibrate_linearly_is_refused(comm, changes, place):
     with pytest.raises(SceneError) as caught:
         find_modes(comm, scene, 2, None)
     assert [fault.key for fault in caught.value.faults] == [place]
+
+
+@pytest.mark.parametrize("loads", [{"acceleration": ["0", "-9.81"]}, {"body_force": ["1", "0"]}, {}])
+def test_loads_that_do_not_act_are_told(comm, loads):
+    notes = VibratingBodies(comm, scene_of((9, 9), (1.0, 1.0), loads=loads)).notes()
+    assert [note.code for note in notes] == ["linear-motion"] * bool(loads)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1.0, float("nan"), "small", True])
+def test_a_tolerance_out_of_bounds_is_refused(tolerance):
+    with pytest.raises(SolverError):
+        modes({"dimension": 2, "end_time": 1.0, "method": TLSPH, "bodies": [PLATE]}, 1, tolerance=tolerance)
 
 
 def test_a_body_that_is_held_all_over_is_refused(comm):

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+import tomli_w
 from grouped_meshes import ring
 from scipy.optimize import brentq
 from solids import (
     evolved,
     gathered,
     run_alone_and_on_all,
-    run_into,
     run_through_and_in_two,
     run_to_end,
     simulation,
@@ -18,9 +18,9 @@ from test_mesh_weights import RUBBER, linear, of_mesh, write
 from test_shared_nodes import scene_of, two_groups
 
 from parsolid.collective import SolverError
+from parsolid.commands.cli import main
 from parsolid.output.results import load
 from parsolid.scene import SceneError, parse_scene
-from parsolid.simulation.loop import RunFailed
 
 STRAIN = np.array([[0.3, 0.2, -0.1], [0.1, -0.2, 0.1], [0.0, 0.2, 0.1]])
 
@@ -155,19 +155,34 @@ def test_restart(shared_path, comm):
 def test_limit_point(shared_path, comm):
     """An arch that snaps through ends the run, with the last equilibrium in its files."""
     data = beam(shared_path, arch=1.6) | {"loads": {"acceleration": ["0", "-0.08*t"]}}
-    folder = shared_path / "run"
-    with pytest.raises(RunFailed):
-        run_into(folder, comm, parse_scene(data))
+    scene, folder = shared_path / "arch.toml", shared_path / "run"
+    if comm.rank == 0:
+        scene.write_text(tomli_w.dumps(data))
+    comm.barrier()
+    assert main(["run", str(scene), "-o", str(folder), "-q"]) == 3
     last = load(folder).history.iloc[-1]
     assert 0.1 < last["time"] < 0.9
     assert last["strain_energy"] == pytest.approx(last["external_work"], rel=1e-3)
     assert (folder / "checkpoint.h5").exists()
 
 
+@pytest.mark.parametrize(("ratio", "codes"), [(0.45, []), (0.46, ["stiff-volumes"])])
+def test_stiff_volumes(shared_path, comm, ratio, codes):
+    """That they take long is told."""
+    system = simulation(beam(shared_path, body={"material": RUBBER | {"poissons_ratio": ratio}}), comm).systems[0]
+    assert [note.code for note in system.cost_notes()] == ["load-step-cost", *codes]
+
+
 def test_loose_body(shared_path, comm):
-    """A body that nothing holds is refused."""
+    """A body that nothing holds is refused, beside one on springs, too."""
     with pytest.raises(SolverError):
         simulation(static(shared_path), comm)
+    data = static(shared_path, boundaries=[{"plane": "X = 0", "kind": "spring", "stiffness": 1.0, "body": "sprung"}])
+    (body,) = data["bodies"]
+    apart = {"box": {"lower": [0.0, 9.0], "upper": [1.0, 10.0]}}
+    data["bodies"] = [body | {"name": "sprung"}, {"shape": apart, "particles": [9, 9], "material": RUBBER}]
+    with pytest.raises(SolverError):
+        simulation(data, comm)
 
 
 REFUSED = {
@@ -175,6 +190,8 @@ REFUSED = {
     "method.dissipation": {"method": {"dissipation": 0.5}},
     "method.weights": {"method": {"weights": "kernel"}},
     "bodies.0.velocity": {"body": {"velocity": ["1", "0"]}},
+    "boundaries.0.damping": {"boundaries": [{"plane": "X = 0", "kind": "spring", "stiffness": 1.0, "damping": 1.0}]},
+    "initial.0.velocity": {"initial": [{"velocity": ["1", "0"]}]},
     "bodies.0.material.branches": {"body": {"material": RUBBER | {"branches": [{"beta": 1.0, "tau": 1.0}]}}},
 }
 

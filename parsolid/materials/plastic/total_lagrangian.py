@@ -75,6 +75,7 @@ from parsolid.materials.plastic.tile_update import (
     TEMPERATURE,
     TRIAL,
     VELOCITY_GRADIENT,
+    VOLUME_WORK,
     WAVES,
     WORST,
     advance_damage,
@@ -164,7 +165,7 @@ def find_trial(law, failure, tile):
         tile[TRIAL * TILE + p] = 2.0 * mu * (1.5 * (d1 * d1 + d2 * d2 + d3 * d3)) ** 0.5
         tile[NEW_JACOBIAN * TILE + p], tile[MELTING * TILE + p], tile[SHEAR_MODULUS * TILE + p] = J, melting, mu
         tile[CAPACITY * TILE + p] = law.density * specific_heat(law, temperature)
-        tile[INCREMENT * TILE + p] = 0.0
+        tile[INCREMENT * TILE + p], tile[VOLUME_WORK * TILE + p] = 0.0, 0.0
 
 
 @inlined

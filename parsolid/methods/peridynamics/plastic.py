@@ -94,11 +94,11 @@ class PlasticStates:
         names += tuple(name for name in of_some if name in self.particles)
         self._ends = {name: aligned_zeros(self.particles.storage(name).shape) for name in names}
 
-    def _fields(self, number: int) -> tuple[PlasticFields, PlasticFields]:
-        """Fields of a block at the start of a step, and where those of its end go."""
-        block, ends = self.blocks[number], self._ends
+    def _fields(self, number: int, step: float) -> tuple[PlasticFields, PlasticFields]:
+        """Fields of a block at the start of a step [s], and where those of its end go; nothing heats in a step of 0."""
+        block, ends, mean_step = self.blocks[number], self._ends, self.mean_step if step > 0.0 else 0.0
         names, room = ("internal_force", CONTROL_HEAT), (self.totals[number], self.tiles[number])
-        start = fields_of(self.particles, block.law, self.bonds.d, names, self.mean_step, *room)
+        start = fields_of(self.particles, block.law, self.bonds.d, names, mean_step, *room)
         failing = None
         if start.failing is not None:
             failing = ends["damage"], ends["criterion_damage"][: len(start.failing[1])]
@@ -119,7 +119,7 @@ class PlasticStates:
         gradients = self.particles.storage(_GRADIENT), self._ends[_GRADIENT], places[self.bonds.d]
         self.sound = True
         for number, block in enumerate(self.blocks):
-            fields = self._fields(number)
+            fields = self._fields(number, step)
             given = block.first, block.last, block.law, block.law.failure, step
             modulus = undeformed_wave_modulus(block.law)
             advance_states(self.plane, *given, *fields, *gradients, inverse, volume, sums, M, modulus, self.growths)

@@ -171,10 +171,10 @@ class Reports(ParticleSystem):
         return [] if self.statics is None else self.statics.progress()
 
     def cost_notes(self) -> list[Note]:
-        """Elements of second order, of which the corners are taken."""
+        """Elements of second order, of which the corners are taken; what load steps take."""
         found = {} if self.meshes is None else self.meshes.of_second_order
         code, words = "second-order-elements", "are taken by their corners"
-        cost = [] if self.statics is None else [Note("load-step-cost", self.statics.cost())]
+        cost = [] if self.statics is None else self.statics.cost_notes()
         return cost + [
             Note(code, f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) {words}")
             for i, kinds in found.items()

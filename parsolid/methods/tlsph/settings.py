@@ -346,6 +346,14 @@ class TotalLagrangianSPH(MethodSettings):
                 faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
             if body.velocity is not None:
                 faults.append((("bodies", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
+        for i, one in enumerate(scene.boundaries):
+            if one.kind == "spring" and one.damping > 0.0:
+                faults.append((("boundaries", i, "damping"), f"no such key {_IN_EQUILIBRIUM}", one.damping))
+        for i, state in enumerate(scene.initial):
+            if state.velocity is not None:
+                faults.append((("initial", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
+            elif "velocity" in (state.fields or ()):
+                faults.append((("initial", i, "fields"), f"no velocity {_IN_EQUILIBRIUM}", Phrase("one")))
         return faults
 
     def _plastic_faults(self, scene: Any) -> list[Detail]:

@@ -20,11 +20,14 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.boundary.forces import DistributedLoad
+from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
+from parsolid.scene.warned import Note
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.gmres import gmres
+from parsolid.solvers.grid_levels import SOFTEST
 from parsolid.solvers.newton import State, newton
 
 # of a load, what the tangent of a step leaves; the share of a step's work that may be missing in the stored energy, at
@@ -36,6 +39,8 @@ _POWERS = 2.0
 _FIRST, _LEAST = 0.1, 2.0**-10
 # products with the tangent in one solution at most
 _PRODUCTS = 3000
+# Poisson's ratio beyond which solutions take long
+_STIFF = 0.45
 _STATE = (
     "load_step",
     "loaded",
@@ -431,13 +436,24 @@ class Static:
             "residual_target_newtons": self.target,
         }
 
-    def cost(self) -> str:
-        """What a load step takes, in words; collective."""
+    def cost_notes(self) -> list[Note]:
+        """What a load step takes, and volumes so stiff that it takes more; collective."""
         unknowns = int(sums(self.comm, [float(self.free.sum())])[0])
-        return (
+        cost = (
             f"equilibria of {unknowns} unknowns: 10 to 40 products with the tangent a linear solution, from 1e3 to 1e5 "
             "unknowns, and 3 to 6 solutions a load step"
         )
+        stiffest = max(lame / shear for shear, lame in map(elastic_moduli, self.system.laws))
+        ratio = 0.5 * stiffest / (1.0 + stiffest)
+        if ratio <= _STIFF + 1e-9:
+            return [Note("load-step-cost", cost)]
+        volumes = f"volumes are {stiffest:.3g} times as stiff as shapes (Poisson's ratio {ratio:.6g})"
+        # the preconditioner has volumes that are SOFTEST times as stiff, and products go with the root of the ratio
+        longer = f"linear solutions take {(stiffest / SOFTEST) ** 0.5:.2g} times as many products or more"
+        return [
+            Note("load-step-cost", cost),
+            Note("stiff-volumes", f"{volumes}: {longer}; a ratio of {_STIFF:g} costs less"),
+        ]
 
     def progress(self) -> list[str]:
         """What lines of progress say of the last equilibrium."""

@@ -1,7 +1,7 @@
 """The preconditioner of equilibria of total-Lagrangian SPH: `solvers.grid_levels` at the present shape.
 
 The particles' own level is the diagonal of nearest-neighbour elements, the others are grids over the bodies as they
-are. Moduli are those at rest, of nearly incompressible laws those of a softer volume, as a grid would lock.
+are. Moduli are those at rest.
 """
 
 from collections.abc import Callable
@@ -13,12 +13,9 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.boundary.forces import SpringLoad
 from parsolid.collective import SolverError, maximum
-from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.tangent import Tangent
-from parsolid.solvers import GridLevels, start_vector, unrestrained_modes
+from parsolid.solvers import GridLevels, moduli_of_rows, start_vector, unrestrained_modes
 
-# of the shear modulus, the first Lame constant at most: with Poisson's ratio 0.4
-_SOFTEST = 4.0
 # products a decade over those of the first solution, from which the shape has left that of the preconditioner; products
 # of a solution that say something
 _GROWN, _FEW = 1.5, 8
@@ -39,13 +36,7 @@ class StaticPreconditioner:
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
         system, d = self.system, self.system.dimension
         of = system.particles.owned_rows
-        self.lame, self.shear = np.zeros((2, system.owned))
-        for block in system.blocks:
-            shear, lame = elastic_moduli(block.law)
-            self.shear[block.first : block.last], self.lame[block.first : block.last] = (
-                shear,
-                min(lame, _SOFTEST * shear),
-            )
+        self.lame, self.shear = moduli_of_rows(tangent.laws, system.owned)
         self.volume = np.array(of("volume"))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
@@ -90,10 +81,11 @@ class StaticPreconditioner:
     def _refuse_loose_bodies(self) -> None:
         """Raise SolverError on all ranks for a body that can move as one without a force."""
         system, d = self.system, self.system.dimension
-        if any(isinstance(load, SpringLoad) for load, _ in system.conditions.loads_of):
-            return
         body, X = system.particles.owned_rows("body"), system.particles.owned_rows("reference_position")
+        sprung = self._bodies_on_springs(body)
         for number, group in self._joined_bodies().items():
+            if sprung[group].any():
+                continue
             here = np.isin(body, group)
             modes = _rigid_modes(self.comm, X, here)
             held = modes * ~self.tangent.free
@@ -104,6 +96,14 @@ class StaticPreconditioner:
                 names = _names(d, parts)
                 expected = "boundaries: expected conditions that hold every body in equilibrium"
                 raise SolverError(f"{expected}, found none against {names} of bodies.{number}")
+
+    def _bodies_on_springs(self, body: np.ndarray) -> np.ndarray:
+        """Whether any spring acts on each body, of the numbers (owned,) of the particles' bodies."""
+        found = np.zeros(len(self.system.laws))
+        for load, _ in self.system.conditions.loads_of:
+            if isinstance(load, SpringLoad):
+                found[body[load.surface.selection.rows]] = 1.0
+        return sums(self.comm, found) > 0.0
 
     def _joined_bodies(self) -> dict[int, list[int]]:
         """Numbers of bodies that share nodes, under the first of them; by their meshes."""
