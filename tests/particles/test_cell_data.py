@@ -37,7 +37,8 @@ def with_grain(path, dimension):
         every = turned(np.concatenate(middles))[start : start + len(places)]
         data.append(np.pad(every, ((0, 0), (0, 3 - dimension))))
         start += len(places)
-    meshio.Mesh(np.pad(points, ((0, 0), (0, 3 - dimension))), blocks, cell_data={"grain": data}).write(path)
+    named = {"grain": data, "lost": [np.nan * one for one in data], "none": [0.0 * one for one in data]}
+    meshio.Mesh(np.pad(points, ((0, 0), (0, 3 - dimension))), blocks, cell_data=named).write(path)
 
 
 def scene(path, dimension, placement, **material):
@@ -64,7 +65,13 @@ def test_particles_have_the_directions_of_their_elements(comm, shared_path, dime
 
 
 @pytest.mark.parametrize(
-    ("stated", "key"), [({"cell_data": "grains"}, "fibre.cell_data"), ({"vector": ["X - X", "0"]}, "fibre")]
+    ("stated", "key"),
+    [
+        ({"cell_data": "grains"}, "fibre.cell_data"),
+        ({"cell_data": "lost"}, "fibre.cell_data"),
+        ({"cell_data": "none"}, "fibre"),
+        ({"vector": ["X - X", "0"]}, "fibre"),
+    ],
 )
 def test_what_is_no_direction_ends_the_set_up(comm, shared_path, stated, key):
     path = shared_path / "mixed.vtu"

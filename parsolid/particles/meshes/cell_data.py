@@ -46,6 +46,8 @@ def _of_particles(body: Any, dimension: int, name: str, components: int) -> np.n
     stated = body.shape.model
     blocks, values, group = _of_elements(stated, dimension, name, components)
     chosen = np.arange(len(values)) if group is None else group
+    if not np.isfinite(values[chosen]).all():
+        raise NoCellData(f"cell data {name!r} that are numbers in every element", "others")
     if body.placed_on != "vertices":
         return values[chosen]
     mine, start, used = np.zeros(len(values), bool), 0, []
@@ -65,7 +67,9 @@ def _of_particles(body: Any, dimension: int, name: str, components: int) -> np.n
             np.add.at(count, column, 1.0)
     if components == 1:
         return sums[:, :, 0] / count[:, None]
-    return np.linalg.eigh(sums)[1][:, :, -1]
+    # of vectors that are all 0 none
+    there = np.trace(sums, axis1=1, axis2=2) > 0.0
+    return np.where(there[:, None], np.linalg.eigh(sums)[1][:, :, -1], 0.0)
 
 
 def _of_elements(stated: Any, dimension: int, name: str, components: int) -> tuple[list[Any], np.ndarray, Any]:
