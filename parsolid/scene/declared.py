@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from math import inf
 from types import FunctionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
@@ -194,7 +195,9 @@ class Laws:
 
 
 def _stated(table: DeclaredModel, info: Any) -> dict[str, Any]:
-    return table.model_dump(mode=info.mode, exclude_none=info.exclude_none)
+    stated = table.model_dump(mode=info.mode, exclude_none=info.exclude_none)
+    # a bound that a law lacks by default; scenes take finite numbers alone
+    return {key: value for key, value in stated.items() if value != inf}
 
 
 def _law_of_package(role: str, value: dict[str, Any], info: ValidationInfo) -> Any:

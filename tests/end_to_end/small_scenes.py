@@ -264,7 +264,7 @@ def _of_points(scene: dict) -> dict:
     (body,) = copy.deepcopy(scene["bodies"])
     del body["jitter"], body["material"]["branches"]
     body |= {"placement": "cells", "particles": [8, 8]}
-    return scene | {"method": {"kind": "mpm", "cell": 0.025}, "bodies": [body]}
+    return scene | {"method": {"kind": "mpm", "cell": 0.025, "cfl": 0.15}, "bodies": [body]}
 
 
 SCENES = {

@@ -3,6 +3,7 @@
 It knows every table, key, kind, bound and default, and keys that exclude each other; the rest `parsolid check` tells.
 """
 
+from math import inf
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
@@ -12,14 +13,14 @@ from parsolid.scene.schema import Scene
 
 
 class _OfToml(GenerateJsonSchema):
-    """TOML has no null, and keys need no titles besides their names."""
+    """TOML has no null, scenes no infinite numbers, and keys need no titles besides their names."""
 
     def nullable_schema(self, schema: Any) -> Any:
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: Any) -> Any:
         made = super().default_schema(schema)
-        if made.get("default", "") is None:
+        if made.get("default", "") in (None, inf):
             del made["default"]
         return made
 

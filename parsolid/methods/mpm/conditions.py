@@ -202,9 +202,11 @@ class DrivenRegion:
         return work, lost if array is nodes.motion else 0.0
 
     def moving(self, nodes: Nodes) -> np.ndarray:
-        """Velocities (count, d) [m/s] in the middle of the step."""
+        """Velocities (count, d) [m/s] on which its impulses work: those in the middle of the step, 0 where it holds."""
         now, d = nodes.motion[: nodes.count], nodes.points.dimension
-        return np.asarray(now[:, :d] - 0.5 * now[:, 4 : 4 + d])
+        middle = np.asarray(now[:, :d] - 0.5 * now[:, 4 : 4 + d])
+        middle[:, [axis for axis, velocity in self.components if _is_zero(velocity)]] = 0.0
+        return middle
 
 
 def _is_zero(velocity: LoadHistory) -> bool:
