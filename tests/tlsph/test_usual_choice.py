@@ -157,11 +157,13 @@ def test_boxes_beside_meshes_have_what_they_have_alone(tmp_path, particles, weig
 
 BALL = {"shape": {"sphere": {"centre": [1.6, 0.5], "radius": 0.5}}, "spacing": 0.1}
 SECOND = {"shape": {"box": {"lower": [1.0, 0.0], "upper": [2.0, 1.0]}}, "placement": "vertices"}
+DISC = {"name": "disc", "shape": {"sphere": {"centre": [0.5, 1.6], "radius": 0.5}}, "mass": 1.0}
 FLOOR = {"name": "floor", "shape": {"plane": {"point": [0.0, -0.1], "normal": [0.0, 1.0]}}}
 MEETS = {
     "a box": ([SECOND | {"particles": [9, 9]}], {"contact": [{"bodies": ["one", "other"]}]}),
     "a ball": ([BALL], {"contact": [{"bodies": ["one", "other"]}]}),
     "a tool": ([], {"tools": [FLOOR]}),
+    "a tool with mass": ([], {"tools": [DISC]}),
     "bars that a bond joins far away": (
         [{"shape": {"box": {"lower": [x, 9.0], "upper": [x + 1.0, 10.0]}}, "particles": [8, 8]} for x in (0.0, 1.0)],
         {"bond": [{"bodies": ["other", "other-2"]}]},
@@ -176,9 +178,8 @@ def test_a_body_has_the_same_weights_whatever_it_meets(meets):
     names = ("other", "other-2")
     data["bodies"] += [{"name": name, "material": SOFT, **other} for name, other in zip(names, others)]
     kinds = chosen(data)[0]
-    assert kinds[0] == "fourth-order" and kinds[1:] == (
-        ["fourth-order"] if meets == "a box" else ["kernel"] * len(others)
-    )
+    assert kinds[0] == ("kernel" if meets == "a tool with mass" else "fourth-order")
+    assert kinds[1:] == (["fourth-order"] if meets == "a box" else ["kernel"] * len(others))
 
 
 @pytest.mark.parametrize("offset, weights", [(0.0, "best"), (0.05, "kernel"), (0.5, "best")])

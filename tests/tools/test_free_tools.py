@@ -16,9 +16,6 @@ from parsolid.simulation.scene_changes import contents
 MASS, RADIUS = 120.0, 0.25
 # of the energy, at .2 ms
 UNBALANCED = {"tlsph-cells": 0.01, "ulsph": 0.004, "mpm": 0.004}
-# the same at the stable step: pairs of ulsph change their weights where they begin to pull, and the nodes of
-# fourth-order weights on faces are light
-AT_STABLE_STEP = {"ulsph": 4e-4, "tlsph": 1e-3}
 
 
 def hit(method: str, dimension=2, **tool) -> dict:
@@ -81,10 +78,11 @@ def test_a_light_disc_leaves_no_faster_than_it_came(method, mass):
     """
     sim, watch = run(light(method, mass))
     energy, speed = watch["kinetic"][0], np.linalg.norm(sim.interactions[0].tools[0].body.pose.velocity)
-    assert watch["contact_energy"].max() > 0.5 * energy and abs(watch["contact_energy"][-1]) < 1e-12 * energy
+    assert watch["contact_energy"].max() > 0.6 * energy and abs(watch["contact_energy"][-1]) < 1e-12 * energy
     assert 10.0 < speed < 40.0
     assert max(watch["kinetic"].max(), watch[stored_energy(watch)].max()) < 1.01 * energy
-    assert np.abs(watch["energy_error"]).max() < AT_STABLE_STEP.get(method, 2e-4) * energy
+    # pairs of ulsph change their weights where they begin to pull
+    assert np.abs(watch["energy_error"]).max() < (4e-4 if method == "ulsph" else 2e-4) * energy
     assert np.abs(watch["energy_error"] + watch["kinetic_offset"]).max() < 0.01 * energy
     assert abs(watch["kinetic_offset"][-1]) < 1e-3 * energy
     assert watch["numerical_dissipation"].min() > -5e-3 * energy

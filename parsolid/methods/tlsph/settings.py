@@ -125,9 +125,9 @@ class TotalLagrangianSPH(MethodSettings):
     weights: Literal["kernel", "closure", "cells", "fourth-order", "mesh", "best"] | None = Field(
         None,
         description='pair weights: unless given, with leapfrog "mesh" for bodies from meshes, "best" for boxes of 8 '
-        'nodes or more along each axis that no bond joins, and "kernel" for others; "closure" for irregular particles; '
-        '"cells" and "fourth-order" in closed form for lattices; "mesh": those of the elements of meshes; "best": for '
-        "each body what fits it",
+        'nodes or more along each axis that no bond joins, without tools that have mass, and "kernel" for others; '
+        '"closure" for irregular particles; "cells" and "fourth-order" in closed form for lattices; "mesh": those of '
+        'the elements of meshes; "best": for each body what fits it',
     )
     stabilisation: float = Field(
         0.35,
@@ -205,7 +205,8 @@ class TotalLagrangianSPH(MethodSettings):
 
     def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the
-        tables confirms them: of eight nodes or more along each axis that no bond joins, whatever they meet."""
+        tables confirms them: of eight nodes or more along each axis that no bond joins, whatever they meet but tools
+        with mass."""
         if self.integrator == "ssp-rk3" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
         if self.integrator == "static":
@@ -216,7 +217,9 @@ class TotalLagrangianSPH(MethodSettings):
         if meshes and no_mesh_weights(own) is not None:
             return {}
         # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
-        if self.reconstruction and lattices and best_is_confirmed(own):
+        # a tool with mass and the light nodes of their faces oscillate by more than 1 % of the energy (test_free_tools)
+        free_tools = any(tool.mass is not None for tool in scene.tools)
+        if self.reconstruction and lattices and not free_tools and best_is_confirmed(own):
             return {"weights": "best"}
         return {"weights": "mesh"} if meshes else {}
 
