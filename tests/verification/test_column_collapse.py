@@ -12,8 +12,8 @@ RUNS = Path(__file__).parents[2] / "runs"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("method", "height", "bound"), [("mpm", 0.1, 0.1), ("mpm", 0.05, 0.1), ("ulsph", 0.1, 0.1)])
-def test_a_column_of_sand_runs_out_as_far_as_measured(method, height, bound, shared_path):
+@pytest.mark.parametrize("height", [0.1, 0.05])
+def test_a_column_of_sand_runs_out_as_far_as_measured(height, shared_path):
     """Ratios of height to width of 1 and 1/2, 40 particles in the height; the front to a tenth of the run-out."""
     words = [
         word
@@ -23,13 +23,13 @@ def test_a_column_of_sand_runs_out_as_far_as_measured(method, height, bound, sha
             f"end_time={1.6 * height**0.5}",
             "output.fields_times=[0]",
             f"bodies.0.spacing={height / 40}",
-            *([f"method.cell={height / 20}"] if method == "mpm" else []),
+            f"method.cell={height / 20}",
         )
         for word in ("--set", one)
     ]
-    scene = RUNS / method / "column_collapse.toml"
+    scene = RUNS / "mpm" / "column_collapse.toml"
     assert main(["run", str(scene), "-o", str(shared_path / "run"), "--quiet", *words]) == 0
     reach = read_history(shared_path / "run" / "history.csv")["reach.upper_bounds_x"]
-    assert (reach[-1] - 0.1) / height == pytest.approx(1.2, rel=bound)
+    assert (reach[-1] - 0.1) / height == pytest.approx(1.2, rel=0.1)
     # it is at rest
     assert reach[-1] - reach[int(0.9 * len(reach))] < 0.05 * (reach[-1] - 0.1)
