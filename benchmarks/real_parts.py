@@ -25,7 +25,9 @@ from parsolid.simulation.history import HistoryOutput
 
 E, NU = 1.0, 0.3
 PULL = 1e-6
-FILE = str(Path(tempfile.mkdtemp()) / "part.vtu")
+# removed when the program ends
+FOLDER = tempfile.TemporaryDirectory()
+FILE = str(Path(FOLDER.name) / "part.vtu")
 
 
 class Mesh(NamedTuple):
