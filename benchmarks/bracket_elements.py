@@ -6,8 +6,7 @@ from pathlib import Path
 
 import gmsh
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
+from linear_elements import assembled, at_rest, element_matrices
 
 MODULUS, RATIO, TRACTION, END = 2e9, 0.39, 1e5, 0.06
 STEP = Path(__file__).parents[1] / "runs" / "tlsph" / "meshes" / "bracket.step"
@@ -43,19 +42,12 @@ def mesh_of(size: float, order: int):
 def stiffness(X, cells, gradients, weights):
     """The matrix (3 n, 3 n) [N/m]."""
     shear, lame = MODULUS / (2 + 2 * RATIO), MODULUS * RATIO / ((1 + RATIO) * (1 - 2 * RATIO))
-    count = cells.shape[1]
-    K = np.zeros((len(cells), count, 3, count, 3))
+    K = 0.0
     for dN, weight in zip(gradients, weights):
         J = np.einsum("eni,nk->eik", X[cells], dN)
         grad = np.einsum("nk,eki->eni", dN, np.linalg.inv(J))
-        size = weight * np.abs(np.linalg.det(J))
-        outer = np.einsum("eni,emj,e->enimj", grad, grad, size)
-        K += lame * outer + shear * outer.transpose(0, 1, 4, 3, 2)
-        K += shear * np.einsum("enk,emk,e,ij->enimj", grad, grad, size, np.eye(3))
-    rows = (3 * cells[:, :, None] + np.arange(3)).reshape(len(cells), -1)
-    width = rows.shape[1]
-    places = np.repeat(rows, width, axis=1).ravel(), np.tile(rows, (1, width)).ravel()
-    return sparse.coo_matrix((K.ravel(), places), shape=(3 * len(X), 3 * len(X))).tocsr()
+        K = K + element_matrices(grad, weight * np.abs(np.linalg.det(J)), shear, lame)
+    return assembled(K, cells, len(X))
 
 
 def main(size: float, order: int) -> None:
@@ -67,11 +59,10 @@ def main(size: float, order: int) -> None:
     for column, part in zip(at_end.T, KINDS[order][4]):
         np.add.at(force[:, 2], column, -TRACTION * area * part)
     used = np.isin(np.arange(len(X)), cells)
-    free = np.flatnonzero(np.repeat(used & (np.abs(X[:, 0]) > 1e-9), 3))
-    u = np.zeros(X.size)
-    u[free] = spsolve(stiffness(X, cells, gradients, weights)[free][:, free].tocsc(), force.ravel()[free])
+    free = np.repeat((used & (np.abs(X[:, 0]) > 1e-9))[:, None], 3, axis=1)
+    u = at_rest(stiffness(X, cells, gradients, weights), free, force)
     end = used & (np.abs(X[:, 0] - END) < 1e-9)
-    print(f"{used.sum()} vertices: the end sinks by {-1e3 * u.reshape(-1, 3)[end, 2].mean():.4f} mm")
+    print(f"{used.sum()} vertices: the end sinks by {-1e3 * u[end, 2].mean():.4f} mm")
 
 
 if __name__ == "__main__":

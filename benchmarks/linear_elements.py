@@ -122,10 +122,10 @@ class LinearElements:
 
     def motion(
         self, density: float, v: np.ndarray, free: np.ndarray, times: np.ndarray, part: float,
-        told: Callable[[np.ndarray], float],
+        observed: Callable[[np.ndarray], float],
     ) -> dict[str, np.ndarray]:  # fmt: skip
-        """Kinetic and stored energy [J] and what `told` says of u, at times [s] from 0 on, of bodies with velocities v
-        (n, d) [m/s]."""
+        """Kinetic and stored energy [J] and a number observed of u (n, d), at times [s] from 0 on, of bodies with
+        velocities v (n, d) [m/s]."""
         mass, u, t = (density * self.of_nodes)[:, None], np.zeros_like(v), 0.0
         v, longest = v * free, self.largest_step(density, part)
         force, energy = self.forces(u)
@@ -139,5 +139,5 @@ class LinearElements:
                 force, energy = self.forces(u)
                 v += 0.5 * step * free * force / mass
             t = time
-            rows.append((0.5 * float(np.sum(mass * v * v)), energy, told(u)))
-        return dict(zip(("K", "W", "told"), np.array(rows).T))
+            rows.append((0.5 * float(np.sum(mass * v * v)), energy, observed(u)))
+        return dict(zip(("K", "W", "observed"), np.array(rows).T))

@@ -25,7 +25,9 @@ from parsolid.simulation.history import HistoryOutput
 
 E, NU = 1.0, 0.3
 PULL = 1e-6
-FILE = str(Path(tempfile.mkdtemp()) / "part.vtu")
+# removed when the program ends
+FOLDER = tempfile.TemporaryDirectory()
+FILE = str(Path(FOLDER.name) / "part.vtu")
 
 
 class Mesh(NamedTuple):
@@ -380,8 +382,10 @@ def column(size: float, rate: float, kept: str, names: tuple[str, str, str], end
     began = time.process_time()
     elements = LinearElements(*mesh, RUBBER["youngs_modulus"], RUBBER["poissons_ratio"])
     other = elements.motion(RUBBER["density"], velocity, (y > 1e-9)[:, None], t[t <= end], 0.5, angle)
-    other["told"] = np.unwrap(other["told"])
-    return Row(len(mesh.X), own, errors(other, ("K", "W", "told"), t[t <= end]), (seconds, time.process_time() - began))
+    other["observed"] = np.unwrap(other["observed"])
+    return Row(
+        len(mesh.X), own, errors(other, ("K", "W", "observed"), t[t <= end]), (seconds, time.process_time() - began)
+    )
 
 
 def torsion(m: int) -> Row:

@@ -16,10 +16,9 @@ from parsolid.campaign.variants import digest_of
 from parsolid.exact import SOLUTIONS
 from parsolid.particles.fillings import filling_of
 from parsolid.scene import Scene, SceneError, load_scene
-from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.scene.raw_tables import toml_value
 from parsolid.scene.validation_errors import suggestion
-from parsolid.simulation.ledger import ledger_of
+from parsolid.simulation.history import history_columns
 from parsolid.sources import source_digest
 
 
@@ -215,15 +214,6 @@ def _unknown_columns(study: Study, cases: list[Case]) -> list[str]:
                 if name not in known
             ]
     return faults
-
-
-def history_columns(scene: Scene) -> list[str]:
-    """Columns of the history that a run of a scene will have."""
-    columns = ["step", "time", "dt", *ledger_of(scene).columns]
-    columns += [column for probe in scene.probes for column in probe.columns(scene.dimension)]
-    for one in scene.boundaries:
-        columns += [*reaction_columns(one.reports, scene.dimension), f"{one.reports}.work"] if one.reports else []
-    return columns + [column for tool in scene.tools or () for column in tool.columns(scene.dimension)]
 
 
 def error_names(scene: Any) -> set[str]:

@@ -22,7 +22,7 @@ from parsolid.simulation.loop import FINISHED
 SHARE = 0.05
 INSIDE, NEAR, OUTSIDE = "inside the bars", "within the tolerance", "outside"
 UNRESOLVED, MISSING = "not resolved", "no value"
-# of the published value, beyond which a run's bar says nothing
+# of the published value, beyond which a run's bar does not count
 WIDE = 0.25
 AS_STATED, NOT_AS_STATED, SHOWN = "as stated", "not as stated", "shown"
 # verdicts of what agrees
@@ -222,7 +222,7 @@ class Comparison(SceneModel):
         return value
 
     def verdict(self, computed: float, bar: float | None) -> str:
-        """Whether a computed number with its bar agrees with the published one; not where the bar holds anything."""
+        """Whether a computed number agrees with the published one; a bar that is wide does not count."""
         miss, wide = abs(computed - self.value), (bar or 0.0) > WIDE * (abs(self.value) or 1.0)
         if miss <= (self.scatter or 0.0) + (0.0 if wide else bar or 0.0):
             return INSIDE
@@ -232,7 +232,7 @@ class Comparison(SceneModel):
 
 
 @dataclass
-class Level:
+class Resolution:
     """One resolution of a row: value and processor seconds."""
 
     label: str
@@ -244,7 +244,7 @@ class Level:
     value: float | None
 
     @classmethod
-    def of(cls, case: Any, value: float | None) -> "Level":
+    def of(cls, case: Any, value: float | None) -> "Resolution":
         """Of a case that has been run."""
         label, record = case.labels.get(case.resolution_axis, ""), case.record
         costs = record.core_seconds, record.seconds
@@ -277,7 +277,7 @@ class Row:
     remark: str = ""
     reason: str = ""
     line: str = ""
-    levels: list[Level] = field(default_factory=list)
+    levels: list[Resolution] = field(default_factory=list)
 
     @property
     def agrees(self) -> bool | None:
@@ -301,7 +301,7 @@ class Row:
     @classmethod
     def of(cls, stated: Mapping[str, Any]) -> "Row":
         """From what `as_stated` gave. Raises TypeError, KeyError for something else."""
-        return cls(**{**stated, "levels": [Level(**one) for one in stated["levels"]]})
+        return cls(**{**stated, "levels": [Resolution(**one) for one in stated["levels"]]})
 
     def as_stated(self) -> dict[str, Any]:
         """Plain tables and numbers."""
@@ -317,9 +317,8 @@ def rows_of_comparison(title: str, stated: Comparison, lines: Iterable[list[Any]
 
 def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
     row = Row(title, ", ".join(line[-1].line), stated.quantity, stated.unit, stated.value, stated.scatter)
-    row.source, row.tolerance, row.remark, row.line = stated.source, stated.allowed, stated.cause or "", row.method
-    if stated.scatter is not None:
-        row.tolerance = None
+    row.source, row.remark, row.line = stated.source, stated.cause or "", row.method
+    row.tolerance = stated.allowed if stated.scatter is None else None
     reasons = list[str]()
     for case in line:
         value, record = None, case.record
@@ -330,7 +329,7 @@ def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
                 reasons.append(f"{case.title}: {error}")
         else:
             reasons.append(f"{case.title}: {record.status}: {(record.message or '').partition(chr(10))[0]}")
-        row.levels.append(Level.of(case, value))
+        row.levels.append(Resolution.of(case, value))
     row.core_seconds = row.levels[-1].core_seconds
     row.computed = row.levels[-1].value
     if row.computed is None:
@@ -342,8 +341,8 @@ def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
     return row
 
 
-def _bar(stated: Comparison, scene: Any, levels: list[Level]) -> tuple[float | None, float | None]:
-    """The bar of the finest level's number by all levels, and the order observed; None with one level."""
+def _bar(stated: Comparison, scene: Any, levels: list[Resolution]) -> tuple[float | None, float | None]:
+    """The bar of the finest number by the three finest, and the order observed; None with one of them alone."""
     known = [(one.spacing, one.value) for one in reversed(levels) if one.spacing and one.value is not None][:3]
     if len(known) < 2:
         return None, None

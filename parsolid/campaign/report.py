@@ -38,16 +38,12 @@ class ResultTable:
         return table
 
     def markdown(self) -> str:
-        """The table in Markdown, with its title and notes."""
+        """The table in Markdown, with its title, if it has one, and notes."""
         rule = ["---" if i < self.left else "---:" for i in range(len(self.headings))]
         lines = [" | ".join(cells).replace("\n", " ") for cells in (self.headings, rule, *self.rows)]
+        title = f"### {self.title}\n\n" if self.title else ""
         notes = "".join(f"\n- {note}" for note in self.notes)
-        return (
-            f"### {self.title}\n\n"
-            + "\n".join(f"| {line} |" for line in lines)
-            + "\n"
-            + (notes + "\n" if notes else "")
-        )
+        return title + "\n".join(f"| {line} |" for line in lines) + "\n" + (notes + "\n" if notes else "")
 
 
 def tables_of(study: Study, cases: list[Case]) -> list[ResultTable]:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 from parsolid.campaign.cases import Case, cases_of
-from parsolid.campaign.comparison import AS_STATED, NOT_AS_STATED, Level, Row, rows_of_comparison
+from parsolid.campaign.comparison import AS_STATED, NOT_AS_STATED, Resolution, Row, rows_of_comparison
 from parsolid.campaign.measures import MEASURES, measures_of
 from parsolid.campaign.report import (
     comparison_table,
@@ -125,11 +125,8 @@ def report(console: Console, planned: Planned, pictures: bool = True) -> list[Ro
 
 def compared_rows(study: Study, cases: list[Case]) -> list[Row]:
     """Rows of the comparisons that a study states, of lines of cases whose finest has been run."""
-    lines = dict[tuple[str, ...], list[Case]]()
-    for case in sorted(cases, key=lambda case: -(case.spacing or 0.0)):
-        lines.setdefault(case.line, []).append(case)
-    order = list(dict.fromkeys(case.line for case in cases))
-    made = [[c for c in lines[name] if c.record is not None] for name in order if lines[name][-1].record is not None]
+    lines = _by_line(cases).values()
+    made = [[case for case in line if case.record is not None] for line in lines if line[-1].record is not None]
     return [row for one in study.compared for row in rows_of_comparison(study.title, one, made)]
 
 
@@ -150,7 +147,7 @@ def error_rows(study: Study, cases: list[Case]) -> list[Row]:
             continue
         for name in (*(case.measures.get("errors") or ()), *_bounded_measures(case)):
             rows.append(_error_row(study, case, name))
-            rows[-1].levels = [Level.of(one, one.value(name)) for one in finest.get(id(case), ())]
+            rows[-1].levels = [Resolution.of(one, one.value(name)) for one in finest.get(id(case), ())]
     return [row for row in rows if row.agrees is not None] if study.compared else rows
 
 
@@ -164,8 +161,8 @@ def _error_row(study: Study, case: Case, name: str) -> Row:
     row = Row(study.title, case.title, MEASURES[name][2] if name in MEASURES else spaced(name))
     stated = case.scene.reference if case.scene is not None else None
     if name not in MEASURES and stated is not None:
-        words = {"exact": stated.exact, "series": stated.series and Path(stated.series).name, "values at the end": True}
-        row.source = next(f"{key} {one}" if one is not True else key for key, one in words.items() if one)
+        series = f"series {Path(stated.series).name}" if stated.series else "values at the end"
+        row.source = f"exact {stated.exact}" if stated.exact else series
     row.error, row.tolerance, row.order = case.value(name), case.bounds.get(name), case.orders.get(name)
     row.core_seconds, row.line = record.core_seconds, ", ".join(case.line)
     least = case.series.orders.get(name) if name in case.orders else None
@@ -215,10 +212,13 @@ def judge(study: Study, cases: list[Case]) -> None:
 
 def lines_of(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
     """Cases with a spacing and errors, by the line they are on, from coarse to fine."""
+    return _by_line([case for case in cases if case.spacing is not None and case.measures.get("errors")])
+
+
+def _by_line(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
     lines: dict[tuple[Any, ...], list[Case]] = {}
     for case in cases:
-        if case.spacing is not None and case.measures.get("errors"):
-            lines.setdefault(case.line, []).append(case)
+        lines.setdefault(case.line, []).append(case)
     return {name: sorted(line, key=lambda case: -(case.spacing or 0.0)) for name, line in lines.items()}
 
 

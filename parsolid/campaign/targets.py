@@ -7,16 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from parsolid.campaign.coarsening import NotCoarsened, lattice_words, parsed
-from parsolid.campaign.error_bars import Campaign, ErrorTable, in_words, write_error_bars
+from parsolid.campaign.error_bars import NO_RESULTS, Campaign, ErrorTable, in_words, write_error_bars
 from parsolid.campaign.probes import with_corners
 from parsolid.campaign.runner import InProcess, VariantRun
 from parsolid.campaign.variants import RATIOS, SPACING, Variant, coarse_variants, level_of
 from parsolid.collective import SolverError
 from parsolid.exit_status import DONE, NOT_REACHED, TO_BE_CONTINUED
 from parsolid.scene import Scene, SceneError
-from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.scene.validation_errors import suggestion
-from parsolid.simulation.ledger import ledger_of
+from parsolid.simulation.history import history_columns
 
 # spacings over that of the scene at which levels may begin, the coarsest of which coarser ones can be made
 _STARTS = (2.25, 1.5, 1.0)
@@ -186,12 +185,8 @@ def run_to_targets(campaign: Campaign, scene: Scene, requested: list[str], limit
 
 
 def columns_of(scene: Scene) -> list[str]:
-    """Columns of the history that can have a bar, as far as the scene tells them."""
-    columns = [*ledger_of(scene).columns]
-    columns += [column for probe in scene.probes for column in probe.columns(scene.dimension)]
-    for one in scene.boundaries:
-        columns += reaction_columns(one.reports, scene.dimension) if one.reports is not None else []
-    return [name for name in columns if name != "energy_error"]
+    """Columns of the history that can have a bar."""
+    return [name for name in history_columns(scene) if name not in NO_RESULTS]
 
 
 def worst(table: ErrorTable, targets: list[Target]) -> tuple[float, float] | None:

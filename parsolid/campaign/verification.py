@@ -45,8 +45,11 @@ def folders_of(studies: list[str], folder: Path) -> list[Path]:
         path = Path(one)
         above = [part for part in path.resolve().parts[-3:-1] if part != "studies"]
         name = path.stem if names[path.stem] == 1 else "_".join([*above, path.stem])
-        alike = sum(other.name.startswith(name) for other in result)
-        result.append(folder / (f"{name}_{alike + 1}" if folder / name in result else name))
+        place, number = folder / name, 1
+        while place in result:
+            number += 1
+            place = folder / f"{name}_{number}"
+        result.append(place)
     return result
 
 
@@ -119,8 +122,7 @@ def build_report(folder: Path, page: Path) -> Path:
     for group, members in groups.items():
         lines += [f"## {group}", *([f"![{group}]({pictures[group]})"] if group in pictures else [])]
         rows = [row for one in members for row in one.rows]
-        table = comparison_table("", rows, with_case=True)
-        lines += ["\n".join(table.markdown().splitlines()[2:])]
+        lines.append(comparison_table("", rows, with_case=True).markdown().rstrip())
         remarks = [f"- {one.entries['study']}: {one.entries['remark']}" for one in members if one.entries["remark"]]
         faults = [f"- not as stated: {fault}" for one in members for fault in one.entries["faults"]]
         lines += ["\n".join([*remarks, *faults])] if remarks or faults else []

@@ -15,6 +15,7 @@ from parsolid.materials.hyperelastic.at_particles import Member, members
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.meshes.cell_data import NoCellData, cell_data_at
+from parsolid.scene.materials import ValueFault
 
 RECORD = "law_values"
 
@@ -45,12 +46,11 @@ def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set
         if law not in rows:
             continue
         here = np.flatnonzero(particle_set.body[:owned] == i)
-        of_cells, unread = _cell_data(comm, body, scene.dimension, particle_set.identifier[here])
         try:
-            found = body.material.values_at(particle_set.position[here], of_cells)
-            values[rows[law], here] = found
-        except ValueError as error:
-            fault = fault or f"bodies.{i}.material.{unread or error}"
+            of_cells = _cell_data(comm, body, scene.dimension, particle_set.identifier[here])
+            values[rows[law], here] = body.material.values_at(particle_set.position[here], of_cells)
+        except ValueFault as error:
+            fault = fault or f"bodies.{i}.material.{error}"
     raise_together(comm, fault)
     # a field of one component is (n,)
     particles.declare(Field(RECORD, total, "", layout=Columns()), values.T if total > 1 else values[0])
@@ -82,15 +82,15 @@ def state_variable_fields(particles: Particles) -> tuple[str, ...]:
     )
 
 
-def _cell_data(comm: Any, body: Any, dimension: int, identifiers: np.ndarray) -> tuple[dict[str, np.ndarray], str]:
-    """Cell data of a body's particles (n, components) by the names of members, and what is wrong with the first that
-    there is not; collective."""
+def _cell_data(comm: Any, body: Any, dimension: int, identifiers: np.ndarray) -> dict[str, np.ndarray]:
+    """Cell data of a body's particles (n, components) by the names of members, none without a mesh. Raises `ValueFault`
+    on all ranks for what the file does not have. Collective."""
     found: dict[str, np.ndarray] = {}
+    if body.shape.kind != "mesh":
+        return found
     for member, (name, components) in body.material.cell_data.items():
-        if body.shape.kind != "mesh":
-            return found, ""
         try:
             found[member] = cell_data_at(comm, body, dimension, identifiers, name, components)
         except NoCellData as error:
-            return found, f"{member}.cell_data: {error}"
-    return found, ""
+            raise ValueFault(f"{member}.cell_data", error.expected, error.found) from error
+    return found

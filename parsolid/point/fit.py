@@ -6,7 +6,7 @@ from typing import Any, Literal, get_origin
 import numpy as np
 
 from parsolid.materials import registry
-from parsolid.materials.declaration import Direction, OfParticle, parameters_of
+from parsolid.materials.declaration import Direction, Parameter, parameters_of
 from parsolid.materials.hyperelastic.at_particles import members
 from parsolid.materials.hyperelastic.functions import stress
 
@@ -83,14 +83,12 @@ def _free_stretches(law: Any, l1: float) -> tuple[float, float]:
 
 def fitted_parameters(kind: str) -> dict[str, Any]:
     """Name -> `Parameter` of those of a hyperelastic kind that such tests tell."""
-    found = {
-        n: it
-        for n, it in parameters_of(registry.declared("hyperelastic", kind)).items()
-        if not isinstance(it[1], OfParticle)
-    }
     # not one of several words (the volumetric part), nor what has one value (zeta of neo-Hookean solids)
-    numbers = {name: note for name, (annotation, note) in found.items() if get_origin(annotation) is not Literal}
-    return {name: note for name, note in numbers.items() if name not in _UNSEEN}
+    return {
+        name: note
+        for name, (annotation, note) in parameters_of(registry.declared("hyperelastic", kind)).items()
+        if isinstance(note, Parameter) and get_origin(annotation) is not Literal and name not in _UNSEEN
+    }
 
 
 def has_fibres(kind: str) -> bool:

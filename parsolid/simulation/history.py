@@ -5,6 +5,9 @@ from typing import Any
 from parsolid.output.errors import together
 from parsolid.output.history import History, read_history
 from parsolid.output.run_folder import RunFolder
+from parsolid.scene import Scene
+from parsolid.scene.boundaries.condition import reaction_columns
+from parsolid.simulation.ledger import ledger_of
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Cadence, Output
@@ -12,6 +15,15 @@ from parsolid.simulation.probes import Probes
 
 # rows of a history in the time of a scene that states no interval
 ROWS = 200
+
+
+def history_columns(scene: Scene) -> list[str]:
+    """Columns of the history that a run of a scene will have."""
+    columns = ["step", "time", "dt", *ledger_of(scene).columns]
+    reports = [one.reports for one in scene.boundaries if one.reports is not None]
+    columns += [column for probe in scene.probes for column in probe.columns(scene.dimension)]
+    columns += [column for name in reports for column in reaction_columns(name, scene.dimension)]
+    return columns + [column for tool in scene.tools or () for column in tool.columns(scene.dimension)]
 
 
 class HistoryOutput(Output):

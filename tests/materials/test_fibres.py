@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from materials.deformations import arguments, deformations, energy, slope, stress, tangent_of, wave_ratios
 from scipy.optimize import brentq
 
 from parsolid.api.materials import material
 from parsolid.materials.hyperelastic import functions as of
 from parsolid.materials.hyperelastic import tissues
 from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, members, state_count
+from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.hyperelastic.rubbers import Yeoh
 from parsolid.materials.hyperelastic.softening import Softened
 from parsolid.materials.hyperelastic.transversely_isotropic import Guccione
@@ -54,38 +56,6 @@ MODERATE = {
 }
 
 
-def arguments(F):
-    J = float(np.linalg.det(F))
-    return tuple(F.ravel().tolist()), tuple((J * np.linalg.inv(F).T).ravel().tolist()), J
-
-
-def stress(law, F):
-    return np.reshape(of.stress(law, *arguments(F)), (3, 3))
-
-
-def energy(law, F):
-    return float(of.energy(law, *arguments(F)))
-
-
-def deformations(count, spread, seed=3):
-    random, found = np.random.default_rng(seed), []
-    while len(found) < count:
-        F = np.eye(3) + spread * random.normal(size=(3, 3))
-        found += [F] if np.linalg.det(F) > 0.3 else []
-    return found
-
-
-def slope(function, F, step=1e-4):
-    """Five-point derivatives by the components of F, (3, 3, ...)."""
-    result = [[None] * 3 for _ in range(3)]
-    for i, j in np.ndindex(3, 3):
-        change = np.zeros((3, 3))
-        change[i, j] = step
-        near = function(F + change) - function(F - change)
-        result[i][j] = (8.0 * near - (function(F + 2.0 * change) - function(F - 2.0 * change))) / (12.0 * step)
-    return np.array(result)
-
-
 @pytest.mark.parametrize("name", LAWS)
 def test_energy_and_stress_are_those_of_sixty_digits(name):
     for state, expected in STATES["laws"][name]["states"].items():
@@ -123,7 +93,7 @@ def test_stress_tangent_and_waves_belong_to_the_energy(name):
     turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
     for n, F in enumerate(deformations(60, 0.2)):
-        tangent = slope(lambda one: stress(law, one), F, 1e-5).transpose(2, 3, 0, 1)
+        tangent = tangent_of(lambda one: stress(law, one), F, 1e-5)
         matrix = tangent.reshape(9, 9)
         np.testing.assert_allclose(matrix, matrix.T, rtol=0.0, atol=1e-7 * np.abs(matrix).max())
         if n % 10 == 1:
@@ -131,11 +101,8 @@ def test_stress_tangent_and_waves_belong_to_the_energy(name):
             dW = slope(lambda one: np.asarray(energy(law, one)), F)
             np.testing.assert_allclose(P, dW, rtol=0.0, atol=1e-8 * np.abs(P).max())
             np.testing.assert_allclose(stress(law, turn @ F), turn @ P, rtol=0.0, atol=1e-11 * np.abs(P).max())
-        Q = np.array(of.pressure_waves(law, *arguments(F)))[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-        for N in random.normal(size=(6, 3)):
-            N /= np.linalg.norm(N)
-            acoustic = np.einsum("iJkL,J,L->ik", tangent, N, N)
-            ratios.append((N @ Q @ N) / np.linalg.eigvalsh(0.5 * (acoustic + acoustic.T))[-1])
+        Q = symmetric_tensors(np.array(of.pressure_waves(law, *arguments(F))))
+        ratios += wave_ratios(Q, tangent, random.normal(size=(6, 3)))
     most = 2.0 if name == "heart muscle" else 1.2
     assert min(ratios) > 1.0 - 1e-6 and np.mean(ratios) < most, (min(ratios), np.mean(ratios))
 
@@ -327,7 +294,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import numpy as np
 from mpi4py import MPI
-from test_fibres import SOFTENING, at_particle, after_step, arguments, parse_scene, scene, stress
+from materials.test_fibres import SOFTENING, at_particle, after_step, arguments, parse_scene, scene, stress
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.observables import Observables
 F = np.array([[1.15, 0.1, -0.05], [0.08, 0.95, 0.02], [0.03, -0.04, 1.1]])
@@ -353,7 +320,9 @@ for method in ("tlsph", "peridynamics", "mpm"):
 def test_a_uniform_strain_has_the_stress_of_the_law_in_every_method():
     """With the directions of each particle's own place."""
     env = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    run = subprocess.run([sys.executable, "-c", _UNIFORM, HERE], env=env, capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-c", _UNIFORM, HERE.parent], env=env, capture_output=True, text=True, check=False
+    )
     found = dict(line.split() for line in run.stdout.splitlines())
     assert set(found) == {"tlsph", "peridynamics", "mpm"}, run.stderr[-2000:]
     assert max(map(float, found.values())) < 1e-6, found

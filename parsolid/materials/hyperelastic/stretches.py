@@ -16,6 +16,7 @@ from parsolid.materials.hyperelastic.volume import (
     law_with_volume,
     volume_energy,
     volume_slopes,
+    volume_terms,
 )
 from parsolid.materials.law_functions import law_function
 from parsolid.principal import from_principal, principal
@@ -287,7 +288,4 @@ def _moduli(law):
     return shear, law.volume.bulk_modulus - 2.0 / 3.0 * shear
 
 
-@volume_part.of(Ogden, Hencky, Polynomial)
-def _volume(law, J):
-    slope, curvature = volume_slopes(law.volume, J)
-    return volume_energy(law.volume, J), slope, curvature
+volume_part.of(Ogden, Hencky, Polynomial)(volume_terms)

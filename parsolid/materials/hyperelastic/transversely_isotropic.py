@@ -12,6 +12,7 @@ from parsolid.materials.hyperelastic.volume import (
     law_with_volume,
     volume_energy,
     volume_slopes,
+    volume_terms,
 )
 from parsolid.tensors import (
     add_spherical,
@@ -120,7 +121,4 @@ def _moduli(law):
     return shear, law.volume.bulk_modulus - 2.0 / 3.0 * shear
 
 
-@volume_part.of(Guccione)
-def _volume(law, J):
-    slope, curvature = volume_slopes(law.volume, J)
-    return volume_energy(law.volume, J), slope, curvature
+volume_part.of(Guccione)(volume_terms)

@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Literal, NamedTuple
 
 from parsolid.elementary import log
+from parsolid.kernels import inlined
 from parsolid.materials.declaration import Parameter
 from parsolid.materials.law_functions import law_function
 
@@ -50,6 +51,13 @@ def volume_energy(part, J):
 @law_function
 def volume_slopes(part, J):
     """dU/dJ and d2U/dJ2 [Pa]."""
+
+
+@inlined
+def volume_terms(law, J):
+    """`functions.volume_part` of a law with `volume`."""
+    slope, curvature = volume_slopes(law.volume, J)
+    return volume_energy(law.volume, J), slope, curvature
 
 
 @volume_energy.of(SimoTaylor)

@@ -24,7 +24,6 @@ from parsolid.materials.plastic.tile_update import (
     VOLUME_WORK,
     flow_stress_before,
     plastic_increments,
-    volume_work,
 )
 from parsolid.tiles import TILE
 
@@ -94,11 +93,6 @@ def _elastic_part(model, J, volume):
 @stress_measure.of(DruckerPrager)
 def _of_kirchhoff_stress(model, J):
     return 1.0 / J, 0.0
-
-
-@volume_work.of(DruckerPrager)
-def _work_of_pressure(model, tile, p):
-    return tile[VOLUME_WORK * TILE + p]
 
 
 @plastic_increments.of(DruckerPrager)

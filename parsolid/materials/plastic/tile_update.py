@@ -203,7 +203,7 @@ def _flow(law, failure, hardening, step, tile):
         trial = (s[0] + twice * strain[0], s[1] + twice * strain[1], s[2] + twice * strain[2],
                  s[3] + twice * strain[3], s[4] + twice * strain[4], s[5] + twice * strain[5])  # fmt: skip
         tile[TRIAL * TILE + p] = (1.5 * contract_symmetric(trial, trial)) ** 0.5
-        tile[INCREMENT * TILE + p] = 0.0
+        tile[INCREMENT * TILE + p], tile[VOLUME_WORK * TILE + p] = 0.0, 0.0
     if hardening is not None:
         find_relative_trial(1.0, tile)
     if step > 0.0:
@@ -216,7 +216,7 @@ def _flow(law, failure, hardening, step, tile):
         mu, trial, increment = tile[SHEAR_MODULUS * TILE + p], tile[TRIAL * TILE + p], tile[INCREMENT * TILE + p]
         returned = trial - 3.0 * mu * increment
         factor = returned / trial if increment > 0.0 else 1.0
-        work = tile[NEW_JACOBIAN * TILE + p] * returned * increment + volume_work(law.flow_stress, tile, p)
+        work = tile[NEW_JACOBIAN * TILE + p] * returned * increment + tile[VOLUME_WORK * TILE + p]
         if hardening is not None:
             work += tile[BACK_WORK * TILE + p]
         if failure is not None:
@@ -328,18 +328,8 @@ def plastic_increments(flow, law, hardening, step, tile):
 
 
 @law_function
-def volume_work(flow, tile, p):
-    """Plastic work of the pressure on particle p in the step [J/m^3], 0 of isochoric flow."""
-
-
-@volume_work.otherwise
-def _no_volume_work(flow, tile, p):
-    return 0.0
-
-
-@law_function
 def flow_stress_before(flow, plastic_strain, rate, temperature, shear_modulus, melting_temperature, returned):
-    """The flow stress [Pa] at the start of a step, or, where it depends on more than this, that at its end."""
+    """Flow stress [Pa] at the start of a step; of one that depends on the pressure that at its end, `returned`."""
 
 
 @flow_stress_before.otherwise

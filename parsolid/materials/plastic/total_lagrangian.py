@@ -84,7 +84,6 @@ from parsolid.materials.plastic.tile_update import (
     move_back_stress,
     plastic_increments,
     release_back_stress,
-    volume_work,
 )
 from parsolid.principal import from_principal, principal
 from parsolid.tensors import (
@@ -244,8 +243,7 @@ def find_flow(law, hardening, step, tile):
         rate = max(x / max(step, 1e-300), SLOWEST_RATE)
         before = flow_stress_before(law.flow_stress, tile[PLASTIC_STRAIN * TILE + p], rate, temperature, mu,
                                     tile[MELTING * TILE + p], returned)  # fmt: skip
-        work = 0.5 * J * x * (before + returned) if x > 0.0 else 0.0
-        work += volume_work(law.flow_stress, tile, p)
+        work = (0.5 * J * x * (before + returned) if x > 0.0 else 0.0) + tile[VOLUME_WORK * TILE + p]
         dissipated = work
         if hardening is not None:
             work += tile[BACK_WORK * TILE + p]
