@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from parsolid.api.arguments import require_part, require_whole_number
 from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
-from parsolid.collective import SolverError, maximum, minimum
+from parsolid.collective import SolverError, maximum
 from parsolid.output.errors import OutputError, together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.run_folder import RunFolder
@@ -148,12 +148,11 @@ def _write(comm: Any, bodies: VibratingBodies, found: Vibrations, result: ModesF
 def _write_shapes(comm: Any, bodies: VibratingBodies, found: Vibrations, folder: RunFolder) -> None:
     """One step of the fields a mode, at its number as the time."""
     particles, places = bodies.system.particles, bodies.places
-    size = maximum(comm, places.max(axis=0, initial=-np.inf)) - minimum(comm, places.min(axis=0, initial=np.inf))
     series = FieldSeries(comm, folder.fields, max(1, len(found.shapes)))
     numbers = np.asarray(bodies.system.bodies, np.int32)[particles.owned_rows("body")]
     constant = {"body": numbers, "volume": particles.owned_rows("volume")}
     for number, shape in enumerate(found.shapes):
         largest = maximum(comm, float(np.linalg.norm(shape, axis=1).max(initial=0.0)))
-        displacement = shape * (_AMPLITUDE * float(size.max()) / largest)
+        displacement = shape * (_AMPLITUDE * bodies.size / largest)
         varying = {"displacement": displacement}
         series.write(number + 1.0, particles.owned_rows("identifier"), places + displacement, varying, constant)

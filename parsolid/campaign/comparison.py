@@ -317,9 +317,8 @@ def rows_of_comparison(title: str, stated: Comparison, lines: Iterable[list[Any]
 
 def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
     row = Row(title, ", ".join(line[-1].line), stated.quantity, stated.unit, stated.value, stated.scatter)
-    row.source, row.tolerance, row.remark, row.line = stated.source, stated.allowed, stated.cause or "", row.method
-    if stated.scatter is not None:
-        row.tolerance = None
+    row.source, row.remark, row.line = stated.source, stated.cause or "", row.method
+    row.tolerance = stated.allowed if stated.scatter is None else None
     reasons = list[str]()
     for case in line:
         value, record = None, case.record
@@ -343,7 +342,7 @@ def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
 
 
 def _bar(stated: Comparison, scene: Any, levels: list[Resolution]) -> tuple[float | None, float | None]:
-    """The bar of the finest level's number by all levels, and the order observed; None with one level."""
+    """The bar of the finest number by the three finest, and the order observed; None with one of them alone."""
     known = [(one.spacing, one.value) for one in reversed(levels) if one.spacing and one.value is not None][:3]
     if len(known) < 2:
         return None, None

@@ -55,7 +55,7 @@ def differences_along(axis: Axis, fourth_order: bool) -> tuple[np.ndarray, np.nd
 
 
 class BoxStabiliser:
-    """The stabilising forces of the boxes of a rank: -`product`, of a stiffness that does not change."""
+    """The stabilising forces of the boxes of a rank: -K_s u, of a stiffness that does not change."""
 
     def __init__(self, comm: Any, boxes: list[StabilisedBox]) -> None:
         """Exchanges are made; collective."""

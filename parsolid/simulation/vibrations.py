@@ -16,7 +16,7 @@ from parsolid.scene import Scene, SceneError
 from parsolid.scene.validation_errors import fault
 from parsolid.scene.warned import Note
 from parsolid.simulation.setup import build_systems
-from parsolid.solvers import GridLevels, LowestModes, Modes, moduli_of_rows, rigid_modes, start_vector, turns
+from parsolid.solvers import GridLevels, LowestModes, Modes, moduli_of_rows, rigid_modes, rigid_motions, start_vector
 
 # weights whose tangent resists all that strains a body
 _WEIGHTS = ("mesh", "cells", "fourth-order")
@@ -45,7 +45,10 @@ class Vibrations(NamedTuple):
 
 
 class VibratingBodies:
-    """The bodies of a scene on one rank with stiffness, mass and constraints; all methods are collective."""
+    """The bodies of a scene on one rank with stiffness, mass and constraints; all methods are collective.
+
+    places (n, d) [m]: of this rank's particles; particles: number on all ranks; size [m]: the largest side of all.
+    """
 
     def __init__(self, comm: Any, scene: Scene) -> None:
         """Raises SceneError or SolverError on all ranks for what does not vibrate linearly, or is held all over."""
@@ -59,10 +62,10 @@ class VibratingBodies:
         self.free, self.mass = self.tangent.free, self.tangent.mass[:, None]
         if comm.allreduce(int(self.free.sum())) == 0:
             raise SolverError("boundaries: expected something that moves, found all of it held")
-        boxes = getattr(self.system, "boxes", None)
-        self.stabiliser = None if boxes is None else boxes.stabiliser()
         self.places = np.ascontiguousarray(self.system.particles.owned_rows("reference_position"))
         self.particles = comm.allreduce(len(self.places))
+        upper = maximum(comm, self.places.max(axis=0, initial=-np.inf))
+        self.size = float(np.max(upper - minimum(comm, self.places.min(axis=0, initial=np.inf))))
 
     def _fault(self) -> str | None:
         of_bodies = getattr(self.system, "body_weights", ())
@@ -93,10 +96,7 @@ class VibratingBodies:
 
     def product(self, u: np.ndarray) -> np.ndarray:
         """K u (n, d) [N] on free components."""
-        result = self.tangent.product(u)
-        if self.stabiliser is not None:
-            self.stabiliser.add_product(u, result)
-        return np.asarray(result * self.free)
+        return np.asarray(self.tangent.product(u) * self.free)
 
     def preconditioner(self) -> Callable[[np.ndarray], np.ndarray]:
         """About the inverse of K on what constraints allow."""
@@ -112,20 +112,17 @@ class VibratingBodies:
         """Shapes (l, n, d) of motions that nothing resists, and w^2 (l,) [1/s^2] of rounding."""
         motions = self._rigid_motions()
         speeds = [shear / density for _, _, shear, _, density in self.tangent.laws]
-        size = maximum(self.comm, self.places.max(axis=0, initial=-np.inf))
-        size = size - minimum(self.comm, self.places.min(axis=0, initial=np.inf))
-        least = _RIGID * minimum(self.comm, min(speeds, default=np.inf)) / float(np.max(size)) ** 2
+        least = _RIGID * minimum(self.comm, min(speeds, default=np.inf)) / self.size**2
         shapes, squares = rigid_modes(self.comm, motions, self.product, self.mass, least)
         return self._plain(shapes, motions), squares
 
     def _rigid_motions(self) -> np.ndarray:
         """Translations and turns (k, n, d) of each body about its middle."""
-        (n, d), body, result = self.places.shape, self.system.particles.owned_rows("body"), []
+        n, body, result = len(self.places), self.system.particles.owned_rows("body"), list[np.ndarray]()
         for number in range(len(self.system.bodies)):
             here = (body == number)[:, None]
             mass, *moment = sums(self.comm, (here * self.mass * np.hstack((np.ones((n, 1)), self.places))).sum(axis=0))
-            arms = self.places - np.array(moment) / mass
-            result += [here * one for one in np.eye(d)] + [here * (arms @ W.T) for W in turns(d)]
+            result += list(here * rigid_motions(self.places - np.array(moment) / mass))
         return np.array([self.joined(one) for one in result])
 
     def _plain(self, shapes: np.ndarray, motions: np.ndarray) -> np.ndarray:

@@ -8,10 +8,10 @@ collective.
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
 from parsolid.solvers.eigenmodes import LowestModes, Modes, rigid_modes
-from parsolid.solvers.grid_levels import GridLevels, moduli_of_rows, turns
+from parsolid.solvers.grid_levels import GridLevels, moduli_of_rows, rigid_motions
 from parsolid.solvers.nearly_incompressible import NearlyIncompressible
 from parsolid.solvers.node_grid import Grid
-from parsolid.solvers.power_iteration import largest_eigenvalue, start_vector
+from parsolid.solvers.power_iteration import largest_eigenvalue, scaled_diagonal, start_vector
 from parsolid.solvers.two_level import TwoLevel, unrestrained_modes
 
 __all__ = [
@@ -28,7 +28,8 @@ __all__ = [
     "moduli_of_rows",
     "relaxation_mass",
     "rigid_modes",
+    "rigid_motions",
+    "scaled_diagonal",
     "start_vector",
-    "turns",
     "unrestrained_modes",
 ]

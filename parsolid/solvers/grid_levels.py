@@ -1,5 +1,7 @@
 """A preconditioner for stiffnesses of particles: the particles themselves, and a hierarchy of grids over all of them.
 
+It is that of total-Lagrangian SPH in equilibrium, and of `modes`. Quasi-static peridynamics has `solvers.two_level`.
+
     M^-1 r = D^-1 r + P V P^T r
 
 (additive Schwarz: Smith, Bjorstad and Gropp, Domain Decomposition, 1996, chapter 2). P takes motions of the finest grid
@@ -108,6 +110,12 @@ def turns(d: int) -> np.ndarray:
     for k, (i, j) in enumerate(combinations(range(d), 2)):
         result[k, j, i], result[k, i, j] = 1.0, -1.0
     return result
+
+
+def rigid_motions(arms: np.ndarray) -> np.ndarray:
+    """Shifts along the axes, and turns (k, n, d), of places by their arms (n, d) from a middle."""
+    shifts = np.eye(arms.shape[1])[:, None] * np.ones((len(arms), 1))
+    return np.concatenate((shifts, arms @ turns(arms.shape[1]).swapaxes(1, 2)))
 
 
 class Blend(NamedTuple):
@@ -298,8 +306,9 @@ class GridLevels:
         self, order: np.ndarray, starts: np.ndarray, counts: np.ndarray, lame: Any, shear: Any, held: Any
     ) -> Any:
         """The same of some cells, whose particles (counts) begin at `starts` of an order."""
-        cell, within = np.repeat(np.arange(len(counts)), counts), np.concatenate([np.arange(one) for one in counts])
-        rows = order[starts[cell] + within]
+        cell = np.repeat(np.arange(len(counts)), counts)
+        place = starts[0] + np.arange(len(cell))
+        rows, within = order[place], place - starts[cell]
         blend = self.blend.part(rows)
         moduli = lame[rows], shear[rows]
         own = [(1.0 - _SPREAD) * one for one in moduli]

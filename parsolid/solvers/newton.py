@@ -54,12 +54,11 @@ class Problem(Protocol):
 
 
 class Found(NamedTuple):
-    """The state that was found; fault: why it is no solution, or nothing; corrections and products: how many."""
+    """The state that was found; fault: why it is no solution, or nothing; corrections: how many."""
 
     state: State
     fault: str
     corrections: int
-    products: int
 
 
 def newton(problem: Problem, start: State, target: float, limit: int = _CORRECTIONS) -> Found:
@@ -69,30 +68,29 @@ def newton(problem: Problem, start: State, target: float, limit: int = _CORRECTI
     promises, or half the residual. Ends after `limit` corrections, where no part of a step is any better, or where the
     state at the start is no solid.
     """
-    state, products, forcing, before = start, 0, _FIRST, 0.0
+    state, forcing, before = start, _FIRST, 0.0
     if not state.sound:
-        return Found(state, "matter is turned inside out", 0, 0)
+        return Found(state, "matter is turned inside out", 0)
     for count in range(limit + 1):
         if state.norm <= target:
-            return Found(state, "", count, products)
+            return Found(state, "", count)
         if count == limit:
             break
         if before > 0.0:
             forcing = _forcing(forcing, state.norm / before)
         problem.linearise()
         left = max(min(forcing, _MOST), _LAST * target / state.norm)
-        solution = problem.solve(state.residual, left * state.norm)
-        products += solution.iterations
-        step = solution.value if solution.value.any() or solution.converged else problem.precondition(state.residual)
+        step = problem.solve(state.residual, left * state.norm).value
         slope = -float(sums(problem.comm, [np.vdot(state.residual, step)])[0])
         if slope >= 0.0:
+            # not a way down, or no step at all where the first direction has no positive stiffness
             step = problem.precondition(state.residual)
             slope = -float(sums(problem.comm, [np.vdot(state.residual, step)])[0])
         before, better = state.norm, _shortened(problem, state, step, slope)
         if better is None:
-            return Found(state, "no shorter step of Newton's method reduces what is not balanced", count, products)
+            return Found(state, "no shorter step of Newton's method reduces what is not balanced", count)
         state = better
-    return Found(state, f"no balance after {limit} corrections", limit, products)
+    return Found(state, f"no balance after {limit} corrections", limit)
 
 
 def _forcing(last: float, ratio: float) -> float:

@@ -1,4 +1,4 @@
-"""The largest eigenvalue of M^-1 K by power iteration."""
+"""The largest eigenvalue of M^-1 K by power iteration; the mean one as the scale of a diagonal."""
 
 from collections.abc import Callable
 from typing import Any
@@ -66,6 +66,16 @@ def largest_eigenvalue(
             break
         np.multiply(y, 1.0 / norm, out=x)
     return estimates[-1]
+
+
+def scaled_diagonal(comm: MPI.Comm, estimate: np.ndarray, trial: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """A diagonal D (n, d) in proportion to an estimate, with u . D u = u . K u of one vector u; the estimate itself
+    where u is 0; collective.
+
+    trial (n, d): u, signs of a `start_vector`, 0 where not free; image (n, d): K u.
+    """
+    power, measure = sums(comm, [np.vdot(trial, image), np.vdot(trial, estimate * trial)])
+    return estimate * float(power / measure) if measure > 0.0 else estimate
 
 
 def _norm(comm: MPI.Comm, vector: np.ndarray, weight: np.ndarray | None) -> float:

@@ -1,5 +1,7 @@
 """A preconditioner of two levels for stiffnesses of particles: the particles themselves, and a grid over all of them.
 
+It is that of quasi-static peridynamics. Equilibria of total-Lagrangian SPH, and `modes`, have `solvers.grid_levels`.
+
 M^-1 r = D^-1 r + P A^-1 P^T r (additive Schwarz: Smith, Bjorstad and Gropp, Domain Decomposition, 1996, chapter 2).
 P takes multilinear functions of a grid to the particles, A is their stiffness by quadrature over the particles, as in
 the material point method. A nonlocal stiffness is nearly a multiple of 1 for all that varies within the horizon, so

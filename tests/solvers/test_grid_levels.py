@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from parsolid.solvers import GridLevels, conjugate_gradients, turns
+from parsolid.solvers import GridLevels, conjugate_gradients
+from parsolid.solvers.grid_levels import turns
 
 LAME, SHEAR = 0.58, 0.38
 

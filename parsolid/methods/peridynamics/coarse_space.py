@@ -1,7 +1,6 @@
 """The preconditioner of quasi-static steps: `solvers.two_level` with the bodies' moduli and supports."""
 
 from copy import copy
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from parsolid.materials.damage.bond_based import BondBased
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.fragments import unbalanced_fragment
 from parsolid.methods.peridynamics.tangent import Operator, algorithmic_law
-from parsolid.solvers import Grid, NearlyIncompressible, TwoLevel, start_vector
+from parsolid.solvers import Grid, NearlyIncompressible, TwoLevel, rigid_motions, scaled_diagonal, start_vector
 
 # width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
 _WIDTH = 4.0
@@ -115,21 +114,13 @@ class CoarseSpace:
         trial = np.sign(start_vector(operator.identifier, operator.dimension)) * operator.free
         image = np.empty_like(trial)
         operator.stiffness(trial, image, step, laws)
-        power, measure = sums(self.comm, [np.vdot(trial, image), np.vdot(trial, weight * trial)])
-        return weight * float(power / measure) if measure > 0.0 else weight
+        return scaled_diagonal(self.comm, weight, trial, image)
 
     def _rigid_motions(self, places: np.ndarray) -> np.ndarray:
         """Translations, and where strains are small rotations, (k, n, d), at places (n, d) [m]."""
-        n, d = places.shape
-        motions = [np.broadcast_to(np.eye(d)[i], (n, d)) for i in range(d)]
-        if self.operator.is_linear:
-            middle = self.grid.lower + 0.5 * self.grid.width * self.grid.cells
-            arm = (places - middle) / np.max(self.grid.width * self.grid.cells)
-            for i, j in combinations(range(d), 2):
-                spin = np.zeros((n, d))
-                spin[:, i], spin[:, j] = -arm[:, j], arm[:, i]
-                motions.append(spin)
-        return np.array(motions)
+        size = self.grid.width * self.grid.cells
+        motions = rigid_motions((places - (self.grid.lower + 0.5 * size)) / np.max(size))
+        return motions if self.operator.is_linear else motions[: places.shape[1]]
 
     def unbalanced_fragment(self, residual: np.ndarray, target: float) -> str:
         """See `fragments.unbalanced_fragment`."""

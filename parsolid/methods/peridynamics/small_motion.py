@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.reduction import sums
 from parsolid.methods.peridynamics.tangent import algorithmic_law
-from parsolid.solvers import start_vector
+from parsolid.solvers import scaled_diagonal, start_vector
 
 # a step [s] so long that what relaxes has relaxed
 _LONG = 1e30
@@ -50,5 +49,4 @@ class SmallMotion:
         for first, last, shear, lame, _ in self.laws:
             estimate[first:last] *= lame + 2.0 * shear
         trial = np.sign(start_vector(operator.identifier, d)) * self.free
-        power, measure = sums(operator.comm, [np.vdot(trial, self.product(trial)), np.vdot(trial, estimate * trial)])
-        return estimate * float(power / measure) if measure > 0.0 else estimate
+        return scaled_diagonal(operator.comm, estimate, trial, self.product(trial))

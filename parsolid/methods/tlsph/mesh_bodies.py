@@ -5,6 +5,7 @@ pairs on the surface, where the weight is not antisymmetric, and one with the st
 images: a plane is a face of the body on which components of the velocity are held. Masses are corrected.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -109,6 +110,11 @@ class MeshNeighbours:
         """Both lists."""
         return self.inner, self.outer
 
+    @property
+    def rows_of_pairs(self) -> list[np.ndarray]:
+        """The lower row (m,) of each pair of both lists."""
+        return [np.repeat(np.arange(self.owned), np.diff(pairs.start)) for pairs in self.lists]
+
 
 def _starts(pairs: MeshPairs, kept: np.ndarray) -> np.ndarray:
     """First pair of each particle among some of the pairs (k,)."""
@@ -203,7 +209,7 @@ class MeshBodies(ListBodies):
         np.minimum.at(least, of("body")[rows], share)
         self.least_masses = dict(enumerate(minimum(comm, least).tolist()))
         # both particles of a pair are of one body
-        self.stiffness = [self.stabiliser[row] * one for row, one in zip(self._rows_of_pairs(), near.stretch)]
+        self.stiffness = [self.stabiliser[row] * one for row, one in zip(near.rows_of_pairs, near.stretch)]
         self.limited = int(sums(comm, np.array([float(near.limited)]))[0])
         self.largest_step = self._largest_step()
 
@@ -285,15 +291,11 @@ class MeshBodies(ListBodies):
         """See `ListBodies.add_stiffness`: of the elements, with the mean of their directions."""
         near, d = self.near, self.dimension
         stretch = np.zeros(near.rows)
-        for pairs, row, weight in zip(near.lists, self._rows_of_pairs(), near.stretch):
+        for pairs, row, weight in zip(near.lists, near.rows_of_pairs, near.stretch):
             stretch += np.bincount(row, weight, near.rows) + np.bincount(pairs.neighbour, weight, near.rows)
         for block in self.blocks:
             own, (shear, lame) = slice(block.first, block.last), elastic_moduli(block.law)
             result[:, own] += (shear + (lame + shear) / d) * stretch[own]
-
-    def _rows_of_pairs(self) -> list[np.ndarray]:
-        """The lower row (m,) of each pair of both lists."""
-        return [np.repeat(np.arange(self.near.owned), np.diff(pairs.start)) for pairs in self.near.lists]
 
     def displacement_gradient(self, result: np.ndarray) -> None:
         """See `ListBodies.displacement_gradient`; of these particles alone."""
@@ -331,7 +333,7 @@ class MeshBodies(ListBodies):
     def _largest_step(self) -> float:
         """Part of 2/omega over 1 + S/2, with the highest frequency of small motions; collective."""
         system = self.system
-        frequency = highest_frequency(system.comm, self._linear_forces, self._start(), self._mass())
+        frequency = highest_frequency(system.comm, self._linear_forces(), self._start(), self._mass())
         figures = 10.0 ** (np.floor(np.log10(frequency)) + 1 - _FIGURES)
         frequency = figures * np.ceil(frequency / figures)
         return float(_SAFETY * 2.0 / frequency / (1.0 + 0.5 * system.settings.dissipation_of("mesh")))
@@ -353,16 +355,20 @@ class MeshBodies(ListBodies):
             of_meshes[block.first : block.last] = 1.0
         return np.asarray(phase * of_meshes)
 
-    def _linear_forces(self, u: np.ndarray) -> np.ndarray:
-        """Forces (last, d) [N] of small displacements (last, d) [m] by the sweeps of a step; collective."""
+    def _linear_forces(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Gives forces (last, d) [N] of small displacements (last, d) [m] by the sweeps of a step; collective."""
         d = self.dimension
-        moduli, forces = np.zeros((d * d * (d * d + 1) // 2, self.last)), np.zeros((2, d, self.last))
+        moduli, fields = np.zeros((d * d * (d * d + 1) // 2, self.last)), np.zeros((2, d, self.last))
         for block in self.blocks:
             moduli[:, block.first : block.last] = isotropic_moduli(*self._moduli(block.law), d)[:, None]
         index = packed(d)
         moduli[np.diag(index)] -= self.stabiliser
-        self.change_forces(u, index, moduli, (forces[0], forces[1]))
-        return np.ascontiguousarray(forces[0].T)
+
+        def forces(u: np.ndarray) -> np.ndarray:
+            self.change_forces(u, index, moduli, (fields[0], fields[1]))
+            return np.ascontiguousarray(fields[0].T)
+
+        return forces
 
 
 def highest_frequency(comm: Any, forces: Any, start: np.ndarray, mass: np.ndarray) -> float:

@@ -193,8 +193,7 @@ def _pairs_with_ghosts(comm: Any, near: Any, identifier: np.ndarray) -> tuple[np
     """Pairs of nodes that share an element, in both orders, by identifiers (m,): those of this rank's nodes and of
     their neighbours on other ranks. Collective."""
     everyone = near.halo.with_ghosts(identifier)
-    rows = [np.repeat(np.arange(near.owned), np.diff(pairs.start.astype(np.int64))) for pairs in near.lists]
-    one = np.concatenate(rows)
+    one = np.concatenate(near.rows_of_pairs)
     other = np.concatenate([pairs.neighbour.astype(np.int64) for pairs in near.lists])
     inside = other < near.owned
     one, other = np.concatenate([one, other[inside]]), np.concatenate([other, one[inside]])

@@ -241,10 +241,10 @@ class TotalLagrangianSPH(MethodSettings):
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Weights, where the scene leaves them to its bodies."""
-        usual = self.defaults_for(scene, bodies)
-        told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
         if self.integrator == "static":
             return []
+        usual = self.defaults_for(scene, bodies)
+        told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
         why = f"boxes of {RESOLVED} nodes or more along each axis have weights that close"
         if usual.get("weights") == "mesh":
             why = "bodies from meshes have those of their elements"
@@ -296,7 +296,7 @@ class TotalLagrangianSPH(MethodSettings):
         return _IN_EQUILIBRIUM if self.integrator == "static" else None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
-        """Planes whose images are exact for small strain only, where the reference follows a large one."""
+        """What does not go together in a scene."""
         kinds = enumerate(boundary.kind for boundary in scene.boundaries if self.reference == "updated")
         expected = "'fixed' or 'roller' where the reference is updated"
         faults: list[Detail] = [

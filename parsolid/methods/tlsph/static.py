@@ -111,10 +111,9 @@ class Static:
         system.particles.declare(Field("displacement_curvature", system.dimension, "m/s^2", **kept))
         self.tangent = Tangent(system)
         self.free = self.tangent.free
-        # of boxes; meshes have their own in their forces and energy
-        self.stabiliser = None if system.boxes is None else system.boxes.stabiliser()
+        # forces of the stabiliser of boxes, which are not among those of the sweeps
         self._stabilising = np.zeros(self.free.shape)
-        self.preconditioner = StaticPreconditioner(self.tangent, self.stiffness)
+        self.preconditioner = StaticPreconditioner(self.tangent)
         loads = [load for load, _ in self.conditions.loads_of]
         # whether all loads have a potential, which is their product with the displacement
         self.dead = all(isinstance(load, DistributedLoad) for load in loads)
@@ -161,9 +160,9 @@ class Static:
             bodies.find_forces()
         for name in ("velocity", "dissipative_force"):
             of(name)[:] = 0.0
-        if self.stabiliser is not None:
+        if self.tangent.stabiliser is not None:
             self._stabilising[:] = 0.0
-            self.stabiliser.add_product(displacement, self._stabilising)
+            self.tangent.stabiliser.add_product(displacement, self._stabilising)
         return all(sound)
 
     def internal_force(self) -> np.ndarray:
@@ -174,13 +173,6 @@ class Static:
     def stabiliser_energy(self) -> float:
         """Energy [J] of what resists rough displacements of this rank's boxes, in the state evaluated last."""
         return 0.5 * float(np.vdot(self.system.particles.owned_rows("displacement"), self._stabilising))
-
-    def stiffness(self, change: np.ndarray) -> np.ndarray:
-        """K du (owned, d) [N] of a change of the displacement (owned, d) [m], without that of loads."""
-        result = self.tangent.product(change)
-        if self.stabiliser is not None:
-            self.stabiliser.add_product(change, result)
-        return result
 
     def _loads(self, time: float, step: float, part: float) -> np.ndarray:
         """Loads (owned, d) [N] at a part of a load step [s] from a time [s], in the present shape; of a jump, where the
@@ -224,7 +216,7 @@ class Static:
         target = _ROUGH * float(np.sqrt(sums(self.comm, [np.vdot(residual, residual)])[0]))
 
         def product(change: np.ndarray, out: np.ndarray) -> None:
-            out[:] = self.stiffness(change)
+            out[:] = self.tangent.product(change)
 
         settings = target, self.free, _PRODUCTS, self.preconditioner
         found = conjugate_gradients(self.comm, product, residual, *settings)
@@ -233,7 +225,7 @@ class Static:
 
     def _product(self, change: np.ndarray, out: np.ndarray) -> None:
         """(K - dL/du) du of a change (owned, d) [m] into out [N]."""
-        out[:] = self.stiffness(change)
+        out[:] = self.tangent.product(change)
         if not self.dead:
             out -= self._change_of_loads(change)
 
@@ -375,7 +367,7 @@ class Static:
         if not solution.converged:
             return Failed(f"along the load, {solution.reason}", solution.iterations < _PRODUCTS)
         change += solution.value
-        return Tangential(change, self.stiffness(change))
+        return Tangential(change, self.tangent.product(change))
 
     def _scale(self, taken: Taken) -> float:
         """Energy [J] beside which what is missing counts."""

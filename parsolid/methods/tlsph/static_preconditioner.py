@@ -4,8 +4,6 @@ The particles' own level is the diagonal of nearest-neighbour elements, the othe
 are. Moduli are those at rest.
 """
 
-from collections.abc import Callable
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -14,7 +12,14 @@ from decomposition.reduction import sums
 from parsolid.boundary.forces import SpringLoad
 from parsolid.collective import SolverError, maximum
 from parsolid.methods.tlsph.tangent import Tangent
-from parsolid.solvers import GridLevels, moduli_of_rows, start_vector, unrestrained_modes
+from parsolid.solvers import (
+    GridLevels,
+    moduli_of_rows,
+    rigid_motions,
+    scaled_diagonal,
+    start_vector,
+    unrestrained_modes,
+)
 
 # products a decade over those of the first solution, from which the shape has left that of the preconditioner; products
 # of a solution that say something
@@ -31,8 +36,8 @@ class StaticPreconditioner:
     rounding [N]: of the norm of forces.
     """
 
-    def __init__(self, tangent: Tangent, stiffness: Callable[[np.ndarray], np.ndarray]) -> None:
-        """stiffness(u) gives K u (owned, d) [N]. Raises SolverError on all ranks where nothing holds a body."""
+    def __init__(self, tangent: Tangent) -> None:
+        """Raises SolverError on all ranks where nothing holds a body."""
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
         system, d = self.system, self.system.dimension
         of = system.particles.owned_rows
@@ -40,20 +45,19 @@ class StaticPreconditioner:
         self.volume = np.array(of("volume"))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
-        self.diagonal = self._scaled_diagonal(stiffness)
+        self.diagonal = self._scaled_diagonal()
         size = self.volume[:, None] ** (1.0 / d)
         self.rounding = _BITS * float(np.sqrt(sums(self.comm, [np.sum((self.diagonal * size) ** 2)])[0]))
         self._refuse_loose_bodies()
 
-    def _scaled_diagonal(self, stiffness: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    def _scaled_diagonal(self) -> np.ndarray:
         """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest."""
         tangent, estimate = self.tangent, self.tangent.diagonal()
         signs = np.sign(start_vector(self.system.particles.owned_rows("identifier"), self.system.dimension))
         tangent.share_moves(signs)
         trial = np.where(tangent.free, signs, 0.0)
         tangent.linearise()
-        power, measure = sums(self.comm, [np.vdot(trial, stiffness(trial)), np.vdot(trial, estimate * trial)])
-        return estimate * float(power / measure) if measure > 0.0 else estimate
+        return scaled_diagonal(self.comm, estimate, trial, tangent.product(trial))
 
     def build(self) -> None:
         """Take the present shape."""
@@ -117,16 +121,10 @@ class StaticPreconditioner:
 
 def _rigid_modes(comm: Any, X: np.ndarray, here: np.ndarray) -> np.ndarray:
     """Shifts along the axes and turns about the middle (k, owned, d) of some particles."""
-    d = X.shape[1]
     count, *middle = sums(comm, [float(here.sum()), *X[here].sum(axis=0)])
     arm = (X - np.array(middle) / max(count, 1.0)) * here[:, None]
     arm /= max(maximum(comm, float(np.abs(arm).max(initial=0.0))), 1e-300)
-    modes = [np.eye(d)[i] * here[:, None] for i in range(d)]
-    for i, j in combinations(range(d), 2):
-        turn = np.zeros(X.shape)
-        turn[:, i], turn[:, j] = -arm[:, j], arm[:, i]
-        modes.append(turn)
-    return np.array(modes)
+    return rigid_motions(arm) * here[:, None]
 
 
 def _names(d: int, parts: np.ndarray) -> str:

@@ -4,7 +4,7 @@
 
 A = d2W/dF dF is found once for a state, from differences of the law's stress, and kept as its upper triangle; a product
 then knows no law. K is symmetric in the plain inner product, as both sweeps are adjoint, and is minus the derivative of
-the force, the stabiliser included.
+the force, the stabilisers included: that of meshes is in their sweeps, that of boxes beside them.
 """
 
 from typing import Any
@@ -136,7 +136,7 @@ class Tangent:
     Vectors are (owned, d). Forces are those on the parts of particles on this side of mirror planes, so that K is
     symmetric; where bodies share nodes each particle of a node has its part of the node's force, and moves must be the
     same for all of them. free (owned, d) bool: components that no condition holds or prescribes; mass (owned,) [kg]: of
-    the parts.
+    the parts; stabiliser: `BoxStabiliser`, None without boxes.
     """
 
     def __init__(self, system: Any) -> None:
@@ -144,6 +144,7 @@ class Tangent:
         self.system, self.comm, d = system, system.comm, system.dimension
         constrained = system.conditions.constrained
         self.free = np.ones((system.owned, d), bool) if constrained is None else ~constrained
+        self.stabiliser = None if system.boxes is None else system.boxes.stabiliser()
         self.index = packed(d)
         self.moduli = np.zeros((d * d * (d * d + 1) // 2, system.owned))
         self._fields = np.zeros((2, *system.particles.storage("velocity").shape))
@@ -185,7 +186,10 @@ class Tangent:
         for bodies in self.system.sweeps:
             bodies.change_forces(change, self.index, self.moduli, (force, scratch))
         self.share(force)
-        return np.ascontiguousarray(-force[:, : self.system.owned].T) * self.system.share[:, None]
+        result = np.ascontiguousarray(-force[:, : self.system.owned].T) * self.system.share[:, None]
+        if self.stabiliser is not None:
+            self.stabiliser.add_product(change, result)
+        return result
 
     def share(self, force: np.ndarray) -> None:
         """Give each particle of a node that bodies share its part of the force (d, n)."""
