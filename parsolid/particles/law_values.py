@@ -14,8 +14,9 @@ from parsolid.materials.declaration import Direction, StateVariable
 from parsolid.materials.hyperelastic.at_particles import Member, members
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
-from parsolid.particles.meshes.cell_data import NoCellData, cell_data_at
+from parsolid.particles.meshes.cell_data import cell_data_at
 from parsolid.scene.materials import ValueFault
+from parsolid.scene.validation_errors import SceneError
 
 RECORD = "law_values"
 
@@ -49,7 +50,7 @@ def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set
         try:
             of_cells = _cell_data(comm, body, scene.dimension, particle_set.identifier[here])
             values[rows[law], here] = body.material.values_at(particle_set.position[here], of_cells)
-        except ValueFault as error:
+        except (SceneError, ValueFault) as error:
             fault = fault or f"bodies.{i}.material.{error}"
     raise_together(comm, fault)
     # a field of one component is (n,)
@@ -83,14 +84,14 @@ def state_variable_fields(particles: Particles) -> tuple[str, ...]:
 
 
 def _cell_data(comm: Any, body: Any, dimension: int, identifiers: np.ndarray) -> dict[str, np.ndarray]:
-    """Cell data of a body's particles (n, components) by the names of members, none without a mesh. Raises `ValueFault`
-    on all ranks for what the file does not have. Collective."""
+    """Cell data of a body's particles (n, components) by the names of members, none without a mesh. Raises SceneError
+    on all ranks for a file that cannot be read or lacks them. Collective."""
     found: dict[str, np.ndarray] = {}
     if body.shape.kind != "mesh":
         return found
     for member, (name, components) in body.material.cell_data.items():
         try:
             found[member] = cell_data_at(comm, body, dimension, identifiers, name, components)
-        except NoCellData as error:
-            raise ValueFault(f"{member}.cell_data", error.expected, error.found) from error
+        except SceneError as error:
+            raise SceneError([f"{member}.cell_data: {error}"]) from error
     return found
