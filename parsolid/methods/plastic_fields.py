@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from parsolid.methods.failure_fields import kept_column
 from parsolid.particles.container import Particles
 from parsolid.scene.method_settings import named_observables
@@ -45,6 +47,13 @@ def declare_flow_state(particles: Particles, laws: list[Any], components: int) -
         particles.declare(kept_column(BACK_STRESS, components, "Pa"))
     if any(map(flows_in_volume, laws)):
         particles.declare(kept_column(VOLUME_FLOW, 2, "1"))
+
+
+def flow_state(particles: Particles, law: Any) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Back stresses and plastic volumes of all particles as kernels take them, None where a law has none."""
+    stored = particles.storage
+    back_stress = stored(BACK_STRESS) if has_back_stress(law) else None
+    return back_stress, stored(VOLUME_FLOW) if flows_in_volume(law) else None
 
 
 def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:

@@ -185,6 +185,7 @@ def fields_of(
     failing = None
     if law.failure is not None:
         failing = stored("damage"), stored("criterion_damage")[: count_of(law.failure)]
+    back_stress, volume_flow = plastic_fields.flow_state(particles, law)
     return PlasticFields(
         metric=stored(METRIC_FIELD),
         numbers=tuple(stored(field.name) for field in PLASTIC_STATE),
@@ -198,8 +199,8 @@ def fields_of(
         heat=if_any(heat),
         failing=failing,
         strength=None if failing is None else if_any("strength_factor"),
-        back_stress=stored(plastic_fields.BACK_STRESS) if plastic_fields.has_back_stress(law) else None,
-        volume_flow=stored(plastic_fields.VOLUME_FLOW) if plastic_fields.flows_in_volume(law) else None,
+        back_stress=back_stress,
+        volume_flow=volume_flow,
         stress_places=STRESS_PLACES[dimension],
         mean_step=mean_step,
         totals=totals,

@@ -171,10 +171,8 @@ class DrivenRegion:
         # whole cells from a node behind the plane to the one before it that is as far from it, half a cell at least
         steps = np.maximum(np.rint(2.0 * s), np.ceil(s + 0.5 - _NEAR)).astype(np.int64)
         place[:, axis] -= int(side) * steps
-        word = words(place)
-        slot = np.searchsorted(cells.node_words, word)
-        slot[slot == len(cells.node_words)] = 0
-        there = cells.node_words[slot] == word
+        slot = cells.slots(words(place))
+        there = slot >= 0
         self._behind, self._images = behind[there], slot[there]
         self._ratio = (s / (steps - s))[there]
 

@@ -299,12 +299,8 @@ class ElasticPlasticSolid:
     def advance(self, block: MaterialBlock, step: float, centred: bool) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticSolid.advance`."""
         points, law, of = self.points, self.law, self.points.storage
-        state, failing = State(*map(of, State._fields[:-2])), None
-        if plastic_fields.has_back_stress(law):
-            state = state._replace(back_stress=of(plastic_fields.BACK_STRESS))
-        if plastic_fields.flows_in_volume(law):
-            state = state._replace(volume_flow=of(plastic_fields.VOLUME_FLOW))
-        strength = deleted = None
+        state = State._make((*map(of, State._fields[:-2]), *plastic_fields.flow_state(points, law)))
+        failing = strength = deleted = None
         if law.failure is not None:
             failing = of("damage"), of("criterion_damage")[: count_of(law.failure)]
             strength, deleted = points.find("strength_factor"), points.find("deleted_mass")

@@ -120,7 +120,7 @@ class PlasticStates:
         self.sound = True
         for number, block in enumerate(self.blocks):
             fields = self._fields(number, step)
-            given = block.first, block.last, block.law, block.law.failure, step
+            given = block.first, block.last, block.law, step
             modulus = undeformed_wave_modulus(block.law)
             advance_states(self.plane, *given, *fields, *gradients, inverse, volume, sums, M, modulus, self.growths)
             self.sound = self.sound and bool(self.totals[number][ROOM_LEFT] > 0.0)
@@ -191,8 +191,7 @@ class PlasticStates:
 
 @kernel
 def advance_states(
-    plane, first, last, law, failure, step, start, end, gradient, new_gradient, places, inverse, volume, sums, M,
-    modulus, growth
+    plane, first, last, law, step, start, end, gradient, new_gradient, places, inverse, volume, sums, M, modulus, growth
 ):  # fmt: skip
     """State and M = P K^-1 of particles first..last-1 after a step [s], from `start` into `end`, both `PlasticFields`.
 
@@ -214,7 +213,7 @@ def advance_states(
             new = plus(IDENTITY, gradient_at(plane, sums, inverse, volume, a)) if inverse[0, a] > 0.0 else old
             store(tile, DEFORMATION * TILE + p, new)
             store(tile, VELOCITY_GRADIENT * TILE + p, combine(1.0, new, -1.0, old))
-        advance_tile(law, failure, step, tile)
+        advance_tile(law, law.failure, step, tile)
         store_particles(end, i, count, tile)
         store_placed(new_gradient, places, i, count, tile, DEFORMATION)
         add_totals(end, i, count, tile)

@@ -4,6 +4,7 @@ from parsolid.kernels import kernel
 from parsolid.materials.viscoelastic.maxwell import branch_dissipation, relaxed
 from parsolid.methods.tlsph.point_update import (
     TILE,
+    law_in,
     load,
     load_symmetric,
     store,
@@ -11,7 +12,7 @@ from parsolid.methods.tlsph.point_update import (
     stress_with_branches,
     waves_with_branches,
 )
-from parsolid.methods.tlsph.tile_fields import copy, copy_in, copy_out, law_in
+from parsolid.methods.tlsph.tile_fields import copy, copy_in, copy_out
 from parsolid.tensors import (
     cofactor,
     combine,

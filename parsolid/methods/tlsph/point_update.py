@@ -105,9 +105,9 @@ def make_tile(components: int) -> np.ndarray:
 
 
 @inlined
-def law_at(law, values, p):
-    """The law at particle p of a tile of what it has of each, None where it has nothing."""
-    return law if values is None else at_particle(law, values, p)
+def law_in(law, values, p):
+    """The law at particle p of the tile of `ParticleValues`, or None."""
+    return law if values is None else at_particle(law, values.tile, p)
 
 
 @kernel
@@ -203,20 +203,19 @@ def clear_sums(branch_sum, lost):
 
 
 @kernel
-def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, values, lost):
+def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, values):
     """F after a step, and what follows from it, see `update_tile`. total, branch_sum: of the branches, branch_sum None
-    without; third: 0 in plane strain, else 1; values: tile of what the law has of each particle, or None; lost (TILE):
-    what its state variables dissipate [J/m^3], where there are values."""
+    without; third: 0 in plane strain, else 1; values: `ParticleValues` with a tile that is filled, or None."""
     for p in range(TILE):
         F_new = combine(1.0, load(F, p), step, load(G, p))
         H = cofactor(F_new)
         J_new = F_new[0] * H[0] + F_new[1] * H[1] + F_new[2] * H[2]
-        here = law_at(law, values, p)
+        here = law_in(law, values, p)
         if values is not None:
             before = dissipated_energy(here)
             here = after_step(here, F_new, H, J_new)
-            keep_state(here, values, p)
-            lost[p] = dissipated_energy(here) - before
+            keep_state(here, values.tile, p)
+            values.lost[p] = dissipated_energy(here) - before
         P_new = stress_with_branches(here, total, branch_sum, p, F_new, H, J_new)
         fast, slow = waves_with_branches(here, total, branch_sum, p, F_new, H, J_new)
         store(F, p, F_new)
@@ -258,15 +257,11 @@ def _update_elastic(
                 A[6 * TILE * k : 6 * TILE * (k + 1)], branch_sum, lost,
             )  # fmt: skip
             total += moduli[k]
-    # a function of its own: LLVM makes twice as fast a loop of it
-    if carried is None:
-        deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, None, None)
-    else:
+    if carried is not None:
         load_values(carried, row, n)
-        deform_tile(
-            law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal,
-            carried.tile, carried.lost,
-        )  # fmt: skip
+    # a function of its own: LLVM makes twice as fast a loop of it
+    deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, carried)
+    if carried is not None:
         store_values(carried, row, n)
 
 

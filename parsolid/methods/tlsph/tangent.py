@@ -14,8 +14,8 @@ import numpy as np
 from parsolid.kernels import inlined, kernel
 from parsolid.materials.hyperelastic.functions import elastic_moduli, stress
 from parsolid.methods.tlsph.list_update import find_gradients, store_stresses
-from parsolid.methods.tlsph.point_update import TILE, load, load_values, store
-from parsolid.methods.tlsph.tile_fields import copy_in, copy_out, law_in
+from parsolid.methods.tlsph.point_update import TILE, law_in, load, load_values, store
+from parsolid.methods.tlsph.tile_fields import copy_in, copy_out
 from parsolid.pairs.box_planes import gradient_in_plane, place_of, stress_forces_in_plane
 from parsolid.pairs.box_weights import REACH
 from parsolid.tensors import cofactor, combine, determinant

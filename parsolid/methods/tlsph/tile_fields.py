@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import aligned_zeros, inlined, kernel
+from parsolid.kernels import aligned_zeros, kernel
 from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, keep_state
 from parsolid.materials.hyperelastic.functions import energy
 from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.methods.tlsph.point_update import (
     TILE,
     in_directions,
+    law_in,
     load,
     load_symmetric,
     load_values,
@@ -167,12 +168,6 @@ def load_deformation(F, H, J, tensor, gradient, cofactors, jacobian, i, n):
     else:
         for p in range(TILE):
             J[p] = F[p] * H[p] + F[TILE + p] * H[TILE + p] + F[2 * TILE + p] * H[2 * TILE + p]
-
-
-@inlined
-def law_in(law, values, p):
-    """The law at particle p of the tile of `ParticleValues`, or None."""
-    return law if values is None else at_particle(law, values.tile, p)
 
 
 @kernel

@@ -214,11 +214,7 @@ class ElasticPlasticSolid:
         numerical loss [J] outside of stored energies, which are none."""
         particles, law, rates = system.particles, self.law, system.neighbours
         of = particles.storage
-        state = State(*(of(name) for name in State._fields[:-2]))
-        if plastic_fields.has_back_stress(law):
-            state = state._replace(back_stress=of(plastic_fields.BACK_STRESS))
-        if plastic_fields.flows_in_volume(law):
-            state = state._replace(volume_flow=of(plastic_fields.VOLUME_FLOW))
+        state = State._make((*map(of, State._fields[:-2]), *plastic_fields.flow_state(particles, law)))
         viscosity = failing = strength = deleted = None
         external = of(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
         if system.viscosity is not None:
