@@ -28,7 +28,7 @@ def rows_of_laws(laws: list[Any]) -> dict[Any, slice]:
     for law in laws:
         own = members(law) if hasattr(law, "branch_moduli") else ()
         if own and own not in known:
-            known[own] = slice(total, total + sum(one.components for one in own))
+            known[own] = slice(total, total + sum(one.note.components for one in own))
             total = known[own].stop
         if own:
             result[law] = known[own]
@@ -64,14 +64,14 @@ def _declare_members(particles: Particles, rows: dict[Any, slice], values: np.nd
         row = first
         for one in members(law):
             direction = isinstance(one.note, Direction)
-            count = dimension if direction else one.components
+            count = dimension if direction else one.note.components
             told: dict[str, Any] = {"checkpointed": isinstance(one.note, StateVariable), "shown": True}
             told |= {"mirror": "vector" if direction else "scalar", "layout": Within(RECORD, row)}
             name = one.name if one.name not in particles else f"{one.name}_{row}"
             particles.declare(
                 Field(name, count, one.note.unit, **told), values[row : row + count].T if direction else values[row]
             )
-            row += one.components
+            row += one.note.components
 
 
 def state_variable_fields(particles: Particles) -> tuple[str, ...]:
