@@ -128,6 +128,7 @@ def quality_advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None 
     the same on all ranks."""
     scene, comm, result = simulation.scene, simulation.comm, list[Note]()
     meshes = {} if meshes is None else meshes
+    static = {i for one in scene.systems if getattr(one.settings, "integrator", "") == "static" for i in one.bodies}
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh":
             continue
@@ -135,11 +136,11 @@ def quality_advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None 
         found = quality_of(part_of_body(whole_mesh(comm, stated, scene.dimension, meshes), stated))
         where = ", ".join(f"{x:.4g}" for x in found.place)
         shape = f"the worst aspect of an element is {found.worst:.3g}, 1 % are above {found.high:.3g}"
-        edge = f"the shortest edge, {found.shortest:.3g} m at ({where}), sets the step"
-        saved = (
-            f"without the 1 % of elements with the shortest edges {1.0 - found.shortest / found.short:.0%} fewer steps"
-        )
-        result.append(Note("mesh-quality", f"bodies.{i}: {shape}; {edge}: {saved}"))
+        edge = f"the shortest edge is {found.shortest:.3g} m at ({where})"
+        if i not in static:
+            saved = f"{1.0 - found.shortest / found.short:.0%} fewer steps"
+            edge += f" and sets the step: without the 1 % of elements with the shortest edges {saved}"
+        result.append(Note("mesh-quality", f"bodies.{i}: {shape}; {edge}"))
     return result
 
 

@@ -13,7 +13,7 @@ each other), and properties.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 # a declared class, which has its role and its kind
 Declared = Any
@@ -79,6 +79,7 @@ class Direction:
     """A unit vector at each particle, which the law has as three numbers; a scene states it as an angle, formulas of
     the reference place or cell data of a mesh. needed: whether the scene must."""
 
+    components: ClassVar[int] = 3
     description: str = ""
     needed: bool = True
     unit: str = "1"
@@ -93,6 +94,7 @@ class Direction:
 class OfPlace:
     """A number at each particle, which a scene states as a formula of the reference place or cell data of a mesh."""
 
+    components: ClassVar[int] = 1
     unit: str = "1"
     description: str = ""
 
@@ -106,6 +108,7 @@ class OfPlace:
 class StateVariable:
     """A number at each particle that steps change (`hyperelastic.functions.next_state`); initial: at time 0."""
 
+    components: ClassVar[int] = 1
     unit: str = "1"
     description: str = ""
     initial: float = 0.0

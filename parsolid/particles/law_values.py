@@ -14,8 +14,9 @@ from parsolid.materials.declaration import Direction, StateVariable
 from parsolid.materials.hyperelastic.at_particles import Member, members
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
-from parsolid.particles.meshes.cell_data import NoCellData, cell_data_at
+from parsolid.particles.meshes.cell_data import cell_data_at
 from parsolid.scene.materials import ValueFault
+from parsolid.scene.validation_errors import SceneError
 
 RECORD = "law_values"
 
@@ -27,7 +28,7 @@ def rows_of_laws(laws: list[Any]) -> dict[Any, slice]:
     for law in laws:
         own = members(law) if hasattr(law, "branch_moduli") else ()
         if own and own not in known:
-            known[own] = slice(total, total + sum(one.components for one in own))
+            known[own] = slice(total, total + sum(one.note.components for one in own))
             total = known[own].stop
         if own:
             result[law] = known[own]
@@ -49,7 +50,7 @@ def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set
         try:
             of_cells = _cell_data(comm, body, scene.dimension, particle_set.identifier[here])
             values[rows[law], here] = body.material.values_at(particle_set.position[here], of_cells)
-        except ValueFault as error:
+        except (SceneError, ValueFault) as error:
             fault = fault or f"bodies.{i}.material.{error}"
     raise_together(comm, fault)
     # a field of one component is (n,)
@@ -63,14 +64,14 @@ def _declare_members(particles: Particles, rows: dict[Any, slice], values: np.nd
         row = first
         for one in members(law):
             direction = isinstance(one.note, Direction)
-            count = dimension if direction else one.components
+            count = dimension if direction else one.note.components
             told: dict[str, Any] = {"checkpointed": isinstance(one.note, StateVariable), "shown": True}
             told |= {"mirror": "vector" if direction else "scalar", "layout": Within(RECORD, row)}
             name = one.name if one.name not in particles else f"{one.name}_{row}"
             particles.declare(
                 Field(name, count, one.note.unit, **told), values[row : row + count].T if direction else values[row]
             )
-            row += one.components
+            row += one.note.components
 
 
 def state_variable_fields(particles: Particles) -> tuple[str, ...]:
@@ -83,14 +84,14 @@ def state_variable_fields(particles: Particles) -> tuple[str, ...]:
 
 
 def _cell_data(comm: Any, body: Any, dimension: int, identifiers: np.ndarray) -> dict[str, np.ndarray]:
-    """Cell data of a body's particles (n, components) by the names of members, none without a mesh. Raises `ValueFault`
-    on all ranks for what the file does not have. Collective."""
+    """Cell data of a body's particles (n, components) by the names of members, none without a mesh. Raises SceneError
+    on all ranks for a file that cannot be read or lacks them. Collective."""
     found: dict[str, np.ndarray] = {}
     if body.shape.kind != "mesh":
         return found
     for member, (name, components) in body.material.cell_data.items():
         try:
             found[member] = cell_data_at(comm, body, dimension, identifiers, name, components)
-        except NoCellData as error:
-            raise ValueFault(f"{member}.cell_data", error.expected, error.found) from error
+        except SceneError as error:
+            raise SceneError([f"{member}.cell_data: {error}"]) from error
     return found

@@ -14,6 +14,7 @@ from parsolid.materials.elastic_constants import ElasticConstants, elastic_const
 from parsolid.scene import micro_inertia, plasticity, viscoelastic  # noqa: F401 (what tables of roles have in common)
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
 from parsolid.scene.declared import DeclaredModel, laws, table_of
+from parsolid.scene.validation_errors import place_in_words
 
 
 class ValueFault(ValueError):
@@ -85,36 +86,33 @@ class HyperelasticSolid(DeclaredModel):
         for name, (_, note) in parameters_of(type(self).declared).items():
             data = getattr(getattr(self, name, None), "cell_data", None)
             if data is not None:
-                found[name] = data, 3 if isinstance(note, Direction) else 1
+                found[name] = data, note.components
         return found
 
     def values_at(self, points: np.ndarray, of_cells: dict[str, np.ndarray]) -> np.ndarray:
         """What the law has at points (n, d) [m] at time 0, (values, n); of_cells: values (n, components) of `cell_data`
         there. Raises `ValueFault`."""
-        rows = []
-        for one in import_module("parsolid.materials.hyperelastic.at_particles").members(self.build("space")):
-            if isinstance(one.note, StateVariable):
-                rows.append(np.full((len(points), 1), one.note.initial))
-                continue
-            stated = getattr(self, one.name)
-            if stated is None:
-                # a direction that need not be stated
-                rows.append(np.tile(one.note.at_rest, (len(points), 1)))
-                continue
-            if one.name in self.cell_data and one.name not in of_cells:
-                raise ValueFault(f"{one.name}.cell_data", "a formula where there is no mesh", stated.cell_data)
-            found = of_cells[one.name] if one.name in of_cells else stated.evaluate(points)
-            found = found.reshape(len(points), one.components)
-            direction, length = isinstance(one.note, Direction), np.linalg.norm(found, axis=1)
-            known = np.isfinite(length) & ((length > 0.0) | (not direction))
-            if not known.all():
-                where = ", ".join(f"{x:g}" for x in points[int(np.argmin(known))])
-                expected = "a direction everywhere" if direction else "a number everywhere"
-                raise ValueFault(one.name, expected, f"none at ({where})")
-            if direction:
-                found = found / length[:, None]
-            rows.append(found)
-        return np.concatenate(rows, axis=1).T if rows else np.zeros((0, len(points)))
+        members = import_module("parsolid.materials.hyperelastic.at_particles").members(self.build("space"))
+        columns = [self._values_of(one.name, one.note, points, of_cells.get(one.name)) for one in members]
+        return np.concatenate(columns, axis=1).T if columns else np.zeros((0, len(points)))
+
+    def _values_of(self, name: str, note: Any, points: np.ndarray, of_cells: np.ndarray | None) -> np.ndarray:
+        """Values (n, components) of a member of the law, see `values_at`."""
+        stated = None if isinstance(note, StateVariable) else getattr(self, name)
+        if stated is None:
+            # as is a direction that need not be stated
+            return np.tile(note.at_rest, (len(points), 1))
+        if name in self.cell_data and of_cells is None:
+            raise ValueFault(f"{name}.cell_data", "a formula where there is no mesh", stated.cell_data)
+        found = stated.evaluate(points) if of_cells is None else of_cells
+        found = found.reshape(len(points), note.components)
+        direction, length = isinstance(note, Direction), np.linalg.norm(found, axis=1)
+        known = np.isfinite(length) & ((length > 0.0) | (not direction))
+        if not known.all():
+            where = place_in_words(points[int(np.argmin(known))])
+            expected = "a direction everywhere" if direction else "a number everywhere"
+            raise ValueFault(name, expected, f"none at ({where})")
+        return found / length[:, None] if direction else found
 
     def law_at(self, point: Sequence[float]) -> Any:
         """The law at a point (d,) [m] without a mesh at time 0. Raises `ValueFault`."""

@@ -6,7 +6,9 @@ import pytest
 from element_meshes import element_mesh
 
 from parsolid.collective import SolverError
-from parsolid.scene import parse_scene
+from parsolid.particles.generation import generate
+from parsolid.particles.meshes.cell_data import cell_data_at
+from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 
 TISSUE = {
@@ -28,9 +30,9 @@ def turned(places):
     return vectors * np.where(np.arange(len(places)) % 2, 1.0, -3.0)[:, None]
 
 
-def with_grain(path, dimension):
+def with_grain(path, dimension, along=3):
     """A mesh file of mixed elements with the directions of their middles."""
-    points, blocks = element_mesh("mixed", (3,) * dimension, scale=0.1)
+    points, blocks = element_mesh("mixed", (along,) * dimension, scale=0.1)
     middles = [points[cells].mean(axis=1) for _, cells in blocks]
     data, start = [], 0
     for places in middles:
@@ -80,6 +82,25 @@ def test_what_is_no_direction_ends_the_set_up(comm, shared_path, stated, key):
     comm.Barrier()
     with pytest.raises(SolverError, match=rf"^bodies\.0\.material\.{key}: expected"):
         Simulation(comm, scene(path, 2, "vertices", fibre=stated))
+
+
+@pytest.mark.parametrize("left", ["none", "other"])
+def test_a_mesh_that_is_no_longer_there_is_told_of_on_all_ranks(comm, shared_path, left):
+    """As at a restart, which makes no particles."""
+    path = shared_path / "mixed.vtu"
+    if comm.rank == 0:
+        with_grain(path, 2)
+    comm.Barrier()
+    stated = scene(path, 2, "cells")
+    particle_set = generate(stated, comm)
+    comm.Barrier()
+    if comm.rank == 0:
+        path.unlink()
+        if left == "other":
+            with_grain(path, 2, 4)
+    comm.Barrier()
+    with pytest.raises(SceneError, match="^expected"):
+        cell_data_at(comm, stated.bodies[0], 2, particle_set.identifier, "grain", 3)
 
 
 def test_a_body_without_a_mesh_has_no_cell_data(comm):

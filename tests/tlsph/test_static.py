@@ -183,6 +183,14 @@ def test_limit_point(shared_path, comm):
     assert (folder / "checkpoint.h5").exists()
 
 
+def test_jump_in_parts(shared_path, comm):
+    """The shortest load step says nothing of a load that is there at the start, whose parts take no time."""
+    data = beam(shared_path, boundaries=[], method={"minimum_step": 1e-3})
+    sim, found = run_to_end(data | {"loads": {"acceleration": ["0", "-3e-3"]}}, comm)
+    assert sim.systems[0].statics.retries > 0
+    assert found["strain_energy"][-1] == pytest.approx(found["external_work"][-1], rel=1e-3)
+
+
 @pytest.mark.parametrize(("ratio", "codes"), [(0.45, []), (0.46, ["stiff-volumes"])])
 def test_stiff_volumes(shared_path, comm, ratio, codes):
     """That they take long is told."""

@@ -14,17 +14,16 @@ from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from parsolid.kernels import inlined
-from parsolid.materials.declaration import Direction, OfParticle, StateVariable
+from parsolid.materials.declaration import OfParticle, StateVariable
 from parsolid.materials.hyperelastic.functions import next_state
 from parsolid.materials.law_functions import law_function
 
 
 class Member(NamedTuple):
-    """A member of a law that particles have values of; components: 3 of a direction, else 1."""
+    """A member of a law that particles have values of."""
 
     name: str
     note: OfParticle
-    components: int
 
 
 @law_function
@@ -54,7 +53,7 @@ def members_of_kind(kind: type) -> tuple[Member, ...]:
         notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
         for note in notes:
             if isinstance(note, OfParticle):
-                found.append(Member(name, note, 3 if isinstance(note, Direction) else 1))
+                found.append(Member(name, note))
                 places.append(kind._fields.index(name))  # type: ignore[attr-defined]
     states = [isinstance(one.note, StateVariable) for one in found]
     if (places and places != list(range(places[0], places[0] + len(places)))) or states != sorted(states):
@@ -90,7 +89,7 @@ def _at_particle_of(kind: type) -> Callable[..., Any]:
         return lambda law, values, p: law
     first = kind._fields.index(found[0].name)  # type: ignore[attr-defined]
     last = first + len(found)
-    read = inlined(_reading([one.components for one in found], 0))
+    read = inlined(_reading([one.note.components for one in found], 0))
 
     def at_particle_of(law, values, p):
         return kind(*(law[:first] + read(values, p) + law[last:]))
@@ -133,7 +132,7 @@ def _keep_state_of(kind: type) -> Callable[..., Any]:
     for one in members_of_kind(kind):
         if isinstance(one.note, StateVariable):
             keep = inlined(_keeping(kind._fields.index(one.name), row, keep))  # type: ignore[attr-defined]
-        row += one.components
+        row += one.note.components
     return keep
 
 

@@ -115,7 +115,7 @@ def _dissipated(law):
 
 @members.of(Softened)
 def _members(law):
-    return (*members(law.solid), Member("largest_energy", LARGEST_ENERGY, 1))
+    return (*members(law.solid), Member("largest_energy", LARGEST_ENERGY))
 
 
 @at_particle.of(Softened)

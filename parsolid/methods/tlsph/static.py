@@ -283,7 +283,8 @@ class Static:
             self._deform(at.displacement)
             self.preconditioner.build()
             length = 0.5 * (end - part)
-            if length * step < (self.settings.minimum_step or 0.0) or length < _LEAST:
+            # a jump of the loads takes no time, however short its parts are
+            if 0.0 < length * step < (self.settings.minimum_step or 0.0) or length < _LEAST:
                 self._end_at(time + part * step, tried)
                 break
         self._report(time, step if part == 1.0 else part * step, first, at, work)

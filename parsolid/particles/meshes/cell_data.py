@@ -9,14 +9,8 @@ from parsolid.collective import minimum
 from parsolid.particles.meshes.files import kinds_in, read_with_meshio, solid_mesh
 from parsolid.particles.meshes.geometry import is_geometry
 from parsolid.particles.meshes.imported import is_imported
-
-
-class NoCellData(ValueError):
-    """What was expected of a mesh file and what was found; the same on all ranks."""
-
-    def __init__(self, expected: str, found: str) -> None:
-        super().__init__(f"expected {expected}, found {found}")
-        self.expected, self.found = expected, found
+from parsolid.particles.meshes.slices import agreed
+from parsolid.scene.validation_errors import SceneError
 
 
 def cell_data_at(
@@ -24,19 +18,21 @@ def cell_data_at(
 ) -> np.ndarray:
     """Cell data (n, components) of this rank's particles of a body; identifiers (n,): theirs. components: 1, or 3 of
     directions, of which the sign is of no matter. Particles on nodes have the mean of the elements around. One rank
-    reads the file. Raises `NoCellData` on all ranks. Collective."""
-    found: Any = None
-    fault: tuple[str, str] | None = None
-    if comm.rank == 0:
-        try:
-            found = _of_particles(body, dimension, name, components)
-        except NoCellData as error:
-            fault = error.expected, error.found
-    fault = comm.bcast(fault)
-    if fault is not None:
-        raise NoCellData(*fault)
-    slices = Slices(comm, comm.bcast(0 if found is None else len(found)))
-    parts = None if found is None else [found[slice(*slices.bounds(rank))] for rank in range(comm.size)]
+    reads the file. Raises SceneError on all ranks, also for another mesh than that of the particles. Collective."""
+    of_reader: list[np.ndarray] = []
+    particles = comm.allreduce(len(identifiers))
+
+    def read() -> None:
+        found = _of_particles(body, dimension, name, components)
+        if len(found) != particles:
+            raise SceneError(
+                [f"expected the mesh of the {particles} particles, found {len(found)} in {body.shape.model.file}"]
+            )
+        of_reader.append(found)
+
+    agreed(comm, read)
+    slices = Slices(comm, particles)
+    parts = [of_reader[0][slice(*slices.bounds(rank))] for rank in range(comm.size)] if of_reader else None
     first = int(minimum(comm, int(identifiers.min(initial=np.iinfo(np.int64).max))))
     return slices.fetch(identifiers - first, comm.scatter(parts))
 
@@ -47,7 +43,7 @@ def _of_particles(body: Any, dimension: int, name: str, components: int) -> np.n
     blocks, values, group = _of_elements(stated, dimension, name, components)
     chosen = np.arange(len(values)) if group is None else group
     if not np.isfinite(values[chosen]).all():
-        raise NoCellData(f"cell data {name!r} that are numbers in every element", "others")
+        raise SceneError([f"expected cell data {name!r} that are numbers in every element, found others"])
     if body.placed_on != "vertices":
         return values[chosen]
     mine, start, used = np.zeros(len(values), bool), 0, []
@@ -76,11 +72,11 @@ def _of_elements(stated: Any, dimension: int, name: str, components: int) -> tup
     """Blocks of solid elements, data (elements, components), and the numbers of a body's group or None."""
     path = stated.file
     if is_imported(path) or is_geometry(path, dimension):
-        raise NoCellData("a mesh file of another program, which has cell data", path)
+        raise SceneError([f"expected a mesh file of another program, which has cell data, found {path}"])
     mesh = read_with_meshio(path)
     if name not in mesh.cell_data:
         known = ", ".join(map(repr, sorted(mesh.cell_data))) or "none"
-        raise NoCellData(f"the name of cell data of {path} ({known})", repr(name))
+        raise SceneError([f"expected the name of cell data of {path} ({known}), found {name!r}"])
     data, found = mesh.cell_data[name], []
     solid = solid_mesh(mesh, dimension)
     for block, values in zip(mesh.cells, data):
@@ -88,7 +84,7 @@ def _of_elements(stated: Any, dimension: int, name: str, components: int) -> tup
             found.append(np.asarray(values, float).reshape(len(block.data), -1))
     values = np.concatenate(found)
     if values.shape[1] != components and not (components == 3 and values.shape[1] == dimension):
-        raise NoCellData(f"cell data of {components} numbers an element", f"{values.shape[1]}")
+        raise SceneError([f"expected cell data of {components} numbers an element, found {values.shape[1]}"])
     values = np.pad(values, ((0, 0), (0, components - values.shape[1])))
     group = None if stated.group is None else np.sort(solid.groups.elements[stated.group])
     return solid.blocks, values, group

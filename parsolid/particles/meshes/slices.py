@@ -112,7 +112,7 @@ def read_slices(comm: Any, stated: Any, dimension: int) -> MeshSlices:
     An imported mesh is read by all, each its slices alone; any other file by one rank, which sends slices on.
     """
     path, scale = stated.file, stated.scale
-    read = _read_imported if _agreed(comm, lambda: is_imported(path)) else _read_and_scatter
+    read = _read_imported if agreed(comm, lambda: is_imported(path)) else _read_and_scatter
     contents, counts, mesh = read(comm, stated, dimension)
     nodes, elements = Slices(comm, counts[0]), Slices(comm, sum(counts[1:]))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -145,7 +145,7 @@ def _local(comm: Any, blocks: list[tuple[str, np.ndarray]], nodes: Slices, point
     return LocalMesh(own, nodes.fetch(own, points), local, np.concatenate(order))
 
 
-def _agreed(comm: Any, ask: Any) -> Any:
+def agreed(comm: Any, ask: Any) -> Any:
     """What one rank finds out, on all ranks, or its SceneError."""
     found: Any = None
     if comm.rank == _READER:
@@ -193,7 +193,7 @@ def _read_imported(comm: Any, stated: Any, dimension: int) -> tuple[Contents, li
         with ImportedMesh(path, dimension) as imported:
             return imported.contents, imported.shapes
 
-    contents, shapes = _agreed(comm, look)
+    contents, shapes = agreed(comm, look)
     arrays: dict[str, np.ndarray] = {}
     sums, faults = dict.fromkeys(shapes, 0), []
     try:
@@ -205,7 +205,7 @@ def _read_imported(comm: Any, stated: Any, dimension: int) -> tuple[Contents, li
         faults = error.faults
     agree(comm, faults)
     sums = added(comm, sums)
-    _agreed(comm, lambda: imported.compare(sums))
+    agreed(comm, lambda: imported.compare(sums))
     return contents, _counts(contents, shapes), mesh_of(contents, arrays)
 
 
@@ -219,7 +219,7 @@ def _read_and_scatter(comm: Any, stated: Any, dimension: int) -> tuple[Contents,
         whole.update(arrays)
         return contents, {name: (array.shape, array.dtype.str) for name, array in arrays.items()}
 
-    contents, layout = _agreed(comm, read)
+    contents, layout = agreed(comm, read)
     shapes = {name: shape for name, (shape, _) in layout.items()}
     arrays = {}
     for name, (shape, kind) in layout.items():
