@@ -33,7 +33,7 @@ class MooneyRivlin(NamedTuple):
 
 
 class NeoHookean(NamedTuple):
-    """The same with zeta = 0, of which nothing is computed."""
+    """`MooneyRivlin` with zeta = 0, whose terms are left out."""
 
     density: float
     xi: float
@@ -115,7 +115,7 @@ class StatedMooneyRivlin:
 
 @law("hyperelastic", "neo-hookean")
 class StatedNeoHookean(StatedMooneyRivlin):
-    """Mooney-Rivlin with zeta = 0, of which nothing is computed."""
+    """Mooney-Rivlin with zeta = 0, whose terms are left out."""
 
     zeta: Annotated[Literal[0, 0.0], Parameter(description="nothing but 0", default=0.0)]  # type: ignore[valid-type]
 

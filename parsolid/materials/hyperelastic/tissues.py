@@ -84,7 +84,7 @@ class StatedHolzapfelGasserOgden:
 
 @law("hyperelastic", "gasser-ogden-holzapfel")
 class StatedGasserOgdenHolzapfel(StatedHolzapfelGasserOgden):
-    """The same with dispersed fibres, E = kappa tr C + (1 - 3 kappa) a.C a - 1 (Gasser, Ogden & Holzapfel, J. R. Soc.
+    """Tissue of dispersed fibres, E = kappa tr C + (1 - 3 kappa) a.C a - 1 (Gasser, Ogden & Holzapfel, J. R. Soc.
     Interface 3 (2006) 15)."""
 
     dispersion: Annotated[float, Parameter("1", "kappa: 0 aligned, 1/3 isotropic", at_least=0.0, at_most=1.0 / 3.0)]

@@ -12,7 +12,12 @@ class ArmstrongFrederick(NamedTuple):
     linearly (Prager, Ziegler) without recovery."""
 
     modulus: Annotated[float, Parameter("Pa", "C, of the back stress over the plastic strain", above=0.0)]
-    recovery: Annotated[float, Parameter("1", "gamma, how fast it saturates", at_least=0.0, default=0.0)]
+    recovery: Annotated[
+        float,
+        Parameter(
+            "1", "gamma, rate of saturation of the back stress over the plastic strain", at_least=0.0, default=0.0
+        ),
+    ]
 
 
 @back_stress_step.of(ArmstrongFrederick)

@@ -12,10 +12,11 @@ class Voce(NamedTuple):
     """sigma_y = yield_stress + saturation (1 - exp(-exponent ep)) + hardening ep, stresses in Pa; it knows no rate."""
 
     yield_stress: Annotated[float, Parameter("Pa", "the yield stress", above=0.0)]
-    saturation: Annotated[float, Parameter("Pa", "what hardening adds in the end", at_least=0.0)]
-    exponent: Annotated[float, Parameter("1", "how fast it does", above=0.0)]
+    saturation: Annotated[float, Parameter("Pa", "rise of the yield stress by saturating hardening", at_least=0.0)]
+    exponent: Annotated[float, Parameter("1", "rate of saturation over the equivalent plastic strain", above=0.0)]
     hardening: Annotated[
-        float, Parameter("Pa", "the slope over the equivalent plastic strain besides", at_least=0.0, default=0.0)
+        float,
+        Parameter("Pa", "slope of linear hardening over the equivalent plastic strain", at_least=0.0, default=0.0),
     ]
 
 
