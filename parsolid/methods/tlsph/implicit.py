@@ -4,8 +4,8 @@
     P = (F0 + F1)/2 S,   S = int_0^1 S(C0 + s (C1 - C0)) ds
 
 S is that of the law, its mean by Gauss's quadrature. S : (C1 - C0)/2 is what W gains, so that the energy is kept; S is
-symmetric, so that the angular momentum is (J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757; O. Gonzalez, Comput. Methods Appl.
-Mech. Engrg. 190 (2000) 1763). What is linear in F, stabilisers and a stress of the start, is exact at the middle.
+symmetric, so that the angular momentum is (J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757; O. Gonzalez, Comput. Methods
+Appl. Mech. Engrg. 190 (2000) 1763). What is linear in F, stabilisers and a stress of the start, is exact at the middle.
 Newton's method takes half of K at the middle with the masses, which is not the whole derivative, but symmetric.
 """
 
