@@ -26,7 +26,8 @@ _SPACING: dict[str, dict[str, float]] = {
     "mpm": {ENERGY: 2.0, MOTION: 2.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0},
     "peridynamics": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, INTEGRAL: 1.0},
 }
-# at corners of supports, after contact, where matter yields or fails, of extremes over all particles
+# at corners of supports, after contact, where matter yields or fails, of extremes over all particles, of stress on
+# meshes
 REDUCED = 1.0
 # of the step, by what integrates in time
 _STEP = {"ssp-rk3": 3.0, "leapfrog": 2.0, "explicit": 2.0, "quasi-static": 1.0, "mpm": 1.0, "ulsph": 2.0}
@@ -96,7 +97,14 @@ def order_in_spacing(column: str, scene: Any) -> float:
         return 0.0
     if kind in (EXTREME, REACTION) or reduced_regularity(scene):
         return REDUCED
+    if kind == STRESS and has_meshes(scene):
+        return REDUCED
     return min(_SPACING.get(system.settings.kind, {}).get(kind, REDUCED) for system in scene.systems)
+
+
+def has_meshes(scene: Any) -> bool:
+    """Whether bodies are meshes, of which none of another size is like them."""
+    return any(body.shape.kind == "mesh" for body in scene.bodies)
 
 
 def order_in_time(scene: Any) -> float:
