@@ -1,6 +1,6 @@
 """The orders that methods are known to have, by kind of quantity: declared here and nowhere else.
 
-They are those of smooth motions, as docs/accuracy.md, docs/mpm.md and docs/peridynamics.md observe them. What makes a
+They are those of smooth motions, as docs/studies.md, docs/mpm.md and docs/peridynamics.md observe them. What makes a
 motion less smooth, or a value that of the particle nearest to a point, lowers them to REDUCED.
 """
 
@@ -32,7 +32,7 @@ REDUCED = 1.0
 _STEP = {"ssp-rk3": 3.0, "leapfrog": 2.0, "explicit": 2.0, "quasi-static": 1.0, "mpm": 1.0, "ulsph": 2.0}
 
 _OF_STRESS, _OF_HEAT = ("stress", "pressure", "mises"), ("temperature", "heat")
-# plastic flow that has inertia: its waves are of the second order and more (docs/microinertia.md)
+# plastic flow that has inertia: its waves are of the second order and more (docs/ulsph.md)
 _OF_MICRO = ("plastic_strain", "micro_rate", "micro_stress")
 _OF_INTEGRALS = ("momentum", "work", "mass", "energy", "entropy", "dissipation")
 

@@ -1,4 +1,4 @@
-"""How often the true error lies within the error bar: docs/error-bars.md, by `python docs/bars_coverage.py`.
+"""How often the true error lies within the error bar: docs/error-bars.md, by `python benchmarks/bars_coverage.py`.
 
 Every scene below is run at several resolutions with its coarse runs, into results/coverage, where runs are kept by
 digest; every column of the history whose true values are known is a case at several times. `--report` makes the tables
