@@ -7,6 +7,7 @@ motion less smooth, or a value that of the particle nearest to a point, lowers t
 from typing import Any
 
 from parsolid.scene.observation import ENERGIES
+from parsolid.scene.stages import settings_of_stages
 from parsolid.simulation.ledger import terms_of
 
 ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION, MICRO = (
@@ -102,8 +103,8 @@ def order_in_spacing(column: str, scene: Any) -> float:
 def order_in_time(scene: Any) -> float:
     """The least order of the steps of a scene's methods."""
     orders = []
-    for system in scene.systems:
-        settings = system.settings
+    stages = settings_of_stages(scene)[1:] if scene.stages else []
+    for settings in [*(system.settings for system in scene.systems), *stages]:
         solution = getattr(getattr(settings, "solution", None), "kind", None)
         orders.append(_STEP.get(solution or getattr(settings, "integrator", settings.kind), 1.0))
     return min(orders)
