@@ -164,7 +164,7 @@ class TotalLagrangianSPH(MethodSettings):
         ge=0,
         lt=1,
         description="part of their volume that nodes of boxes with weights in closed form do without where a fixed "
-        "plane meets a free face, for the singular stress there (docs/weights.md)",
+        "plane meets a free face, for the singular stress there (docs/tlsph.md)",
     )
 
     @property
@@ -249,7 +249,7 @@ class TotalLagrangianSPH(MethodSettings):
         meshes = len(lattices) < len(own.bodies)
         if meshes and no_mesh_weights(own) is not None:
             return {}
-        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
+        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/choosing.md)
         # a tool with mass and the light nodes of their faces oscillate by more than 1 % of the energy (test_free_tools)
         free_tools = any(tool.mass is not None for tool in scene.tools)
         if self.reconstruction and lattices and not free_tools and best_is_confirmed(own):
