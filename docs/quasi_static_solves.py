@@ -12,7 +12,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from parsolid.methods.peridynamics import coarse_space
+from parsolid.methods.peridynamics import preconditioner
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
 
@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--factorise", type=int, help="particles whose pressures are factorised at most")
     options = parser.parse_args()
     if options.factorise is not None:
-        coarse_space._MOST_FACTORISED.update(dict.fromkeys((2, 3), options.factorise))
+        preconditioner._MOST_FACTORISED.update(dict.fromkeys((2, 3), options.factorise))
     comm = MPI.COMM_WORLD
     for ratio in options.ratios:
         simulation = Simulation(comm, parse_scene(block([int(one) for one in options.particles.split("x")], ratio)))

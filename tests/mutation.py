@@ -135,7 +135,7 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/simulation/representation.py": (COMPILED, _in("simulation", "representation")),
     "parsolid/simulation/restart.py": (COMPILED, _RESTART),
     "parsolid/simulation/scene_changes.py": (PLAIN, _RESTART),
-    "parsolid/solvers": (PLAIN, _in("solvers", "solvers", "two_level")),
+    "parsolid/solvers": (PLAIN, _in("solvers", "solvers", "grid_levels")),
     "parsolid/splines.py": (PLAIN, _in("simulation", "splines")),
     "parsolid/tensors.py": (PLAIN, _in("kernels", "tensors")),
     "parsolid/elementary.py": (COMPILED, _in("kernels", "elementary")),
