@@ -229,9 +229,9 @@ class Coarsest:
     """The coarsest grid, factorised on every rank."""
 
     def __init__(self, comm: Any, nodes: Nodes, matrix: Any, ways: int) -> None:
+        """matrix: as of a `Level`; its sum over ranks is kept, too."""
         from scipy.linalg import cholesky
 
-        """matrix: as of a `Level`; its sum over ranks is kept, too."""
         self.comm, self.nodes = comm, nodes
         keys = np.unique(np.concatenate(comm.allgather(nodes.keys)))
         rows = np.searchsorted(keys, nodes.keys)
@@ -283,13 +283,19 @@ class GridLevels:
         shear: np.ndarray,
         volume: np.ndarray,
         diagonal: np.ndarray,
+        inertia: np.ndarray | None = None,
         softest: float = SOFTEST,
         most_nodes: float = _MOST_NODES,
     ) -> None:
-        """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]; softest: the
-        first over the second at most; most_nodes: of the coarsest grid."""
+        """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]; inertia (n,)
+        [N/m]: what masses add to it in a step of motion; softest: the first over the second modulus at most;
+        most_nodes: of the coarsest grid."""
         self.diagonal, lame = diagonal, np.minimum(lame, softest * shear)
         matrix = self._stiffness(lame * volume, shear * volume, diagonal * self.resisted)
+        if inertia is not None:
+            self.diagonal = diagonal + inertia[:, None]
+            of_components = np.repeat(inertia, diagonal.shape[1])
+            matrix = (matrix + self.restriction @ self.prolongation.multiply(of_components[:, None])).tocsr()
         self.levels: list[Level] = []
         nodes = self.nodes
         while sums(self.comm, [float(len(nodes.keys))])[0] > most_nodes and (nodes.cells > 1).any():

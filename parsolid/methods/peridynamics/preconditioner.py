@@ -84,7 +84,7 @@ class Preconditioners:
         stiff = self._is_nearly_incompressible(lame, shear)
         lame, shear = lame * motion.factor, shear * motion.factor
         if not stiff:
-            levels.of_moduli(lame, shear, self.volume, motion.diagonal(), _STIFF)
+            levels.of_moduli(lame, shear, self.volume, motion.diagonal(), softest=_STIFF)
             return levels
         motion.resists_volume = False
         levels.of_moduli(np.zeros_like(lame), shear, self.volume, motion.diagonal(), most_nodes=np.inf)
