@@ -2,7 +2,7 @@
 
 python benchmarks/quasi_static_solves.py 316x316 0.3 0.49 0.4999
 mpirun -n 2 python benchmarks/quasi_static_solves.py 46x46x46 0.3
-python benchmarks/quasi_static_solves.py 141x141 0.4999 --factorise 20000     # pressures of so many particles, 0 for none
+python benchmarks/quasi_static_solves.py 141x141 0.4999 --factorise 20000  # pressures factorised, 0 for none
 """
 
 import argparse
