@@ -120,6 +120,10 @@ class Leapfrog:
         ]
         return min(self.system.conditions.largest_step, *found, np.inf)
 
+    def begin(self) -> None:
+        """Begin with the present places and velocities, of which no forces are known."""
+        self.forces_of, self.kicks.last_step = None, 0.0
+
     def state(self) -> dict[str, Any]:
         """Whether the particles have the forces that a step begins with, and the length of the last step [s]."""
         return {"forces_of": self.forces_of, "last_step": self.kicks.last_step}
