@@ -24,6 +24,7 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
+from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.scene.warned import Note
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.gmres import gmres
@@ -101,10 +102,10 @@ class Static:
     balanced in the last state, and what may be.
     """
 
-    def __init__(self, system: Any, scene: Any) -> None:
-        """system: `system.TotalLagrangianSPH` with its sweeps. Raises SolverError on all ranks where nothing holds a
-        body. Collective."""
-        self.system, self.comm, self.conditions, self.settings = system, system.comm, system.conditions, system.settings
+    def __init__(self, system: Any, equilibria: bool) -> None:
+        """system: `system.TotalLagrangianSPH` with its sweeps; equilibria: whether any stage has them, else these are
+        for `implicit.Implicit`. Raises SolverError on all ranks where nothing holds a body. Collective."""
+        self.system, self.comm, self.conditions = system, system.comm, system.conditions
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         system.particles.declare(Field("displacement", system.dimension, "m", **kept))
         system.particles.declare(Field("displacement_rate", system.dimension, "m/s", **kept))
@@ -114,19 +115,27 @@ class Static:
         # forces of the stabiliser of boxes, which are not among those of the sweeps
         self._stabilising = np.zeros(self.free.shape)
         self.preconditioner = StaticPreconditioner(self.tangent)
+        if equilibria:
+            self.preconditioner.refuse_loose_bodies()
         loads = [load for load, _ in self.conditions.loads_of]
         # whether all loads have a potential, which is their product with the displacement
         self.dead = all(isinstance(load, DistributedLoad) for load in loads)
         # bodies that springs alone hold have a singular stiffness without them
         self.sprung = any(isinstance(load, SpringLoad) for load in loads)
-        self.end = float(scene.end_time)
-        self.load_step = min(_FIRST * self.end, self.settings.maximum_step or np.inf)
+        # see `set_span`
+        self.settings, self.began, self.end, self.load_step = system.settings, 0.0, 0.0, 0.0
         self.reached: float | None = None
         self.fault, self.loaded, self.largest_load, self.norm, self.target = "", False, 0.0, 0.0, 0.0
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
         # of the equilibrium that is sought: time [s], length [s] and part of the load step
-        self._at = (0.0, 0.0, 0.0)
+        self.sought = (0.0, 0.0, 0.0)
         self._residual = np.zeros(self.free.shape)
+
+    def set_span(self, began: float, start: float, end: float, settings: Any) -> None:
+        """Equilibria of a stage from a start [s] to an end [s] with settings of its own; began: when they took over
+        from a motion, or from the initial state [s]."""
+        self.began, self.end, self.settings = began, end, settings
+        self.load_step = min(_FIRST * (end - start), settings.maximum_step or np.inf)
 
     # --- the problem of a load -----------------------------------------------------------------------------------
 
@@ -136,7 +145,7 @@ class Static:
         displacement = displacement.copy()
         self.tangent.share_moves(displacement)
         sound = self._deform(displacement)
-        external = self._loads(*self._at)
+        external = self._loads(*self.sought)
         residual = np.where(self.free, self.internal_force() + external, 0.0)
         stored, work = self.system.energies()[1], float(np.vdot(external, displacement))
         square, stored, work, size, lost = sums(
@@ -160,10 +169,28 @@ class Static:
             bodies.find_forces()
         for name in ("velocity", "dissipative_force"):
             of(name)[:] = 0.0
+        self.stabilise()
+        return all(sound)
+
+    def stabilise(self) -> None:
+        """Find the forces and energy of what resists rough displacements of boxes, in the present one."""
         if self.tangent.stabiliser is not None:
             self._stabilising[:] = 0.0
+            displacement = self.system.particles.owned_rows("displacement")
             self.tangent.stabiliser.add_product(displacement, self._stabilising)
-        return all(sound)
+
+    def stabilise_motion(self) -> None:
+        """Let boxes that move resist rough displacements as they do in equilibrium, where they come from one or will
+        go to one: the forces of `system.sweeps` have their part of it."""
+        if self.tangent.stabiliser is not None:
+            self.follow_motion()
+            self.stabilise()
+            self.system.particles.owned_rows("stress_force")[:] -= self._stabilising / self.system.share[:, None]
+
+    def follow_motion(self) -> None:
+        """Take the displacement of bodies that move."""
+        of = self.system.particles.owned_rows
+        np.subtract(of("position"), of("reference_position"), out=of("displacement"))
 
     def internal_force(self) -> np.ndarray:
         """Internal force (owned, d) [N] of the displacement evaluated last, on this side of mirror planes."""
@@ -178,11 +205,11 @@ class Static:
         """Loads (owned, d) [N] at a part of a load step [s] from a time [s], in the present shape; of a jump, where the
         step is 0, from those before it to those after it."""
         if step == 0.0:
-            before = self._held_at_start if time == 0.0 else self._loads_at(time, True)
-            return (1.0 - part) * before + part * self._loads_at(time, False)
-        return self._loads_at(time + part * step, part > 0.0)
+            before = self._held_at_start if time == self.began else self.loads_at(time, True)
+            return (1.0 - part) * before + part * self.loads_at(time, False)
+        return self.loads_at(time + part * step, part > 0.0)
 
-    def _loads_at(self, time: float, before_jump: bool) -> np.ndarray:
+    def loads_at(self, time: float, before_jump: bool) -> np.ndarray:
         found = self.conditions.find_loads(time, before_jump)
         if found is None:
             return np.zeros(self.free.shape)
@@ -227,9 +254,9 @@ class Static:
         """(K - dL/du) du of a change (owned, d) [m] into out [N]."""
         out[:] = self.tangent.product(change)
         if not self.dead:
-            out -= self._change_of_loads(change)
+            out -= self.change_of_loads(change)
 
-    def _change_of_loads(self, change: np.ndarray) -> np.ndarray:
+    def change_of_loads(self, change: np.ndarray) -> np.ndarray:
         """dL/du du (owned, d) [N] of loads that follow the shape: differences, which are exact for springs and for a
         pressure, whose loads are polynomials of second order in du."""
         of, system = self.system.particles.owned_rows, self.system
@@ -238,7 +265,7 @@ class Static:
         for sign in (1.0, -1.0):
             of("position")[:] = x + sign * change
             of("deformation_gradient")[:] = one + system.displacement_gradient().reshape(F.shape)
-            ends.append(self._loads(*self._at))
+            ends.append(self._loads(*self.sought))
         of("position")[:], of("deformation_gradient")[:] = x, F
         if system.meshes is not None:
             # rows of the sweeps have places, too, which the energy needs
@@ -248,10 +275,12 @@ class Static:
     # --- load steps ----------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Take the displacement of the start, and no velocity."""
+        """Take the displacement of the start, of which no path is known, and no velocity."""
         of = self.system.particles.owned_rows
-        of("velocity")[:] = 0.0
-        np.subtract(of("position"), of("reference_position"), out=of("displacement"))
+        for name in ("velocity", "dissipative_force", "displacement_rate", "displacement_curvature"):
+            of(name)[:] = 0.0
+        self.follow_motion()
+        self.stabilise()
 
     def stable_step(self) -> float:
         """The next load step [s]."""
@@ -288,7 +317,14 @@ class Static:
                 self._end_at(time + part * step, tried)
                 break
         self._report(time, step if part == 1.0 else part * step, first, at, work)
-        ledger.add(1.0, 0.0, 0.0, float(work.sum()))
+        external = float(work.sum())
+        if step == 0.0 and time == self.began > 0.0:
+            # a motion's last state is held by nothing but its loads
+            fall = self._loads(time, 0.0, 1.0) * (at.displacement - first.displacement) - work
+            lost = float(fall[self.free].sum())
+            external += lost
+            ledger.add_term(STAGE_CHANGE, lost)
+        ledger.add(1.0, 0.0, 0.0, external)
         announce(True, self.load_step)
         self.conditions.report(step, ledger)
         return True
@@ -297,16 +333,17 @@ class Static:
         """The equilibrium that a step begins with."""
         u = self.system.particles.owned_rows("displacement").copy()
         self._deform(u)
+        self.preconditioner.inertia = None
         self.preconditioner.build()
         force = self.internal_force()
-        self._held_at_start = -force if time == 0.0 else np.zeros(force.shape)
+        self._held_at_start = -force if time == self.began else np.zeros(force.shape)
         return Equilibrium(u, -force, self._stored_energy())
 
     def _attempt(self, time: float, step: float, part: float, end: float, start: Equilibrium) -> Taken | Failed:
         """From the equilibrium at a part of a load step [s] from a time [s] to that at another part."""
         before, ahead, of = self._loads(time, step, part), (end - part) * step, self.system.particles.owned_rows
-        self._at = (time, step, end)
-        load = self._loads(*self._at) - before
+        self.sought = (time, step, end)
+        load = self._loads(*self.sought) - before
         moved = self._moved(time, step, part, end, start.displacement)
         first = self._tangent_of_path(load, moved, of("displacement_rate") * ahead)
         if isinstance(first, Failed):
@@ -321,7 +358,7 @@ class Static:
         last = self._tangent_of_path(load, moved, first.change)
         if isinstance(last, Failed):
             return last
-        held = np.where(self.free & self.dead, self._loads(*self._at), -self.internal_force())
+        held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
         end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy())
         taken = self._taken(start, end_of_step, load, first, last)
         if taken.missing > _MISSING * self._scale(taken) + self._rounding:
@@ -387,7 +424,7 @@ class Static:
 
     def _set_target(self) -> None:
         """What may be left of the loads, or of the reactions where nothing is loaded, and of rounding."""
-        external, force = self._loads(*self._at), self.internal_force()
+        external, force = self._loads(*self.sought), self.internal_force()
         squares = [np.vdot(external, external), np.vdot(force[~self.free], force[~self.free])]
         load, reaction = np.sqrt(sums(self.comm, squares))
         self.loaded = self.loaded or bool(load > 0.0)
