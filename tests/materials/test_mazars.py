@@ -13,10 +13,10 @@ from materials.deformations import arguments, deformations, energy, slope, stres
 from scipy.optimize import brentq
 
 from parsolid.materials import registry
-from parsolid.materials.damage.mazars import StatedMazars
 from parsolid.materials.hyperelastic import functions as of
 from parsolid.materials.hyperelastic.at_particles import after_step
 from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
+from parsolid.materials.hyperelastic.quasi_brittle import StatedMazars
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.materials import ValueFault
 from parsolid.simulation.loop import Simulation
