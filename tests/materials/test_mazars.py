@@ -159,7 +159,7 @@ def test_bands_that_snap_back_and_points_without_a_band_are_refused(comm):
 def test_a_notched_beam_bears_as_much_as_one_with_a_cohesive_crack(tmp_path):
     """Peak load 1258 N and 693 N at an opening of 0.15 mm by linear finite elements of 2.5 mm, with nu = 0 and a
     cohesive crack of the same strength, fracture energy and exponential softening along the ligament."""
-    beam = Path(__file__).parents[2] / "validation" / "scenes" / "notched_beam.toml"
+    beam = Path(__file__).parents[2] / "validation" / "scenes" / "concrete_beam.toml"
     command = [sys.executable, "-m", "parsolid", "run", str(beam), "-o", str(tmp_path / "out")]
     subprocess.run([*command, "--set", "bodies.0.material.poissons_ratio=0"], check=True, capture_output=True)
     with open(tmp_path / "out" / "history.csv", newline="") as file:

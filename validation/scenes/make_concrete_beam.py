@@ -1,7 +1,7 @@
-"""Write notched_beam_N.msh: a beam of 175 x 50 mm in quads, N of them over its depth, in the middle a notch of half the
+"""Write concrete_beam_N.msh: a beam of 175 x 50 mm in quads, N of them over its depth, in the middle a notch of half the
 depth and the width of an element; lengths in m, the origin below the middle.
 
-python validation/scenes/make_notched_beam.py 10 20
+python validation/scenes/make_concrete_beam.py 10 20
 """
 
 import sys
@@ -30,5 +30,5 @@ def notched_beam(over_depth: int) -> meshio.Mesh:
 
 if __name__ == "__main__":
     for word in sys.argv[1:]:
-        path = Path(__file__).with_name(f"notched_beam_{word}.msh")
+        path = Path(__file__).with_name(f"concrete_beam_{word}.msh")
         meshio.write(path, notched_beam(int(word)), file_format="gmsh22", binary=False)
