@@ -163,8 +163,8 @@ class MethodSettings(SceneModel):
         """By which factor spacings of bodies may differ that the method bonds."""
         return inf
 
-    def bonded_densities(self, scene: Any) -> float:
-        """The same of their densities."""
+    def bonded_moduli(self, scene: Any) -> float:
+        """The same of their moduli of pressure waves."""
         return inf
 
     def contact_refused(self, scene: Any) -> str | None:
