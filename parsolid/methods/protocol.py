@@ -228,6 +228,11 @@ class ParticleSystem:
         """
         raise NotImplementedError
 
+    @property
+    def usual_fields(self) -> tuple[str, ...]:
+        """Fields that are written unless the scene chooses, beside those of all methods."""
+        return ()
+
     def prepare_fields(self, names: Iterable[str], time: float) -> None:
         """Exchange between ranks what `shown` needs for fields of these names in the state at a time [s], before it is
         asked for them; collective."""
