@@ -316,9 +316,10 @@ class TotalLagrangianSPH(MethodSettings):
         """Kernels reach the second layer of the other body only so far; a long reach bears more."""
         return 2.5 if self.smoothing >= 1.3 else 1.25
 
-    def bonded_densities(self, scene: Any) -> float:
-        """Beyond, the step of either body is too long for the light layer at the bond."""
-        return 30.0
+    def bonded_moduli(self, scene: Any) -> float:
+        """Gradients beside the bond are means of both bodies: layers of the stiff one are displaced in turns, by a
+        thirtieth of a spacing times the strain of the soft one."""
+        return 10.0
 
     def contact_refused(self, scene: Any) -> str | None:
         """Bodies in motion can."""

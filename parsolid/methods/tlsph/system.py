@@ -17,7 +17,7 @@ from parsolid.methods.tlsph.fixed_walls import fixed_walls_of
 from parsolid.methods.tlsph.implicit import Implicit
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies
-from parsolid.methods.tlsph.leapfrog import Leapfrog
+from parsolid.methods.tlsph.leapfrog import Leapfrog, slowing_of
 from parsolid.methods.tlsph.output import Reports
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT, PlasticBlock
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
@@ -57,7 +57,7 @@ class TotalLagrangianSPH(Reports):
     advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator
     of explicit motion, the other is None; statics: that of equilibria, None where no stage solves for displacements;
     implicit: that of motion in long steps, or None; meshes_of_bodies: the key of the mesh whose weights each body has,
-    or None; settings: those of the present stage, see `begin_stage`.
+    or None; settings: those of the present stage, see `begin_stage`; slowing: see `leapfrog.slowing_of`.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
@@ -117,6 +117,7 @@ class TotalLagrangianSPH(Reports):
         others = ~np.isin(particle_set.body, meshes)
         self.spacing = minimum(comm, float(particle_set.spacing[others].min(initial=np.inf)))
         self.reactions = self.conditions.reactions
+        self.slowing = slowing_of(self, scene)
         self.leapfrog = None if staged else Leapfrog(self, scene)
         self.staged_step = StagedStep(self, scene) if staged else None
         self.evaluations, self.stop_times = (3, ()) if staged else (1, self.conditions.times)
