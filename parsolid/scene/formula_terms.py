@@ -174,6 +174,11 @@ _OPERATORS: dict[str, Function] = {
 }
 
 
+def _clipped(x: float, lowest: float, highest: float) -> float:
+    larger = lowest if x < lowest else x
+    return highest if larger > highest else larger
+
+
 def _power_of_numbers(base: float, exponent: float) -> float:
     return float(_power(base, exponent)) if exponent in _WHOLE else math.pow(base, exponent)
 
@@ -187,9 +192,9 @@ _NUMBERS: dict[str, Callable[..., Any]] = {
     "Pow": _power_of_numbers,
     "abs": abs,
     # what is not a number stays
-    "minimum": lambda a, b: a if a < b or a != a else b,
-    "maximum": lambda a, b: a if a > b or a != a else b,
-    "clip": lambda x, lowest, highest: _clipped(x, lowest, highest),
+    "minimum": lambda a, b: a if a < b or math.isnan(a) else b,
+    "maximum": lambda a, b: a if a > b or math.isnan(a) else b,
+    "clip": _clipped,
     "ramp": lambda *given: _clipped(_share(*given), 0.0, 1.0),
     "step": lambda x, begin: 0.0 if x < begin else 1.0,
 }
@@ -205,11 +210,6 @@ _NUMBERS_WITH_LOGICAL: dict[str, Callable[..., Any]] = {
     "BitOr": operator.or_,
     "Invert": operator.not_,
 }
-
-
-def _clipped(x: float, lowest: float, highest: float) -> float:
-    larger = lowest if x < lowest else x
-    return highest if larger > highest else larger
 
 
 def _by_numpy(function: Callable[..., Any], *numbers: float) -> float:
