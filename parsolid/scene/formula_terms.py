@@ -8,6 +8,7 @@ import math
 import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -188,7 +189,12 @@ _NUMBERS: dict[str, Callable[..., Any]] = {
     **{name: getattr(math, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "sqrt", "exp", "expm1")},
     **{name: getattr(math, name) for name in ("log", "log1p", "log2", "log10")},
     **{f"arc{name}": getattr(math, f"a{name}") for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    **{name: _OPERATORS[name].value for name in ("Add", "Sub", "Mult", "Div", "USub", "UAdd")},
+    "Add": operator.add,
+    "Sub": operator.sub,
+    "Mult": operator.mul,
+    "Div": operator.truediv,
+    "USub": operator.neg,
+    "UAdd": operator.pos,
     "Pow": _power_of_numbers,
     "abs": abs,
     # what is not a number stays
@@ -375,8 +381,13 @@ class Applied(Term):
         return self.function.value(*[one.value(known) for one in self.arguments])
 
     def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
-        fast = self._of_numbers if self.names == {"t"} else None
-        return _in_time(self.function.value, [one.at(places) for one in self.arguments], fast)
+        function, fast, given = self.function.value, None, self.arguments
+        if self.names == {"t"}:
+            fast = self._of_numbers
+            if len(given) == 2 and fast is not None and not given[0].names and not given[0].looked_up:
+                constant, given = given[0].value(places), given[1:]
+                function, fast = partial(function, constant), partial(fast, constant.item())
+        return _in_time(function, [one.at(places) for one in given], fast)
 
     def _separated(self, places: Mapping[str, Any]) -> list[Product]:
         if self.name not in ("Add", "Sub", "Mult", "Div") or any(one.logical for one in self.arguments):
