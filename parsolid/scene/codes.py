@@ -1,6 +1,6 @@
 """Every code of a fault, a warning, a note and of the energy check: what it says, and what to do.
 
-Codes never change; docs/warnings.md is made from these tables.
+Codes never change; the manual's page of codes is made from these tables.
 """
 
 from typing import NamedTuple
@@ -127,3 +127,13 @@ ENERGY_CHECK = {
         "dissipative: with its artificial viscosity the scheme took more than that", "a smaller `viscosity`, or finer"
     ),
 }
+
+
+def page() -> str:
+    """All codes as a page of the manual (Markdown)."""
+    groups = {"Errors in a scene": FAULTS, "Warnings": WARNINGS, "Notes": NOTES, "Energy check": ENERGY_CHECK}
+    lines = ["# Codes of errors, warnings and notes", ""]
+    for title, codes in groups.items():
+        lines += [f"## {title}", "", "| code | what it says | what to do |", "|---|---|---|"]
+        lines += [f"| `{code}` | {one.says} | {one.remedy} |" for code, one in codes.items()] + [""]
+    return "\n".join(lines)
