@@ -288,6 +288,10 @@ class Peridynamics(MethodSettings):
         """The horizon."""
         return np.full(len(spacing), self.horizon(float(spacing.max())))
 
+    def band(self, spacing: np.ndarray) -> np.ndarray:
+        """Two horizons."""
+        return self.horizon_ratio * super().band(spacing)
+
     def horizon(self, spacing: float) -> float:
         """The horizon [m] for a particle spacing [m]; the margin keeps the last neighbours out of reach of rounding."""
         return (self.horizon_ratio + 0.015) * spacing
@@ -321,7 +325,11 @@ class Peridynamics(MethodSettings):
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Laws that would have to find their own thickness, and what solids that flow do not bear."""
-        return self._unknown_thickness(scene) + self._plastic_faults(scene)
+        faults = self._unknown_thickness(scene) + self._plastic_faults(scene)
+        if self.stabilisation.kind != "none" and any(body.material.kind == "mazars" for body in scene.bodies):
+            expected = "'none' with a law that softens in a band, which an elastic control would hold together"
+            faults.append((("method", "stabilisation", "kind"), expected, self.stabilisation.kind))
+        return faults
 
     def _plastic_faults(self, scene: Any) -> list[Detail]:
         """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""

@@ -15,6 +15,7 @@ from decomposition.reduction import sums
 from parsolid.boundary.conditions import HALF
 from parsolid.boundary.mirror_planes import symmetry_planes
 from parsolid.collective import anywhere, minimum, raise_together
+from parsolid.materials.hyperelastic.at_particles import has_band
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.viscoelastic.maxwell import total_modulus
@@ -172,6 +173,8 @@ class MeshBodies(ListBodies):
         self.stabiliser = np.zeros(self.last)
         for block in blocks:
             share = _SHARE_IN_FLOW if isinstance(block.law, ElasticPlastic) else 1.0
+            # cracks would bear it
+            share = 0.0 if has_band(block.law) else share
             self.stabiliser[block.first : block.last] = share * part * elastic_moduli(block.law)[0]
         stress = self.particles.owned_rows("stabiliser_stress")
         stress[: self.last] = -self.stabiliser[:, None] * np.eye(d).ravel()

@@ -316,13 +316,18 @@ class TotalLagrangianSPH(MethodSettings):
         """Kernels reach the second layer of the other body only so far; a long reach bears more."""
         return 2.5 if self.smoothing >= 1.3 else 1.25
 
-    def bonded_densities(self, scene: Any) -> float:
-        """Beyond, the step of either body is too long for the light layer at the bond."""
-        return 30.0
+    def bonded_moduli(self, scene: Any) -> float:
+        """Gradients beside the bond are means of both bodies: layers of the stiff one are displaced in turns, by a
+        thirtieth of a spacing times the strain of the soft one."""
+        return 10.0
 
     def contact_refused(self, scene: Any) -> str | None:
         """Bodies in motion can."""
         return _SOLUTION if self.integrators(scene) & _SOLVED else None
+
+    def tie_refused(self, scene: Any) -> str | None:
+        """Ties are linear in the displacement."""
+        return None
 
     def substeps_refused(self) -> str | None:
         """Equilibria have no steps of motion."""
@@ -373,9 +378,8 @@ class TotalLagrangianSPH(MethodSettings):
             expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
             return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
         key, faults = ("method", "integrator"), list[Detail]()
-        for table in ("tools", "tie"):
-            if getattr(scene, table):
-                faults.append(((table,), f"no such table {_SOLUTION}", Phrase("one")))
+        if scene.tools:
+            faults.append((("tools",), f"no such table {_SOLUTION}", Phrase("one")))
         if self.reference == "updated":
             faults.append((("method", "reference"), f"'fixed' {_SOLUTION}", self.reference))
         if scene.methods is not None and len(scene.methods) > 1:
