@@ -325,6 +325,10 @@ class TotalLagrangianSPH(MethodSettings):
         """Bodies in motion can."""
         return _SOLUTION if self.integrators(scene) & _SOLVED else None
 
+    def tie_refused(self, scene: Any) -> str | None:
+        """Ties are linear in the displacement."""
+        return None
+
     def substeps_refused(self) -> str | None:
         """Equilibria have no steps of motion."""
         return _SOLUTION if self.integrator in _SOLVED else None
@@ -374,9 +378,8 @@ class TotalLagrangianSPH(MethodSettings):
             expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
             return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
         key, faults = ("method", "integrator"), list[Detail]()
-        for table in ("tools", "tie"):
-            if getattr(scene, table):
-                faults.append(((table,), f"no such table {_SOLUTION}", Phrase("one")))
+        if scene.tools:
+            faults.append((("tools",), f"no such table {_SOLUTION}", Phrase("one")))
         if self.reference == "updated":
             faults.append((("method", "reference"), f"'fixed' {_SOLUTION}", self.reference))
         if scene.methods is not None and len(scene.methods) > 1:
