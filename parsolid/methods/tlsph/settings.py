@@ -337,13 +337,8 @@ class TotalLagrangianSPH(MethodSettings):
                 faults.append((("method", "weights"), expected, Phrase(f"{kind!r} for bodies.{i}")))
         for i, body in enumerate(scene.bodies):
             place = ("bodies", i, "material")
-            if body.material.kind == "elastic-plastic":
-                faults.append(
-                    ((*place, "kind"), "a hyperelastic law with method.integrator = 'static'", body.material.kind)
-                )
-            elif body.material.branches:
-                found = Phrase(f"{len(body.material.branches)}")
-                faults.append(((*place, "branches"), "none with method.integrator = 'static'", found))
+            if getattr(body.material, "failure", None) is not None:
+                faults.append(((*place, "failure"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
             if getattr(body.material, "ledger_terms", None):
                 expected = "a law without memory with method.integrator = 'static'"
                 faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))

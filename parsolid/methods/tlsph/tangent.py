@@ -3,7 +3,7 @@
     dF = grad du,   dP = A : dF,   K du = - V Div dP
 
 A = d2W/dF dF is found once for a state, from differences of the law's stress, and kept as its upper triangle; a product
-then knows no law. K is symmetric in the plain inner product, as both sweeps are adjoint, and is minus the derivative of
+then knows no law. Of flow it is the symmetric part, from which A differs by stresses alone. K is symmetric in the plain inner product, as both sweeps are adjoint, and is minus the derivative of
 the force, the stabilisers included: that of meshes is in their sweeps, that of boxes beside them.
 """
 
@@ -160,11 +160,12 @@ class Tangent:
         blocks = self.system.blocks
         return [(one.first, one.last, *elastic_moduli(one.law), one.law.density) for one in blocks]
 
-    def linearise(self) -> None:
-        """Take the moduli of the present deformation."""
+    def linearise(self, history: Any = None) -> None:
+        """Take the moduli of the present deformation; history: `LoadHistory` of what it comes from, None where bodies
+        deform from rest at once."""
         system = self.system
         for block in system.blocks:
-            block.find_moduli(self.index, self.moduli)
+            block.find_moduli(self.index, self.moduli, history)
         for bodies in system.sweeps:
             added = getattr(bodies, "added_stress", "initial_stress")
             if added in system.particles:
