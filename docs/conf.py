@@ -17,7 +17,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 html_theme = "furo"
-exclude_patterns = ["_build", "README.md"]
+exclude_patterns = ["_build"]
 autodoc_member_order = "bysource"
 # links into the repository, which the pages have for readers of the files themselves
 suppress_warnings = ["myst.xref_missing"]

@@ -12,6 +12,7 @@ from parsolid.particles.meshes.slices import MeshSlices, part_of_body, whole_mes
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.previous_results import methods_of
+from parsolid.scene.stages import settings_of_stages
 from parsolid.scene.systems import notes_of
 from parsolid.scene.warned import Note
 from parsolid.simulation.loop import Simulation
@@ -128,7 +129,10 @@ def quality_advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None 
     the same on all ranks."""
     scene, comm, result = simulation.scene, simulation.comm, list[Note]()
     meshes = {} if meshes is None else meshes
-    static = {i for one in scene.systems if getattr(one.settings, "integrator", "") == "static" for i in one.bodies}
+    settings = [(one.bodies, settings_of_stages(scene) if scene.stages else [one.settings]) for one in scene.systems]
+    static = {
+        i for own, every in settings if all(getattr(one, "integrator", "") == "static" for one in every) for i in own
+    }
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh":
             continue

@@ -3,8 +3,8 @@
 Every lattice gets whole numbers of intervals again, so that the ratio of the spacings is not the one requested; the
 ratio is chosen near it such that all directions of all bodies have nearly the same one, probes stand as they did
 between particles, and planes that lie on a background grid lie on the coarser one. Geometry is meshed with larger
-elements. What follows from the spacing by a ratio (horizon, skin, smoothing length, radius of contact) needs no rule;
-the cell of a grid grows with it.
+elements, and a mesh made anew of such within its own surface. What follows from the spacing by a ratio (horizon, skin,
+smoothing length, radius of contact) needs no rule; the cell of a grid grows with it.
 """
 
 import math
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.particles.fillings import filling_of
-from parsolid.particles.meshes.geometry import AROUND
+from parsolid.particles.meshes.imported import is_imported
 from parsolid.scene import Scene, parse_scene
 from parsolid.scene.contact import BodyPairs
 
@@ -78,15 +78,17 @@ class Level:
 
 
 def lattices_of(scene: Scene) -> list[BodyLattice]:
-    """The lattices of all bodies but those from geometry. Raises NotCoarsened for a mesh, which has its own
-    particles."""
+    """The lattices of all bodies but meshes. Raises NotCoarsened for a mesh that is not made anew."""
     kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}
     result = []
     for number, body in enumerate(scene.bodies):
-        if body.shape.kind == "mesh" and body.shape.model.size is not None:
-            continue
         if body.shape.kind == "mesh":
-            raise NotCoarsened(f"bodies.{number} is a mesh, which has its own particles: a coarser one is not known")
+            model, place = body.shape.model, f"bodies.{number}"
+            if not model.of_geometry and model.group is not None:
+                raise NotCoarsened(f"{place} is a group of a mesh, whose nodes other bodies share: none is made anew")
+            if not model.of_geometry and is_imported(model.file):
+                raise NotCoarsened(f"{place} is an imported mesh, of which none is made anew")
+            continue
         filling: Any = filling_of(body, scene.dimension)
         on_ends = [line.nodes and not line.closed and line.count > 1 for line in filling.lines]
         intervals = tuple(line.count - bool(ends) for line, ends in zip(filling.lines, on_ends))
@@ -97,7 +99,7 @@ def lattices_of(scene: Scene) -> list[BodyLattice]:
 
 
 def lattice_words(scene: Scene) -> str:
-    """Numbers of particles of all lattices: "9 x 49 x 9", or "71 x 21, 71 x 21"; of geometry the size of elements."""
+    """Numbers of particles of all lattices: "9 x 49 x 9", or "71 x 21, 71 x 21"; of meshes the size of elements."""
     try:
         lattices = lattices_of(scene)
     except NotCoarsened:
@@ -107,22 +109,18 @@ def lattice_words(scene: Scene) -> str:
 
 
 def _sizes_in_words(tables: dict[str, Any]) -> list[str]:
-    return list(dict.fromkeys(f"elements of {mesh['size']:.4g} m" for mesh in _geometry(tables)))
+    sizes = [(mesh.get("size"), mesh.get("size_factor", 1.0)) for mesh in _meshes(tables)]
+    return list(
+        dict.fromkeys(
+            f"elements x {factor:.3g}" if size is None else f"elements of {size * factor:.4g} m"
+            for size, factor in sizes
+        )
+    )
 
 
-def _geometry(tables: dict[str, Any]) -> list[dict[str, Any]]:
-    """The tables of bodies' meshes that are made of geometry."""
-    meshes = [(body["shape"].get("mesh") or {}) for body in tables["bodies"]]
-    return [mesh for mesh in meshes if mesh.get("size") is not None]
-
-
-def _enlarge_elements(tables: dict[str, Any], ratio: float) -> None:
-    """Let all elements of geometry be larger, those around curves, too."""
-    for mesh in _geometry(tables):
-        mesh["size"] *= ratio
-        around = AROUND if mesh.get("around") is None else mesh["around"]
-        mesh["around"] = round(around / ratio)
-        mesh["refine"] = [one | {"size": one["size"] * ratio} for one in mesh.get("refine", [])]
+def _meshes(tables: dict[str, Any]) -> list[dict[str, Any]]:
+    """The tables of bodies' meshes."""
+    return [body["shape"]["mesh"] for body in tables["bodies"] if body["shape"].get("mesh") is not None]
 
 
 def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> Level:
@@ -154,7 +152,8 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
             method["cell"] *= ratio
     if lattices and not any("cell" in method for method in methods_of(tables)):
         actual = _mean_ratio(lattices, new)
-    _enlarge_elements(tables, actual)
+    for mesh in _meshes(tables):
+        mesh["size_factor"] = mesh.get("size_factor", 1.0) * actual
     words = [" x ".join(map(str, tables["bodies"][one.number]["particles"])) for one in lattices]
     return Level(tables, actual, ", ".join([*words, *_sizes_in_words(tables)]))
 

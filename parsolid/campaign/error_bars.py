@@ -10,6 +10,8 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.campaign.estimate import (
+    OF_LATTICES,
+    OF_MESHES,
     SAFETY,
     SAFETY_DIVERGED,
     SAFETY_NO_ORDER,
@@ -20,6 +22,7 @@ from parsolid.campaign.estimate import (
     spacing_bar,
 )
 from parsolid.campaign.orders import (
+    has_meshes,
     kind_of,
     order_in_spacing,
     order_in_time,
@@ -171,12 +174,13 @@ def error_table(
         faults = [f"{one.variant.title}: {one.record.message}" for one in runs if one.record.message]
         return ErrorTable(times, columns, {}, "; ".join(faults) or "no coarser run could be made")
     bars: dict[str, Bar] = {}
+    trust = OF_MESHES if has_meshes(scene) else OF_LATTICES
     ratios = np.array([1.0, *(one.ratio for one in coarse)])
     for name, values in columns.items():
         if not all(name in one.history for one in coarse) or not np.isfinite(values).all():
             continue
         series = Series(times, np.array([values, *(on_times(one.history, name, times) for one in coarse)]), ratios)
-        bars[name] = spacing_bar(series, order_in_spacing(name, scene), scene.end_time)
+        bars[name] = spacing_bar(series, order_in_spacing(name, scene), scene.end_time, trust)
         _add_parts(scene, name, bars[name], times, runs)
         if name in apart:
             # the run's particle is not where the probe is requested

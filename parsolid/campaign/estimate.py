@@ -14,12 +14,25 @@ import numpy as np
 # factors of safety: of an observed order that the method has, of one that it has not, and of what has no order at all,
 # twice as much, by which 95 of 100 bars of the linear basis hold
 SAFETY, SAFETY_NO_ORDER, SAFETY_DIVERGED = 1.25, 3.0, 6.0
+
+
+class Trust(NamedTuple):
+    """How far observed orders are trusted: the least one that counts, factors of safety where there is one and where
+    there is none, and whether what does not fall from one difference to the next is told by the spread of all runs."""
+
+    least: float
+    with_order: float
+    without: float
+    by_spread: bool
+
+
+# observed orders below the least are no orders. Meshes are unlike one another, so that a part of each difference is
+# chance; their factors are those with which 97 of 100 bars hold at the end of runs (docs/error-bars.md)
+OF_LATTICES, OF_MESHES = Trust(0.4, SAFETY, SAFETY_NO_ORDER, False), Trust(1.0, 1.75, 2.0, True)
 # of the duration, within which the largest error counts
 TIME_WINDOW = 0.04
 # of the observed order below the known one, by which it is still the known one
 TOLERANCE = 0.5
-# observed orders below this are no orders; estimates with more than the known one are never made
-MIN_ORDER = 0.4
 # differences of so much of the variation that do not fall from one resolution to the next by this are of no use
 UNRESOLVED, MIN_REDUCTION = 0.5, 0.8
 # differences whose correlation is above the first fall together, below the second they are independent
@@ -113,9 +126,9 @@ def crossings(values: np.ndarray) -> int:
     return int(np.sum(np.diff(np.sign(about[sound])) != 0.0))
 
 
-def spacing_bar(series: Series, known: float, duration: float) -> Bar:
+def spacing_bar(series: Series, known: float, duration: float, trust: Trust = OF_LATTICES) -> Bar:
     """The bar of the discretisation of a column; known: the order that its method has, 0 for none; duration: of the run
-    [s].
+    [s]. Estimates with more than the known order are never made.
     """
     times, values, ratios = series
     changes = np.abs(values - values[:, :1])
@@ -123,7 +136,7 @@ def spacing_bar(series: Series, known: float, duration: float) -> Bar:
     differences = np.diff(values, axis=0)
     norms = [rms(one) for one in differences]
     if max(norms, default=0.0) <= 1e-13 * float(np.abs(values).max(initial=0.0)):
-        return Bar(np.abs(values).max(axis=0) * 1e-13, None, max(known, MIN_ORDER), SAFETY, "exact to rounding")
+        return Bar(np.abs(values).max(axis=0) * 1e-13, None, max(known, trust.least), SAFETY, "exact to rounding")
     order, correlation = None, 0.0
     if len(values) > 2 and norms[0] > 0.0:
         order = observed_order(norms[0], norms[1], ratios)
@@ -131,9 +144,10 @@ def spacing_bar(series: Series, known: float, duration: float) -> Bar:
         varies = scale > 0.0 and norms[0] > UNRESOLVED * rms(values[0] - values[0].mean())
         if varies and norms[0] > MIN_REDUCTION * norms[1]:
             return mean_bar(series, known)
-    used, factor, verdict = order_to_use(order, correlation, known)
+    used, factor, verdict = order_to_use(order, correlation, known, trust)
     if order is not None and correlation < UNCORRELATED:
-        error, misfit = uncorrelated_error(series, used), np.zeros(len(times))
+        error = np.ptp(values, axis=0) if trust.by_spread else uncorrelated_error(series, used)
+        misfit = np.zeros(len(times))
     else:
         error, misfit = largest_fitted_error(series, used)
     near = largest_nearby(error, times, max(TIME_WINDOW * duration, quarter_period(values[0], times)))
@@ -161,7 +175,7 @@ def mean_bar(series: Series, known: float) -> Bar:
     times, values, _ = series
     spans = np.diff(times)
     means = (0.5 * (values[:, 1:] + values[:, :-1])) @ spans / spans.sum()
-    used = max(known, MIN_ORDER)
+    used = max(known, OF_LATTICES.least)
     bar = Bar(
         np.full(len(times), np.nan),
         None,
@@ -181,24 +195,26 @@ def running_rms(values: np.ndarray, times: np.ndarray) -> np.ndarray:
     return result
 
 
-def order_to_use(order: float | None, correlation: float, known: float) -> tuple[float, float, str]:
+def order_to_use(
+    order: float | None, correlation: float, known: float, trust: Trust = OF_LATTICES
+) -> tuple[float, float, str]:
     """The order to estimate with, the factor of safety and why; known: 0 where the method has none."""
     if known <= 0.0:
-        return min(1.0, max(MIN_ORDER, order or 1.0)), SAFETY_DIVERGED, "the method has no order here"
+        return min(1.0, max(trust.least, order or 1.0)), SAFETY_DIVERGED, "the method has no order here"
     if order is None:
         return known, SAFETY_NO_ORDER, "two resolutions: no order observed"
     if correlation < CORRELATED:
         # what does not fall from one difference to the next has not the known order, whatever its sign
-        used = min(known, max(MIN_ORDER, order))
-        return used, SAFETY_NO_ORDER, "differences change sign between resolutions: no order observed"
-    if order < MIN_ORDER:
-        return MIN_ORDER, SAFETY_NO_ORDER, f"hardly converges: order {order:.1f}"
+        used = min(known, max(trust.least, order))
+        return used, trust.without, "differences change sign between resolutions: no order observed"
+    if order < trust.least:
+        return trust.least, trust.without, f"hardly converges: order {order:.1f}"
     if order > known + TOLERANCE:
         # an error of the known order is larger than one of the observed order would be
-        return known, SAFETY, f"order {order:.1f}, above the known one"
+        return known, trust.with_order, f"order {order:.1f}, above the known one"
     if order >= known - TOLERANCE:
-        return min(order, known), SAFETY, f"order {order:.1f}"
-    return order, SAFETY, f"order {order:.1f}, below the known one"
+        return min(order, known), trust.with_order, f"order {order:.1f}"
+    return order, trust.with_order, f"order {order:.1f}, below the known one"
 
 
 def largest_in_window(values: np.ndarray, times: np.ndarray, duration: float) -> np.ndarray:

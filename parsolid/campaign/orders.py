@@ -1,12 +1,13 @@
 """The orders that methods are known to have, by kind of quantity: declared here and nowhere else.
 
-They are those of smooth motions, as docs/accuracy.md, docs/mpm.md and docs/peridynamics.md observe them. What makes a
+They are those of smooth motions, as docs/studies.md, docs/mpm.md and docs/peridynamics.md observe them. What makes a
 motion less smooth, or a value that of the particle nearest to a point, lowers them to REDUCED.
 """
 
 from typing import Any
 
 from parsolid.scene.observation import ENERGIES
+from parsolid.scene.stages import settings_of_stages
 from parsolid.simulation.ledger import terms_of
 
 ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION, MICRO = (
@@ -26,13 +27,14 @@ _SPACING: dict[str, dict[str, float]] = {
     "mpm": {ENERGY: 2.0, MOTION: 2.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0},
     "peridynamics": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, INTEGRAL: 1.0},
 }
-# at corners of supports, after contact, where matter yields or fails, of extremes over all particles
+# at corners of supports, after contact, where matter yields or fails, of extremes over all particles, of stress on
+# meshes
 REDUCED = 1.0
 # of the step, by what integrates in time
 _STEP = {"ssp-rk3": 3.0, "leapfrog": 2.0, "explicit": 2.0, "quasi-static": 1.0, "mpm": 1.0, "ulsph": 2.0}
 
 _OF_STRESS, _OF_HEAT = ("stress", "pressure", "mises"), ("temperature", "heat")
-# plastic flow that has inertia: its waves are of the second order and more (docs/microinertia.md)
+# plastic flow that has inertia: its waves are of the second order and more (docs/ulsph.md)
 _OF_MICRO = ("plastic_strain", "micro_rate", "micro_stress")
 _OF_INTEGRALS = ("momentum", "work", "mass", "energy", "entropy", "dissipation")
 
@@ -96,14 +98,21 @@ def order_in_spacing(column: str, scene: Any) -> float:
         return 0.0
     if kind in (EXTREME, REACTION) or reduced_regularity(scene):
         return REDUCED
+    if kind == STRESS and has_meshes(scene):
+        return REDUCED
     return min(_SPACING.get(system.settings.kind, {}).get(kind, REDUCED) for system in scene.systems)
+
+
+def has_meshes(scene: Any) -> bool:
+    """Whether bodies are meshes, of which none of another size is like them."""
+    return any(body.shape.kind == "mesh" for body in scene.bodies)
 
 
 def order_in_time(scene: Any) -> float:
     """The least order of the steps of a scene's methods."""
     orders = []
-    for system in scene.systems:
-        settings = system.settings
+    stages = settings_of_stages(scene)[1:] if scene.stages else []
+    for settings in [*(system.settings for system in scene.systems), *stages]:
         solution = getattr(getattr(settings, "solution", None), "kind", None)
         orders.append(_STEP.get(solution or getattr(settings, "integrator", settings.kind), 1.0))
     return min(orders)

@@ -8,9 +8,10 @@ import numpy as np
 
 from parsolid.campaign.coarsening import NotCoarsened, lattice_words, parsed
 from parsolid.campaign.error_bars import NO_RESULTS, Campaign, ErrorTable, in_words, write_error_bars
+from parsolid.campaign.orders import has_meshes
 from parsolid.campaign.probes import with_corners
 from parsolid.campaign.runner import InProcess, VariantRun
-from parsolid.campaign.variants import RATIOS, SPACING, Variant, coarse_variants, level_of
+from parsolid.campaign.variants import RATIOS, RATIOS_OF_MESHES, SPACING, Variant, coarse_variants, level_of
 from parsolid.collective import SolverError
 from parsolid.exit_status import DONE, NOT_REACHED, TO_BE_CONTINUED
 from parsolid.scene import Scene, SceneError
@@ -79,7 +80,7 @@ class Search:
     @property
     def ratios(self) -> tuple[float, ...]:
         """Of the coarse runs of the first level, which has few particles itself."""
-        return RATIOS[self.scene.dimension][:2][-1]
+        return RATIOS_OF_MESHES if has_meshes(self.scene) else RATIOS[self.scene.dimension][:2][-1]
 
     def level(self, ratio: float) -> Variant:
         """The scene nearest to a ratio, below 1 for a finer one. Raises NotCoarsened."""

@@ -18,7 +18,7 @@ from parsolid.campaign.coarsening import (
     parsed,
     without_requests,
 )
-from parsolid.campaign.orders import step_is_stated
+from parsolid.campaign.orders import has_meshes, step_is_stated
 from parsolid.campaign.probes import Corners, with_corners
 from parsolid.scene import Scene
 from parsolid.scene.declared import law_files
@@ -32,6 +32,8 @@ RATIOS = {
     2: ((1.9, 3.6), (1.6, 2.56), (1.5, 2.25)),
     3: ((1.9, 3.2), (1.6, 2.5), (1.5, 2.25)),
 }
+# where bodies are meshes, which need a few elements across their parts
+RATIOS_OF_MESHES = (1.5, 2.25)
 # least ratio of a coarse run, and of the next one over it: a share that tells something
 _LEAST_RATIO, _NEXT_RATIO = 1.15, 1.25
 # fewest intervals along every direction of the coarsest with the first ratios
@@ -126,6 +128,8 @@ def coarse_variants(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()
 
 def usual_ratios(scene: Scene) -> tuple[float, ...]:
     """Ratios of the spacing where none are requested: the widest that leave enough particles along every direction."""
+    if has_meshes(scene):
+        return RATIOS_OF_MESHES
     wide, *narrow = RATIOS[scene.dimension]
     if not narrow or all(_is_enough(scene, one) for one in _all_or_none(scene, wide)):
         return wide

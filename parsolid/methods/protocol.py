@@ -143,6 +143,11 @@ class ParticleSystem:
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave, before `resume`."""
 
+    def begin_stage(self, time: float, ledger: EnergyLedger) -> None:
+        """Go on with the settings of the next stage of the scene, which begins at a time [s]; what that does to the
+        energies goes into the ledger. Collective."""
+        raise NotImplementedError
+
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in the current state."""
         raise NotImplementedError

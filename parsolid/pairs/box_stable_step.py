@@ -180,7 +180,7 @@ def feeds_waves(axis: Axis, fourth_order: bool, dissipation: float) -> bool:
 def feeds_waves_of_volume(axis: Axis, dissipation: float, ratio: float) -> bool:
     """Whether it may in boxes, of shear waves that are `ratio` times as fast as pressure waves: what keeps the volume
     feels but a part of what each axis damps. By eigenvalues of boxes of 8 to 10 nodes a side, dense at all faces:
-    motions grow from 20 on (docs/weights.md)."""
+    motions grow from 20 on (docs/tlsph.md)."""
     return dissipation * np.log(most_change(axis)) > _OF_VOLUME * ratio
 
 

@@ -25,6 +25,7 @@ from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
 from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
+from parsolid.scene.stages import stage_faults
 from parsolid.scene.substeps import substep_faults
 from parsolid.scene.systems import carriers_of, faults_of_systems
 from parsolid.scene.tie import TIE_TERMS, tie_faults
@@ -53,6 +54,7 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
     details += region_details(scene, repairs.regions, repairs.shape_unknown) + _loads_details(scene, repairs.incomplete)
     if repairs.end_known:
         details += _output_details(scene)
+        details += stage_faults(scene) if repairs.systems_known else []
     if repairs.models_known:
         if len(extents) == len(scene.bodies):
             details += _fields_elsewhere(scene, extents)

@@ -12,6 +12,8 @@ from parsolid.scene.warned import Note
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"
+# what bodies in motion lose where a stage of equilibria begins
+STAGE_CHANGE = "stage_change"
 
 
 # fields that particles of every method have, by name
@@ -36,7 +38,8 @@ class MethodSettings(SceneModel):
     its own, None where it may; state_variables: names (* for any end) of declared fields that, with the places, are
     the state that another run may go on from; state_of_particles: those that only the very same particles may take;
     state_forces: what these, if they are all, take besides, and what others find anew; contact_variables: what contact
-    and tools keep with particles, which the same particles take where results have it.
+    and tools keep with particles, which the same particles take where results have it; stage_keys: what the stages of
+    a run may have otherwise, see `scene.stages`.
     """
 
     system: ClassVar[str]
@@ -52,6 +55,7 @@ class MethodSettings(SceneModel):
     state_variables: ClassVar[tuple[str, ...]] = ("velocity",)
     state_of_particles: ClassVar[tuple[str, ...]] = ()
     state_forces: ClassVar[tuple[str, ...]] = ()
+    stage_keys: ClassVar[tuple[str, ...]] = ()
     contact_variables: ClassVar[tuple[str, ...]] = (
         "contact_partner",
         "contact_stick",
@@ -112,6 +116,12 @@ class MethodSettings(SceneModel):
         result = self.model_copy(update=values)
         result.__pydantic_fields_set__.intersection_update(self.model_fields_set)
         return result
+
+    def in_stage(self, stated: dict[str, Any]) -> Self:
+        """These settings with those of a stage, of which each has its own or the usual ones. Raises ValidationError."""
+        values = {key: getattr(self, key) for key in type(self).model_fields if key not in self.stage_keys}
+        kept = {key: value for key, value in values.items() if key in self.model_fields_set}
+        return type(self).model_validate(kept | stated).with_defaults(values)
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """What a scene asks for of the method's bodies that costs accuracy where it need not."""

@@ -19,6 +19,7 @@ from parsolid.scene.methods import Method
 from parsolid.scene.named_regions import Region, all_regions, uses_of_regions
 from parsolid.scene.observation import Output, Reference
 from parsolid.scene.probes import Probe
+from parsolid.scene.stages import Stage
 from parsolid.scene.systems import SystemOfScene, part_of, systems_of
 from parsolid.scene.tie import Tie
 from parsolid.scene.tools import Tool
@@ -41,6 +42,7 @@ class Scene(SceneModel):
     methods: Annotated[list[Method], Field(min_length=1)] | None = Field(
         None, description="in place of method: several, with names, of which each body names one"
     )
+    stages: list[Stage] = Field([], description="parts of the run that go on with other settings of the method")
     bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
     regions: list[Region] = Field([], description="parts of bodies or of space with a name")
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")

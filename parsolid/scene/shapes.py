@@ -246,19 +246,32 @@ class BodyMesh(MeshFile):
         None, description="of geometry: elements around a full turn of curved faces, 12 unless given; 0: as size says"
     )
     refine: list[Refinement] = Field([], description="of geometry: where elements are smaller")
+    size_factor: Positive = Field(
+        1.0,
+        description="factor on all lengths of elements; where it is not 1, a mesh is made anew by Gmsh within its own "
+        "surface",
+    )
+
+    @property
+    def of_geometry(self) -> bool:
+        """Whether the file is one that Gmsh meshes."""
+        return self.file.lower().endswith(GEOMETRY)
 
     @property
     def mesh_key(self) -> tuple[Any, ...]:
         """What is the same of bodies that have elements of one mesh."""
         finer = tuple((one.where, one.size) for one in self.refine)
-        return self.file, self.scale, self.size, self.around, finer
+        return self.file, self.scale, self.size, self.around, finer, self.size_factor
 
     @model_validator(mode="after")
     def _sizes_of_geometry(self) -> "BodyMesh":
-        if not self.file.lower().endswith(GEOMETRY):
+        if not self.of_geometry:
             stated = [key for key in ("size", "around", "refine") if key in self.model_fields_set]
             expected = "no such key but for geometry (STEP, BREP, IGES, .geo, STL), as a mesh has its elements"
             reject(*(((key,), expected, getattr(self, key)) for key in stated if getattr(self, key)))
+            if self.group is not None and self.size_factor != 1.0:
+                expected = "1 for a group of a mesh, whose nodes other bodies share"
+                reject((("size_factor",), expected, self.size_factor))
         return self
 
 

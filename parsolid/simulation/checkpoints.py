@@ -73,6 +73,7 @@ def header_of(
         "stable_step": simulation.stable,
         "stable_steps": simulation.subcycling.stable,
         "jumped": simulation.time_steps.jumped,
+        "stage_steps": simulation.stage_steps,
         **{numbered("method_state", number): system.state() for number, system in systems},
         "interactions": [interaction.state() for interaction in simulation.interactions],
         "ledger": PerRank(*simulation.ledger.values),

@@ -75,7 +75,8 @@ class HistoryOutput(Output):
 
     def due(self, simulation: Simulation) -> bool:
         now = simulation.clock
-        return now.step_size == 0.0 or now.time >= simulation.scene.end_time or self.every.due(now)
+        begins = any(one.start == now.time for one in simulation.scene.stages)
+        return begins or now.step_size == 0.0 or now.time >= simulation.scene.end_time or self.every.due(now)
 
     def write(self, simulation: Simulation) -> None:
         now = simulation.clock

@@ -100,6 +100,8 @@ class Simulation:
             restart.apply(self)
         self._begin_interactions(restart is not None)
         self.agreement = StepAgreement(comm, self.systems, self.interactions, self.subcycling)
+        # the step at which each stage of the scene has begun
+        self.stage_steps: list[int] = restart.header["stage_steps"] if restart else [0]
         self.failed_somewhere = False
         self.last_checkpoint: str | None = None
         self.first_step = self.clock.step
@@ -167,7 +169,19 @@ class Simulation:
         self.phases.waiting += clock.perf_counter() - waiting
         if self.clock.step <= self.first_step + 1:
             self.phases.begin()
-        return result
+        started = len(self.stage_steps) - 1
+        if started == len(self.scene.stages) or self.clock.time < self.scene.stages[started].start or result[0] < 0.0:
+            return result
+        self._begin_stage()
+        return self.agreement.result()[0], result[1]
+
+    def _begin_stage(self) -> None:
+        """Let systems go on with the settings of the stage that begins now, and begin to agree on its first step."""
+        for system, ledger in zip(self.systems, self._ledgers):
+            system.begin_stage(self.clock.time, ledger)
+        self.stage_steps.append(self.clock.step)
+        self.time_steps.take_limits(self.systems)
+        self.agreement.start()
 
     def _write(self, outputs: Outputs, over: Sequence[bool]) -> None:
         began = clock.perf_counter()

@@ -29,6 +29,7 @@ _NEEDED = {
     "stable_step",
     "stable_steps",
     "jumped",
+    "stage_steps",
     "initial_energy",
     "energy_error",
     "ledger",

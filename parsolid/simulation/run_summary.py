@@ -4,9 +4,12 @@ import time as clock
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from parsolid.collective import maximum
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
+from parsolid.scene.stages import settings_of_stages
 from parsolid.scene.systems import qualify_keys
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.phases import of_all_ranks
@@ -56,6 +59,7 @@ def summary_of(
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
         **_of_methods(systems),
         **_of_several(simulation, steps),
+        **_of_stages(simulation),
         "status": status,
         "errors": errors,
     }
@@ -75,6 +79,16 @@ def _of_methods(systems: Sequence[ParticleSystem]) -> dict[str, Any]:
         found = system.summary()
         result |= {f"{name}_{number}" if name in result else name: value for name, value in found.items()}
     return result
+
+
+def _of_stages(simulation: Simulation) -> dict[str, Any]:
+    """Of each stage that has begun: when [s], its integrator, and the steps that it has taken."""
+    scene, began = simulation.scene, simulation.stage_steps
+    if not scene.stages:
+        return {}
+    times, counts = [0.0, *(one.start for one in scene.stages)], np.diff([*began, simulation.clock.step])
+    named = zip(times, settings_of_stages(scene), counts.tolist())
+    return {"stages": [{"start": time, "integrator": one.integrator, "steps": steps} for time, one, steps in named]}
 
 
 def _of_several(simulation: Simulation, steps: int) -> dict[str, Any]:

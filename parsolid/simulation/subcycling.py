@@ -14,7 +14,7 @@ from parsolid.methods.protocol import ParticleSystem
 # steps of a system in a common one, at most
 MOST = 64
 # of the common step that others allow, where a system takes as many as it needs: impulses between systems have errors
-# of second order in it, 4e-3 of the energy at the whole of it (docs/mixed.md)
+# of second order in it, 4e-3 of the energy at the whole of it (docs/contact.md)
 _SHARE = 0.25
 # of a step, by which one may be longer than stable
 _ROUND_OFF = 1e-9

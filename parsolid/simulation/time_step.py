@@ -58,16 +58,21 @@ class TimeSteps:
         }
         stop_times |= {time for time in corner_times(scene) if 0.0 < time < scene.end_time}
         jumps = {time for system in systems for time in system.jumps}
+        even = any(system.even_steps for system in systems)
+        growth = _GROWTH if of_model(scene.contact, "kernel") or scene.tools else np.inf
+        result = cls(stop_times, jumps, scene.end_time, even, growth=growth)
+        result.take_limits(systems)
+        return result
+
+    def take_limits(self, systems: Sequence[ParticleSystem]) -> None:
+        """Take the longest and shortest step of the systems' present settings."""
         settings = [system.settings for system in systems]
         # several steps of a system may be in a common one
         times = [MOST if one.substeps == "auto" else one.substeps or 1 for one in settings]
         most = [one.maximum_step * many for one, many in zip(settings, times) if one.maximum_step is not None]
-        longest = min(most, default=np.inf)
-        floor = max((one.minimum_step for one in settings if one.minimum_step is not None), default=None)
-        even = any(system.even_steps for system in systems)
-        floor = 1e-12 * scene.end_time if floor is None else floor
-        growth = _GROWTH if of_model(scene.contact, "kernel") or scene.tools else np.inf
-        return cls(stop_times, jumps, scene.end_time, even, longest, floor, growth)
+        self.longest = min(most, default=np.inf)
+        least = [one.minimum_step for one in settings if one.minimum_step is not None]
+        self.floor = max(least, default=1e-12 * self.end)
 
     def land_on(self, times: Iterable[float]) -> None:
         """Have steps end at further times [s], too."""

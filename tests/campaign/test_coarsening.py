@@ -66,7 +66,7 @@ def test_geometry_is_meshed_with_larger_elements(tmp_path):
     scene = parse_scene(tables, tmp_path)
     made = coarsen(scene, 2.0)
     mesh = made.tables["bodies"][0]["shape"]["mesh"]
-    assert made.ratio == 2.0 and (mesh["size"], mesh["around"], mesh["refine"][0]["size"]) == (0.6, 6, 0.2)
+    assert made.ratio == 2.0 and (mesh["size"], mesh["size_factor"]) == (0.3, 2.0)
     assert made.lattices == "5 x 5, elements of 0.6 m" and made.lattices == lattice_words(
         parsed(made.tables, False, 2.0)
     )
@@ -76,14 +76,13 @@ def test_geometry_is_meshed_with_larger_elements(tmp_path):
     # bodies from geometry alone can have any ratio
     alone = parse_scene(tables | {"bodies": [body]}, tmp_path)
     found, refused = coarse_variants(alone, False)
-    assert [one.ratio for one in found] == [3.6, 1.9] and not refused
+    assert [one.ratio for one in found] == [2.25, 1.5] and not refused
     assert len({one.digest for one in found}) == 2
 
 
 @pytest.mark.parametrize(
     "name, reason",
     [
-        ("tlsph/bushing", "bodies.0 is a mesh, which has its own particles"),
         ("tlsph/thin_plate", "bodies.0 would have 2 particles along its direction 3"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The micro-inertia law at a material point: tabled states, order, closed forms, limits, rates (docs/microinertia.md).
+"""The micro-inertia law at a material point: tabled states, order, closed forms, limits, rates (docs/ulsph.md).
 
 Tabled values are those of an independent event-driven solver of the ordinary differential equations.
 """

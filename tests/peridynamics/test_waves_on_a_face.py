@@ -1,7 +1,6 @@
 """How stiff a face is to a load that varies along it within a horizon or two, beside the exact half plane."""
 
-from pathlib import Path
-
+import face_stiffness
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -9,7 +8,6 @@ from mpi4py import MPI
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
 
-DOCS = Path(__file__).parents[2] / "docs"
 LENGTH, DEPTH = 8, 20
 
 
@@ -35,9 +33,6 @@ def displacement(coefficient: float) -> float:
 @pytest.mark.parametrize("coefficient, least, most", [(0.125, 0.0, 0.03), (0.35, 0.2, 0.3)])
 def test_the_face_is_as_stiff_as_the_half_planes_with_the_control_of_bonds(monkeypatch, coefficient, least, most):
     """And too stiff with that of beams."""
-    monkeypatch.syspath_prepend(str(DOCS))
-    import face_stiffness
-
     k = np.pi / LENGTH
     stiffness = 1.0 / displacement(coefficient) / (0.5 * face_stiffness.PLANE * k)
     assert stiffness == pytest.approx(face_stiffness.peridynamics(k, 3, coefficient), rel=2e-3)

@@ -1,4 +1,4 @@
-"""Strain-gradient thermo-visco-plasticity with micro-inertia (Rahaman, Pathak, Roy & Reddy), docs/microinertia.md.
+"""Strain-gradient thermo-visco-plasticity with micro-inertia (Rahaman, Pathak, Roy & Reddy), docs/ulsph.md.
 
     rho l_m^2 (v^p)' = div xi + tau - pi,  v^p >= 0            tau = |S|
     t_pi pi' + pi = S_g R_1 R_2 v^p/d^p                        S_g = S_0 sqrt(f^2 + l_2 eta^p), f = 1 + H_0/S_0 gamma^n

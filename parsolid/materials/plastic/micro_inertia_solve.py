@@ -5,7 +5,7 @@ With v = (1 - theta) v0 + theta v1 and what relaxes in a step, w = 1 - exp(-dt/t
     rho l_m^2 (v1 - v0)/dt = div xi + (1 - theta) tau0 + theta s(v) - (1 - theta) pi0 - theta pi1
     s(v) = max(|S_tr| - 2 mu dt v, 0),  pi1 = pi0 + w (G(v) - pi0),  G = S_g R_1 R_2 v/d^p
 
-(docs/microinertia.md). Its residual rises with v and is concave (for m_1 <= 1), so that Newton's method never passes
+(docs/ulsph.md). Its residual rises with v and is concave (for m_1 <= 1), so that Newton's method never passes
 the root from the left, and lands left of it from the right. Halley's method is used first, which needs no other power:
 G and its derivatives share one exp and one log.
 

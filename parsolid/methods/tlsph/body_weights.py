@@ -18,7 +18,7 @@ from parsolid.scene.validation_errors import SceneError
 _UNEVEN = ("mesh", "cylindrical_shell")
 # weights in closed form, see `pairs.box_weights` and `pairs.cell_weights`, and the shapes whose nodes have them
 ON_LATTICES = {"cells": ("box", "perforated_box"), "fourth-order": ("box",)}
-# nodes along an axis from which weights in closed form are nowhere worse than the kernel's (docs/weights.md)
+# nodes along an axis from which weights in closed form are nowhere worse than the kernel's (docs/choosing.md)
 RESOLVED = 8
 
 

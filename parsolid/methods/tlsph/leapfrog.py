@@ -69,9 +69,10 @@ class Leapfrog:
         self.system = system
         self.kicks = leapfrog.Leapfrog(system.particles, system.conditions, "stress_force", "dissipative_force")
         self.forces_of: int | None = None
-        self.signals, self.safety = self._bounds()
+        self.signals, self.safety = self.bounds()
 
-    def _bounds(self) -> tuple[tuple[float, ...], float]:
+    def bounds(self) -> tuple[tuple[float, ...], float]:
+        """`signals` and `safety` by the present settings."""
         system, settings = self.system, self.system.settings
         pressure, shear = wave_weights(system.dimension, settings.smoothing)
         # D grows with the factor on it; without any, waves alone would allow more
@@ -141,6 +142,8 @@ class Leapfrog:
         announce(sound, stable)
         for bodies in system.sweeps:
             bodies.find_forces()
+        if system.statics is not None:
+            system.statics.stabilise_motion()
         if system.fixed_walls is not None:
             system.fixed_walls.find()
             system.fixed_walls.observe(0.5 * step)

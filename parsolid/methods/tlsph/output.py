@@ -99,7 +99,7 @@ class Reports(ParticleSystem):
     def advice(self) -> str:
         """What most likely helps when a run goes wrong, by the settings."""
         settings, hints = self.settings, list[str]()
-        if self.statics is not None:
+        if settings.integrator == "static":
             return "a smaller load, more supports, or displacements that are prescribed in place of forces"
         if settings.reference == "updated":
             # it fails where a fixed one goes on, in shear beside free corners
@@ -168,7 +168,7 @@ class Reports(ParticleSystem):
 
     def progress(self) -> list[str]:
         """Iterations and residual of equilibria."""
-        return [] if self.statics is None else self.statics.progress()
+        return self.statics.progress() if self.settings.integrator == "static" else []
 
     def cost_notes(self) -> list[Note]:
         """Elements of second order, of which the corners are taken; what load steps take."""

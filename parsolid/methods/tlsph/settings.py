@@ -1,6 +1,7 @@
 """Total-Lagrangian SPH as a scene states it."""
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -27,8 +28,9 @@ from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.contact import of_model
 from parsolid.scene.failure import faults_of_names
-from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
+from parsolid.scene.method_settings import KINETIC_OFFSET, STAGE_CHANGE, MethodSettings
 from parsolid.scene.observed import NODAL_VON_MISES
+from parsolid.scene.validation_errors import NOTHING
 from parsolid.scene.warned import Note
 
 # keys of which a scene that states one has chosen its weights
@@ -88,6 +90,9 @@ class TotalLagrangianSPH(MethodSettings):
         "heat-flux": "the method conducts no heat",
         "micro-hard": "it is for micro-inertia, in ulsph",
     }
+    stage_keys: ClassVar = (
+        *("integrator", "tolerance", "safety", "dissipation", "reconstruction", "maximum_step", "minimum_step"),
+    )
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
         "wendland-c2", description="the smoothing kernel"
@@ -141,7 +146,7 @@ class TotalLagrangianSPH(MethodSettings):
         ge=0,
         lt=1,
         description="part of their volume that nodes of boxes with weights in closed form do without where a fixed "
-        "plane meets a free face, for the singular stress there (docs/weights.md)",
+        "plane meets a free face, for the singular stress there (docs/tlsph.md)",
     )
 
     @property
@@ -153,6 +158,10 @@ class TotalLagrangianSPH(MethodSettings):
     def pair_weights(self) -> str:
         """What `weights` asks for."""
         return self.weights or "kernel"
+
+    def integrators(self, scene: Any) -> set[str]:
+        """That of this method and those of the stages of a scene."""
+        return {self.integrator, *(one.method.get("integrator", "") for one in scene.stages)}
 
     def dissipation_of(self, weights: str) -> float:
         """The factor on the dissipation of bodies with pair weights of a kind."""
@@ -194,8 +203,11 @@ class TotalLagrangianSPH(MethodSettings):
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
         """Also what fixed planes give to bodies that have images there, and what leapfrog swings within a step."""
         terms, planes = super().energy_terms(scene, bodies), [one for one in scene.boundaries if one.kind == "fixed"]
-        if self.integrator == "leapfrog":
+        if "leapfrog" in self.integrators(scene):
             terms[KINETIC_OFFSET] = -1
+        kinds = [self.integrator, *(one.method.get("integrator", "") for one in scene.stages)]
+        if any(kind == "static" != before for before, kind in pairwise(kinds)):
+            terms[STAGE_CHANGE] = 1
         if any(scene.bodies[i].material.kind == "elastic-plastic" for i in bodies):
             terms |= {"plastic_work": 0, "riemann_heat": 0}
         kinds = weights_of_bodies(self.pair_weights, self._own(scene, bodies))
@@ -209,14 +221,14 @@ class TotalLagrangianSPH(MethodSettings):
         with mass."""
         if self.integrator == "ssp-rk3" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
-        if self.integrator == "static":
+        if "static" in self.integrators(scene):
             return {"weights": "best"}
         own = self._own(scene, bodies)
         lattices = [i for i, body in enumerate(own.bodies) if body.shape.kind != "mesh"]
         meshes = len(lattices) < len(own.bodies)
         if meshes and no_mesh_weights(own) is not None:
             return {}
-        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/weights.md)
+        # jumps that are not reconstructed take more of what is resolved with weights in closed form (docs/choosing.md)
         # a tool with mass and the light nodes of their faces oscillate by more than 1 % of the energy (test_free_tools)
         free_tools = any(tool.mass is not None for tool in scene.tools)
         if self.reconstruction and lattices and not free_tools and best_is_confirmed(own):
@@ -241,7 +253,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Weights, where the scene leaves them to its bodies."""
-        if self.integrator == "static":
+        if "static" in self.integrators(scene):
             return []
         usual = self.defaults_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
@@ -289,7 +301,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     def contact_refused(self, scene: Any) -> str | None:
         """Bodies in motion can."""
-        return _IN_EQUILIBRIUM if self.integrator == "static" else None
+        return _IN_EQUILIBRIUM if "static" in self.integrators(scene) else None
 
     def substeps_refused(self) -> str | None:
         """Equilibria have no steps of motion."""
@@ -313,12 +325,28 @@ class TotalLagrangianSPH(MethodSettings):
             faults.append((("method", "integrator"), expected, self.integrator))
         refused = no_mesh_weights(scene) if self.pair_weights == "mesh" else None
         faults += [refused] if refused is not None else []
-        return faults + self._edge_faults(scene) + self._faults_of_equilibria(scene)
+        return faults + self._edge_faults(scene) + self._faults_of_stages(scene) + self._faults_of_equilibria(scene)
+
+    def _faults_of_stages(self, scene: Any) -> list[Detail]:
+        """Stages whose integrators keep other fields, or that want other sums over pairs than those of the set-up."""
+        stages, faults = [one for one in scene.stages if "integrator" in one.method], list[Detail]()
+        places = [("method",), *(("stages", i, "method") for i in range(len(stages)))]
+        stated = [{key: getattr(self, key) for key in self.model_fields_set}, *(one.method for one in stages)]
+        moving = [(place, one) for place, one in zip(places, stated) if one.get("integrator", "leapfrog") != "static"]
+        for place, one in moving if stages else ():
+            if one.get("integrator") == "ssp-rk3":
+                faults.append(((*place, "integrator"), "one of 'leapfrog', 'static' with [[stages]]", "ssp-rk3"))
+            first_place, first = moving[0]
+            for key in ("dissipation", "reconstruction"):
+                if one.get(key) != first.get(key):
+                    expected = f"as in {'.'.join(map(str, first_place))}, {first.get(key, 'nothing')}"
+                    faults.append(((*place, key), expected, one.get(key, NOTHING)))
+        return faults
 
     def _faults_of_equilibria(self, scene: Any) -> list[Detail]:
         """What a sequence of equilibria does not know, and what it alone knows."""
         moved = enumerate(one.kind for one in scene.boundaries)
-        if self.integrator != "static":
+        if "static" not in self.integrators(scene):
             expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
             return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
         key, faults = ("method", "integrator"), list[Detail]()
@@ -342,12 +370,14 @@ class TotalLagrangianSPH(MethodSettings):
             if getattr(body.material, "ledger_terms", None):
                 expected = "a law without memory with method.integrator = 'static'"
                 faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
-            if body.velocity is not None:
+            if body.velocity is not None and self.integrator == "static":
                 faults.append((("bodies", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
         for i, one in enumerate(scene.boundaries):
             if one.kind == "spring" and one.damping > 0.0:
                 faults.append((("boundaries", i, "damping"), f"no such key {_IN_EQUILIBRIUM}", one.damping))
         for i, state in enumerate(scene.initial):
+            if self.integrator != "static":
+                continue
             if state.velocity is not None:
                 faults.append((("initial", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
             elif "velocity" in (state.fields or ()):

@@ -29,6 +29,7 @@ from parsolid.methods.tlsph.load_history import LoadHistory
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
+from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.scene.warned import Note
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.gmres import gmres
@@ -109,10 +110,10 @@ class Static:
     balanced in the last state, and what may be.
     """
 
-    def __init__(self, system: Any, scene: Any) -> None:
+    def __init__(self, system: Any) -> None:
         """system: `system.TotalLagrangianSPH` with its sweeps. Raises SolverError on all ranks where nothing holds a
         body. Collective."""
-        self.system, self.comm, self.conditions, self.settings = system, system.comm, system.conditions, system.settings
+        self.system, self.comm, self.conditions = system, system.comm, system.conditions
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         system.particles.declare(Field("displacement", system.dimension, "m", **kept))
         system.particles.declare(Field("displacement_rate", system.dimension, "m/s", **kept))
@@ -128,14 +129,20 @@ class Static:
         self.history = LoadHistory.of(system)
         # bodies that springs alone hold have a singular stiffness without them
         self.sprung = any(isinstance(load, SpringLoad) for load in loads)
-        self.end = float(scene.end_time)
-        self.load_step = min(_FIRST * self.end, self.settings.maximum_step or np.inf)
+        # see `set_span`
+        self.settings, self.began, self.end, self.load_step = system.settings, 0.0, 0.0, 0.0
         self.reached: float | None = None
         self.fault, self.loaded, self.largest_load, self.norm, self.target = "", False, 0.0, 0.0, 0.0
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
         # of the equilibrium that is sought: time [s], length [s] and part of the load step
         self._at = (0.0, 0.0, 0.0)
         self._residual = np.zeros(self.free.shape)
+
+    def set_span(self, began: float, start: float, end: float, settings: Any) -> None:
+        """Equilibria of a stage from a start [s] to an end [s] with settings of its own; began: when they took over
+        from a motion, or from the initial state [s]."""
+        self.began, self.end, self.settings = began, end, settings
+        self.load_step = min(_FIRST * (end - start), settings.maximum_step or np.inf)
 
     # --- the problem of a load -----------------------------------------------------------------------------------
 
@@ -177,10 +184,28 @@ class Static:
             bodies.find_forces()
         for name in ("velocity", "dissipative_force"):
             of(name)[:] = 0.0
+        self.stabilise()
+        return all(sound)
+
+    def stabilise(self) -> None:
+        """Find the forces and energy of what resists rough displacements of boxes, in the present one."""
         if self.tangent.stabiliser is not None:
             self._stabilising[:] = 0.0
+            displacement = self.system.particles.owned_rows("displacement")
             self.tangent.stabiliser.add_product(displacement, self._stabilising)
-        return all(sound)
+
+    def stabilise_motion(self) -> None:
+        """Let boxes that move resist rough displacements as they do in equilibrium, where they come from one or will
+        go to one: the forces of `system.sweeps` have their part of it."""
+        if self.tangent.stabiliser is not None:
+            self.follow_motion()
+            self.stabilise()
+            self.system.particles.owned_rows("stress_force")[:] -= self._stabilising / self.system.share[:, None]
+
+    def follow_motion(self) -> None:
+        """Take the displacement of bodies that move."""
+        of = self.system.particles.owned_rows
+        np.subtract(of("position"), of("reference_position"), out=of("displacement"))
 
     def internal_force(self) -> np.ndarray:
         """Internal force (owned, d) [N] of the displacement evaluated last, on this side of mirror planes."""
@@ -195,7 +220,7 @@ class Static:
         """Loads (owned, d) [N] at a part of a load step [s] from a time [s], in the present shape; of a jump, where the
         step is 0, from those before it to those after it."""
         if step == 0.0:
-            before = self._held_at_start if time == 0.0 else self._loads_at(time, True)
+            before = self._held_at_start if time == self.began else self._loads_at(time, True)
             return (1.0 - part) * before + part * self._loads_at(time, False)
         return self._loads_at(time + part * step, part > 0.0)
 
@@ -265,10 +290,12 @@ class Static:
     # --- load steps ----------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Take the displacement of the start, and no velocity."""
+        """Take the displacement of the start, of which no path is known, and no velocity."""
         of = self.system.particles.owned_rows
-        of("velocity")[:] = 0.0
-        np.subtract(of("position"), of("reference_position"), out=of("displacement"))
+        for name in ("velocity", "dissipative_force", "displacement_rate", "displacement_curvature"):
+            of(name)[:] = 0.0
+        self.follow_motion()
+        self.stabilise()
 
     def stable_step(self) -> float:
         """The next load step [s]."""
@@ -307,7 +334,14 @@ class Static:
                 self._end_at(time + part * step, tried)
                 break
         self._report(time, step if part == 1.0 else part * step, first, at, work)
-        ledger.add(1.0, 0.0, 0.0, float(work.sum()))
+        external = float(work.sum())
+        if step == 0.0 and time == self.began > 0.0:
+            # a motion's last state is held by nothing but its loads
+            fall = self._loads(time, 0.0, 1.0) * (at.displacement - first.displacement) - work
+            lost = float(fall[self.free].sum())
+            external += lost
+            ledger.add_term(STAGE_CHANGE, lost)
+        ledger.add(1.0, 0.0, 0.0, external)
         announce(True, self.load_step)
         self.conditions.report(step, ledger)
         return True
@@ -320,7 +354,7 @@ class Static:
         self._return_to(Equilibrium(u, u, 0.0))
         self.preconditioner.build()
         force = self.internal_force()
-        self._held_at_start = -force if time == 0.0 else np.zeros(force.shape)
+        self._held_at_start = -force if time == self.began else np.zeros(force.shape)
         return Equilibrium(u, -force, self._stored_energy())
 
     def _return_to(self, last: Equilibrium) -> None:

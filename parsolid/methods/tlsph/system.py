@@ -38,6 +38,8 @@ from parsolid.particles.generated import CELL_VOLUME
 from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.particles.law_values import declare_law_values, rows_of_laws
 from parsolid.particles.particle_set import ParticleSet
+from parsolid.scene.method_settings import STAGE_CHANGE
+from parsolid.scene.stages import settings_of_stages
 
 # energy that the balance has the round-off of, over modulus times volume: 1e-12 of it, see `energy_check`, is four to
 # five times what one bit of J is worth in the particles' strain energy
@@ -52,14 +54,19 @@ class TotalLagrangianSPH(Reports):
     None where the scene has no such bodies;
     sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
     advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator
-    of motion, the other is None; statics: that of equilibria, None for motion; meshes_of_bodies: the key of the mesh
-    whose weights each body has, or None.
+    of motion, the other is None; statics: that of equilibria, None where no stage has them; meshes_of_bodies: the key
+    of the mesh whose weights each body has, or None; settings: those of the present stage, see `begin_stage`.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
         """particle_set: this rank's particles in the order of `sort`. Raises SolverError on all ranks when particles
         cannot be paired. Collective."""
-        self.comm, self.settings = comm, scene.method
+        self.stages = settings_of_stages(scene)
+        moving = next((one for one in self.stages if one.integrator != "static"), scene.method)
+        static = next((one for one in self.stages if one.integrator == "static"), None)
+        # weights and sums over pairs are those of motion in all stages
+        whole, scene = scene, scene.model_copy(update={"method": moving})
+        self.comm, self.settings = comm, moving
         self.owned, self.dimension = particle_set.position.shape
         self.laws = laws_of(scene)
         self.body_weights = weights_of_bodies(self.settings.pair_weights, scene)
@@ -80,7 +87,9 @@ class TotalLagrangianSPH(Reports):
         self.plastic_blocks = [block for block in self.blocks if isinstance(block, PlasticBlock)]
         meshes = meshes_of(self.body_weights)
         without_images = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
-        self.conditions = Conditions(comm, scene, particle_set, self.particles, without_images, frozenset(meshes))
+        # equilibria know displacements, which a motion may follow, too
+        known = scene if static is None else scene.model_copy(update={"method": static})
+        self.conditions = Conditions(comm, known, particle_set, self.particles, without_images, frozenset(meshes))
         held = (self.conditions.planes, self.conditions.held)
         self.lattice_bodies = find_lattice_bodies(comm, scene, particle_set, self.body_weights, *held, self.laws)
         # lattices have volumes and areas of their own
@@ -124,9 +133,30 @@ class TotalLagrangianSPH(Reports):
         if self.lists is not None:
             metric = metrics(particle_set.spacing, particle_set.axes, smoothing_of(self, particle_set))
             self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share)
-        self.statics = Static(self, scene) if self.settings.integrator == "static" else None
-        if self.statics is not None:
-            self.jumps = (0.0, *self.conditions.times)
+        self.statics = None if static is None else Static(self)
+        self._take_stages(whole)
+
+    def _take_stages(self, scene: Any) -> None:
+        """Times at which stages of a scene begin, and jumps of the loads, which equilibria follow in a step of no
+        length; those of a motion that equilibria end count as such."""
+        self.stage_times = [0.0, *(one.start for one in scene.stages), scene.end_time]
+        self.stop_times = (*self.stop_times, *self.stage_times[1:-1])
+        kinds = [one.integrator for one in self.stages]
+        self.jumps = tuple(
+            time
+            for kind, before, start, end in zip(kinds, [None, *kinds], self.stage_times, self.stage_times[1:])
+            for time in sorted({start, *self.conditions.times} if before != kind else self.conditions.times)
+            if kind == "static" and (start <= time < end or time == end == scene.end_time)
+        )
+        self._enter(0)
+
+    def _enter(self, number: int) -> None:
+        self.stage, self.settings = number, self.stages[number]
+        if self.settings.integrator == "static":
+            first = max(k for k in range(number + 1) if k == 0 or self.stages[k - 1].integrator != "static")
+            self.statics.set_span(self.stage_times[first], *self.stage_times[number : number + 2], self.settings)
+        elif self.leapfrog is not None:
+            self.leapfrog.signals, self.leapfrog.safety = self.leapfrog.bounds()
 
     @staticmethod
     def sort(comm: Any, scene: Any, particle_set: ParticleSet) -> np.ndarray:
@@ -183,8 +213,11 @@ class TotalLagrangianSPH(Reports):
         for block in self.blocks:
             block.settle()
         self.conditions.hold(0.0)
-        if self.statics is not None:
+        if self.settings.integrator == "static":
             self.statics.begin()
+        elif self.statics is not None:
+            self.statics.follow_motion()
+            self.statics.stabilise()
         if take_forces(self.comm, scene, self) and self.leapfrog is not None:
             self.leapfrog.forces_of = 0
 
@@ -211,17 +244,42 @@ class TotalLagrangianSPH(Reports):
         """How often the reference was moved."""
         return 0 if self.reference is None else self.reference.updates
 
+    def begin_stage(self, time: float, ledger: Any) -> None:
+        """See `ParticleSystem`: a motion that goes over to equilibria loses what it has of kinetic energy; bodies that
+        begin to move are at rest but for what is prescribed."""
+        before, (kinetic, _) = self.settings.integrator, self.energies()
+        self._enter(self.stage + 1)
+        if self.settings.integrator == before:
+            return
+        if self.settings.integrator == "static":
+            self.statics.begin()
+            ledger.add_term(STAGE_CHANGE, kinetic)
+        else:
+            assert self.leapfrog is not None
+            self.leapfrog.set_state({"forces_of": None, "last_step": 0.0})
+            self.conditions.impose(time)
+            ledger.add(1.0, 0.0, 0.0, self.energies()[0] - kinetic)
+
     def state(self) -> dict[str, Any]:
-        """When the reference was moved, and whether the particles have the forces that a step begins with."""
+        """When the reference was moved, and whether the particles have the forces that a step begins with; the stage,
+        where there are several."""
         moved = {} if self.reference is None else self.reference.state()
-        return moved if self.integrator is self.staged_step else {**moved, **self.integrator.state()}
+        moved |= {"stage": self.stage} if len(self.stages) > 1 else {}
+        return moved | {name: value for one in self._integrators for name, value in one.state().items()}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         if self.reference is not None:
             self.reference.set_state(state)
-        if self.integrator is not self.staged_step:
-            self.integrator.set_state(state)
+        self._enter(state.get("stage", 0))
+        for one in self._integrators:
+            one.set_state(state)
+
+    @property
+    def _integrators(self) -> list[Any]:
+        """Those that keep a state, of all stages."""
+        kinds = {one.integrator for one in self.stages}
+        return [self.statics] * ("static" in kinds) + [self.leapfrog] * ("leapfrog" in kinds)
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
@@ -231,6 +289,8 @@ class TotalLagrangianSPH(Reports):
             self.reference.resume()
         if self.meshes is not None:
             self.meshes.begin()
+        if self.statics is not None:
+            self.statics.stabilise()
 
     def forget(self) -> None:
         """Forces of the laws and weights of the checkpoint."""
@@ -242,7 +302,7 @@ class TotalLagrangianSPH(Reports):
     @property
     def integrator(self) -> Any:
         """Equilibria, leapfrog or the stages of SSP-RK3."""
-        return self.statics or self.leapfrog or self.staged_step
+        return self.statics if self.settings.integrator == "static" else self.leapfrog or self.staged_step
 
     @property
     def reached(self) -> float | None:  # type: ignore[override]
@@ -269,4 +329,7 @@ class TotalLagrangianSPH(Reports):
         if self.reference_lost:
             announce(False, 0.0)
             return False
-        return bool(self.integrator.complete_step(time, step, ledger, announce))
+        sound = bool(self.integrator.complete_step(time, step, ledger, announce))
+        if self.statics is not None and self.integrator is not self.statics:
+            self.statics.follow_motion()
+        return sound

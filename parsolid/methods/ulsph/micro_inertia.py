@@ -1,6 +1,6 @@
 """Solids with micro-inertia in updated-Lagrangian SPH: the state between the two sweeps, and fluxes after them.
 
-The order is that of a leapfrog (docs/microinertia.md): stresses, micro-velocity and temperature see fluxes of the start
+The order is that of a leapfrog (docs/ulsph.md): stresses, micro-velocity and temperature see fluxes of the start
 of the step, fluxes see gradients of its end. The law's equations are in `materials.plastic.micro_inertia`.
 """
 

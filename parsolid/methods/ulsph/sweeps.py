@@ -1,5 +1,5 @@
 """The two sweeps over pairs at their present places, each the adjoint of the other (Rahaman et al., (3.6)-(3.10), with
-the corrections of docs/microinertia.md).
+the corrections of docs/ulsph.md).
 
 With the kernel's weights k_ab = k_ba, grad_a W = k_ab r, r = x_b - x_a, g_ab = m_a m_b k_ab r and B symmetric:
 

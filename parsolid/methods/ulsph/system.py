@@ -1,4 +1,4 @@
-"""Updated-Lagrangian SPH: neighbours in present places, a leapfrog with two sweeps a step (docs/microinertia.md)."""
+"""Updated-Lagrangian SPH: neighbours in present places, a leapfrog with two sweeps a step (docs/ulsph.md)."""
 
 from contextlib import nullcontext
 from typing import Any

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +13,16 @@ from parsolid.particles.meshes.elements import ELEMENTS, OF_CORNERS
 from parsolid.particles.meshes.geometry import is_geometry, meshed
 from parsolid.particles.meshes.gmsh_text import read_gmsh_text
 from parsolid.particles.meshes.groups import MeshGroups, groups_of
+from parsolid.particles.meshes.remeshed import remeshed
 from parsolid.scene.shapes import BodyMesh
 from parsolid.scene.validation_errors import SceneError
 
 _LESS_THAN_SOLID = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
+
+
+# meshes that Gmsh has made, as error bars and their runs ask for one several times: how many, and of how many nodes
+_MADE: dict[tuple[Any, ...], Any] = {}
+_KEPT, _MOST_KEPT = 4, 200_000
 
 
 class MeshOfFile(NamedTuple):
@@ -45,10 +52,24 @@ def read_with_meshio(path: str) -> Any:
 
 def read_file(path: str, dimension: int, stated: Any) -> Any:
     """A mesh of meshio of any file that is no imported one; geometry is meshed with the sizes of stated,
-    `scene.shapes.BodyMesh`. Raises SceneError for one that cannot be used."""
-    if isinstance(stated, BodyMesh) and is_geometry(path, dimension):
-        return meshed(stated, dimension)
-    return read_with_meshio(path)
+    `scene.shapes.BodyMesh`, and a mesh is made anew where it states a factor on them. Raises SceneError for one that
+    cannot be used."""
+    of_geometry = is_geometry(path, dimension)
+    if not isinstance(stated, BodyMesh) or not (of_geometry or stated.size_factor != 1.0):
+        return read_with_meshio(path)
+    state = os.stat(path)
+    key = (*stated.mesh_key, dimension, state.st_mtime_ns, state.st_size)
+    if key in _MADE:
+        return _MADE[key]
+    if of_geometry:
+        mesh = meshed(stated, dimension)
+    else:
+        mesh = remeshed(solid_mesh(read_with_meshio(path), dimension), stated.size_factor, path)
+    if len(mesh.points) <= _MOST_KEPT:
+        while len(_MADE) >= _KEPT:
+            del _MADE[next(iter(_MADE))]
+        _MADE[key] = mesh
+    return mesh
 
 
 def dimension_of(mesh: Any) -> int:

@@ -21,7 +21,7 @@ AROUND, _LEAST = 12, 0.25
 # by how much the size grows per distance from where it is smaller
 _GROWTH = 0.3
 # degrees between facets of a surface of triangles at which there is an edge
-_EDGE = 40.0
+EDGE = 40.0
 # elements of geometry, by its box, that are refused before they are made
 _MOST = 1e8
 # triangles up to which a surface is one of flat faces
@@ -44,10 +44,11 @@ def meshed(stated: Any, dimension: int) -> Any:
     sizes in m after its scale. Raises SceneError for one that cannot be meshed."""
     import meshio
 
-    with _gmsh(stated.file) as gmsh:
+    with gmsh_model(stated.file) as gmsh:
         _read(gmsh, stated.file, dimension)
         names = _names(gmsh, dimension)
         _set_sizes(gmsh, stated, dimension, names)
+        gmsh.option.setNumber("Mesh.MeshSizeFactor", stated.size_factor)
         try:
             gmsh.model.mesh.generate(dimension)
         except Exception as error:
@@ -64,7 +65,7 @@ def meshed(stated: Any, dimension: int) -> Any:
 
 
 @contextmanager
-def _gmsh(path: str) -> Iterator[Any]:
+def gmsh_model(path: str) -> Iterator[Any]:
     """Gmsh's module, with a model of its own."""
     try:
         import gmsh
@@ -147,7 +148,7 @@ def _close(gmsh: Any, path: str) -> None:
         found = f"{len(wrong)} edges that do not have two triangles, the first at ({place_in_words(place)}) in {path}"
         raise SceneError([MeshFault("open-surface", "a closed surface", found)])
     # few triangles cannot be cut into patches with coordinates of their own, and need not be
-    gmsh.model.mesh.classifySurfaces(np.radians(_EDGE), True, len(corners) > _FEW, np.pi)
+    gmsh.model.mesh.classifySurfaces(np.radians(EDGE), True, len(corners) > _FEW, np.pi)
     gmsh.model.mesh.createGeometry()
     gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])])
     gmsh.model.geo.synchronize()

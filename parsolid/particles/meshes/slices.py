@@ -112,7 +112,10 @@ def read_slices(comm: Any, stated: Any, dimension: int) -> MeshSlices:
     An imported mesh is read by all, each its slices alone; any other file by one rank, which sends slices on.
     """
     path, scale = stated.file, stated.scale
-    read = _read_imported if agreed(comm, lambda: is_imported(path)) else _read_and_scatter
+    imported = agreed(comm, lambda: is_imported(path))
+    if imported and getattr(stated, "size_factor", 1.0) != 1.0:
+        raise SceneError([MeshFault("geometry", "1 for an imported mesh", f"{stated.size_factor:g}", "size_factor")])
+    read = _read_imported if imported else _read_and_scatter
     contents, counts, mesh = read(comm, stated, dimension)
     nodes, elements = Slices(comm, counts[0]), Slices(comm, sum(counts[1:]))
     with np.errstate(over="ignore", invalid="ignore"):

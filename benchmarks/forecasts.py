@@ -1,4 +1,4 @@
-"""python docs/forecasts.py [WORD]: what `parsolid check --ranks N` says beside what runs on N ranks then take.
+"""python benchmarks/forecasts.py [WORD]: what `parsolid check --ranks N` says beside what runs on N ranks then take.
 
 Makes the table of docs/cluster.md: each scene is checked on one rank, and run on 1, 2 and 4 for 200 steps, three times
 in turn, since a machine that others share changes its pace within minutes. Medians, in brackets that of the turns'

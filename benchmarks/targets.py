@@ -1,4 +1,4 @@
-"""Errors that were asked for and what came of it: docs/error-bars.md, by `python docs/targets.py`."""
+"""Errors that were asked for and what came of it: docs/error-bars.md, by `python benchmarks/targets.py`."""
 
 import argparse
 import contextlib

@@ -1,26 +1,28 @@
-"""Hertz in plane strain: python docs/hertz_in_plane.py mpm mpm 2 3 4 6, the methods of the block and of the cylinder,
-and the half widths a/h of the last contact wanted.
+"""Hertz in plane strain, of particles: half of a cylinder's cap on half of a block, both of one solid.
 
-Half of a cylinder's cap on half of a block, both of particles and of one solid; the cap's layers follow its surface.
-Outer layers, four half widths away, move as half planes do (Flamant) under the growth of Hertz's pressure, which is
-that of a flat punch, here two line loads with its second moment; so the exact force belongs to each approach, and no
-finite size is in the numbers. Methods: tlsph, peridynamics, ulsph, mpm, and grid (mpm with contact on the grid, for
-both bodies); words with = are put into [[contact]] (stiffness=4) or, with points, into a method (mpm.transfer=flip,
-peridynamics.stabilisation.coefficient=.125). Half widths and peaks are those of the contact's own forces, on particles
-or, on the grid, on nodes; there Hertz's pressure is given to the nodes by the same functions.
+The cap's layers follow its surface. Outer layers, four half widths away, move as half planes do (Flamant) under the
+growth of Hertz's pressure, which is that of a flat punch, here two line loads with its second moment; so the exact
+force belongs to each approach, and no finite size is in the numbers. Methods: tlsph, peridynamics, ulsph, mpm, and grid
+(mpm with contact on the grid, for both bodies). Half widths and peaks are those of the contact's own forces, on
+particles or, on the grid, on nodes; there Hertz's pressure is given to the nodes by the same functions.
 """
 
 import os
-import sys
 import tempfile
+from collections.abc import Callable
 from typing import Any
 
 import meshio
 import numpy as np
-from contact_tables import POISSON, SPEED, YOUNG, Tables, block, material, run
+from mpi4py import MPI
 
-from parsolid.scene.observation import stored_energy
+from parsolid.scene import parse_scene
+from parsolid.simulation.loop import Simulation
+from parsolid.simulation.outputs import Cadence, Output
 
+YOUNG, POISSON = 1.0, 0.3
+SPEED = float(np.sqrt(YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))))
+Tables = dict[str, Any]
 # of the last contact, over the radius; sides of the boxes in half widths; time of the approach over that of a wave
 # through a box, and rest after it
 FLATNESS, SIDE, SLOW, REST = 0.1, 4.0, 32.0, 8.0
@@ -47,11 +49,44 @@ METHODS: dict[str, Tables] = {
 HELD = {"tlsph": 2.01, "peridynamics": 3.01, "ulsph": 3.01, "mpm": 2.01}
 
 
-def stated(words: list[str]) -> tuple[dict[str, Any], list[float]]:
-    """What words with = say, and the numbers."""
-    pairs = [word.split("=") for word in words if "=" in word]
-    values = {name: value if value[0].isalpha() else float(value) for name, value in pairs}
-    return values, [float(word) for word in words if "=" not in word]
+def material(stiffer: float = 1.0, denser: float = 1.0, kind: str = "neo-hookean") -> Tables:
+    """Rubber with wave speed sqrt(stiffer/denser) SPEED."""
+    return {"kind": kind, "density": denser, "youngs_modulus": stiffer * YOUNG, "poissons_ratio": POISSON}
+
+
+def block(
+    name: str, lower: list[float], upper: list[float], h: float, placement: str = "vertices", **more: Any
+) -> Tables:
+    """A box of particles with a spacing."""
+    count = [round((b - a) / h) + (placement == "vertices") for a, b in zip(lower, upper)]
+    shape = {"shape": {"box": {"lower": lower, "upper": upper}}, "particles": count, "placement": placement}
+    return {"name": name, "material": material()} | shape | more
+
+
+class Rows(Output):
+    """The ledger after every step, and whatever else is asked for."""
+
+    every = Cadence(steps=1, times=(0.0,))
+
+    def __init__(self, more: Callable[[Simulation], Tables] | None = None) -> None:
+        self.rows: list[Tables] = []
+        self.more = more
+
+    def write(self, simulation: Simulation) -> None:
+        """Take a row."""
+        row = simulation.energy_row() | {"time": simulation.clock.time}
+        self.rows.append(row | (self.more(simulation) if self.more else {}))
+
+    def columns(self) -> Tables:
+        """Each of the rows' values as an array."""
+        return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
+
+
+def run(tables: Tables, more: Callable[[Simulation], Tables] | None = None, comm: Any = MPI.COMM_SELF) -> Any:
+    """The simulation at its end, and the columns."""
+    simulation, rows = Simulation(comm, parse_scene(tables)), Rows(more)
+    simulation.run(None, [rows])
+    return simulation, rows.columns()
 
 
 def of_method(kind: str, words: dict[str, Any]) -> dict[str, Any]:
@@ -224,30 +259,3 @@ def of_pressure(looking: Pressed, scene: Tables, words: dict[str, Any]) -> tuple
         return of_particles(column, looking.h)
     averaged = {"quadratic-spline": 1.0, "ugimp": 0.5, "linear": 0.0}[words.get("mpm.basis", "quadratic-spline")]
     return of_nodes(column, scene["methods"][0]["cell"], averaged)
-
-
-def pressed(methods: list[str], wanted: float, words: dict[str, Any]) -> str:
-    """A line of the table."""
-    columns, looking, scene = run_of(methods, wanted, words)
-    s, force, told = columns["share"], columns["force"] / LOAD, []
-    for share in (0.25, 0.5, 1.0):
-        at = np.abs(s - share) < 0.02 if share < 1.0 else s == 1.0
-        told.append(f"{force[at].mean() / s[at].mean() - 1.0:+.3f} at a/h {wanted * share**0.5:.1f}")
-    width, peak, largest = of_pressure(looking, scene, words)
-    off = np.abs(columns["energy_error"]).max() / columns[stored_energy(columns)].max()
-    return (
-        f"{' on '.join(methods[::-1])} {words or ''}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}; "
-        f"half width {width:+.3f}, peak {peak:+.3f}, {'first' if 'grid' in methods else 'largest'} {largest:+.3f}; "
-        f"swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}"
-    )
-
-
-def main() -> None:
-    """A line for each size."""
-    words, sizes = stated(sys.argv[3:])
-    for wanted in sizes:
-        print(pressed(sys.argv[1:3], wanted, words), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,24 +1,18 @@
-"""Hertz in space: python docs/hertz_in_space.py tlsph 3 4.5 6, with the half widths a/h of the last contact wanted.
+"""Hertz in space, of particles: a quarter of a ball's cap on a quarter of a block, both of one solid.
 
-A quarter of a ball's cap on a quarter of a block, both of particles and of one solid. The cap's lattice is the
-block's, moved up by the ball's surface, so that every layer follows it: a lattice that is cut by a ball is flat at its
-pole. What is beyond four half widths is a half space whose displacements are known: those of a point load (Boussinesq),
-and outer layers move by them, so the approach is that of points at infinity, and nothing is corrected. Methods: tlsph,
-peridynamics, mpm, and grid (mpm with contact on the grid); words with = are put into [[contact]], stiffness=4, or, with
-a point, into the method, mpm.basis=ugimp.
+The cap's lattice is the block's, moved up by the ball's surface, so that every layer follows it: a lattice that is cut
+by a ball is flat at its pole. What is beyond four half widths is a half space whose displacements are those of a point
+load (Boussinesq), and outer layers move by them, so the approach is that of points at infinity. Methods: tlsph,
+peridynamics, mpm, and grid (mpm with contact on the grid).
 """
 
 import os
-import sys
 import tempfile
 from typing import Any
 
 import meshio
 import numpy as np
-from contact_tables import POISSON, SPEED, YOUNG, Tables, block, material, run
-from hertz_in_plane import of_contact, of_method, stated
-
-from parsolid.scene.observation import stored_energy
+from hertz_in_plane import POISSON, SPEED, YOUNG, Tables, block, material, of_contact, of_method, run
 
 # of the last contact, over the radius; sides of the boxes in half widths; time of the approach over that of a wave
 # through a box, and rest after it
@@ -126,29 +120,3 @@ def pressed(method: str, wanted: float, more: Tables) -> tuple[np.ndarray, np.nd
         _, columns = run(scene, force_on_block)
     x = np.minimum(columns["time"] / end, 1.0)
     return x**3 * (10.0 - 15.0 * x + 6.0 * x**2), columns["force"] / LOAD, columns
-
-
-def main() -> None:
-    """A line for each size."""
-    method = sys.argv[1]
-    words, sizes = stated(sys.argv[2:])
-    for wanted in sizes:
-        s, force, columns = pressed(method, wanted, words)
-        told = []
-        for share in (0.25, 0.5, 1.0):
-            at = np.abs(s - share) < 0.05 if share < 1.0 else s == 1.0
-            error = force[at].mean() / (s[at] ** 1.5).mean() - 1.0
-            told.append(f"{error:+.3f} at a/h {wanted * share**0.5:.1f}")
-        later = (s > 0.2) & (s < 1.0)
-        slope, gap = np.polyfit(s[later], force[later] ** (2 / 3), 1)
-        told.append(f"{slope**1.5 - 1.0:+.3f} by the slope, as if from {-gap / slope * wanted * FLATNESS:.4f} h on")
-        off = np.abs(columns["energy_error"]).max() / columns[stored_energy(columns)].max()
-        print(
-            f"{method} {words}, a/h {wanted:g}, {len(s) - 1} steps: force {', '.join(told)}; "
-            f"swing {np.ptp(force[s == 1.0]):.3f}, balance {off:.1e}",
-            flush=True,
-        )
-
-
-if __name__ == "__main__":
-    main()

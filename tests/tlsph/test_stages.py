@@ -1,0 +1,122 @@
+"""Stages: from equilibria to motion and back, with one ledger, on all ranks, through restarts, and what is refused."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from solids import Record, evolved, follow, gathered, run_through_and_in_two, simulation, tables
+from test_mesh_weights import of_mesh
+
+from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.time_step import TimeSteps
+
+MOVING, STILL = {"integrator": "leapfrog"}, {"integrator": "static"}
+PRESSED = ["0", "-0.1*min(t, 1) - 0.05*where(t > 1, where(t < 1.5, 1, 0), 0)"]
+
+
+def staged(first, *stages, shape=None, load=PRESSED, **rest):
+    """Tables of a block on a foot, pressed until t = 1, with a method at first and one at each time."""
+    boundaries = [
+        {"plane": "Y = 0", "kind": "fixed", "mirror": False, "name": "foot", "reaction": True},
+        {"plane": "Y = 1", "kind": "traction", "traction": load},
+    ]
+    data = shape or tables((9, 9), (1.0, 1.0))
+    data |= {"end_time": 2.0, "output": {"fields_interval": 1.0}, "boundaries": boundaries, **rest}
+    data["method"] = {"kind": "tlsph", **first}
+    return data | {"stages": [{"start": start, "method": method} for start, method in stages]}
+
+
+def run(data, comm):
+    """A run to its end, and the columns of its record."""
+    sim = simulation(data, comm)
+    return sim, follow(sim, Record(), policy=TimeSteps)
+
+
+def there_and_back(shape=None, **rest):
+    """A block that is pressed, struck and pressed again."""
+    stages = (1.0, MOVING), (1.75, STILL)
+    return staged(
+        STILL, *stages, shape=shape, **{"load": [*PRESSED[:1], PRESSED[1] + " - 0.1*max(t - 1.75, 0)"]} | rest
+    )
+
+
+@pytest.mark.ranks(1, 2, 3)
+@pytest.mark.parametrize("kind", ["box", "mesh"])
+def test_there_and_back(shared_path, comm, kind):
+    """One ledger for all stages; the last state is that of equilibria alone."""
+    shape = of_mesh(shared_path, "triangle", 2, moving=0.0) if kind == "mesh" else None
+    data = there_and_back(shape)
+    (_, rows), (_, on_all) = run(data, MPI.COMM_SELF), run(data, comm)
+    for name in rows:
+        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=1e-9 * max(1e-3, np.abs(rows[name]).max()))
+    largest = rows["strain_energy"].max()
+    assert np.abs(rows["energy_error"]).max() < 2e-4 * largest
+    assert rows["kinetic"][rows["time"] <= 1.0].max() == 0.0
+    assert rows["kinetic"][(rows["time"] > 1.0) & (rows["time"] < 1.75)].max() > 1e-3 * largest
+    assert rows["kinetic"][rows["time"] >= 1.75].max() == 0.0
+    assert rows["stage_change"][-1] > 1e-3 * largest
+    alone = run(data | {"stages": []}, comm)[1]
+    assert rows["strain_energy"][-1] == pytest.approx(alone["strain_energy"][-1], rel=1e-6)
+
+
+def test_equilibrium_stays(comm):
+    """A motion from an equilibrium under the same loads has no velocity but that of its tolerance."""
+    data = staged(STILL, (1.0, MOVING), load=["0", "-0.1*min(t, 1)"])
+    _, rows = run(data, comm)
+    assert rows["kinetic"].max() < 1e-14 * rows["strain_energy"].max()
+
+
+def test_driven_through_stages(comm):
+    """Displacements are prescribed in equilibrium and in motion, to the same places."""
+    driven = [
+        {"plane": "Y = 0", "kind": "fixed", "mirror": False},
+        {"plane": "Y = 1", "kind": "displacement", "displacement": ["free", "-0.05*t"]},
+    ]
+    data = staged(STILL, (1.0, MOVING), (1.5, STILL), boundaries=driven)
+    sim, rows = run(data, comm)
+    X, x = gathered(sim, "reference_position", "position")
+    np.testing.assert_allclose(x[X[:, 1] == 1.0, 1], 0.9, rtol=0.0, atol=1e-14)
+    assert np.abs(rows["energy_error"]).max() < 2e-4 * rows["strain_energy"].max()
+
+
+@pytest.mark.ranks(1, 2)
+@pytest.mark.parametrize("first", [2, 12])
+def test_restart(shared_path, comm, first):
+    """A restart in any stage goes on with the same bits."""
+    through, pieces = run_through_and_in_two(shared_path, comm, parse_scene(there_and_back()), first)
+    names = evolved(through.simulation.systems[0].particles)
+    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in (through, pieces))):
+        assert np.array_equal(*both), name
+    assert through.history.last_row == pieces.history.last_row
+    assert len(through.simulation.stage_steps) == len(pieces.simulation.stage_steps) == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"stages": [{"start": 3.0, "method": MOVING}]}, "stages.0.start"),
+        ({"stages": [{"start": 0.5, "method": MOVING}, {"start": 0.5, "method": STILL}]}, "stages.1.start"),
+        ({"stages": [{"start": 0.5, "method": {"safety": 0.5}}]}, "stages.0.method.integrator"),
+        ({"stages": [{"start": 0.5, "method": MOVING | {"weights": "cells"}}]}, "stages.0.method.weights"),
+        ({"stages": [{"start": 0.5, "method": MOVING | {"safety": -1.0}}]}, "stages.0.method.safety"),
+        ({"stages": [{"start": 0.5, "method": MOVING | {"tolerance": 1e-6}}]}, "stages.0.method.tolerance"),
+        ({"stages": [{"start": 0.5, "method": {"integrator": "ssp-rk3"}}]}, "stages.0.method.integrator"),
+        ({"method": {"kind": "peridynamics"}}, "stages"),
+        (
+            {"stages": [{"start": 0.5, "method": MOVING}, {"start": 0.6, "method": MOVING | {"dissipation": 0.2}}]},
+            "stages.1.method.dissipation",
+        ),
+    ],
+)
+def test_refusals(change, key):
+    with pytest.raises(SceneError) as error:
+        parse_scene(there_and_back() | change)
+    assert key in {fault.key for fault in error.value.faults}
+
+
+def test_settings_of_a_stage(comm):
+    """Steps of a motion are as long as its own stage says."""
+    data = staged(STILL, (1.0, MOVING), (1.5, MOVING | {"maximum_step": 0.01}))
+    _, rows = run(data, comm)
+    steps = np.diff(rows["time"])
+    before, after = (steps[(rows["time"][1:] > low) & (rows["time"][1:] <= high)] for low, high in ((1, 1.5), (1.5, 2)))
+    assert after.max() < 0.010001 < before.max()
