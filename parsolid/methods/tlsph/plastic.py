@@ -119,8 +119,8 @@ def find_states(law, fields, gradient, places, first, last, third, stress, waves
 
 @kernel
 def find_moduli_of_flow(law, start, gradient, gradient_at_start, first, last, places, index, step, moduli):
-    """Moduli [Pa] (entries, particles), see `tangent.packed`, of particles first .. last - 1 whose deformation gradients
-    become `gradient` in a step [s] from those of a start, of which the fields are; fields (d d, n) of F."""
+    """Moduli [Pa] (entries, particles), see `tangent.packed`, of particles first .. last - 1 whose F become `gradient`
+    in a step [s] from those of a start, of which the fields are; both are fields (d d, n)."""
     tile = start.tile
     for i in range(first, last, PART):
         count = min(PART, last - i)

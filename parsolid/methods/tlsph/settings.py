@@ -367,7 +367,7 @@ class TotalLagrangianSPH(MethodSettings):
             place = ("bodies", i, "material")
             if getattr(body.material, "failure", None) is not None:
                 faults.append(((*place, "failure"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
-            if getattr(body.material, "ledger_terms", None):
+            if SOFTENING in getattr(body.material, "ledger_terms", {}):
                 expected = "a law without memory with method.integrator = 'static'"
                 faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
             if body.velocity is not None and self.integrator == "static":

@@ -26,6 +26,7 @@ from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.boundary.forces import DistributedLoad, SpringLoad
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.load_history import LoadHistory
+from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
@@ -182,10 +183,15 @@ class Static:
             sound, self.history.lost = [one[0] for one in found], sum(one[1] for one in found)
         for bodies in system.sweeps:
             bodies.find_forces()
-        for name in ("velocity", "dissipative_force"):
-            of(name)[:] = 0.0
+        self._rest("velocity", "dissipative_force", RIEMANN_HEAT)
         self.stabilise()
         return all(sound)
+
+    def _rest(self, *names: str) -> None:
+        """Set fields that there are to 0."""
+        for name in names:
+            if name in self.system.particles:
+                self.system.particles.owned_rows(name)[:] = 0.0
 
     def stabilise(self) -> None:
         """Find the forces and energy of what resists rough displacements of boxes, in the present one."""
@@ -291,9 +297,7 @@ class Static:
 
     def begin(self) -> None:
         """Take the displacement of the start, of which no path is known, and no velocity."""
-        of = self.system.particles.owned_rows
-        for name in ("velocity", "dissipative_force", "displacement_rate", "displacement_curvature"):
-            of(name)[:] = 0.0
+        self._rest("velocity", "dissipative_force", RIEMANN_HEAT, "displacement_rate", "displacement_curvature")
         self.follow_motion()
         self.stabilise()
 
@@ -414,8 +418,8 @@ class Static:
     def _taken(
         self, start: Equilibrium, end: Equilibrium, load: np.ndarray, first: Tangential, last: Tangential, lost: float
     ) -> Taken:
-        """A step between two equilibria for a change of the loads (owned, d) [N], with the tangents at its ends and what
-        this rank's branches have lost [J]; see the head of this file."""
+        """A step between two equilibria for a change of the loads (owned, d) [N], with the tangents at its ends and
+        what this rank's branches have lost [J]; see the head of this file."""
         du, loaded = end.displacement - start.displacement, self.free & self.dead
         rates = [np.where(loaded, load, one.force) for one in (first, last)]
         curved = (end.held - start.held) * (last.change - first.change) - du * (rates[1] - rates[0])
