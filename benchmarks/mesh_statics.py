@@ -24,11 +24,12 @@ def deflection(size: float, beta: float) -> tuple[int, float]:
     free = np.repeat(np.abs(X[:, 0]) > 1e-9, 3)
     load = np.zeros_like(X)
     load[end, 2] = -FORCE * area[end, 0] / area[end, 0].sum()
+    forces = system.meshes._linear_forces()
 
     def stiffness(u: np.ndarray) -> np.ndarray:
         full = np.zeros(X.size)
         full[free] = u
-        return -system.meshes._linear_forces(full.reshape(X.shape)).ravel()[free]
+        return -forces(full.reshape(X.shape)).ravel()[free]
 
     count = int(free.sum())
     u, failed = cg(LinearOperator((count, count), stiffness), load.ravel()[free], rtol=1e-6, maxiter=20 * count)

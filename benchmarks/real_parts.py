@@ -122,7 +122,7 @@ class Static:
         self.seconds = time.process_time() - began, 0.0
 
     def _by_weights(self) -> np.ndarray:
-        free, forces = self.free.ravel(), self.system.meshes._linear_forces
+        free, forces = self.free.ravel(), self.system.meshes._linear_forces()
 
         def stiffness(u: np.ndarray) -> np.ndarray:
             full = np.zeros(free.size)
@@ -140,7 +140,7 @@ class Static:
 
     def reactions(self) -> np.ndarray:
         """Forces (n, d) that hold the nodes, in the order of the mesh."""
-        return -(self.system.meshes._linear_forces(self.u) + self.load)[self.row]
+        return -(self.system.meshes._linear_forces()(self.u) + self.load)[self.row]
 
     def stress(self, name: str = "nodal_stress") -> np.ndarray:
         """Of the solution, by a field."""

@@ -42,7 +42,7 @@ _FIELDS = _in("output", "checkpoint", "fields")
 _PROBES = _in("simulation", "probes", "regions", "samplers", "shown_fields") + " " + _in("boundary", "reactions")
 _RESTART = _in("simulation", "scene_changes", "restart") + " " + _in("output", "damage")
 _MESHES = _in("scene", "mesh", "mesh_files", "named_regions") + " " + _in("particles", "meshes_on_ranks")
-_SCENES = _in("scene", "all_faults", "faults", "schema", "generation", "named_regions")
+_SCENES = _in("scene", "all_faults", "faults", "schema", "mpm", "peridynamics", "generation", "named_regions", "bond")
 _LAWS = _in("materials", "registry", "hyperelastic", "prony", "relaxation")
 _FLOW = _in("materials", "flow_stress", "micro_inertia", "registry")
 # file or folder -> how kernels run and the tests, those that catch most first; the longest name that fits counts
@@ -60,8 +60,16 @@ TESTS: dict[str, tuple[str, str]] = {
     "decomposition/shared_nodes.py": (COMPILED, _in("mpm", "listed_nodes", "grid_steps")),
     "decomposition/slices.py": (PLAIN, _in("decomposition", "slices")),
     "parsolid/api": (COMPILED, _in("commands", "check_advice", "forecast") + " " + _in("api", "python_results")),
-    "parsolid/boundary": (PLAIN, _in("boundary", "conditions", "kinds", "images", "reactions")),
-    "parsolid/campaign": (PLAIN, _in("campaign", "estimate", "coarsening", "probes_of_runs", "pareto", "study")),
+    "parsolid/boundary": (
+        PLAIN,
+        _in("boundary", "conditions", "kinds", "images", "reactions", "loads_on_planes", "slides"),
+    ),
+    "parsolid/campaign": (
+        PLAIN,
+        _in("campaign", "estimate", "comparison", "coarsening", "probes_of_runs", "pareto", "study"),
+    ),
+    "parsolid/campaign/pictures.py": (PLAIN, _in("campaign", "pictures")),
+    "parsolid/campaign/verification.py": (PLAIN, _in("campaign", "verification")),
     "parsolid/commands/keys": (PLAIN, _in("commands", "keys", "command_words")),
     "parsolid/commands/plot": (COMPILED, _in("commands", "plot", "plot_forces", "cut_meshes")),
     "parsolid/commands/point": (PLAIN, _in("commands", "point")),
@@ -119,6 +127,7 @@ TESTS: dict[str, tuple[str, str]] = {
         _in("commands", "point_plastic", "point_micro_inertia", "point_viscoelastic", "point"),
     ),
     "parsolid/scene": (PLAIN, _SCENES),
+    "parsolid/scene/declared.py": (PLAIN, "tests/examples/test_examples.py " + _SCENES),
     "parsolid/scene/csv_table.py": (PLAIN, _in("scene", "csv_table", "time_functions")),
     "parsolid/scene/formula_terms.py": (PLAIN, _in("scene", "formulas", "time_functions")),
     "parsolid/scene/formulas.py": (PLAIN, _in("scene", "formulas", "time_functions")),
@@ -135,7 +144,7 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/simulation/representation.py": (COMPILED, _in("simulation", "representation")),
     "parsolid/simulation/restart.py": (COMPILED, _RESTART),
     "parsolid/simulation/scene_changes.py": (PLAIN, _RESTART),
-    "parsolid/solvers": (PLAIN, _in("solvers", "solvers", "two_level")),
+    "parsolid/solvers": (PLAIN, _in("solvers", "solvers", "newton", "eigenmodes", "grid_levels")),
     "parsolid/splines.py": (PLAIN, _in("simulation", "splines")),
     "parsolid/tensors.py": (PLAIN, _in("kernels", "tensors")),
     "parsolid/elementary.py": (COMPILED, _in("kernels", "elementary")),

@@ -131,7 +131,10 @@ def quality_advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None 
     meshes = {} if meshes is None else meshes
     settings = [(one.bodies, settings_of_stages(scene) if scene.stages else [one.settings]) for one in scene.systems]
     static = {
-        i for own, every in settings if all(getattr(one, "integrator", "") == "static" for one in every) for i in own
+        i
+        for own, every in settings
+        if all(getattr(one, "integrator", "") in ("static", "implicit") for one in every)
+        for i in own
     }
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh":

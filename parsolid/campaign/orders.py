@@ -31,7 +31,15 @@ _SPACING: dict[str, dict[str, float]] = {
 # meshes
 REDUCED = 1.0
 # of the step, by what integrates in time
-_STEP = {"ssp-rk3": 3.0, "leapfrog": 2.0, "explicit": 2.0, "quasi-static": 1.0, "mpm": 1.0, "ulsph": 2.0}
+_STEP = {
+    "ssp-rk3": 3.0,
+    "leapfrog": 2.0,
+    "implicit": 2.0,
+    "explicit": 2.0,
+    "quasi-static": 1.0,
+    "mpm": 1.0,
+    "ulsph": 2.0,
+}
 
 _OF_STRESS, _OF_HEAT = ("stress", "pressure", "mises"), ("temperature", "heat")
 # plastic flow that has inertia: its waves are of the second order and more (docs/ulsph.md)

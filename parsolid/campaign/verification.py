@@ -1,6 +1,7 @@
 """Several studies as one: their runs made beside one another, and a report of what each left in summary.json."""
 
 import csv
+import json
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ from parsolid.scene.validation_errors import SceneError
 
 # what is verified where nothing is named, relative to the folder that the package is in
 USUAL = ("tests/verification", "runs/*/studies/stiff_and_extreme.toml")
+# the folders of the studies of the last verification: others in its folder are of earlier ones
+ASKED = "studies.json"
 
 
 def studies_of(named: Iterable[str]) -> list[str]:
@@ -75,6 +78,8 @@ def run_verification(studies: list[str], folder: Path, jobs: int, page: Path, tr
         rows = report(console, one, pictures=False)
         wrong = wrong or any(row.faulty for row in rows) or any(case.faults for case in one.cases)
     if any(case.record is not None for one in planned for case in one.cases):
+        names = [place.name for place in folders_of(studies, folder)]
+        (folder / ASKED).write_text(json.dumps(names, indent=1) + "\n", encoding="utf-8")
         console.print(f"written: {build_report(folder, page)}", soft_wrap=True)
     return status or (WENT_WRONG if wrong else DONE)
 
@@ -93,9 +98,15 @@ class Summary:
 
 
 def read_summaries(folder: Path) -> list[Summary]:
-    """The summaries of studies below a folder. Raises SceneError where there is none, OutputError for damaged ones."""
-    found = []
-    for path in sorted(folder.glob("*/summary.json")):
+    """The summaries in a folder of the studies of its last verification, of all below it where there was none.
+
+    Raises SceneError where there is no summary, OutputError for damaged ones.
+    """
+    found, paths = [], sorted(folder.glob("*/summary.json"))
+    if (folder / ASKED).is_file():
+        asked = json.loads((folder / ASKED).read_text(encoding="utf-8"))
+        paths = [path for path in paths if path.parent.name in asked]
+    for path in paths:
         entries = read_summary(path)
         if "rows" in entries and "study" in entries:
             try:

@@ -12,6 +12,13 @@ Integration, 2006, section I.5). The offset swings with the forces and does not 
 Where dt changes, the offset of the same forces changes, too: that energy the scheme takes or gives, as numerical
 dissipation.
 
+That is all where forces are linear. In general the mean of both ends of a step errs in the work of a force with a
+potential U by U'''[dx, dx, dx]/12, the change from step to step of (dt^2 a.M a + dx.U'' dx)/12 at one place: the second
+difference of positions is dt^2 a, so that this is what x(n) - x(n-1), which moves as x does, has of energy. It is taken
+from the offset where a method asks for it (`WorkOffset`), with dx.U'' dx by the change of the forces over the step, to
+the order dt^3. What it changes within a step, and does not with forces of U alone, is what dissipative forces and loads
+do beyond the mean of both ends: numerical dissipation.
+
 An impulse P at the end of a step, where contact has begun or ended within it, works on v', too, or on the mean velocity
 of the common step where a system takes several of its own; what it changes of the kinetic energy besides, of second
 order in dt, is energy that the scheme gives: negative numerical dissipation.
@@ -113,6 +120,55 @@ def kinetic_energy(n, v, mass, share):
     return 0.5 * energy
 
 
+@reduction
+def works_of_changes(n, before, middle, after, old, new, share):
+    """Sums of (2 after - middle).(new - old) and of (2 before - middle).(new - old) [W] over n particles, of velocities
+    [m/s] and forces [N], all (d, n or more); share as in `kick`."""
+    end, start = 0.0, 0.0
+    for c in range(before.shape[0]):
+        v0, v1, v2, F0, F1 = before[c], middle[c], after[c], old[c], new[c]
+        for a in range(n):
+            change = F1[a] - F0[a]
+            if share is not None:
+                change *= share[a]
+            end += (2.0 * v2[a] - v1[a]) * change
+            start += (2.0 * v0[a] - v1[a]) * change
+    return end, start
+
+
+class WorkOffset:
+    """The part of the kinetic offset that is due to third derivatives of the potential of forces, see above.
+
+    energy: at the end of the last step [J], of this rank, None where no step was before or loads have jumped.
+    """
+
+    def __init__(self) -> None:
+        self.energy: float | None = None
+        self._before = self._middle = self._force = np.zeros((0, 0))
+
+    def open(self, velocity: np.ndarray, force: np.ndarray) -> None:
+        """Before the opening kick."""
+        self._before, self._force = velocity.copy(), force.copy()
+
+    def close(self, velocity: np.ndarray) -> None:
+        """Before the closing kick."""
+        self._middle = velocity.copy()
+
+    def end(
+        self, n: int, step: float, last: float, first: KickEnergies, second: KickEnergies, arrays: tuple[Any, ...]
+    ) -> tuple[float, float]:
+        """After a step [s] and one before [s]: by how much the offset has grown, and what is numerical dissipation [J];
+        arrays: velocity, force and share of particles."""
+        velocity, force, share = arrays
+        end, start = works_of_changes(n, self._before, self._middle, velocity, self._force, force, share)
+        # 8 times the kinetic offset is dt^2 a.M a
+        now, begun = (8.0 * second.offset - step * end) / 12.0, (8.0 * first.offset - step * start) / 12.0
+        before = begun if self.energy is None or last <= 0.0 else self.energy
+        stretched = before * ((step / last) ** 2 - 1.0) if last > 0.0 else 0.0
+        self.energy = now
+        return before - now, begun - now - stretched
+
+
 class ImpulseAtEnd:
     """The impulses (EXTERNAL_IMPULSE) of a step on a rank's particles: made before its closing kick, acts after it.
 
@@ -172,6 +228,8 @@ class Leapfrog:
         # particles that move as one, see `tlsph.shared_nodes`; their internal forces are shared already
         self.shared: Any = None
         self.given = 0.0
+        # where energies are to be balanced to the third order of the step
+        self.work_offset: WorkOffset | None = None
         # forces (d, n) [N] of the last half kick from loads and inclined rollers, None without
         self.external: np.ndarray | None = None
         # length [s] of the step before the present one, 0 at the start and after a jump of the loads
@@ -179,6 +237,8 @@ class Leapfrog:
 
     def open_step(self, time: float, step: float) -> None:
         """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
+        if self.work_offset is not None:
+            self.work_offset.open(self._arrays()[0], self._arrays()[1])
         self.conditions.begin_with_mean(time, step)
         self.opening = self._half_kick(True, time, step)
 
@@ -189,6 +249,8 @@ class Leapfrog:
 
     def close_step(self, time: float, step: float, substeps: int = 1) -> None:
         """Closing half kick of a step [s] that ends at a time [s]; substeps: of the system in a common one."""
+        if self.work_offset is not None:
+            self.work_offset.close(self._arrays()[0])
         if EXTERNAL_IMPULSE in self.particles:
             if self.shared is not None:
                 self.shared.share(self.particles.owned_rows(EXTERNAL_IMPULSE).T)
@@ -204,11 +266,17 @@ class Leapfrog:
         first, second = self.opening, self.closing
         guided = self.conditions.end_step(step, ledger)
         taken = taken_by_step_change(first.offset, self.last_step, step)
+        grown = 0.0
+        if self.work_offset is not None:
+            velocity, force, _, _, share, _ = self._arrays()
+            of_step = step, self.last_step, first, second, (velocity, force, share)
+            grown, more = self.work_offset.end(self.particles.owned, *of_step)
+            taken, grown = taken + more, grown - more
         self.last_step = step
         numerical = first.dissipated + second.dissipated - self.given + taken
         ledger.add(1.0, internal, numerical, first.external + second.external + guided)
         if offset_term is not None:
-            ledger.add_term(offset_term, second.offset - first.offset + taken)
+            ledger.add_term(offset_term, second.offset - first.offset + taken + grown)
 
     def _half_kick(self, opening: bool, time: float, step: float) -> KickEnergies:
         particles, conditions = self.particles, self.conditions

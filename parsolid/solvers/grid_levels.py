@@ -270,10 +270,22 @@ class GridLevels:
         self.prolongation = _at_places(self.blend, free, len(self.nodes.keys))
         self.prescribes = anywhere(comm, not free.all())
 
-    def of_moduli(self, lame: np.ndarray, shear: np.ndarray, volume: np.ndarray, diagonal: np.ndarray) -> None:
-        """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]."""
+    def of_moduli(
+        self,
+        lame: np.ndarray,
+        shear: np.ndarray,
+        volume: np.ndarray,
+        diagonal: np.ndarray,
+        inertia: np.ndarray | None = None,
+    ) -> None:
+        """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]; inertia (n,)
+        [N/m]: what masses add to it in a step of motion."""
         self.diagonal, lame = diagonal, np.minimum(lame, SOFTEST * shear)
         matrix = self._stiffness(lame * volume, shear * volume, diagonal * ~self.free)
+        if inertia is not None:
+            self.diagonal = diagonal + inertia[:, None]
+            of_components = np.repeat(inertia, diagonal.shape[1])
+            matrix = (matrix + self.prolongation.T @ self.prolongation.multiply(of_components[:, None])).tocsr()
         self.levels: list[Level] = []
         nodes = self.nodes
         while sums(self.comm, [float(len(nodes.keys))])[0] > _MOST_NODES and (nodes.cells > 1).any():

@@ -189,7 +189,11 @@ def test_studies_run_compare_and_report(folder, capsys):
     good = write(folder, "good.toml", bounds="bounds = { energy_drift = 1e-2 }")
     known = write(folder, "known.toml", value=3.0, cause='cause = "it is wrong"', group="wrong")
     out = folder / "out"
+    # what an earlier verification left in the folder is not reported
+    summary(out, "earlier", [Row("earlier", "m", "speed", reference=1.0, computed=1.0, verdict=INSIDE)])
     assert main(["verify", str(good), str(known), "-o", str(out), "--jobs", "2"]) == 0
+    assert all("earlier" not in (out / name).read_text() for name in ("report.md", "report.csv"))
+    assert build_report(out, out / "again").read_text() == (out / "report.md").read_text()
     capsys.readouterr()
     row = Row.of(read_summary(out / "good" / "summary.json")["rows"][0])
     assert row.verdict in (INSIDE, NEAR) and abs(row.computed / RETURN - 1.0) < 0.01

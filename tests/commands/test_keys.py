@@ -46,7 +46,9 @@ def test_a_listing_of_one_key_one_table_and_all_kinds():
     assert listing("bodies.0.material.neo-hookean.density") == (
         "bodies.material.neo-hookean.density: a number > 0; needed\n    the density [kg/m^3]"
     )
-    assert 'method.tlsph.integrator: "ssp-rk3" or "leapfrog" or "static"; default "leapfrog"' in listing("method.tlsph")
+    assert 'method.tlsph.integrator: "ssp-rk3" or "leapfrog" or "static" or "implicit"; default' in listing(
+        "method.tlsph"
+    )
     kinds = listing("bodies.material")
     assert "kind: mooney-rivlin, neo-hookean" in kinds and "bodies.material.elastic-plastic.flow_stress" in kinds
     everything = listing()

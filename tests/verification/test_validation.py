@@ -21,6 +21,10 @@ CHEAP = [
     pytest.param("restitution", ["tlsph", "mpm", "ulsph"], marks=pytest.mark.long),
     pytest.param("kirsch", ["peridynamics"], marks=pytest.mark.long),
     pytest.param("cook", ["tlsph"], marks=pytest.mark.long),
+    pytest.param("upsetting", ["mpm"], marks=pytest.mark.long),
+    pytest.param("die", ["tlsph"], marks=pytest.mark.long),
+    pytest.param("taylor_4340", ["mpm, 208 m/s"], marks=pytest.mark.long),
+    pytest.param("column_collapse", ["mpm, as high as wide"], marks=pytest.mark.long),
     pytest.param("spinning_disc", ["tlsph"], marks=pytest.mark.long),
 ]
 

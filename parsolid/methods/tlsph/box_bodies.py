@@ -129,7 +129,9 @@ class BoxBodies(StepBound):
         stored = self.particles.storage
         self.sweeps.divergence(stored("stress_force"), stored("dissipative_force"), self._heat)
 
-    def change_forces(self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any]) -> None:
+    def change_forces(
+        self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any], given: np.ndarray | None = None
+    ) -> None:
         """See `ListBodies.change_forces`."""
         stored, sweeps = self.particles.storage, self.sweeps
         motion = np.zeros_like(stored("velocity"))
@@ -137,7 +139,7 @@ class BoxBodies(StepBound):
         sweeps.exchange_motion(motion, stored("position"))
         for box, block in self.parts:
             change_box(
-                box, sweeps.scratch(box), block.places, index, moduli, sweeps.v, sweeps.G, sweeps.P, block.tiles,
+                box, sweeps.scratch(box), block.places, index, moduli, given, sweeps.v, sweeps.G, sweeps.P, block.tiles,
                 fields[0] if sweeps.in_turn else None,
             )  # fmt: skip
         self._reduce_edges()

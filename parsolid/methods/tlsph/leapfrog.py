@@ -19,6 +19,7 @@ from parsolid.methods.leapfrog import drift
 from parsolid.methods.tlsph.body_weights import ON_LATTICES
 from parsolid.methods.tlsph.lattice_bodies import speed_ratio
 from parsolid.pairs.box_stable_step import chords
+from parsolid.per_rank import PerRank, own_share
 from parsolid.scene.method_settings import KINETIC_OFFSET
 
 # Of c_p and c_s in the speed that takes a particle spacing in the largest stable step. The lagged dissipation bounds
@@ -68,6 +69,9 @@ class Leapfrog:
         """system: `system.TotalLagrangianSPH`, with its fields declared."""
         self.system = system
         self.kicks = leapfrog.Leapfrog(system.particles, system.conditions, "stress_force", "dissipative_force")
+        if "mesh" in system.body_weights:
+            # their steps are long for the strains that they bear
+            self.kicks.work_offset = leapfrog.WorkOffset()
         self.forces_of: int | None = None
         self.signals, self.safety = self.bounds()
 
@@ -102,13 +106,24 @@ class Leapfrog:
         ]
         return min(self.system.conditions.largest_step, *found, np.inf)
 
+    def begin(self) -> None:
+        """Begin with the present places and velocities, of which no forces are known."""
+        self.forces_of, self.kicks.last_step = None, 0.0
+
     def state(self) -> dict[str, Any]:
         """Whether the particles have the forces that a step begins with, and the length of the last step [s]."""
-        return {"forces_of": self.forces_of, "last_step": self.kicks.last_step}
+        found: dict[str, Any] = {"forces_of": self.forces_of, "last_step": self.kicks.last_step}
+        offset = self.kicks.work_offset
+        if offset is not None and offset.energy is not None:
+            found["work_offset"] = PerRank(offset.energy)
+        return found
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take it back."""
         self.forces_of, self.kicks.last_step = state["forces_of"], state["last_step"]
+        if self.kicks.work_offset is not None:
+            kept = state.get("work_offset")
+            self.kicks.work_offset.energy = None if kept is None else float(own_share(self.system.comm, kept)[0])
 
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:
         """Opening half kick, drift, and prescribed motion."""

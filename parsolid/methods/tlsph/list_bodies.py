@@ -172,14 +172,17 @@ class ListBodies(StepBound):
         fields = stored("stress_force"), stored("dissipative_force"), W
         self._add_up(self.motion if self.waves else None, self.heat, self.columns.position, fields)
 
-    def change_forces(self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any]) -> None:
-        """Changes of T [N] for a small change (owned, d) [m] of the displacement into the first of two fields (d, n),
-        the second is scratch; index, moduli: see `tangent.Tangent`. Collective."""
+    def change_forces(
+        self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any], given: np.ndarray | None = None
+    ) -> None:
+        """Changes of T [N] for a small change (owned, d) [m] of the displacement, and T of stresses given (d d, owned)
+        [Pa], into the first of two fields (d, n), the second is scratch; index, moduli: see `tangent.Tangent`.
+        Collective."""
         self.motion[: self.last, : self.dimension] = change[: self.last]
         self._begin_sums()
         for block in self.blocks:
             change_records(
-                self.dimension, block.first, block.last, block.places.tensor, index, moduli, self.near.inner,
+                self.dimension, block.first, block.last, block.places.tensor, index, moduli, given, self.near.inner,
                 self.motion, self.operator, self.record, block.tiles,
             )  # fmt: skip
         self._add_up(None, None, 0, (*fields, None))

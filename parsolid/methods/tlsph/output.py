@@ -27,6 +27,8 @@ class Reports(ParticleSystem):
     sweeps: list[Any]
     meshes: Any
     statics: Any
+    implicit: Any
+    stages: list[Any]
     reference: Any
     initial_stress: Any
     lattice_bodies: list[Any]
@@ -70,7 +72,8 @@ class Reports(ParticleSystem):
         if self.reference is not None and self.reference.fault is not None and self.owned:
             most = int(np.argmin(self.particles.owned_rows("jacobian")))
             return most, f"the reference could not be moved: {self.reference.fault}"
-        unbalanced = None if self.statics is None else self.statics.first_invalid()
+        solved = {"static": self.statics, "implicit": self.implicit}.get(self.settings.integrator)
+        unbalanced = None if solved is None else solved.first_invalid()
         return unbalanced or super().first_invalid() or self._beyond_its_law()
 
     def _beyond_its_law(self) -> tuple[int, str] | None:
@@ -162,9 +165,14 @@ class Reports(ParticleSystem):
         failed."""
         moved = {} if self.reference is None else {"reference_updates": self.reference.updates}
         moved |= failed_matter.summary(self.comm, self.particles, self.mass * self.share)
-        moved |= {} if self.statics is None else self.statics.summary()
+        moved |= self.statics.summary() if self._has_equilibria else {}
+        moved |= {} if self.implicit is None else self.implicit.summary()
         chosen = self.settings.weights in ("best", "mesh")
         return {**moved, "pair_weights": list(self.body_weights)} if chosen else moved
+
+    @property
+    def _has_equilibria(self) -> bool:
+        return any(one.integrator == "static" for one in self.stages)
 
     def progress(self) -> list[str]:
         """Iterations and residual of equilibria."""
@@ -174,7 +182,7 @@ class Reports(ParticleSystem):
         """Elements of second order, of which the corners are taken; what load steps take."""
         found = {} if self.meshes is None else self.meshes.of_second_order
         code, words = "second-order-elements", "are taken by their corners"
-        cost = [] if self.statics is None else self.statics.cost_notes()
+        cost = self.statics.cost_notes() if self._has_equilibria else []
         return cost + [
             Note(code, f"bodies.{self.bodies[i]}: elements of second order ({', '.join(kinds)}) {words}")
             for i, kinds in found.items()

@@ -41,6 +41,9 @@ MESH_DISSIPATION = 0.1
 FIXED_WALLS = "fixed_wall_work"
 # with what there is no motion
 _IN_EQUILIBRIUM = "with equilibria instead of motion"
+# integrators that solve for displacements, and what that means for others
+_SOLVED = frozenset(("static", "implicit"))
+_SOLUTION = "with method.integrator = 'static' or 'implicit'"
 
 
 class TotalLagrangianSPH(MethodSettings):
@@ -91,22 +94,37 @@ class TotalLagrangianSPH(MethodSettings):
         "micro-hard": "it is for micro-inertia, in ulsph",
     }
     stage_keys: ClassVar = (
-        *("integrator", "tolerance", "safety", "dissipation", "reconstruction", "maximum_step", "minimum_step"),
+        *(
+            "integrator",
+            "tolerance",
+            "accuracy",
+            "safety",
+            "dissipation",
+            "reconstruction",
+            "maximum_step",
+            "minimum_step",
+        ),
     )
     kind: Literal["tlsph"]
     kernel: Literal[kernel_names()] = Field(  # type: ignore[valid-type]
         "wendland-c2", description="the smoothing kernel"
     )
     smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
-    integrator: Literal["ssp-rk3", "leapfrog", "static"] = Field(
+    integrator: Literal["ssp-rk3", "leapfrog", "static", "implicit"] = Field(
         "leapfrog",
         description='"leapfrog": one force evaluation a step, order 2; "ssp-rk3": three, order 3, as in the paper; '
-        '"static": a sequence of equilibria, the time being the parameter of the loads',
+        '"static": a sequence of equilibria, the time being the parameter of the loads; "implicit": motion, order 2, '
+        "in steps that waves do not bound",
     )
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = Field(
         None,
-        description='of "static": forces that are not balanced over the largest load (or reaction) so far, 1e-8 unless '
-        "given",
+        description='of "static": forces that are not balanced over the largest load (or reaction) so far; of '
+        '"implicit": over the largest force so far; 1e-8 unless given',
+    )
+    accuracy: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        None,
+        description='of "implicit": what a step errs by over the largest displacement, 1e-3 unless given; without it '
+        "steps are as long as maximum_step where that is given",
     )
     cfl: Positive | None = Field(
         None, description="time step over (particle spacing / largest wave speed), 0.7 unless given; of ssp-rk3"
@@ -152,7 +170,7 @@ class TotalLagrangianSPH(MethodSettings):
     @property
     def prescribes(self) -> tuple[str, ...]:  # type: ignore[override]
         """Of a motion its velocity; of equilibria the displacement, too."""
-        return ("velocity", "displacement") if self.integrator == "static" else ("velocity",)
+        return ("velocity", "displacement") if self.integrator in _SOLVED else ("velocity",)
 
     @property
     def pair_weights(self) -> str:
@@ -165,7 +183,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     def dissipation_of(self, weights: str) -> float:
         """The factor on the dissipation of bodies with pair weights of a kind."""
-        if self.integrator == "static":
+        if self.integrator in _SOLVED:
             return 0.0
         if self.dissipation is not None:
             return float(self.dissipation)
@@ -173,11 +191,14 @@ class TotalLagrangianSPH(MethodSettings):
 
     @model_validator(mode="after")
     def _one_way_to_step(self) -> "TotalLagrangianSPH":
-        own = {"leapfrog": ("safety", 0.9), "ssp-rk3": ("cfl", 0.7), "static": ("tolerance", 1e-8)}
-        key, usual = own.pop(self.integrator)
-        others = [other for other, _ in own.values() if getattr(self, other) is not None]
+        own = {"leapfrog": ("safety", 0.9), "ssp-rk3": ("cfl", 0.7), **dict.fromkeys(_SOLVED, ("tolerance", 1e-8))}
+        key, usual = own[self.integrator]
+        others = [
+            other for other in ("safety", "cfl", "tolerance") if other != key and getattr(self, other) is not None
+        ]
+        others += ["accuracy"] if self.accuracy is not None and self.integrator != "implicit" else []
         expected = f"no such key with the integrator {self.integrator!r}"
-        if self.integrator == "static":
+        if self.integrator in _SOLVED:
             others += ["dissipation"] if self.dissipation is not None else []
             others += [] if self.reconstruction else ["reconstruction"]
         reject(*(((other,), expected, getattr(self, other)) for other in others))
@@ -221,7 +242,7 @@ class TotalLagrangianSPH(MethodSettings):
         with mass."""
         if self.integrator == "ssp-rk3" or self.reference == "updated" or _OF_WEIGHTS & self.model_fields_set:
             return {}
-        if "static" in self.integrators(scene):
+        if self.integrators(scene) & _SOLVED:
             return {"weights": "best"}
         own = self._own(scene, bodies)
         lattices = [i for i, body in enumerate(own.bodies) if body.shape.kind != "mesh"]
@@ -253,7 +274,7 @@ class TotalLagrangianSPH(MethodSettings):
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
         """Weights, where the scene leaves them to its bodies."""
-        if "static" in self.integrators(scene):
+        if self.integrators(scene) & _SOLVED:
             return []
         usual = self.defaults_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
@@ -301,11 +322,11 @@ class TotalLagrangianSPH(MethodSettings):
 
     def contact_refused(self, scene: Any) -> str | None:
         """Bodies in motion can."""
-        return _IN_EQUILIBRIUM if "static" in self.integrators(scene) else None
+        return _SOLUTION if self.integrators(scene) & _SOLVED else None
 
     def substeps_refused(self) -> str | None:
         """Equilibria have no steps of motion."""
-        return _IN_EQUILIBRIUM if self.integrator == "static" else None
+        return _SOLUTION if self.integrator in _SOLVED else None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """What does not go together in a scene."""
@@ -332,10 +353,12 @@ class TotalLagrangianSPH(MethodSettings):
         stages, faults = [one for one in scene.stages if "integrator" in one.method], list[Detail]()
         places = [("method",), *(("stages", i, "method") for i in range(len(stages)))]
         stated = [{key: getattr(self, key) for key in self.model_fields_set}, *(one.method for one in stages)]
-        moving = [(place, one) for place, one in zip(places, stated) if one.get("integrator", "leapfrog") != "static"]
+        moving = [pair for pair in zip(places, stated) if pair[1].get("integrator", "leapfrog") not in _SOLVED]
         for place, one in moving if stages else ():
             if one.get("integrator") == "ssp-rk3":
-                faults.append(((*place, "integrator"), "one of 'leapfrog', 'static' with [[stages]]", "ssp-rk3"))
+                faults.append(
+                    ((*place, "integrator"), "one of 'leapfrog', 'static', 'implicit' with [[stages]]", "ssp-rk3")
+                )
             first_place, first = moving[0]
             for key in ("dissipation", "reconstruction"):
                 if one.get(key) != first.get(key):
@@ -346,35 +369,42 @@ class TotalLagrangianSPH(MethodSettings):
     def _faults_of_equilibria(self, scene: Any) -> list[Detail]:
         """What a sequence of equilibria does not know, and what it alone knows."""
         moved = enumerate(one.kind for one in scene.boundaries)
-        if "static" not in self.integrators(scene):
+        if not self.integrators(scene) & _SOLVED:
             expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
             return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
         key, faults = ("method", "integrator"), list[Detail]()
         for table in ("tools", "tie"):
             if getattr(scene, table):
-                faults.append(((table,), f"no such table {_IN_EQUILIBRIUM}", Phrase("one")))
+                faults.append(((table,), f"no such table {_SOLUTION}", Phrase("one")))
         if self.reference == "updated":
-            faults.append((("method", "reference"), "'fixed' with method.integrator = 'static'", self.reference))
+            faults.append((("method", "reference"), f"'fixed' {_SOLUTION}", self.reference))
         if scene.methods is not None and len(scene.methods) > 1:
             faults.append((key, "'leapfrog' beside other methods", self.integrator))
         if scene.loads.manufactured:
-            faults.append((("loads", "manufactured"), f"no such key {_IN_EQUILIBRIUM}", True))
-        expected = "nodes of meshes ('mesh') and of boxes ('cells', 'fourth-order') with method.integrator = 'static'"
+            faults.append((("loads", "manufactured"), f"no such key {_SOLUTION}", True))
+        expected = f"nodes of meshes ('mesh') and of boxes ('cells', 'fourth-order') {_SOLUTION}"
         for i, kind in enumerate(weights_of_bodies(self.pair_weights, scene)):
             if kind != "mesh" and (kind not in ON_LATTICES or scene.bodies[i].shape.kind != "box"):
                 faults.append((("method", "weights"), expected, Phrase(f"{kind!r} for bodies.{i}")))
         for i, body in enumerate(scene.bodies):
             place = ("bodies", i, "material")
-            if getattr(body.material, "failure", None) is not None:
-                faults.append(((*place, "failure"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
+            implicit = "implicit" in self.integrators(scene)
+            if implicit and body.material.kind == "elastic-plastic":
+                expected = "a hyperelastic law with method.integrator = 'implicit'"
+                faults.append(((*place, "kind"), expected, body.material.kind))
+            elif implicit and body.material.branches:
+                found = Phrase(f"{len(body.material.branches)}")
+                faults.append(((*place, "branches"), "none with method.integrator = 'implicit'", found))
+            elif getattr(body.material, "failure", None) is not None:
+                faults.append(((*place, "failure"), f"no such key {_SOLUTION}", Phrase("one")))
             if SOFTENING in getattr(body.material, "ledger_terms", {}):
-                expected = "a law without memory with method.integrator = 'static'"
+                expected = f"a law without memory {_SOLUTION}"
                 faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
             if body.velocity is not None and self.integrator == "static":
                 faults.append((("bodies", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))
         for i, one in enumerate(scene.boundaries):
             if one.kind == "spring" and one.damping > 0.0:
-                faults.append((("boundaries", i, "damping"), f"no such key {_IN_EQUILIBRIUM}", one.damping))
+                faults.append((("boundaries", i, "damping"), f"no such key {_SOLUTION}", one.damping))
         for i, state in enumerate(scene.initial):
             if self.integrator != "static":
                 continue

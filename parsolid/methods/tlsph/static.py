@@ -111,9 +111,9 @@ class Static:
     balanced in the last state, and what may be.
     """
 
-    def __init__(self, system: Any) -> None:
-        """system: `system.TotalLagrangianSPH` with its sweeps. Raises SolverError on all ranks where nothing holds a
-        body. Collective."""
+    def __init__(self, system: Any, equilibria: bool) -> None:
+        """system: `system.TotalLagrangianSPH` with its sweeps; equilibria: whether any stage has them, else these are
+        for `implicit.Implicit`. Raises SolverError on all ranks where nothing holds a body. Collective."""
         self.system, self.comm, self.conditions = system, system.comm, system.conditions
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         system.particles.declare(Field("displacement", system.dimension, "m", **kept))
@@ -124,6 +124,8 @@ class Static:
         # forces of the stabiliser of boxes, which are not among those of the sweeps
         self._stabilising = np.zeros(self.free.shape)
         self.preconditioner = StaticPreconditioner(self.tangent)
+        if equilibria:
+            self.preconditioner.refuse_loose_bodies()
         loads = [load for load, _ in self.conditions.loads_of]
         # whether all loads have a potential, which is their product with the displacement
         self.dead = all(isinstance(load, DistributedLoad) for load in loads)
@@ -136,7 +138,7 @@ class Static:
         self.fault, self.loaded, self.largest_load, self.norm, self.target = "", False, 0.0, 0.0, 0.0
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
         # of the equilibrium that is sought: time [s], length [s] and part of the load step
-        self._at = (0.0, 0.0, 0.0)
+        self.sought = (0.0, 0.0, 0.0)
         self._residual = np.zeros(self.free.shape)
 
     def set_span(self, began: float, start: float, end: float, settings: Any) -> None:
@@ -153,7 +155,7 @@ class Static:
         displacement = displacement.copy()
         self.tangent.share_moves(displacement)
         sound = self._deform(displacement)
-        external = self._loads(*self._at)
+        external = self._loads(*self.sought)
         residual = np.where(self.free, self.internal_force() + external, 0.0)
         stored, work = self.system.energies()[1], float(np.vdot(external, displacement))
         square, stored, work, size, lost = sums(
@@ -226,11 +228,11 @@ class Static:
         """Loads (owned, d) [N] at a part of a load step [s] from a time [s], in the present shape; of a jump, where the
         step is 0, from those before it to those after it."""
         if step == 0.0:
-            before = self._held_at_start if time == self.began else self._loads_at(time, True)
-            return (1.0 - part) * before + part * self._loads_at(time, False)
-        return self._loads_at(time + part * step, part > 0.0)
+            before = self._held_at_start if time == self.began else self.loads_at(time, True)
+            return (1.0 - part) * before + part * self.loads_at(time, False)
+        return self.loads_at(time + part * step, part > 0.0)
 
-    def _loads_at(self, time: float, before_jump: bool) -> np.ndarray:
+    def loads_at(self, time: float, before_jump: bool) -> np.ndarray:
         found = self.conditions.find_loads(time, before_jump)
         if found is None:
             return np.zeros(self.free.shape)
@@ -275,9 +277,9 @@ class Static:
         """(K - dL/du) du of a change (owned, d) [m] into out [N]."""
         out[:] = self.tangent.product(change)
         if not self.dead:
-            out -= self._change_of_loads(change)
+            out -= self.change_of_loads(change)
 
-    def _change_of_loads(self, change: np.ndarray) -> np.ndarray:
+    def change_of_loads(self, change: np.ndarray) -> np.ndarray:
         """dL/du du (owned, d) [N] of loads that follow the shape: differences, which are exact for springs and for a
         pressure, whose loads are polynomials of second order in du."""
         of, system = self.system.particles.owned_rows, self.system
@@ -286,7 +288,7 @@ class Static:
         for sign in (1.0, -1.0):
             of("position")[:] = x + sign * change
             of("deformation_gradient")[:] = one + system.displacement_gradient().reshape(F.shape)
-            ends.append(self._loads(*self._at))
+            ends.append(self._loads(*self.sought))
         of("position")[:], of("deformation_gradient")[:] = x, F
         if system.meshes is not None:
             # rows of the sweeps have places, too, which the energy needs
@@ -356,6 +358,7 @@ class Static:
         if self.history is not None:
             self.history.remember()
         self._return_to(Equilibrium(u, u, 0.0))
+        self.preconditioner.inertia = None
         self.preconditioner.build()
         force = self.internal_force()
         self._held_at_start = -force if time == self.began else np.zeros(force.shape)
@@ -380,8 +383,8 @@ class Static:
     def _attempt(self, time: float, step: float, part: float, end: float, start: Equilibrium) -> Taken | Failed:
         """From the equilibrium at a part of a load step [s] from a time [s] to that at another part."""
         before, ahead, of = self._loads(time, step, part), (end - part) * step, self.system.particles.owned_rows
-        self._at = (time, step, end)
-        load = self._loads(*self._at) - before
+        self.sought = (time, step, end)
+        load = self._loads(*self.sought) - before
         moved, guess = self._moved(time, step, part, end, start.displacement), of("displacement_rate") * ahead
         if self.history is None:
             unbalanced = load
@@ -404,7 +407,7 @@ class Static:
         last = self._tangent_of_path(load, moved, first.change)
         if isinstance(last, Failed):
             return last
-        held = np.where(self.free & self.dead, self._loads(*self._at), -self.internal_force())
+        held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
         end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy())
         taken = self._taken(start, end_of_step, load, first, last, lost)
         if taken.missing > _MISSING * self._scale(taken) + self._rounding:
@@ -479,7 +482,7 @@ class Static:
 
     def _set_target(self) -> None:
         """What may be left of the loads, or of the reactions where nothing is loaded, and of rounding."""
-        external, force = self._loads(*self._at), self.internal_force()
+        external, force = self._loads(*self.sought), self.internal_force()
         squares = [np.vdot(external, external), np.vdot(force[~self.free], force[~self.free])]
         load, reaction = np.sqrt(sums(self.comm, squares))
         self.loaded = self.loaded or bool(load > 0.0)

@@ -33,11 +33,12 @@ _LOOSE = 1e-9
 class StaticPreconditioner:
     """M^-1 r of residuals; all methods are collective.
 
-    rounding [N]: of the norm of forces.
+    rounding [N]: of the norm of forces; inertia (owned,) [N/m]: see `GridLevels.of_moduli`.
     """
 
+    inertia: np.ndarray | None = None
+
     def __init__(self, tangent: Tangent) -> None:
-        """Raises SolverError on all ranks where nothing holds a body."""
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
         system, d = self.system, self.system.dimension
         of = system.particles.owned_rows
@@ -48,7 +49,6 @@ class StaticPreconditioner:
         self.diagonal = self._scaled_diagonal()
         size = self.volume[:, None] ** (1.0 / d)
         self.rounding = _BITS * float(np.sqrt(sums(self.comm, [np.sum((self.diagonal * size) ** 2)])[0]))
-        self._refuse_loose_bodies()
 
     def _scaled_diagonal(self) -> np.ndarray:
         """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest."""
@@ -63,7 +63,7 @@ class StaticPreconditioner:
         """Take the present shape."""
         places = np.ascontiguousarray(self.system.particles.owned_rows("position"))
         self._levels = GridLevels(self.comm, places, self.spacing, self.tangent.free)
-        self._levels.of_moduli(self.lame, self.shear, self.volume, self.diagonal)
+        self._levels.of_moduli(self.lame, self.shear, self.volume, self.diagonal, self.inertia)
         self._first: float | None = None
 
     def note(self, products: int, decades: float) -> None:
@@ -82,7 +82,7 @@ class StaticPreconditioner:
 
     # --- what nothing holds -------------------------------------------------------------------------------------
 
-    def _refuse_loose_bodies(self) -> None:
+    def refuse_loose_bodies(self) -> None:
         """Raise SolverError on all ranks for a body that can move as one without a force."""
         system, d = self.system, self.system.dimension
         body, X = system.particles.owned_rows("body"), system.particles.owned_rows("reference_position")

@@ -14,6 +14,7 @@ from parsolid.methods.plastic_particles import begin_plastic, declare_plastic
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, meshes_of, weights_of_bodies
 from parsolid.methods.tlsph.fixed_walls import fixed_walls_of
+from parsolid.methods.tlsph.implicit import Implicit
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies
 from parsolid.methods.tlsph.leapfrog import Leapfrog
@@ -54,16 +55,18 @@ class TotalLagrangianSPH(Reports):
     None where the scene has no such bodies;
     sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
     advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator
-    of motion, the other is None; statics: that of equilibria, None where no stage has them; meshes_of_bodies: the key
-    of the mesh whose weights each body has, or None; settings: those of the present stage, see `begin_stage`.
+    of explicit motion, the other is None; statics: that of equilibria, None where no stage solves for displacements;
+    implicit: that of motion in long steps, or None; meshes_of_bodies: the key of the mesh whose weights each body has,
+    or None; settings: those of the present stage, see `begin_stage`.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
         """particle_set: this rank's particles in the order of `sort`. Raises SolverError on all ranks when particles
         cannot be paired. Collective."""
         self.stages = settings_of_stages(scene)
-        moving = next((one for one in self.stages if one.integrator != "static"), scene.method)
-        static = next((one for one in self.stages if one.integrator == "static"), None)
+        kinds = {one.integrator for one in self.stages}
+        moving = next((one for one in self.stages if one.integrator == "leapfrog"), scene.method)
+        unknown = next((one for one in self.stages if one.integrator in ("static", "implicit")), None)
         # weights and sums over pairs are those of motion in all stages
         whole, scene = scene, scene.model_copy(update={"method": moving})
         self.comm, self.settings = comm, moving
@@ -87,8 +90,8 @@ class TotalLagrangianSPH(Reports):
         self.plastic_blocks = [block for block in self.blocks if isinstance(block, PlasticBlock)]
         meshes = meshes_of(self.body_weights)
         without_images = frozenset(i for i, kind in enumerate(self.body_weights) if kind in ON_LATTICES)
-        # equilibria know displacements, which a motion may follow, too
-        known = scene if static is None else scene.model_copy(update={"method": static})
+        # solutions for displacements know them, and then a motion may follow them in all stages
+        known = scene if unknown is None else scene.model_copy(update={"method": unknown})
         self.conditions = Conditions(comm, known, particle_set, self.particles, without_images, frozenset(meshes))
         held = (self.conditions.planes, self.conditions.held)
         self.lattice_bodies = find_lattice_bodies(comm, scene, particle_set, self.body_weights, *held, self.laws)
@@ -133,7 +136,8 @@ class TotalLagrangianSPH(Reports):
         if self.lists is not None:
             metric = metrics(particle_set.spacing, particle_set.axes, smoothing_of(self, particle_set))
             self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share)
-        self.statics = None if static is None else Static(self)
+        self.statics = None if unknown is None else Static(self, "static" in kinds)
+        self.implicit = Implicit(self) if "implicit" in kinds else None
         self._take_stages(whole)
 
     def _take_stages(self, scene: Any) -> None:
@@ -155,6 +159,8 @@ class TotalLagrangianSPH(Reports):
         if self.settings.integrator == "static":
             first = max(k for k in range(number + 1) if k == 0 or self.stages[k - 1].integrator != "static")
             self.statics.set_span(self.stage_times[first], *self.stage_times[number : number + 2], self.settings)
+        elif self.implicit is not None and self.settings.integrator == "implicit":
+            self.implicit.set_settings(self.settings)
         elif self.leapfrog is not None:
             self.leapfrog.signals, self.leapfrog.safety = self.leapfrog.bounds()
 
@@ -213,8 +219,8 @@ class TotalLagrangianSPH(Reports):
         for block in self.blocks:
             block.settle()
         self.conditions.hold(0.0)
-        if self.settings.integrator == "static":
-            self.statics.begin()
+        if self.settings.integrator in ("static", "implicit"):
+            self.integrator.begin()
         elif self.statics is not None:
             self.statics.follow_motion()
             self.statics.stabilise()
@@ -246,7 +252,7 @@ class TotalLagrangianSPH(Reports):
 
     def begin_stage(self, time: float, ledger: Any) -> None:
         """See `ParticleSystem`: a motion that goes over to equilibria loses what it has of kinetic energy; bodies that
-        begin to move are at rest but for what is prescribed."""
+        begin to move from one are at rest but for what is prescribed."""
         before, (kinetic, _) = self.settings.integrator, self.energies()
         self._enter(self.stage + 1)
         if self.settings.integrator == before:
@@ -255,8 +261,7 @@ class TotalLagrangianSPH(Reports):
             self.statics.begin()
             ledger.add_term(STAGE_CHANGE, kinetic)
         else:
-            assert self.leapfrog is not None
-            self.leapfrog.set_state({"forces_of": None, "last_step": 0.0})
+            self.integrator.begin()
             self.conditions.impose(time)
             ledger.add(1.0, 0.0, 0.0, self.energies()[0] - kinetic)
 
@@ -279,7 +284,8 @@ class TotalLagrangianSPH(Reports):
     def _integrators(self) -> list[Any]:
         """Those that keep a state, of all stages."""
         kinds = {one.integrator for one in self.stages}
-        return [self.statics] * ("static" in kinds) + [self.leapfrog] * ("leapfrog" in kinds)
+        found = {"static": self.statics, "implicit": self.implicit, "leapfrog": self.leapfrog}
+        return [one for kind, one in found.items() if kind in kinds]
 
     def resume(self) -> None:
         """Continue from a state that was put back into the particles."""
@@ -301,13 +307,14 @@ class TotalLagrangianSPH(Reports):
 
     @property
     def integrator(self) -> Any:
-        """Equilibria, leapfrog or the stages of SSP-RK3."""
-        return self.statics if self.settings.integrator == "static" else self.leapfrog or self.staged_step
+        """Equilibria, steps of implicit dynamics, leapfrog or the stages of SSP-RK3."""
+        of_kind = {"static": self.statics, "implicit": self.implicit}
+        return of_kind.get(self.settings.integrator, self.leapfrog or self.staged_step)
 
     @property
     def reached(self) -> float | None:  # type: ignore[override]
         """Time [s] of the last equilibrium, where a step ended before its end."""
-        return None if self.statics is None else self.statics.reached
+        return getattr(self.integrator, "reached", None)
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in the present state."""
@@ -330,6 +337,6 @@ class TotalLagrangianSPH(Reports):
             announce(False, 0.0)
             return False
         sound = bool(self.integrator.complete_step(time, step, ledger, announce))
-        if self.statics is not None and self.integrator is not self.statics:
+        if self.statics is not None and self.settings.integrator == "leapfrog":
             self.statics.follow_motion()
         return sound

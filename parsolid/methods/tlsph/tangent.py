@@ -3,8 +3,9 @@
     dF = grad du,   dP = A : dF,   K du = - V Div dP
 
 A = d2W/dF dF is found once for a state, from differences of the law's stress, and kept as its upper triangle; a product
-then knows no law. Of flow it is the symmetric part, from which A differs by stresses alone. K is symmetric in the plain inner product, as both sweeps are adjoint, and is minus the derivative of
-the force, the stabilisers included: that of meshes is in their sweeps, that of boxes beside them.
+then knows no law. Of flow it is the symmetric part, from which A differs by stresses alone. K is symmetric in the plain
+inner product, as both sweeps are adjoint, and is minus the derivative of the force, the stabilisers included: that of
+meshes is in their sweeps, that of boxes beside them.
 """
 
 from typing import Any
@@ -77,12 +78,16 @@ def find_moduli(law, first, last, tensor, index, gradient, tiles, moduli, values
 
 
 @kernel
-def change_stresses(places, index, moduli, i, n, G, P):
-    """dP = A : dF of n particles from row i on; G, P: tiles of dF and dP."""
+def change_stresses(places, index, moduli, given, i, n, G, P):
+    """dP = A : dF of n particles from row i on, and stresses given (d d, particles) besides, or None; G, P: tiles of dF
+    and dP."""
     for j in range(places.size):
         to = np.uintp(places[j] * TILE)
         for p in range(np.uintp(TILE)):
             P[to + p] = 0.0
+        if given is not None:
+            for p in range(np.uintp(n)):
+                P[to + p] = given[j, np.uintp(i) + p]
         for k in range(places.size):
             start, row, at = np.uintp(places[k] * TILE), index[j, k], np.uintp(i)
             for p in range(np.uintp(n)):
@@ -90,19 +95,19 @@ def change_stresses(places, index, moduli, i, n, G, P):
 
 
 @kernel
-def change_records(d, first, last, places, index, moduli, pairs, motion, operator, record, tiles):
+def change_records(d, first, last, places, index, moduli, given, pairs, motion, operator, record, tiles):
     """Records with the changes of stress of particles first .. last - 1 in a pair list, from rows of the motion that
     have du in place of the velocity; see `list_update.advance_step`."""
     G, P, Z = tiles.G, tiles.P, tiles.impedance
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
         find_gradients(d, pairs, i, n, motion, 0.0, operator, None, record, G)
-        change_stresses(places, index, moduli, i, n, G, P)
+        change_stresses(places, index, moduli, given, i, n, G, P)
         store_stresses(d, i, n, P, Z, operator, record)
 
 
 @kernel
-def change_box(box, scratch, places, index, moduli, v, G, P, tiles, force):
+def change_box(box, scratch, places, index, moduli, given, v, G, P, tiles, force):
     """Changes of stress of the nodes of a box from v, which is du; force (d, n) [N]: their forces, filled while the
     stresses are in the cache, or None; see `box_bodies.advance_box`."""
     row, tile_G, tile_P = box.first, tiles.G, tiles.P
@@ -112,7 +117,7 @@ def change_box(box, scratch, places, index, moduli, v, G, P, tiles, force):
         for a in range(box.first_node, box.last_node, TILE):
             n = min(TILE, box.last_node - a)
             copy_in(tile_G, places.tensor, G, of_pairs + a, n)
-            change_stresses(places.tensor, index, moduli, row, n, tile_G, tile_P)
+            change_stresses(places.tensor, index, moduli, given, row, n, tile_G, tile_P)
             copy_out(P, of_stresses + a, n, tile_P, places.tensor)
             row += n
         if force is not None and i >= REACH:
@@ -171,6 +176,15 @@ class Tangent:
             if added in system.particles:
                 self._add_stress(system.particles.owned_rows(added), bodies.blocks)
 
+    def force_of(self, stress: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+        """Forces (owned, d) [N] of first Piola-Kirchhoff stresses (owned, d d) [Pa], and those of the stabilisers at a
+        displacement (owned, d) [m]; the state is to be linearised anew then."""
+        self.moduli[:] = 0.0
+        if self.system.meshes is not None:
+            stabilising = self.system.particles.owned_rows(self.system.meshes.added_stress)
+            self._add_stress(stabilising, self.system.meshes.blocks)
+        return -self.product(displacement, np.ascontiguousarray(stress.T))
+
     def _add_stress(self, added: np.ndarray, blocks: list[Any]) -> None:
         """That of a second Piola-Kirchhoff stress (owned, d d) [Pa] that adds F S to the stress."""
         d = self.system.dimension
@@ -181,11 +195,12 @@ class Tangent:
                     for L in range(J, d):
                         self.moduli[self.index[d * i + J, d * i + L], own] += added[own, d * L + J]
 
-    def product(self, change: np.ndarray) -> np.ndarray:
-        """K du (owned, d) [N] of a change du (owned, d) [m], all of whose components count."""
+    def product(self, change: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
+        """K du (owned, d) [N] of a change du (owned, d) [m], all of whose components count, less the forces of stresses
+        given (d d, owned) [Pa]."""
         force, scratch = self._fields
         for bodies in self.system.sweeps:
-            bodies.change_forces(change, self.index, self.moduli, (force, scratch))
+            bodies.change_forces(change, self.index, self.moduli, (force, scratch), given)
         self.share(force)
         result = np.ascontiguousarray(-force[:, : self.system.owned].T) * self.system.share[:, None]
         if self.stabiliser is not None:

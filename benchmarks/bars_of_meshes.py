@@ -1,7 +1,7 @@
 """How often the true error of bodies from meshes lies within the bar: docs/error-bars.md.
 
-python docs/bars_of_meshes.py [--only WORDS] [--report]. Every part is meshed from geometry, and given as a mesh of
-which coarser ones are made within its own surface.
+python benchmarks/bars_of_meshes.py [--only WORDS] [--report]. Every part is meshed from geometry, and given as a mesh
+of which coarser ones are made within its own surface.
 """
 
 import argparse
