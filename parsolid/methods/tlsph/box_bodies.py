@@ -156,10 +156,11 @@ class BoxBodies(StepBound):
             over = 1.0 / spacing[own].T ** 2
             result[:, own] += volume[own] * (shear * over.sum(axis=0) + (lame + shear) * over)
 
-    def stabiliser(self) -> BoxStabiliser:
-        """What resists rough motions, which the sweeps hardly see; collective."""
+    def stabiliser(self, flows: bool = False) -> BoxStabiliser:
+        """What resists rough motions, which the sweeps hardly see; flows: whether elastic-plastic bodies may flow.
+        Collective."""
         found = zip(self._bodies, self.nodes, self._cuts, self.sweeps.boxes)
-        shear = [stabilising_modulus(law) for law in self.system.laws]
+        shear = [stabilising_modulus(law) if flows else elastic_moduli(law)[0] for law in self.system.laws]
         boxes = [
             StabilisedBox(nodes, parts, box, one.axes, one.fourth_order, shear[one.body])
             for one, nodes, parts, box in found

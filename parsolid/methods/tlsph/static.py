@@ -119,7 +119,7 @@ class Static:
         system.particles.declare(Field("displacement", system.dimension, "m", **kept))
         system.particles.declare(Field("displacement_rate", system.dimension, "m/s", **kept))
         system.particles.declare(Field("displacement_curvature", system.dimension, "m/s^2", **kept))
-        self.tangent = Tangent(system)
+        self.tangent = Tangent(system, flows=True)
         self.free = self.tangent.free
         # forces of the stabiliser of boxes, which are not among those of the sweeps
         self._stabilising = np.zeros(self.free.shape)

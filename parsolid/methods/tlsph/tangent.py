@@ -144,12 +144,12 @@ class Tangent:
     the parts; stabiliser: `BoxStabiliser`, None without boxes.
     """
 
-    def __init__(self, system: Any) -> None:
-        """system: `system.TotalLagrangianSPH`, set up."""
+    def __init__(self, system: Any, flows: bool = False) -> None:
+        """system: `system.TotalLagrangianSPH`, set up; flows: whether elastic-plastic bodies may flow."""
         self.system, self.comm, d = system, system.comm, system.dimension
         constrained = system.conditions.constrained
         self.free = np.ones((system.owned, d), bool) if constrained is None else ~constrained
-        self.stabiliser = None if system.boxes is None else system.boxes.stabiliser()
+        self.stabiliser = None if system.boxes is None else system.boxes.stabiliser(flows)
         self.index = packed(d)
         self.moduli = np.zeros((d * d * (d * d + 1) // 2, system.owned))
         self._fields = np.zeros((2, *system.particles.storage("velocity").shape))
