@@ -270,7 +270,10 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
         look = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
         axes.plot([], [], linestyle="none", label=method, **look)
     axes.set_yticks(list(places.values()), [*places], fontsize=8)
-    axes.set(ylim=(len(places) - 0.5, -0.5), xlabel="computed over published", title=title)
+    # bars that are wider than all points are apart run on beyond the edge
+    ratios = [float(row.computed or 0.0) / float(row.reference or 1.0) for row in shown]
+    edges = min(0.75, min(ratios) - 0.1), max(1.25, max(ratios) + 0.1)
+    axes.set(xlim=edges, ylim=(len(places) - 0.5, -0.5), xlabel="computed over published", title=title)
     axes.grid(True, axis="x", alpha=0.25)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     figure.savefig(path, dpi=_DOTS_PER_INCH)

@@ -17,13 +17,13 @@ STUDIES = [*studies_of([str(ROOT / "validation")]), *studies_of([])]
 CHEAP = [
     ("lame", ["peridynamics, infinite plate"]),
     ("brazilian", ["peridynamics"]),
+    ("taylor_4340", ["mpm, 208 m/s"]),
     pytest.param("bar_vibration", ["tlsph", "peridynamics", "mpm", "ulsph"], marks=pytest.mark.long),
     pytest.param("restitution", ["tlsph", "mpm", "ulsph"], marks=pytest.mark.long),
     pytest.param("kirsch", ["peridynamics"], marks=pytest.mark.long),
     pytest.param("cook", ["tlsph"], marks=pytest.mark.long),
     pytest.param("upsetting", ["mpm"], marks=pytest.mark.long),
     pytest.param("die", ["tlsph"], marks=pytest.mark.long),
-    pytest.param("taylor_4340", ["mpm, 208 m/s"], marks=pytest.mark.long),
     pytest.param("column_collapse", ["mpm, as high as wide"], marks=pytest.mark.long),
     pytest.param("spinning_disc", ["tlsph"], marks=pytest.mark.long),
 ]
