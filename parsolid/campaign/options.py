@@ -48,7 +48,7 @@ _EQUILIBRIUM = {"solver": ("conjugate-gradients", "dynamic-relaxation"), "extrap
 # what a method says of the solid rather than of its discretisation: another method has to say it as well
 _OF_THE_SOLID = ("geometry", "plane", "damage", "pre_cracks", "initial_state", "motion", "contact")
 # keys that belong to a value of another one
-_GOES_WITH = {"integrator": ("cfl", "safety"), "solver": ("preconditioner",)}
+_GOES_WITH = {"integrator": ("cfl", "safety")}
 _STEPS = ("cfl", "safety", "step")
 
 

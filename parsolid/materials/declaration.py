@@ -105,6 +105,21 @@ class OfPlace:
 
 
 @dataclass(frozen=True)
+class BandWidth:
+    """The width [m] of the band of particles in which strain localises, at each particle: that of its spacing and its
+    method, which a scene may replace as `OfPlace`; a law with it has a property `largest_band` [m]."""
+
+    components: ClassVar[int] = 1
+    unit: ClassVar[str] = "m"
+    description: str = ""
+
+    @property
+    def at_rest(self) -> float:
+        """Of a law that is at no particle."""
+        return 1e-9
+
+
+@dataclass(frozen=True)
 class StateVariable:
     """A number at each particle that steps change (`hyperelastic.functions.next_state`); initial: at time 0."""
 
@@ -119,7 +134,7 @@ class StateVariable:
         return float(self.initial)
 
 
-OfParticle = Direction | OfPlace | StateVariable
+OfParticle = Direction | OfPlace | BandWidth | StateVariable
 
 
 Density = Annotated[float, Parameter("kg/m^3", "the density", above=0.0)]

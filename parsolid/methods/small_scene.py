@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from parsolid.materials.declaration import Direction, OfPlace, parameters_of
+from parsolid.materials.declaration import BandWidth, Direction, OfPlace, parameters_of
 from parsolid.methods import method_class
 from parsolid.scene import Scene
 from parsolid.scene.method_settings import MethodSettings
@@ -40,4 +40,6 @@ def _without_places(stated: Any, table: Tables, dimension: int) -> Tables:
             result[name] = {"vector": [1.0] + [0.0] * (dimension - 1)}
         elif isinstance(note, OfPlace):
             result[name] = 1.0
+        elif isinstance(note, BandWidth):
+            result[name] = note.at_rest
     return result

@@ -49,7 +49,8 @@ def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set
         here = np.flatnonzero(particle_set.body[:owned] == i)
         try:
             of_cells = _cell_data(comm, body, scene.dimension, particle_set.identifier[here])
-            values[rows[law], here] = body.material.values_at(particle_set.position[here], of_cells)
+            bands = scene.method.band(particle_set.spacing[here])
+            values[rows[law], here] = body.material.values_at(particle_set.position[here], of_cells, bands)
         except (SceneError, ValueFault) as error:
             fault = fault or f"bodies.{i}.material.{error}"
     raise_together(comm, fault)

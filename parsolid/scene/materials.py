@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.materials.declaration import SOFTENING, Direction, Phrase, StateVariable, parameters_of
+from parsolid.materials.declaration import SOFTENING, BandWidth, Direction, Phrase, StateVariable, parameters_of
 from parsolid.materials.elastic_constants import ElasticConstants, elastic_constants
 from parsolid.scene import micro_inertia, plasticity, viscoelastic  # noqa: F401 (what tables of roles have in common)
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
@@ -89,16 +89,22 @@ class HyperelasticSolid(DeclaredModel):
                 found[name] = data, note.components
         return found
 
-    def values_at(self, points: np.ndarray, of_cells: dict[str, np.ndarray]) -> np.ndarray:
+    def values_at(
+        self, points: np.ndarray, of_cells: dict[str, np.ndarray], bands: np.ndarray | None = None
+    ) -> np.ndarray:
         """What the law has at points (n, d) [m] at time 0, (values, n); of_cells: values (n, components) of `cell_data`
-        there. Raises `ValueFault`."""
+        there; bands (n,) [m]: of the particles there, see `BandWidth`. Raises `ValueFault`."""
         members = import_module("parsolid.materials.hyperelastic.at_particles").members(self.build("space"))
-        columns = [self._values_of(one.name, one.note, points, of_cells.get(one.name)) for one in members]
+        columns = [self._values_of(one.name, one.note, points, of_cells.get(one.name), bands) for one in members]
         return np.concatenate(columns, axis=1).T if columns else np.zeros((0, len(points)))
 
-    def _values_of(self, name: str, note: Any, points: np.ndarray, of_cells: np.ndarray | None) -> np.ndarray:
+    def _values_of(
+        self, name: str, note: Any, points: np.ndarray, of_cells: np.ndarray | None, bands: np.ndarray | None
+    ) -> np.ndarray:
         """Values (n, components) of a member of the law, see `values_at`."""
         stated = None if isinstance(note, StateVariable) else getattr(self, name)
+        if stated is None and isinstance(note, BandWidth):
+            return self._within_largest(name, points, bands)
         if stated is None:
             # as is a direction that need not be stated
             return np.tile(note.at_rest, (len(points), 1))
@@ -112,7 +118,21 @@ class HyperelasticSolid(DeclaredModel):
             where = place_in_words(points[int(np.argmin(known))])
             expected = "a direction everywhere" if direction else "a number everywhere"
             raise ValueFault(name, expected, f"none at ({where})")
+        if isinstance(note, BandWidth):
+            return self._within_largest(name, points, found[:, 0])
         return found / length[:, None] if direction else found
+
+    def _within_largest(self, name: str, points: np.ndarray, bands: np.ndarray | None) -> np.ndarray:
+        """Bands (n, 1) of (n,) [m]. Raises `ValueFault` where there are none or the law cannot have them."""
+        if bands is None:
+            raise ValueFault(name, "a width [m] where there are no particles", "none")
+        largest: float = self.largest_band  # type: ignore[attr-defined]
+        sound = (bands > 0.0) & (bands < largest)
+        if not sound.all():
+            worst = int(np.argmin(sound))
+            place = place_in_words(points[worst])
+            raise ValueFault(name, f"more than 0 and less than {largest:g} m", f"{bands[worst]:g} m at ({place})")
+        return bands[:, None]
 
     def law_at(self, point: Sequence[float]) -> Any:
         """The law at a point (d,) [m] without a mesh at time 0. Raises `ValueFault`."""

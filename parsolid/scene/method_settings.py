@@ -143,6 +143,11 @@ class MethodSettings(SceneModel):
         """What bodies of the method do that touch and that no contact names, in words."""
         return "bonded where they touch"
 
+    def band(self, spacing: np.ndarray) -> np.ndarray:
+        """Width (n,) [m] of the band in which the strain of particles with a spacing (n, d) [m] localises, measured on
+        a neck that breaks (docs/laws.md): two spacings, as gradients are differences over two."""
+        return np.asarray(2.0 * np.prod(spacing, axis=1) ** (1.0 / spacing.shape[1]))
+
     def reach(self, spacing: np.ndarray) -> np.ndarray:
         """Semi-axes (d,) [m] of the region around particles of a spacing (d,) [m] in which others feel them."""
         return np.zeros_like(spacing)
@@ -163,13 +168,17 @@ class MethodSettings(SceneModel):
         """By which factor spacings of bodies may differ that the method bonds."""
         return inf
 
-    def bonded_densities(self, scene: Any) -> float:
-        """The same of their densities."""
+    def bonded_moduli(self, scene: Any) -> float:
+        """The same of their moduli of pressure waves."""
         return inf
 
     def contact_refused(self, scene: Any) -> str | None:
         """Why bodies of the method cannot be in contact, None where they can."""
         return "with this method"
+
+    def tie_refused(self, scene: Any) -> str | None:
+        """Why bodies of the method cannot be tied, None where they can."""
+        return self.contact_refused(scene)
 
     def substeps_refused(self) -> str | None:
         """Why the method cannot take several steps in one that all methods take; None where it can."""

@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo, WithJsonSchema
 
-from parsolid.materials.declaration import Direction
+from parsolid.materials.declaration import BandWidth, Direction
 from parsolid.scene.base_model import SceneModel
 from parsolid.scene.formulas import InitialDirection, InitialScalar, formula_of_place
 
@@ -56,10 +56,12 @@ StatedNumber: Any = Annotated[Any, PlainValidator(_number), PlainSerializer(_sta
 
 
 def field_of_particles(note: Any) -> tuple[Any, Any]:
-    """Type and field of a table for a member that particles have values of, a `Direction` or a number `OfPlace`."""
+    """Type and field of a table for a member that particles have values of, state variables apart."""
     told = f"{note.description} [{note.unit}]" if note.unit != "1" else note.description
     if isinstance(note, Direction):
         needed: dict[str, Any] = {} if note.needed else {"default": None}
         kind = StatedDirection if note.needed else StatedDirection | None
         return kind, Field(**needed, description=f"a table: angle, vector or cell_data; the direction {told}".strip())
+    if isinstance(note, BandWidth):
+        return StatedNumber | None, Field(None, description=f"the width of the band of {told}; of the spacing if none")
     return StatedNumber, Field(description=told or None)

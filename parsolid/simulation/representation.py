@@ -35,7 +35,7 @@ class Across(NamedTuple):
 def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Warned]:
     """Warnings of all systems; collective, the same on all ranks.
 
-    Raises SolverError, on all ranks, for bonded bodies whose spacings or densities differ too much.
+    Raises SolverError, on all ranks, for bonded bodies whose spacings or moduli differ too much.
     """
     extents: dict[int, Extent] = {}
     found: list[Warned] = contact_warnings(scene, systems)
@@ -84,13 +84,14 @@ def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dic
         if gap > TOUCHING * max(spacing.max(), other.max()):
             continue
         ratio = float(max((spacing / other).max(), (other / spacing).max()))
-        density = [system.wave_modulus(system.bodies.index(k))[1] for k in (i, j)]
+        modulus = [system.wave_modulus(system.bodies.index(k))[0] for k in (i, j)]
         for what, found, most in (
             ("spacings", ratio, settings.bonded_spacings(scene)),
-            ("densities", max(density) / min(density), settings.bonded_densities(scene)),
+            ("moduli", max(modulus) / min(modulus), settings.bonded_moduli(scene)),
         ):
             if found > most * (1.0 + _ROUND_OFF):
-                expected = f"bonded bodies whose {what} differ by a factor of {most:g} at most"
+                expected = f"bonded bodies whose {what} differ by a factor of {most:g} at most (others can be tied: a "
+                expected += "[[tie]] of bodies of two [[methods]], of one kind or two)"
                 raise SolverError(f"bodies.{j}: expected {expected}, found {found:.4g} against bodies.{i}")
 
 

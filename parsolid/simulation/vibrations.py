@@ -21,7 +21,7 @@ from parsolid.solvers import GridLevels, LowestModes, Modes, moduli_of_rows, rig
 # weights whose tangent resists all that strains a body
 _WEIGHTS = ("mesh", "cells", "fourth-order")
 # by the kind of the method
-_TANGENTS: dict[str, Any] = {"tlsph": Tangent, "peridynamics": SmallMotion}
+_TANGENTS: dict[str, Any] = {"tlsph": Tangent, "peridynamics": lambda system: SmallMotion(system.operator)}
 # of the square of the lowest frequency of shear waves across the scene, what a motion without stiffness is below
 _RIGID = 1e-9
 # vectors beyond the wanted ones, which let the last of these converge

@@ -7,25 +7,25 @@ collective.
 
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.dynamic_relaxation import dynamic_relaxation, relaxation_mass
-from parsolid.solvers.eigenmodes import LowestModes, Modes, rigid_modes
+from parsolid.solvers.eigenmodes import LowestModes, Modes, rigid_modes, unrestrained_modes
 from parsolid.solvers.grid_levels import GridLevels, moduli_of_rows, rigid_motions
 from parsolid.solvers.nearly_incompressible import NearlyIncompressible
-from parsolid.solvers.node_grid import Grid
+from parsolid.solvers.newton import State, Unsolvable, newton
 from parsolid.solvers.power_iteration import largest_eigenvalue, scaled_diagonal, start_vector
-from parsolid.solvers.two_level import TwoLevel, unrestrained_modes
 
 __all__ = [
-    "Grid",
     "GridLevels",
     "LowestModes",
     "Modes",
     "NearlyIncompressible",
     "Solution",
-    "TwoLevel",
+    "State",
+    "Unsolvable",
     "conjugate_gradients",
     "dynamic_relaxation",
     "largest_eigenvalue",
     "moduli_of_rows",
+    "newton",
     "relaxation_mass",
     "rigid_modes",
     "rigid_motions",

@@ -18,6 +18,8 @@ from decomposition.reduction import sums
 
 # of the largest, what a square of a singular value is at least of vectors that count as independent
 _INDEPENDENT = 1e-13
+# of all its squares, what a motion that nothing holds may be where something holds: rounding
+_LOOSE = 1e-13
 # iterations after which products are taken anew, as rounding adds up in combinations of them
 _RENEWED = 25
 Operator = Callable[[np.ndarray], np.ndarray]
@@ -143,6 +145,16 @@ def rigid_modes(
     squares, axes = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
     rigid = np.abs(squares) < least
     return np.tensordot(axes[:, rigid].T, basis, 1), squares[rigid]
+
+
+def unrestrained_modes(comm: Any, motions: np.ndarray, restraint: np.ndarray) -> np.ndarray:
+    """Those (l, n, d), orthonormal over all ranks, of the span of some motions (k, n, d) that nothing holds; restraint
+    (k, k): sums of products of what the motions are wherever something holds, on all ranks together. Collective."""
+    gram = sums(comm, np.tensordot(motions, motions, ((1, 2), (1, 2))))
+    sizes, axes = np.linalg.eigh(gram)
+    basis = axes[:, sizes > 1e-12 * sizes[-1]] / np.sqrt(sizes[sizes > 1e-12 * sizes[-1]])
+    values, modes = np.linalg.eigh(basis.T @ restraint @ basis)
+    return np.asarray(np.tensordot((basis @ modes[:, values < _LOOSE]).T, motions, 1))
 
 
 def _gram(first: np.ndarray, second: np.ndarray) -> np.ndarray:

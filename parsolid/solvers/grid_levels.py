@@ -1,6 +1,6 @@
 """A preconditioner for stiffnesses of particles: the particles themselves, and a hierarchy of grids over all of them.
 
-It is that of total-Lagrangian SPH in equilibrium, and of `modes`. Quasi-static peridynamics has `solvers.two_level`.
+It is that of equilibria and of `modes`.
 
     M^-1 r = D^-1 r + P V P^T r
 
@@ -26,7 +26,8 @@ from decomposition.reduction import sums
 from decomposition.timer import COMMUNICATION
 from parsolid.collective import anywhere, maximum, minimum
 
-# width of the finest cells over the mean spacing of particles, see `two_level`
+# width of the finest cells over the mean spacing of particles: more than the horizon of a nonlocal stiffness, which is
+# nearly a multiple of 1 for all that varies within it
 _WIDTH = 4.0
 # nodes of the coarsest grid at most, whose matrix is dense
 _MOST_NODES = 150
@@ -228,6 +229,7 @@ class Coarsest:
     """The coarsest grid, factorised on every rank."""
 
     def __init__(self, comm: Any, nodes: Nodes, matrix: Any, ways: int) -> None:
+        """matrix: as of a `Level`; its sum over ranks is kept, too."""
         from scipy.linalg import cholesky
 
         self.comm, self.nodes = comm, nodes
@@ -238,7 +240,7 @@ class Coarsest:
         whole[np.ix_(self.places, self.places)] = matrix.toarray()
         whole = sums(comm, whole)
         whole += np.diag(_FLOOR * np.diag(whole) + np.finfo(float).tiny)
-        self.factors = cholesky(whole, lower=True, overwrite_a=True, check_finite=False)
+        self.matrix, self.factors = whole, cholesky(whole, lower=True, check_finite=False)
 
     def solve(self, partial: np.ndarray) -> np.ndarray:
         """Motions (m k,) for partial forces (m k,)."""
@@ -252,9 +254,12 @@ class Coarsest:
 class GridLevels:
     """The preconditioner on one rank; all methods are collective."""
 
-    def __init__(self, comm: Any, places: np.ndarray, spacing: float, free: np.ndarray) -> None:
+    def __init__(
+        self, comm: Any, places: np.ndarray, spacing: float, free: np.ndarray, resisted: np.ndarray | None = None
+    ) -> None:
         """places (n, d) [m] of this rank's particles; spacing [m]: their mean one, on all ranks; free (n, d) bool:
-        their components that move."""
+        their components that move; resisted (n, d) bool: components that are held by the diagonal's stiffness, those
+        that do not move unless given."""
         d = places.shape[1]
         self.comm, self.free = comm, free
         lower = minimum(comm, places.min(axis=0, initial=np.inf))
@@ -266,9 +271,11 @@ class GridLevels:
         self.nodes = Nodes(comm, lower, width, cells, np.unique(cell, axis=0)[:, None].repeat(2**d, 1) + corners)
         self.ways = d + d * (d - 1) // 2
         self.blend = blend_at(self.nodes, places)
-        # P (n d, m k), sparse
+        # P (n d, m k) and its transpose, sparse
         self.prolongation = _at_places(self.blend, free, len(self.nodes.keys))
-        self.prescribes = anywhere(comm, not free.all())
+        self.restriction = self.prolongation.T.tocsr()
+        self.resisted = ~free if resisted is None else resisted
+        self.resists = anywhere(comm, bool(self.resisted.any()))
 
     def of_moduli(
         self,
@@ -277,18 +284,21 @@ class GridLevels:
         volume: np.ndarray,
         diagonal: np.ndarray,
         inertia: np.ndarray | None = None,
+        softest: float = SOFTEST,
+        most_nodes: float = _MOST_NODES,
     ) -> None:
         """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]; inertia (n,)
-        [N/m]: what masses add to it in a step of motion."""
-        self.diagonal, lame = diagonal, np.minimum(lame, SOFTEST * shear)
-        matrix = self._stiffness(lame * volume, shear * volume, diagonal * ~self.free)
+        [N/m]: what masses add to it in a step of motion; softest: the first over the second modulus at most;
+        most_nodes: of the coarsest grid."""
+        self.diagonal, lame = diagonal, np.minimum(lame, softest * shear)
+        matrix = self._stiffness(lame * volume, shear * volume, diagonal * self.resisted)
         if inertia is not None:
             self.diagonal = diagonal + inertia[:, None]
             of_components = np.repeat(inertia, diagonal.shape[1])
-            matrix = (matrix + self.prolongation.T @ self.prolongation.multiply(of_components[:, None])).tocsr()
+            matrix = (matrix + self.restriction @ self.prolongation.multiply(of_components[:, None])).tocsr()
         self.levels: list[Level] = []
         nodes = self.nodes
-        while sums(self.comm, [float(len(nodes.keys))])[0] > _MOST_NODES and (nodes.cells > 1).any():
+        while sums(self.comm, [float(len(nodes.keys))])[0] > most_nodes and (nodes.cells > 1).any():
             level = Level(self.comm, nodes, matrix, self.ways)
             nodes, level.from_coarser = _coarser(self.comm, nodes, self.ways)
             matrix = (level.from_coarser.T @ matrix @ level.from_coarser).tocsr()
@@ -306,7 +316,7 @@ class GridLevels:
         starts = np.flatnonzero(np.diff(self.blend.rows[order, 0], prepend=-1))
         counts = np.diff(starts, append=n)
         d = self.free.shape[1]
-        kinds = 1 + d + d * (d - 1) // 2 + (d if self.prescribes else 0)
+        kinds = 1 + d + d * (d - 1) // 2 + (d if self.resists else 0)
         room = max(1, _CHUNK // max(1, int(counts.max(initial=1)) * kinds * c * k))
         chunks = [slice(first, first + room) for first in range(0, len(starts), room)]
         parts = [self._of_cells(order, starts[some], counts[some], lame, shear, held) for some in chunks]
@@ -325,7 +335,7 @@ class GridLevels:
         moduli = lame[rows], shear[rows]
         own = [(1.0 - _SPREAD) * one for one in moduli]
         strains = _energy_roots(blend.gradients(float(self.nodes.width.max())), *own)
-        if self.prescribes:
+        if self.resists:
             jumps = blend.motions() * np.sqrt(held[rows])[:, None, None]
             strains = np.concatenate((strains, jumps), axis=3)
         n, c, k, kinds = strains.shape
@@ -341,7 +351,7 @@ class GridLevels:
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (n, d) of a residual (n, d) that is 0 where a component is prescribed."""
-        motions = self._cycle(0, self.prolongation.T @ residual.ravel())
+        motions = self._cycle(0, self.restriction @ residual.ravel())
         return residual / self.diagonal + (self.prolongation @ motions).reshape(residual.shape)
 
     def _cycle(self, number: int, right: np.ndarray) -> np.ndarray:

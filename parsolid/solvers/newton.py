@@ -34,6 +34,10 @@ class State(NamedTuple):
     sound: bool
 
 
+class Unsolvable(Exception):
+    """Why a linear problem has no solution."""
+
+
 class Problem(Protocol):
     """What is to vanish; all methods are collective."""
 
@@ -47,7 +51,8 @@ class Problem(Protocol):
         """Find the tangent at the displacement evaluated last."""
 
     def solve(self, load: np.ndarray, target: float) -> Solution:
-        """K du = load on free components, until |load - K du| is at most target [N]."""
+        """K du = load on free components, until |load - K du| is at most target [N]; may raise `Unsolvable` on all
+        ranks."""
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """About K^-1 r, of a positive definite matrix."""
@@ -80,7 +85,10 @@ def newton(problem: Problem, start: State, target: float, limit: int = _CORRECTI
             forcing = _forcing(forcing, state.norm / before)
         problem.linearise()
         left = max(min(forcing, _MOST), _LAST * target / state.norm)
-        step = problem.solve(state.residual, left * state.norm).value
+        try:
+            step = problem.solve(state.residual, left * state.norm).value
+        except Unsolvable as why:
+            return Found(state, str(why), count)
         slope = -float(sums(problem.comm, [np.vdot(state.residual, step)])[0])
         if slope >= 0.0:
             # not a way down, or no step at all where the first direction has no positive stiffness

@@ -66,19 +66,6 @@ BROKEN = {
         plate({"solution": {"kind": "implicit"}}),
         "method.solution.kind: expected one of 'explicit', 'quasi-static' .*found 'implicit'",
     ),
-    "preconditioner of relaxation": (
-        plate(
-            {
-                "solution": {
-                    "kind": "quasi-static",
-                    "step": 0.1,
-                    "solver": "dynamic-relaxation",
-                    "preconditioner": "none",
-                }
-            }
-        ),
-        "method.solution.preconditioner: expected no such key but with solver = 'conjugate-gradients'",
-    ),
     "solution as text": (plate({"solution": "explicit"}), "method.solution: expected a table, found 'explicit'"),
     "no material step": (
         plate({"solution": {"kind": "quasi-static"}}),

@@ -66,15 +66,16 @@ def test_a_run_tells_and_is_not_resolved(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "spacing, density, refused",
-    [(0.1, 1100.0, False), (0.08, 1100.0, False), (0.05, 1100.0, True), (0.1, 1.1e4, False), (0.1, 1.1e5, True)],
+    "spacing, modulus, refused",
+    [(0.1, 1.0, False), (0.08, 1.0, False), (0.05, 1.0, True), (0.1, 9.9, False), (0.1, 10.1, True), (0.1, 1e-4, True)],
 )
-def test_bonded_bodies_that_differ_too_much_are_refused(spacing, density, refused, comm):
+def test_bonded_bodies_that_differ_too_much_are_refused(spacing, modulus, refused, comm):
     data = strip("tlsph", 4)
     first = data["bodies"][0] | {"name": "a"}
     del first["particles"]
     shape = {"box": {"lower": [0.0, 0.4], "upper": [2.0, 0.8]}}
-    second = first | {"name": "b", "shape": shape, "spacing": spacing, "material": NEO | {"density": density}}
+    stiff = NEO | {"youngs_modulus": modulus * NEO["youngs_modulus"], "density": 1e2 * NEO["density"]}
+    second = first | {"name": "b", "shape": shape, "spacing": spacing, "material": stiff}
     data["bodies"], data["bond"] = [first | {"spacing": 0.1}, second], [{"bodies": ["a", "b"]}]
     if not refused:
         simulation(data, comm)

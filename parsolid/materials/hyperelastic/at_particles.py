@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from parsolid.kernels import inlined
-from parsolid.materials.declaration import OfParticle, StateVariable
+from parsolid.materials.declaration import BandWidth, OfParticle, StateVariable
 from parsolid.materials.hyperelastic.functions import next_state
 from parsolid.materials.law_functions import law_function
 
@@ -74,6 +74,11 @@ def _numbers(value: Any) -> tuple[float, ...]:
 def state_count(law: Any) -> int:
     """How many of the values are state variables, the last ones."""
     return sum(isinstance(one.note, StateVariable) for one in members(law))
+
+
+def has_band(law: Any) -> bool:
+    """Whether strain localises in bands, as the law softens."""
+    return hasattr(law, "branch_moduli") and any(isinstance(one.note, BandWidth) for one in members(law))
 
 
 @members.made_by

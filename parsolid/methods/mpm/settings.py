@@ -152,6 +152,10 @@ class MaterialPoint(MethodSettings):
         """Where points have nodes in common."""
         return np.full(len(spacing), _NODES_ACROSS[self.basis] * self.cell)
 
+    def band(self, spacing: np.ndarray) -> np.ndarray:
+        """Two cells."""
+        return np.full(len(spacing), 2.0 * self.cell)
+
     def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
         """Where they act on one another."""
         return np.maximum(self.reach(spacing), spacing)

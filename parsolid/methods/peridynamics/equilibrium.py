@@ -5,167 +5,149 @@ the largest |f_ext|_2 (or reaction, where only displacements are prescribed) of 
 no other scale.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from decomposition.reduction import sums
-from parsolid.solvers import conjugate_gradients, dynamic_relaxation, largest_eigenvalue, relaxation_mass, start_vector
+from parsolid.solvers import (
+    Solution,
+    State,
+    Unsolvable,
+    conjugate_gradients,
+    dynamic_relaxation,
+    largest_eigenvalue,
+    newton,
+    relaxation_mass,
+    start_vector,
+)
 
-# inner solutions stop a little below the target, so that rounding does not ask for another pass
+# a linear solution stops a little below the target, so that rounding does not ask for another one
 _INNER = 0.9
-# of a residual, what conjugate gradients leave when the problem is not linear and will be linearised again
-_FORCING = 0.02
-_PASSES, _HALVINGS = 50, 8
+# solutions, whose reactions may ask for another one
+_PASSES = 10
 _HEAVIER = 6
-# lengths of steps whose preconditioners are kept: jumps, the material step, a shorter one
-_KEPT = 3
-
-
-class Balance(NamedTuple):
-    """A displacement (n, d) [m], the internal force (n, d) [N] there, what is not balanced, and how far from the goal
-    that is.
-    """
-
-    displacement: np.ndarray
-    internal: np.ndarray
-    residual: np.ndarray
-    norm: float
-    target: float
-    reference: float
-
-    @property
-    def reached(self) -> bool:
-        """Whether forces balance to the tolerance."""
-        return self.norm <= self.target
 
 
 class Equilibrium:
-    """Solves for balance on one rank; all methods are collective.
+    """Solves for balance on one rank; all methods are collective. It is the `solvers.newton.Problem` of its loads.
 
-    largest_load [N]: of the run so far; fault: why the last solution is not in balance; unheld:
-    whether because nothing holds a fragment; iterations: force evaluations
-    of the run so far, most_iterations: of a step at most.
+    largest_load, target [N]: of the run so far, and what need not be balanced; fault: why the last solution is not in
+    balance; unheld: whether because nothing holds a fragment; iterations: force evaluations of the run so far,
+    most_iterations: of a step at most.
     """
 
-    def __init__(self, comm: Any, operator: Any, settings: Any, coarse: Any = None) -> None:
-        """operator: see `tangent.Operator`; settings: `settings.QuasiStatic`; coarse: `coarse_space.CoarseSpace`, or
-        None.
-        """
+    def __init__(self, comm: Any, operator: Any, settings: Any, preconditioners: Any = None) -> None:
+        """operator: see `tangent.Operator`; settings: `settings.QuasiStatic`; preconditioners: of conjugate
+        gradients, see `preconditioner.Preconditioners`."""
         self.comm, self.operator, self.settings = comm, operator, settings
-        self.largest_load, self.fault, self.unheld = 0.0, "", False
+        self.free, self.preconditioners = operator.free, preconditioners
+        self.largest_load, self.target, self.fault, self.unheld = 0.0, 0.0, "", False
         self.iterations, self.most_iterations = 0, 0
         self._fictitious: dict[float, np.ndarray] = {}
-        self.coarse = coarse
-        self._preconditioners: dict[float, Any] = {}
 
-    def solve(self, start: np.ndarray, external: np.ndarray, step: float) -> Balance:
-        """Balance at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed values
-        in place.
+    def find(self, start: np.ndarray, external: np.ndarray, step: float) -> State:
+        """The state at the end of a step [s] under external forces (n, d) [N], from a first guess with prescribed
+        values in place.
 
         Where it is not `reached`, `fault` says why. The operator's `commit` ends the step.
         """
-        self.fault, self.unheld, count, self.step = "", False, self.iterations, step
-        improve = self.relax_dynamically if self.settings.solver == "dynamic-relaxation" else self.correct
-        balance = self._balance(start, external)
+        self.fault, self.unheld, count = "", False, self.iterations
+        self.external, self.step = external, step
+        solve = self.relax_dynamically if self.settings.solver == "dynamic-relaxation" else self.correct
+        state = self.evaluate(start)
         for _ in range(_PASSES):
-            if balance.reached or self.fault:
+            # reactions only where nothing is loaded: they may be large at a first guess
+            reference = self._load if max(self._load, self.largest_load) > 0.0 else self._reaction
+            self.target = self.settings.tolerance * max(self.largest_load, reference)
+            if self.reached(state) or self.fault:
                 break
-            balance = improve(balance, external)
+            state = solve(state)
         else:
-            self.fault = f"no balance after {_PASSES} passes"
-        self.largest_load = max(self.largest_load, balance.reference)
+            self.fault = f"no balance after {_PASSES} solutions"
+        self.largest_load = max(self.largest_load, reference)
         self.most_iterations = max(self.most_iterations, self.iterations - count)
-        return balance
+        return state
 
-    def _balance(self, u: np.ndarray, external: np.ndarray) -> Balance:
-        """What is left over at a displacement: one force evaluation."""
-        internal, free = np.empty_like(u), self.operator.free
-        self.operator.force(u, internal, self.step)
+    def reached(self, state: State) -> bool:
+        """Whether forces balance to the tolerance."""
+        return state.norm <= self.target
+
+    def correct(self, state: State) -> State:
+        """By Newton's method."""
+        found = newton(self, state, self.target)
+        self.fault = found.fault
+        return found.state
+
+    # --- the problem of Newton's method ------------------------------------------------------------------------
+
+    def evaluate(self, displacement: np.ndarray) -> State:
+        """See `Problem`; there is no energy of a step."""
+        internal, free = np.empty_like(displacement), self.free
+        self.operator.force(displacement, internal, self.step)
         self.iterations += 1
-        residual = (internal + external) * free
-        squares = [_square(external), _square(internal[~free]), _square(residual)]
-        load, reaction, norm = np.sqrt(sums(self.comm, squares))
-        # reactions only where nothing is loaded: they may be large at a first guess
-        reference = load if max(load, self.largest_load) > 0.0 else reaction
-        target = self.settings.tolerance * max(self.largest_load, reference)
-        return Balance(u, internal, residual, float(norm), float(target), float(reference))
+        residual = (internal + self.external) * free
+        squares = [np.vdot(one, one) for one in (self.external, internal[~free], residual)]
+        self._load, self._reaction, norm = map(float, np.sqrt(sums(self.comm, squares)))
+        self._at = displacement
+        return State(displacement, residual, norm, np.nan, 0.0, bool(np.isfinite(norm)))
 
-    def correct(self, balance: Balance, external: np.ndarray) -> Balance:
-        """Newton's correction by conjugate gradients; the whole of it where the problem is linear."""
-        operator, target, apply = self.operator, _INNER * balance.target, self._linear(balance.displacement)
-        if not operator.is_linear:
-            target = max(target, _FORCING * balance.norm)
-        solution = conjugate_gradients(
-            self.comm,
-            apply,
-            balance.residual,
-            target,
-            operator.free,
-            self.settings.most_iterations,
-            self._preconditioner(),
-            None if self.coarse is None else lambda: self._unbalanced_fragment(balance.residual, target),
-        )
-        self.iterations += solution.iterations
-        if not solution.converged:
-            self.fault = f"conjugate gradients: {solution.reason}"
-            return balance
-        factor = 1.0
-        for _ in range(_HALVINGS):
-            trial = self._balance(balance.displacement + factor * solution.value, external)
-            if operator.is_linear or trial.norm < balance.norm:
-                return trial
-            factor *= 0.5
-        self.fault = "Newton's method: no shorter step reduces what is not balanced"
-        return balance
+    def linearise(self) -> None:
+        """See `Problem`."""
+        self._linear = self._tangent(self._at)
 
-    def _unbalanced_fragment(self, residual: np.ndarray, target: float) -> str:
-        """What nothing holds, in words."""
-        words = self.coarse.unbalanced_fragment(residual, target)
-        self.unheld = bool(words)
-        return str(words)
-
-    def _preconditioner(self) -> Any:
-        """Of a step of this length, or None."""
-        if self.coarse is None:
-            return None
-        # steps that differ by rounding are alike, to the bit also after a restart
-        key, kept = float(f"{self.step:.6e}"), self._preconditioners
-        if key not in kept:
-            if len(kept) == _KEPT:
-                del kept[next(iter(kept))]
-            kept[key] = self.coarse.preconditioner(key)
-        return kept[key]
-
-    def _linear(self, displacement: np.ndarray) -> Any:
+    def _tangent(self, displacement: np.ndarray) -> Any:
         """K du of the step at a displacement."""
         return lambda du, out: self.operator.linear(displacement, du, out, self.step)
 
-    def relax_dynamically(self, balance: Balance, external: np.ndarray) -> Balance:
-        """Dynamic relaxation; with larger masses where the stiffness grows on the way and the motion diverges."""
+    def precondition(self, residual: np.ndarray) -> np.ndarray:
+        """See `Problem`."""
+        return residual if self.preconditioners is None else self.preconditioners.of_step(self.step)(residual)
+
+    def solve(self, load: np.ndarray, target: float) -> Solution:
+        """See `Problem`; the whole of it where the problem is linear."""
+        linear, preconditioners, limit = self.operator.is_linear, self.preconditioners, self.settings.most_iterations
+        solution = conjugate_gradients(
+            self.comm,
+            self._linear,
+            load,
+            _INNER * self.target if linear else target,
+            self.free,
+            limit,
+            None if preconditioners is None else preconditioners.of_step(self.step),
+            None if preconditioners is None else lambda: self._unbalanced_fragment(load, self.target),
+        )
+        self.iterations += solution.iterations
+        if not solution.converged and (linear or self.unheld or solution.iterations >= limit):
+            raise Unsolvable(f"conjugate gradients: {solution.reason}")
+        return solution
+
+    def _unbalanced_fragment(self, residual: np.ndarray, target: float) -> str:
+        """What nothing holds, in words."""
+        words = self.preconditioners.unbalanced_fragment(residual, target)
+        self.unheld = bool(words)
+        return str(words)
+
+    # --- dynamic relaxation ------------------------------------------------------------------------------------
+
+    def relax_dynamically(self, state: State) -> State:
+        """With larger masses where the stiffness grows on the way and the motion diverges."""
         operator = self.operator
 
         def force(displacement: np.ndarray, out: Any) -> None:
             operator.force(displacement, out, self.step)
-            out += external
+            out += self.external
 
-        mass = self._mass(balance.displacement)
+        mass = self._mass(state.displacement)
         for _ in range(1 if operator.is_linear else _HEAVIER):
-            solution = dynamic_relaxation(
-                self.comm,
-                force,
-                balance.displacement,
-                mass,
-                balance.target,
-                operator.free,
-                self.settings.most_iterations,
-            )
-            self.iterations += solution.iterations
-            if solution.converged:
-                return self._balance(solution.value, external)
+            limit = self.settings.most_iterations
+            found = dynamic_relaxation(self.comm, force, state.displacement, mass, self.target, self.free, limit)
+            self.iterations += found.iterations
+            if found.converged:
+                return self.evaluate(found.value)
             mass = 4.0 * mass
-        self.fault = f"dynamic relaxation: {solution.reason}"
-        return balance
+        self.fault = f"dynamic relaxation: {found.reason}"
+        return state
 
     def _mass(self, displacement: np.ndarray) -> np.ndarray:
         """Fictitious masses for the stiffness of a step of this length, from a power iteration the first time.
@@ -175,15 +157,11 @@ class Equilibrium:
         key, operator = float(f"{self.step:.6e}"), self.operator
         if key not in self._fictitious or not operator.is_linear:
             mass = operator.mass if operator.is_linear else 2.0 * operator.mass
-            start = start_vector(operator.identifier, operator.free.shape[1])
-            largest = largest_eigenvalue(self.comm, self._linear(displacement), start, operator.mass, operator.free)
+            start = start_vector(operator.identifier, self.free.shape[1])
+            largest = largest_eigenvalue(self.comm, self._tangent(displacement), start, operator.mass, self.free)
             self._fictitious[key] = relaxation_mass(largest, mass)
         return self._fictitious[key]
 
     def stiffness_changed(self) -> None:
         """Forget what was found for the old stiffness (bonds have broken)."""
         self._fictitious.clear()
-
-
-def _square(values: np.ndarray) -> float:
-    return float(np.vdot(values, values))

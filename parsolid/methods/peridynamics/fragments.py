@@ -46,7 +46,7 @@ def unbalanced_fragment(
 ) -> str:
     """Which fragment moves as a whole under more of a residual (n, d) [N] than the target [N], in words; or nothing.
 
-    motions (k, n, d): rigid ones of all particles; restraint(motions, mask): see `coarse_space`. Collective.
+    motions (k, n, d): rigid ones of all particles; restraint(motions, mask): see `preconditioner`. Collective.
     """
     comm, labels = operator.comm, fragments_of(operator.forces.bonds)
     known: dict[int, int] = {}

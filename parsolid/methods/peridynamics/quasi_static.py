@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.equilibrium import report_equilibrium
-from parsolid.methods.peridynamics.coarse_space import coarse_space
-from parsolid.methods.peridynamics.equilibrium import Balance, Equilibrium
+from parsolid.methods.peridynamics.equilibrium import Equilibrium
 from parsolid.methods.peridynamics.tangent import Settled, Work
 from parsolid.particles.declaration import Columns, Field
 from parsolid.scene.warned import Note
+from parsolid.solvers import State
 
 
 class QuasiStatic:
@@ -24,14 +24,12 @@ class QuasiStatic:
     setting, stop_times = "step", ()
 
     def __init__(self, body: Any, settings: Any) -> None:
-        """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`."""
+        """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`. Collective."""
         self.body, self.operator, self.settings = body, body.operator, settings
-        plain = settings.solver != "conjugate-gradients" or settings.preconditioner == "none"
-        coarse = None if plain else coarse_space(body.operator, body.conditions.planes)
-        self.equilibrium = Equilibrium(body.comm, body.operator, settings, coarse)
+        self.equilibrium = Equilibrium(body.comm, body.operator, settings, body.preconditioners)
         # what has not moved yet meets its loads in a jump
         self.jumps = (0.0, *body.conditions.times)
-        self.balance: Balance | None = None
+        self.balance: State | None = None
         # times [s] of the states that `earlier` holds, newest first, since loads jumped last
         self.times: list[float] = []
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
@@ -79,8 +77,12 @@ class QuasiStatic:
         first = time == step == 0.0
         before = -self.operator.settled_force() if first else self.operator.external(time, step == 0.0)
         self.step_from(before, time, step, ledger, announce)
-        assert self.balance is not None
-        return self.balance.reached
+        return self.reached
+
+    @property
+    def reached(self) -> bool:
+        """Whether forces balance at the end of the last step."""
+        return self.balance is not None and self.equilibrium.reached(self.balance)
 
     def step_from(self, before: np.ndarray, time: float, step: float, ledger: Any, announce: Any) -> Work:
         """As `material_step`, with the loads (owned, d) [N] at its start; what was done."""
@@ -90,8 +92,8 @@ class QuasiStatic:
         if conditions.motion.there:
             conditions.motion.displace(time, step, guess.T)
         after = self.operator.external(time + step, step > 0.0)
-        self.balance = balance = self.equilibrium.solve(guess, after, step)
-        announce(balance.reached, self.settings.step)
+        self.balance = balance = self.equilibrium.find(guess, after, step)
+        announce(self.reached, self.settings.step)
         lost = self.operator.commit(balance.displacement, step)
         softened = self.body.forces.book_softening(ledger)
         work = self.operator.work_since(start, before, after)
@@ -122,8 +124,7 @@ class QuasiStatic:
         work = self.step_from(before, time, 0.0, ledger, lambda *announced: None)
         # loads do more work than the forces that were out of balance take up: cracks run by it
         ledger.add_term("fracture_dissipation", work.external - work.internal)
-        assert self.balance is not None
-        return self.balance.reached
+        return self.reached
 
     # --- first guesses -----------------------------------------------------------------------------------------
 
@@ -152,13 +153,14 @@ class QuasiStatic:
 
     def cost_notes(self) -> list[Note]:
         """Volumes so stiff in bodies so large that a solution takes many iterations; collective."""
-        coarse = self.equilibrium.coarse
-        told = None if coarse is None else coarse.near_incompressibility_note((0.0, self.settings.step))
+        if self.settings.solver != "conjugate-gradients":
+            return []
+        told = self.equilibrium.preconditioners.near_incompressibility_note((0.0, self.settings.step))
         return [Note("stiff-volumes", told)] if told else []
 
     def first_invalid(self) -> tuple[int, str] | None:
         """This rank's particle farthest from balance, where the last step found none; and why."""
-        if self.balance is None or self.balance.reached or not len(self.balance.residual):
+        if self.balance is None or self.reached or not len(self.balance.residual):
             return None
         return int(np.argmax(np.abs(self.balance.residual).max(axis=1))), self.equilibrium.fault
 

@@ -98,19 +98,15 @@ class Explicit(SceneModel):
 
 
 class QuasiStatic(SceneModel):
-    """Equilibrium at the end of every material step, without inertia.
-
-    preconditioner two-level: a grid over the particles beside these; iterations do then not grow with their number
-    """
+    """Equilibrium at the end of every material step, without inertia."""
 
     on_restart: ClassVar = dict.fromkeys(("step", "tolerance", "most_iterations"), OnRestart.FREE)
     kind: Literal["quasi-static"]
     step: Positive = Field(description="the material step [s]")
     solver: Literal["conjugate-gradients", "dynamic-relaxation"] = Field(
-        "conjugate-gradients", description="how equilibrium is found"
-    )
-    preconditioner: Literal["two-level", "none"] | None = Field(
-        None, description="of conjugate gradients: 'two-level' (unless given) or 'none'"
+        "conjugate-gradients",
+        description="how equilibrium is found: Newton's method with conjugate gradients, or a damped motion, which "
+        "needs no tangent",
     )
     tolerance: float = Field(1e-8, gt=0, lt=1, description="residual over the largest load (or reaction) met so far")
     extrapolation: Annotated[int, Field(ge=0, le=3)] = Field(
@@ -120,12 +116,6 @@ class QuasiStatic(SceneModel):
     most_iterations: Annotated[int, Field(ge=1)] = Field(
         100_000, description="iterations after which a solution has failed"
     )
-
-    @model_validator(mode="after")
-    def _preconditioned(self) -> "QuasiStatic":
-        if self.preconditioner is not None and self.solver != "conjugate-gradients":
-            reject((("preconditioner",), "no such key but with solver = 'conjugate-gradients'", self.preconditioner))
-        return self
 
 
 class Damage(SceneModel):
@@ -298,6 +288,10 @@ class Peridynamics(MethodSettings):
         """The horizon."""
         return np.full(len(spacing), self.horizon(float(spacing.max())))
 
+    def band(self, spacing: np.ndarray) -> np.ndarray:
+        """Two horizons."""
+        return self.horizon_ratio * super().band(spacing)
+
     def horizon(self, spacing: float) -> float:
         """The horizon [m] for a particle spacing [m]; the margin keeps the last neighbours out of reach of rounding."""
         return (self.horizon_ratio + 0.015) * spacing
@@ -331,7 +325,11 @@ class Peridynamics(MethodSettings):
 
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Laws that would have to find their own thickness, and what solids that flow do not bear."""
-        return self._unknown_thickness(scene) + self._plastic_faults(scene)
+        faults = self._unknown_thickness(scene) + self._plastic_faults(scene)
+        if self.stabilisation.kind != "none" and any(body.material.kind == "mazars" for body in scene.bodies):
+            expected = "'none' with a law that softens in a band, which an elastic control would hold together"
+            faults.append((("method", "stabilisation", "kind"), expected, self.stabilisation.kind))
+        return faults
 
     def _plastic_faults(self, scene: Any) -> list[Detail]:
         """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""

@@ -16,6 +16,7 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import fracture_of
 from parsolid.methods.peridynamics.output import Reports
+from parsolid.methods.peridynamics.preconditioner import Preconditioners
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
 from parsolid.methods.peridynamics.tangent import Operator
 from parsolid.methods.peridynamics.tractions import Tractions
@@ -51,6 +52,8 @@ class Peridynamics(Reports):
         self.reactions = self.conditions.reactions
         self.fracture = fracture_of(comm, scene, particle_set, self.forces)
         self.operator = Operator(self.forces, self.conditions)
+        newton = not explicit and self.settings.solution.solver == "conjugate-gradients"
+        self.preconditioners = Preconditioners(self.operator, self.conditions.planes) if newton else None
         columns: dict[str, Any] = {"mirror": "vector", "layout": Columns()}
         self.particles.declare(Field("position", self.dimension, "m", **columns), particle_set.position)
         # a control on velocities asks for those of neighbours

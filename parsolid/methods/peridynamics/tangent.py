@@ -19,10 +19,12 @@ _SHIFT = 1e-6
 def algorithmic_law(law: Any, step: float) -> Prony:
     """The elastic law of a step [s] over 1 + sum gamma_j A_j, the factor by which the displacement is multiplied.
 
-    Of a hyperelastic solid that of small strain, of which the shear alone relaxes; of a bond-based one nothing.
+    Of a hyperelastic solid that of small strain, of which the shear alone relaxes; of a bond-based one that with
+    Poisson's ratio 1/4.
     """
     if isinstance(law, BondBased):
-        return Prony(law.density, 0.0, 0.0, None, None, None, None, None)
+        modulus = 0.4 * law.youngs_modulus
+        return Prony(law.density, modulus, modulus, None, None, None, None, None)
     if isinstance(law, HyperelasticSeries):
         G, lame = elastic_moduli(law.solid)
         return Prony(law.density, G, lame, None, None, None, None, None)
@@ -45,9 +47,6 @@ def algorithmic_law(law: Any, step: float) -> Prony:
 
 def instantaneous_wave_modulus(law: Any) -> float:
     """lambda + 2 mu [Pa] of a step of length 0."""
-    if isinstance(law, BondBased):
-        # with Poisson's ratio 1/4
-        return 1.2 * law.youngs_modulus
     at_once = algorithmic_law(law, 0.0)
     factor = 1.0 + float(sum(series_of(law)[0]))
     return factor * float((at_once.first_lame or 0.0) + 2.0 * at_once.shear_modulus)

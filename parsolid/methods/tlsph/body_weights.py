@@ -36,7 +36,7 @@ def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
     if wanted != "best":
         return [wanted] * len(scene.bodies)
     result = [_best(i, scene) for i in range(len(scene.bodies))]
-    bonded = _touching(scene, meshes_of(result))
+    bonded = bonded_bodies(scene, meshes_of(result))
     seen: set[int] = set()
     for i, others in enumerate(bonded):
         together = _reached(i, bonded) if others and i not in seen else set()
@@ -149,7 +149,7 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
     )
     try:
         reasons = [_off_lattice(wanted, body, scene.dimension) for body in scene.bodies]
-        bonded = [] if any(reasons) else _touching(scene)
+        bonded = [] if any(reasons) else bonded_bodies(scene)
     except SceneError:
         # told where the body is
         return []
@@ -161,7 +161,7 @@ def lattice_faults(wanted: str, scene: Any) -> list[Detail]:
     return [(("method", "weights"), expected, Phrase(", ".join(touching)))] if touching else []
 
 
-def _touching(scene: Any, without: Sequence[int] = ()) -> list[list[int]]:
+def bonded_bodies(scene: Any, without: Sequence[int] = ()) -> list[list[int]]:
     """For each body the others within a kernel's reach of it, by their bounding boxes, that are bonded to it there;
     without: numbers of bodies that no kernel bonds, which are not looked at."""
     result: list[list[int]] = [[] for _ in scene.bodies]

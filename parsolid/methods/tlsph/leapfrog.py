@@ -16,7 +16,7 @@ import numpy as np
 
 from parsolid.methods import leapfrog
 from parsolid.methods.leapfrog import drift
-from parsolid.methods.tlsph.body_weights import ON_LATTICES
+from parsolid.methods.tlsph.body_weights import ON_LATTICES, bonded_bodies, meshes_of
 from parsolid.methods.tlsph.lattice_bodies import speed_ratio
 from parsolid.pairs.box_stable_step import chords
 from parsolid.per_rank import PerRank, own_share
@@ -34,6 +34,22 @@ def wave_weights(dimension: int, smoothing: float) -> tuple[float, float]:
     which the wave that alternates along every axis has b = 2 [c_p + (d - 1) c_s]/dx."""
     pressure, shear = _WEIGHTS[dimension]
     return (pressure, shear) if smoothing >= _LEAST_SMOOTHING else (pressure, dimension - 1.0)
+
+
+def slowing_of(system: Any, scene: Any) -> dict[Any, float]:
+    """For each law by how much the step of its bodies is shorter where heavier or stiffer ones are bonded to them.
+
+    Pairs of unlike particles have the mean modulus and the mean impedance of both, and a light one moves under them:
+    w^2 grows by the mean modulus over its own, the damping by the mean impedance over its own.
+    """
+    result = dict.fromkeys(system.laws, 1.0)
+    for body, others in enumerate(bonded_bodies(scene, meshes_of(system.body_weights))):
+        modulus, density = system.wave_modulus(body)
+        for stiffness, mass in map(system.wave_modulus, others):
+            stiffer, heavier = stiffness / modulus, sqrt(stiffness * mass / (modulus * density))
+            ratio = max(1.0, sqrt(0.5 * (1.0 + stiffer)), 0.5 * (1.0 + heavier))
+            result[system.laws[body]] = max(result[system.laws[body]], ratio)
+    return result
 
 
 class StepBound:
@@ -54,7 +70,7 @@ class StepBound:
 
     def step_of(self, block: Any, signal: float) -> float:
         """Largest step [s] for a signal [sqrt(Pa)] of the particles of a block."""
-        return float(self.system.leapfrog.step_of(block.law.density, signal))
+        return float(self.system.leapfrog.step_of(block.law, signal))
 
 
 class Leapfrog:
@@ -93,9 +109,11 @@ class Leapfrog:
         forms = chords(signals, min(max(middle, 0.05), 0.95))
         return tuple(float(number) for form in forms for number in form), safety
 
-    def step_of(self, density: float, signal: float) -> float:
-        """Largest step [s] for a signal [sqrt(Pa)] of particles of a density [kg/m^3]."""
-        return float(self.safety * self.system.spacing * sqrt(density) / signal) if signal > 0.0 else 0.0
+    def step_of(self, law: Any, signal: float) -> float:
+        """Largest step [s] for a signal [sqrt(Pa)] of particles of a law."""
+        if not signal > 0.0:
+            return 0.0
+        return float(self.safety * self.system.spacing * sqrt(law.density) / (signal * self.system.slowing[law]))
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in their present state."""

@@ -15,6 +15,7 @@ from decomposition.reduction import sums
 from parsolid.boundary.conditions import HALF
 from parsolid.boundary.mirror_planes import symmetry_planes
 from parsolid.collective import anywhere, minimum, raise_together
+from parsolid.materials.hyperelastic.at_particles import has_band
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.viscoelastic.maxwell import total_modulus
@@ -177,7 +178,9 @@ class MeshBodies(ListBodies):
         self.particles.declare(Field("stabiliser_stress", d * d, "Pa", layout=Columns(), carried=False))
         self.stabiliser = np.zeros(self.last)
         for block in blocks:
-            self.stabiliser[block.first : block.last] = part * stabilising_modulus(block.law)
+            # cracks would bear it
+            modulus = 0.0 if has_band(block.law) else stabilising_modulus(block.law)
+            self.stabiliser[block.first : block.last] = part * modulus
         stress = self.particles.owned_rows("stabiliser_stress")
         stress[: self.last] = -self.stabiliser[:, None] * np.eye(d).ravel()
 

@@ -316,13 +316,18 @@ class TotalLagrangianSPH(MethodSettings):
         """Kernels reach the second layer of the other body only so far; a long reach bears more."""
         return 2.5 if self.smoothing >= 1.3 else 1.25
 
-    def bonded_densities(self, scene: Any) -> float:
-        """Beyond, the step of either body is too long for the light layer at the bond."""
-        return 30.0
+    def bonded_moduli(self, scene: Any) -> float:
+        """Gradients beside the bond are means of both bodies: layers of the stiff one are displaced in turns, by a
+        thirtieth of a spacing times the strain of the soft one."""
+        return 10.0
 
     def contact_refused(self, scene: Any) -> str | None:
         """Bodies in motion can."""
         return _SOLUTION if self.integrators(scene) & _SOLVED else None
+
+    def tie_refused(self, scene: Any) -> str | None:
+        """Ties are linear in the displacement."""
+        return None
 
     def substeps_refused(self) -> str | None:
         """Equilibria have no steps of motion."""
@@ -373,9 +378,8 @@ class TotalLagrangianSPH(MethodSettings):
             expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
             return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
         key, faults = ("method", "integrator"), list[Detail]()
-        for table in ("tools", "tie"):
-            if getattr(scene, table):
-                faults.append(((table,), f"no such table {_SOLUTION}", Phrase("one")))
+        if scene.tools:
+            faults.append((("tools",), f"no such table {_SOLUTION}", Phrase("one")))
         if self.reference == "updated":
             faults.append((("method", "reference"), f"'fixed' {_SOLUTION}", self.reference))
         if scene.methods is not None and len(scene.methods) > 1:
@@ -397,8 +401,8 @@ class TotalLagrangianSPH(MethodSettings):
                 faults.append(((*place, "branches"), "none with method.integrator = 'implicit'", found))
             elif getattr(body.material, "failure", None) is not None:
                 faults.append(((*place, "failure"), f"no such key {_SOLUTION}", Phrase("one")))
-            if SOFTENING in getattr(body.material, "ledger_terms", {}):
-                expected = f"a law without memory {_SOLUTION}"
+            if body.material.kind != "elastic-plastic" and getattr(body.material, "ledger_terms", None):
+                expected = f"a law whose only memory is flow or branches {_SOLUTION}"
                 faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
             if body.velocity is not None and self.integrator == "static":
                 faults.append((("bodies", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))

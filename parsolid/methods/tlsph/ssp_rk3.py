@@ -27,7 +27,7 @@ class StagedStep:
         system = self.system
         if not modulus > 0.0:
             return 0.0
-        step = system.settings.cfl * system.spacing * np.sqrt(law.density / modulus)
+        step = system.settings.cfl * system.spacing * np.sqrt(law.density / modulus) / system.slowing[law]
         if not system.lattice_bodies:
             return float(step)
         shear = elastic_moduli(law)[0] + total_modulus(law.branch_moduli)

@@ -111,9 +111,10 @@ class Static:
     balanced in the last state, and what may be.
     """
 
-    def __init__(self, system: Any, equilibria: bool) -> None:
+    def __init__(self, system: Any, equilibria: bool, tied: list[tuple[int, int]]) -> None:
         """system: `system.TotalLagrangianSPH` with its sweeps; equilibria: whether any stage has them, else these are
-        for `implicit.Implicit`. Raises SolverError on all ranks where nothing holds a body. Collective."""
+        for `implicit.Implicit`; tied: numbers of bodies that ties join. Raises SolverError on all ranks where nothing
+        holds a body. Collective."""
         self.system, self.comm, self.conditions = system, system.comm, system.conditions
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         system.particles.declare(Field("displacement", system.dimension, "m", **kept))
@@ -123,9 +124,11 @@ class Static:
         self.free = self.tangent.free
         # forces of the stabiliser of boxes, which are not among those of the sweeps
         self._stabilising = np.zeros(self.free.shape)
+        # and of ties, less what resists displacements
+        self._joining = np.zeros(self.free.shape)
         self.preconditioner = StaticPreconditioner(self.tangent)
         if equilibria:
-            self.preconditioner.refuse_loose_bodies()
+            self.preconditioner.refuse_loose_bodies(tied)
         loads = [load for load, _ in self.conditions.loads_of]
         # whether all loads have a potential, which is their product with the displacement
         self.dead = all(isinstance(load, DistributedLoad) for load in loads)
@@ -157,10 +160,9 @@ class Static:
         sound = self._deform(displacement)
         external = self._loads(*self.sought)
         residual = np.where(self.free, self.internal_force() + external, 0.0)
-        stored, work = self.system.energies()[1], float(np.vdot(external, displacement))
-        square, stored, work, size, lost = sums(
-            self.comm, [np.vdot(residual, residual), stored, work, abs(stored) + abs(work), float(not sound)]
-        )
+        stored, work = self._stored(), float(np.vdot(external, displacement))
+        square: float = float(np.vdot(residual, residual))
+        square, stored, work, size, lost = sums(self.comm, [square, stored, work, abs(stored) + abs(work), 1.0 - sound])
         energy = float(stored - work) if self.dead and self.history is None else np.nan
         whole = bool(lost == 0.0 and np.isfinite(square) and np.isfinite(stored))
         self.norm, self._residual = float(np.sqrt(square)), residual
@@ -187,6 +189,9 @@ class Static:
             bodies.find_forces()
         self._rest("velocity", "dissipative_force", RIEMANN_HEAT)
         self.stabilise()
+        self._joining[:] = 0.0
+        for one in system.interactions:
+            one.add_product(displacement, self._joining)
         return all(sound)
 
     def _rest(self, *names: str) -> None:
@@ -218,7 +223,7 @@ class Static:
     def internal_force(self) -> np.ndarray:
         """Internal force (owned, d) [N] of the displacement evaluated last, on this side of mirror planes."""
         force = self.system.particles.owned_rows("stress_force") * self.system.share[:, None]
-        return np.asarray(force - self._stabilising)
+        return np.asarray(force - self._stabilising - self._joining)
 
     def stabiliser_energy(self) -> float:
         """Energy [J] of what resists rough displacements of this rank's boxes, in the state evaluated last."""
@@ -416,7 +421,12 @@ class Static:
 
     def _stored_energy(self) -> float:
         """Of all ranks [J]."""
-        return float(sums(self.comm, [self.system.energies()[1]])[0])
+        return float(sums(self.comm, [self._stored()])[0])
+
+    def _stored(self) -> float:
+        """Of this rank [J], with that of ties, in the state evaluated last."""
+        joined = 0.5 * float(np.vdot(self.system.particles.owned_rows("displacement"), self._joining))
+        return float(self.system.energies()[1]) + joined
 
     def _taken(
         self, start: Equilibrium, end: Equilibrium, load: np.ndarray, first: Tangential, last: Tangential, lost: float

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.boxes import cut_boxes
-from parsolid.boundary.conditions import Conditions
+from parsolid.boundary.conditions import EXTERNAL_FORCE, Conditions
 from parsolid.collective import anywhere, minimum
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.registry import laws_of
@@ -17,7 +17,7 @@ from parsolid.methods.tlsph.fixed_walls import fixed_walls_of
 from parsolid.methods.tlsph.implicit import Implicit
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies
-from parsolid.methods.tlsph.leapfrog import Leapfrog
+from parsolid.methods.tlsph.leapfrog import Leapfrog, slowing_of
 from parsolid.methods.tlsph.output import Reports
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT, PlasticBlock
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
@@ -41,6 +41,7 @@ from parsolid.particles.law_values import declare_law_values, rows_of_laws
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.scene.stages import settings_of_stages
+from parsolid.scene.tie import tied_pairs
 
 # energy that the balance has the round-off of, over modulus times volume: 1e-12 of it, see `energy_check`, is four to
 # five times what one bit of J is worth in the particles' strain energy
@@ -57,7 +58,7 @@ class TotalLagrangianSPH(Reports):
     advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator
     of explicit motion, the other is None; statics: that of equilibria, None where no stage solves for displacements;
     implicit: that of motion in long steps, or None; meshes_of_bodies: the key of the mesh whose weights each body has,
-    or None; settings: those of the present stage, see `begin_stage`.
+    or None; settings: those of the present stage, see `begin_stage`; slowing: see `leapfrog.slowing_of`.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
@@ -117,6 +118,7 @@ class TotalLagrangianSPH(Reports):
         others = ~np.isin(particle_set.body, meshes)
         self.spacing = minimum(comm, float(particle_set.spacing[others].min(initial=np.inf)))
         self.reactions = self.conditions.reactions
+        self.slowing = slowing_of(self, scene)
         self.leapfrog = None if staged else Leapfrog(self, scene)
         self.staged_step = StagedStep(self, scene) if staged else None
         self.evaluations, self.stop_times = (3, ()) if staged else (1, self.conditions.times)
@@ -136,9 +138,16 @@ class TotalLagrangianSPH(Reports):
         if self.lists is not None:
             metric = metrics(particle_set.spacing, particle_set.axes, smoothing_of(self, particle_set))
             self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share)
-        self.statics = None if unknown is None else Static(self, "static" in kinds)
+        self.statics = (
+            None if unknown is None else Static(self, "static" in kinds, [pair[:2] for pair in tied_pairs(scene)])
+        )
         self.implicit = Implicit(self) if "implicit" in kinds else None
         self._take_stages(whole)
+
+    @property
+    def bounded(self) -> bool:  # type: ignore[override]
+        """Not in steps that are solved for."""
+        return self.settings.integrator not in ("static", "implicit")
 
     def _take_stages(self, scene: Any) -> None:
         """Times at which stages of a scene begin, and jumps of the loads, which equilibria follow in a step of no
@@ -339,4 +348,9 @@ class TotalLagrangianSPH(Reports):
         sound = bool(self.integrator.complete_step(time, step, ledger, announce))
         if self.statics is not None and self.settings.integrator == "leapfrog":
             self.statics.follow_motion()
+        elif self.statics is not None and EXTERNAL_FORCE in self.particles:
+            # what was found before the step was that of the places at its start
+            self.particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
+            for one in self.interactions:
+                one.evaluate(time + step, step, ledger)
         return sound

@@ -205,6 +205,8 @@ class Tangent:
         result = np.ascontiguousarray(-force[:, : self.system.owned].T) * self.system.share[:, None]
         if self.stabiliser is not None:
             self.stabiliser.add_product(change, result)
+        for one in self.system.interactions:
+            one.add_product(change, result)
         return result
 
     def share(self, force: np.ndarray) -> None:

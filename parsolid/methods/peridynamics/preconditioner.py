@@ -1,5 +1,6 @@
-"""The preconditioner of quasi-static steps: `solvers.two_level` with the bodies' moduli and supports."""
+"""The preconditioner of peridynamic equilibria: `solvers.grid_levels` over the undeformed, whole bodies."""
 
+from collections.abc import Callable
 from copy import copy
 from typing import Any
 
@@ -7,84 +8,93 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.collective import maximum
-from parsolid.materials.damage.bond_based import BondBased
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.fragments import unbalanced_fragment
+from parsolid.methods.peridynamics.small_motion import SmallMotion
 from parsolid.methods.peridynamics.tangent import Operator, algorithmic_law
-from parsolid.solvers import Grid, NearlyIncompressible, TwoLevel, rigid_motions, scaled_diagonal, start_vector
+from parsolid.solvers import GridLevels, NearlyIncompressible, moduli_of_rows, rigid_motions, unrestrained_modes
 
-# width of the grid's cells over the particles' spacing: more than the horizon, within which stiffness is nearly flat
-_WIDTH = 4.0
 # of a rank's particles, about so many are looked at on each mirror plane
 _POINTS = 500
-# first Lame constant over shear modulus from which volumes are stiff, as with Poisson's ratio 0.495
+# first Lame constant over shear modulus from which volumes are stiff, as with Poisson's ratio 0.495, and with which
+# grids have them at most: what locks them takes fewer iterations here than what does not see volumes
 _STIFF = 100.0
 # of the shear modulus, what resists a change of volume at least
 _LEAST = 1e-3
 # particles whose divergences are factorised at most, by dimension: in space each has 300 to 900 neighbours there
 _MOST_FACTORISED = {2: 10_000, 3: 5_000}
-# iterations of two levels alone over the root of first Lame constant over shear modulus, from 0.49 to 0.4999, with
+# iterations of grids alone over the root of first Lame constant over shear modulus, from 0.49 to 0.4999, with
 # 20,000 particles and, in the plane, 100,000
-_ITERATIONS = {2: 11, 3: 16}
+_ITERATIONS = {2: 13, 3: 16}
+# lengths of steps whose preconditioners are kept: jumps, the material step, a shorter one
+_KEPT = 3
 
 
-class CoarseSpace:
+class Preconditioners:
     """Makes the preconditioners of steps; all methods are collective.
 
     Of a stiffness that changes with the displacement it is that of the undeformed body, of a cracked one that of the
-    whole body: neither changes what is found.
+    whole body: neither changes what is found. loose (l, n, d): rigid motions that nothing holds; they have no
+    stiffness, and nothing says what they should be, so that none of them is given. Without a preconditioner conjugate
+    gradients have none of them by themselves.
     """
 
     def __init__(self, operator: Operator, planes: Any) -> None:
         """planes: the `boundary.mirror_planes.MirrorPlane`s of the scene."""
         self.operator, self.comm, self.planes = operator, operator.comm, planes
-        particles = operator.particles
-        places = np.ascontiguousarray(particles.owned_rows("reference_position"))
-        self.volume, d = particles.owned_rows("volume"), places.shape[1]
+        self.places = np.ascontiguousarray(operator.particles.owned_rows("reference_position"))
+        self.volume, d = operator.particles.owned_rows("volume"), self.places.shape[1]
         self.length = (self.volume / operator.share) ** (1.0 / d)
-        ends = places[:1].repeat(len(planes) if len(places) else 0, axis=0)
-        for row, plane in zip(ends, planes):
-            row[plane.axis] = plane.coordinate
-        width = _WIDTH * maximum(self.comm, float(self.length.max(initial=0.0)))
-        self.grid = Grid.over(self.comm, np.concatenate((places, ends)), width)
-        self.divergence: Any = None
-        self.bare = TwoLevel(self.comm, self.grid, places, operator.free, self._held(planes))
+        count, length, *middle = sums(self.comm, [len(self.places), self.length.sum(), *self.places.sum(axis=0)])
+        self.middle = np.array(middle) / count
+        self.size = maximum(self.comm, float(np.abs(self.places - self.middle).max(initial=0.0)))
+        held = [self._beside(plane)[:, None] & plane.held(d) for plane in planes]
+        resisted = np.any([~operator.free, *held], axis=0)
+        self.levels = GridLevels(self.comm, self.places, length / count, operator.free, resisted)
+        motions = self._rigid_motions(self.places)
+        self.loose = unrestrained_modes(self.comm, motions, self._restraint(motions)) * operator.free
+        self._kept: dict[float, Any] = {}
+        self._divergence: Any = None
 
-    def _held(self, planes: Any) -> np.ndarray:
-        """Components (nodes, d) of the grid's nodes that mirror planes hold."""
-        grid, numbers = self.grid, self.grid.numbers
-        result = np.zeros(numbers.shape, bool)
-        for plane in planes:
-            at = grid.lower[plane.axis] + numbers[:, plane.axis] * grid.width[plane.axis]
-            near = np.abs(at - plane.coordinate) < 0.5 * grid.width[plane.axis]
-            result[near] |= plane.held(numbers.shape[1])
-        return result
+    def _beside(self, plane: Any) -> np.ndarray:
+        """Particles (n,) bool that a mirror plane is meant for, within their length of it."""
+        near = np.abs(self.places[:, plane.axis] - plane.coordinate) <= self.length
+        return np.asarray(plane.concerns(self.operator.particles.owned_rows("body")) & near)
 
-    def preconditioner(self, step: float) -> TwoLevel | NearlyIncompressible:
-        """The preconditioner of a step of a length [s]."""
-        solver, forces = copy(self.bare), self.operator.forces
-        lame, shear, laws = np.zeros(len(self.volume)), np.zeros(len(self.volume)), []
-        for first, last, law in forces.laws:
-            elastic = algorithmic_law(law, step)
-            lame[first:last], shear[first:last] = elastic.first_lame, elastic.shear_modulus
-            laws.append((first, last, elastic._replace(first_lame=0.0)))
+    def of_step(self, step: float) -> Callable[[np.ndarray], np.ndarray]:
+        """M^-1 r (n, d) of residuals (n, d) that are 0 where a component is prescribed, in a step of a length [s]."""
+        # steps that differ by rounding are alike, to the bit also after a restart
+        key = float(f"{step:.6e}")
+        if key not in self._kept:
+            if len(self._kept) == _KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[key] = self._made(key)
+        return lambda residual: self._without_loose(self._kept[key](residual))
+
+    def _without_loose(self, vector: np.ndarray) -> np.ndarray:
+        """A vector (n, d) less its part of the loose motions, in place."""
+        if len(self.loose):
+            loose = self.loose.reshape(len(self.loose), vector.size)
+            vector -= (sums(self.comm, loose @ vector.ravel()) @ loose).reshape(vector.shape)
+        return vector
+
+    def _made(self, step: float) -> GridLevels | NearlyIncompressible:
+        levels, motion = copy(self.levels), SmallMotion(self.operator, step)
+        lame, shear = moduli_of_rows(motion.laws, len(self.places))
         stiff = self._is_nearly_incompressible(lame, shear)
-        factor = forces.factor(step)
-        lame, shear = lame * factor, shear * factor
-        resisted = np.maximum(lame, _LEAST * shear) * self.volume
-        if stiff:
-            lame = np.zeros_like(lame)
-        solver.of_moduli(lame, shear, self.volume, self._diagonal(lame + 2.0 * shear, laws if stiff else None, step))
-        motions = self._rigid_motions(self.operator.particles.owned_rows("reference_position"))
-        solver.project_out(motions, self._restraint(motions))
+        lame, shear = lame * motion.factor, shear * motion.factor
         if not stiff:
-            return solver
-        if self.divergence is None:
-            self.divergence = divergence_of_components(forces.bonds, self.operator.dimension)
-        return NearlyIncompressible(solver, self.divergence, 1.0 / np.concatenate(self.comm.allgather(resisted)))
+            levels.of_moduli(lame, shear, self.volume, motion.diagonal(), softest=_STIFF)
+            return levels
+        motion.resists_volume = False
+        levels.of_moduli(np.zeros_like(lame), shear, self.volume, motion.diagonal(), most_nodes=np.inf)
+        if self._divergence is None:
+            self._divergence = divergence_of_components(self.operator.forces.bonds, self.operator.dimension)
+        resisted = np.maximum(lame, _LEAST * shear) * self.volume
+        return NearlyIncompressible(levels, self._divergence, 1.0 / np.concatenate(self.comm.allgather(resisted)))
 
     def _is_nearly_incompressible(self, lame: np.ndarray, shear: np.ndarray) -> bool:
-        """Whether volumes are so stiff that two levels alone take long, and particles few enough for more."""
+        """Whether volumes are so stiff that grids alone take long, and particles few enough for more."""
         few = self.comm.allreduce(len(lame)) <= _MOST_FACTORISED.get(self.operator.dimension, 0)
         return few and maximum(self.comm, float(np.max(lame / shear, initial=0.0))) > _STIFF
 
@@ -99,33 +109,20 @@ class CoarseSpace:
         most = _MOST_FACTORISED.get(dimension, 0)
         if ratio <= _STIFF or count <= most:
             return ""
-        iterations = 10 * round(0.1 * _ITERATIONS.get(dimension, 11) * ratio**0.5)
+        iterations = 10 * round(0.1 * _ITERATIONS.get(dimension, 13) * ratio**0.5)
         stiff = f"volumes are {ratio:.3g} times as stiff as shapes (Poisson's ratio {0.5 * ratio / (1.0 + ratio):.6g})"
         many = f"{count} particles are more than the {most} whose pressures are factorised"
         cost = f"{iterations} or so force evaluations a solution from rest in place of 20"
         return f"{stiff}, and {many}: {cost}; fewer particles, or a ratio of 0.49 (70), cost less"
 
-    def _diagonal(self, modulus: np.ndarray, laws: Any, step: float) -> np.ndarray:
-        """D (n, d) [N/m] of the step's stiffness, or of that of other laws: it is nearly a multiple of V modulus/dx^2,
-        by the mean of its eigenvalues, from one product.
-        """
-        operator = self.operator
-        weight = (self.volume * modulus / self.length**2)[:, None] * np.ones(operator.free.shape)
-        trial = np.sign(start_vector(operator.identifier, operator.dimension)) * operator.free
-        image = np.empty_like(trial)
-        operator.stiffness(trial, image, step, laws)
-        return scaled_diagonal(self.comm, weight, trial, image)
-
     def _rigid_motions(self, places: np.ndarray) -> np.ndarray:
         """Translations, and where strains are small rotations, (k, n, d), at places (n, d) [m]."""
-        size = self.grid.width * self.grid.cells
-        motions = rigid_motions((places - (self.grid.lower + 0.5 * size)) / np.max(size))
+        motions = rigid_motions((places - self.middle) / max(self.size, 1e-300))
         return motions if self.operator.is_linear else motions[: places.shape[1]]
 
     def unbalanced_fragment(self, residual: np.ndarray, target: float) -> str:
         """See `fragments.unbalanced_fragment`."""
-        motions = self._rigid_motions(self.operator.particles.owned_rows("reference_position"))
-        return unbalanced_fragment(self.operator, motions, self._restraint, residual, target)
+        return unbalanced_fragment(self.operator, self._rigid_motions(self.places), self._restraint, residual, target)
 
     def _restraint(self, motions: np.ndarray, fragment: np.ndarray | None = None) -> np.ndarray:
         """Sums of products (k, k) of rigid motions (k, n, d) where they are prescribed and on mirror planes, of all
@@ -133,25 +130,18 @@ class CoarseSpace:
 
         fragment (n,) bool: the particles that move; of them those with images in a plane feel it.
         """
-        particles = self.operator.particles
         parts = [motions * ~self.operator.free]
         for plane in self.planes:
-            concerned = plane.concerns(particles.owned_rows("body"))
-            if fragment is not None:
-                near = np.abs(particles.owned_rows("reference_position")[:, plane.axis] - plane.coordinate)
-                concerned = concerned & fragment & (near <= self.length)
+            if fragment is None:
+                concerned = plane.concerns(self.operator.particles.owned_rows("body"))
+            else:
+                concerned = self._beside(plane) & fragment
             concerned = np.flatnonzero(concerned)
             # a few points say what a plane lets move
-            onto = particles.owned_rows("reference_position")[concerned[:: len(concerned) // _POINTS + 1]]
+            onto = self.places[concerned[:: len(concerned) // _POINTS + 1]]
             onto[:, plane.axis] = plane.coordinate
             parts.append(self._rigid_motions(onto) * plane.held(motions.shape[2]))
         return sums(self.comm, sum(np.tensordot(one, one, ((1, 2), (1, 2))) for one in parts))
-
-
-def coarse_space(operator: Any, planes: Any) -> CoarseSpace | None:
-    """The preconditioner's maker, None for bond-based laws, whose moduli it does not know."""
-    bond_based = any(isinstance(law, BondBased) for _, _, law in operator.forces.laws)
-    return None if maximum(operator.comm, bond_based) else CoarseSpace(operator, planes)
 
 
 def divergence_of_components(bonds: Bonds, dimension: int) -> Any:
