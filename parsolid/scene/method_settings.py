@@ -181,6 +181,10 @@ class MethodSettings(SceneModel):
         """Why bodies of the method cannot be in contact, None where they can."""
         return "with this method"
 
+    def tie_refused(self, scene: Any) -> str | None:
+        """Why bodies of the method cannot be tied, None where they can."""
+        return self.contact_refused(scene)
+
     def substeps_refused(self) -> str | None:
         """Why the method cannot take several steps in one that all methods take; None where it can."""
         return None
