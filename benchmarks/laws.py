@@ -33,6 +33,13 @@ LAWS = {
     "polynomial": {"kind": "polynomial", "c10": 0.5e6, "c01": 0.02e6, "c11": 2e3, **BULK},
     "hencky": {"kind": "hencky", "shear_modulus": 1e6, **BULK},
     "saint-venant-kirchhoff": {"kind": "saint-venant-kirchhoff", "youngs_modulus": 3e6, "poissons_ratio": 0.45},
+    "mazars": {
+        "kind": "mazars",
+        "youngs_modulus": 3e6,
+        "poissons_ratio": 0.2,
+        "tensile_strength": 3e4,
+        "fracture_energy": 1e3,
+    },
     "formula": {
         "kind": "formula",
         "energy": "mu/2*(I1bar - 3) + K/2*(J - 1)**2",
@@ -66,7 +73,9 @@ class Block:
 
     def __init__(self, law: str, method: str, particles: int) -> None:
         settings, body = METHODS[method]
-        cell = {"cell": 2.0 / particles} if settings["kind"] == "mpm" else {}
+        more = {"cell": 2.0 / particles} if settings["kind"] == "mpm" else {}
+        if law == "mazars" and settings["kind"] == "peridynamics":
+            more = {"stabilisation": {"kind": "none"}}
         table = {
             "shape": {"box": {"lower": [0.0] * 3, "upper": [1.0] * 3}},
             "particles": [particles] * 3,
@@ -74,7 +83,7 @@ class Block:
             "material": LAWS[law] | {"density": 1000.0},
             **body,
         }
-        scene = parse_scene({"dimension": 3, "end_time": 1.0, "method": settings | cell, "bodies": [table]})
+        scene = parse_scene({"dimension": 3, "end_time": 1.0, "method": settings | more, "bodies": [table]})
         self.simulation = Simulation(MPI.COMM_SELF, scene)
         self.particles = particles**3
         # what begins or compiles is no part of a step

@@ -35,8 +35,8 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.boundary.constraints import InclinedRoller, Supports, inclined_rollers, mirror_plane
-from parsolid.boundary.kernels import observe_changes, observe_entries, put, replace, resisting_forces
-from parsolid.boundary.loads import Loads
+from parsolid.boundary.kernels import observe_changes, put, replace, resisting_forces
+from parsolid.boundary.loads import Loads, Parts
 from parsolid.boundary.motion import PrescribedMotion
 from parsolid.boundary.reactions import Reaction
 from parsolid.collective import anywhere
@@ -66,16 +66,13 @@ class Holder(NamedTuple):
     prescribes: bool
 
 
-class Entries(NamedTuple):
-    """Components of particles whose forces are found: rows (k,) and parts (p, 4), see `boundary.kernels`; moving: how
-    many parts, the first ones, are prescribed; start (k,): their velocities [m/s] at the start of the step; force (k,)
-    [N]: what held them when it was found last."""
+class Prescribed(NamedTuple):
+    """Prescribed components: rows (k,) and parts (p, 4), see `boundary.kernels`; start (k,): their velocities [m/s] at
+    the start of the step."""
 
-    moving: int
     rows: np.ndarray
     parts: np.ndarray
     start: np.ndarray
-    force: np.ndarray
 
 
 class Conditions(Loads):
@@ -107,8 +104,8 @@ class Conditions(Loads):
         self.motion = PrescribedMotion(comm, scene, self.all, particle_set, particles)
         self.holders = self._find_holders()
         self._roller_reactions = [self.reaction_of(roller.condition) for roller in self.rollers]
-        self._declare_free()
-        self._layout_of_entries = -1
+        self._declare_held()
+        self._layout_of_prescribed = self._layout_of_free = -1
         # of what moves prescribed components in the step [J]
         self._work = 0.0
 
@@ -137,42 +134,46 @@ class Conditions(Loads):
         mask[self.motion.rows, self.motion.axes] = False
         return selection.rows, mask[selection.rows]
 
-    def _declare_free(self) -> None:
-        """Fields "held_components" and "free_components" (d, n) travel with the particles, where there are any."""
+    def _declare_held(self) -> None:
+        """The field "held_components" (d, n) travels with the particles, where there are any."""
         self._any_held = anywhere(self.comm, bool(self.held.any()))
         self._any_constrained = self._any_held or self.motion.there
         if self._any_held:
             self.particles.declare(
                 Field("held_components", self.dimension, "1", mirror="vector", layout=Columns()), 1.0 * self.held
             )
-        if self._any_constrained:
-            free = np.where(self.held, 0.0, 1.0)
-            free[self.motion.rows, self.motion.axes] = 0.0
-            self.particles.declare(
-                Field("free_components", self.dimension, "1", mirror="vector", layout=Columns()), free
-            )
 
     # --- what integrators ask -----------------------------------------------------------------------------------
 
     @property
     def free(self) -> np.ndarray | None:
-        """Factors (d, capacity) of accelerations: 0 where a component is held or prescribed, else 1; None where none is
-        on any rank."""
-        return self.particles.storage("free_components") if self._any_constrained else None
+        """Factors (d, owned) int8 of accelerations: 0 where a component is held or prescribed, else 1; None where none
+        is on any rank."""
+        if not self._any_constrained:
+            return None
+        if self._layout_of_free != self.particles.layout:
+            self._layout_of_free = self.particles.layout
+            self._free = np.ones((self.dimension, self.particles.owned), np.int8)
+            if self._any_held:
+                self._free[self._held_now()] = 0
+            self._free[self.motion.axes, self.motion.rows] = 0
+        return self._free
+
+    def _held_now(self) -> np.ndarray:
+        """Components (d, owned) bool that supports hold."""
+        return np.asarray(self.particles.owned_rows("held_components").reshape(-1, self.dimension).T > 0.0)
 
     @property
     def constrained(self) -> np.ndarray | None:
         """Components (owned, d) bool that are held or prescribed, None where this rank has none."""
-        if not self._any_constrained:
-            return None
-        mask = self.particles.owned_rows("free_components").reshape(-1, self.dimension) == 0.0
-        return mask if mask.any() else None
+        free = self.free
+        return None if free is None or free.all() else free.T == 0
 
     def hold(self, time: float) -> None:
         """Give velocities and prescribed displacements of a state the values that they have at a time [s]."""
         velocity = self._velocity()
         if self._any_held:
-            velocity[self.particles.owned_rows("held_components").reshape(velocity.T.shape).T > 0.0] = 0.0
+            velocity[self._held_now()] = 0.0
         for roller in self.rollers:
             velocity[:, roller.rows] -= roller.held(velocity[:, roller.rows])
         if self.motion.there:
@@ -180,44 +181,42 @@ class Conditions(Loads):
             self._put_velocities(self.motion.end_velocities(time, np.zeros(len(self.motion.rows))))
 
     @property
-    def entries(self) -> Entries:
-        """Prescribed components, and those that supports hold that report their force."""
-        if self._layout_of_entries != self.particles.layout:
-            self._layout_of_entries, self._entries = self.particles.layout, self._find_entries()
-        return self._entries
+    def prescribed(self) -> Prescribed:
+        """What is prescribed of this rank's particles."""
+        if self._layout_of_prescribed != self.particles.layout:
+            self._layout_of_prescribed = self.particles.layout
+            rows = self.motion.rows
+            self._prescribed = Prescribed(rows, self.motion.parts(self.number_of), np.zeros(len(rows)))
+        return self._prescribed
 
-    def _find_entries(self) -> Entries:
-        """Those of this rank."""
-        parts, rows = [self.motion.parts(self.number_of)], [self.motion.rows]
-        moving, first = len(parts[0]), len(rows[0])
+    def _held_parts(self) -> tuple[Parts, Parts]:
+        """Of prescribed components, and of those that supports hold that report their force."""
+        rows, parts, _ = self.prescribed
+        moving: Parts = [(axis, number, rows[first:last]) for first, last, axis, number in parts.tolist()]
+        held: Parts = []
         for holder in self.holders:
-            if holder.prescribes:
-                continue
-            held, components = holder.find()
-            for axis in range(self.dimension):
-                rows.append(held[components[:, axis]])
-                last = first + len(rows[-1])
-                parts.append(np.array([[first, last, axis, self.number_of(holder.reaction.condition)]]))
-                first = last
-        return Entries(moving, np.concatenate(rows), np.concatenate(parts), *np.zeros((2, first)))
+            if not holder.prescribes:
+                (among, components), number = holder.find(), self.number_of(holder.reaction.condition)
+                held += [(axis, number, among[components[:, axis]]) for axis in range(self.dimension)]
+        return moving, held
 
     def begin_step(self) -> None:
         """Keep what the energies of a step need of its start."""
         self._work = 0.0
         if self.motion.there:
-            self.entries.start[: len(self.motion.rows)] = self._velocity()[self.motion.axes, self.motion.rows]
+            self.prescribed.start[:] = self._velocity()[self.motion.axes, self.motion.rows]
 
     def begin_with_mean(self, time: float, step: float) -> None:
         """`begin_step`, and let prescribed components have their mean velocity of a step [s] from a time [s]."""
         self._work = 0.0
         if self.motion.there:
-            at, mean = self.entries, self.motion.mean_velocity(time, step, self._displacement())
-            replace(at.rows, at.parts[: at.moving], mean, self.particles.storage("velocity"), at.start)
+            (rows, parts, start), mean = self.prescribed, self.motion.mean_velocity(time, step, self._displacement())
+            replace(rows, parts, mean, self.particles.storage("velocity"), start)
 
     def _put_velocities(self, values: np.ndarray) -> None:
         """Give prescribed components velocities (k,) [m/s]."""
-        at = self.entries
-        put(at.rows, at.parts[: at.moving], values, self.particles.storage("velocity"))
+        rows, parts, _ = self.prescribed
+        put(rows, parts, values, self.particles.storage("velocity"))
 
     def place(self, time: float, step: float) -> None:
         """Put what is prescribed exactly where it is at the end of a step [s] at a time [s], after a drift."""
@@ -242,9 +241,9 @@ class Conditions(Loads):
         if self.rollers:
             external = np.zeros((self.dimension, self.particles.owned)) if external is None else external.copy()
             self._hold_rollers(force, damping, external)
-        if self.motion.there or self.holders:
-            at = self.entries
-            resisting_forces(at.rows, at.parts, force, damping, *self._acting(), external, at.force)
+        at = self._entries
+        if at.holding:
+            resisting_forces(at.holding, at.rows, at.parts, force, damping, *self._acting(), external, at.force)
         return external
 
     def _hold_rollers(self, force: np.ndarray, damping: np.ndarray | None, external: np.ndarray) -> None:
@@ -267,21 +266,18 @@ class Conditions(Loads):
         share = particles.owned_rows("share") if "share" in particles else None
         return share, particles.storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
 
-    def observe(self, duration: float, velocity: np.ndarray | None = None) -> None:
-        """See `Loads.observe`; also the work of what moves prescribed components."""
-        if self.motion.there or self.holders:
-            at, place = self.entries, self.particles.owned_rows("position").T
-            now = self._velocity() if velocity is None else velocity
-            given = at.moving, at.rows, at.parts, duration, at.force
-            self._work += observe_entries(*given, now, place, self._about, self._sums)
-        super().observe(duration, velocity)
+    def observe(self, duration: float, velocity: np.ndarray | None = None) -> float:
+        """See `Loads.observe`."""
+        work = super().observe(duration, velocity)
+        self._work += work
+        return work
 
     def end_step(self, step: float, ledger: Any) -> float:
         """External work [J] of what has moved prescribed components in a step [s]; reactions go to the ledger."""
         if self.motion.there:
-            at, of = self.entries, self.particles.owned_rows
+            (rows, parts, start), of = self.prescribed, self.particles.owned_rows
             state = self._velocity(), of("mass"), self._acting()[0], of("position").T
-            self._work += observe_changes(at.moving, at.rows, at.parts, at.start, *state, self._about, self._sums)
+            self._work += observe_changes(rows, parts, start, *state, self._about, self._sums)
         self.report(step, ledger)
         return self._work
 

@@ -227,12 +227,12 @@ class SpringLoad(Load):
         self.surface = surface
 
     def forces(self, time: float, before_jump: bool) -> tuple[Rows, np.ndarray]:
-        """See `Load`; by the present positions and velocities."""
+        """See `Load`; by the present positions and velocities, void when others are asked for."""
         self._follow_layout()
-        of, forces = self.particles.owned_rows, np.empty(self._shape)
+        of = self.particles.owned_rows
         state = of("position").T, of("reference_position").T, of("velocity").T
-        spring_forces(self._rows, self.stiffness, self.damping, self._areas, self._normals, *state, forces)
-        return self._rows, forces
+        spring_forces(self._rows, self.stiffness, self.damping, self._areas, self._normals, *state, self._forces)
+        return self._rows, self._forces
 
     @property
     def largest_step(self) -> float:
@@ -244,7 +244,7 @@ class SpringLoad(Load):
         self._rows = self.surface.selection.rows
         self._areas = self.surface.areas(self._rows)
         self._normals = self.surface.normals(self._rows) if self.along_normal else None
-        self._shape = self.particles.owned_rows("position").shape[1], len(self._rows)
+        self._forces = np.empty((self.particles.owned_rows("position").shape[1], len(self._rows)))
         per_mass = self._areas / tributary_mass(self.particles, self._rows)
         rate = np.sqrt(self.stiffness * per_mass) + self.damping * per_mass
         self._largest_step = float(_SAFETY * 1.7 / rate.max(initial=1e-300))

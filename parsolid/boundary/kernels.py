@@ -40,26 +40,23 @@ def add_modes(modes, table, factors, values):
 
 
 @kernel
-def add_rows(rows, values, vectors):
-    """Add values (d, k) to the vectors of some particles."""
-    for c in range(values.shape[0]):
-        for i in range(rows.size):
-            vectors[c, rows[i]] += values[c, i]
+def set_loads(rows, parts, first, last, values, constant, vectors):
+    """Set the vectors of particles to the constant ones and values (k,) of the parts first .. last - 1 on them."""
+    for p in range(first, last):
+        c = parts[p, 2]
+        for e in range(parts[p, 0], parts[p, 1]):
+            vectors[c, rows[e]] = constant[c, rows[e]]
+    for p in range(first, last):
+        component = vectors[parts[p, 2]]
+        for e in range(parts[p, 0], parts[p, 1]):
+            component[rows[e]] += values[e]
 
 
 @kernel
-def copy_rows(rows, source, vectors):
-    """Set the vectors of some particles to those of the source."""
-    for c in range(source.shape[0]):
-        for a in rows:
-            vectors[c, a] = source[c, a]
-
-
-@kernel
-def resisting_forces(rows, parts, force, damping, share, interaction, external, values):
-    """Fill values (k,) [N] of entries with what holds them against all other forces on the parts of particles on this
-    side of mirror planes; arguments as in `methods.leapfrog.kick`."""
-    for p in range(parts.shape[0]):
+def resisting_forces(count, rows, parts, force, damping, share, interaction, external, values):
+    """Fill values (k,) [N] of the entries of the first parts, so many as `count`, with what holds them against all
+    other forces on the parts of particles on this side of mirror planes; arguments as in `methods.leapfrog.kick`."""
+    for p in range(count):
         c = parts[p, 2]
         for e in range(parts[p, 0], parts[p, 1]):
             a = rows[e]
@@ -100,13 +97,13 @@ def add_impulses(c, rows, impulses, velocity, place, about, sums):
 
 @kernel
 def observe_entries(moving, rows, parts, duration, values, velocity, place, about, sums):
-    """Count impulses and works of forces (k,) [N] on entries over a duration [s].
-
-    Returns the work [J] of the first parts, so many as `moving`.
-    """
+    """Count impulses and works of forces (k,) [N] on entries over a duration [s], but not of parts that nobody reports
+    and that are none of the first ones, so many as `moving`; the work [J] of these."""
     total = 0.0
     for p in range(parts.shape[0]):
         first, last, c, one = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
+        if p >= moving and one == sums.shape[0] - 1:
+            continue
         impulses = duration * values[first:last]
         work = add_impulses(c, rows[first:last], impulses, velocity, place, about[one], sums[one])
         total += work if p < moving else 0.0
@@ -114,11 +111,11 @@ def observe_entries(moving, rows, parts, duration, values, velocity, place, abou
 
 
 @kernel
-def observe_changes(moving, rows, parts, start, velocity, mass, share, place, about, sums):
-    """Count impulses and works that changed the velocities of the first parts, so many as `moving`, from start (k,)
-    [m/s] to the present ones; the work of all [J]."""
+def observe_changes(rows, parts, start, velocity, mass, share, place, about, sums):
+    """Count impulses and works that changed the velocities of entries from start (k,) [m/s] to the present ones; the
+    work of all [J]."""
     total = 0.0
-    for p in range(moving):
+    for p in range(parts.shape[0]):
         first, last, c, one = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
         impulses, behind = np.empty(last - first), 0.0
         for e in range(first, last):

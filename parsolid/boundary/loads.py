@@ -1,12 +1,12 @@
 """Loads of a scene on one rank's particles, for all methods, with the reactions of those that report their force."""
 
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.boundary.forces import Load, Rows, body_loads, surface_load
-from parsolid.boundary.kernels import add_rows, copy_rows, observe_forces
+from parsolid.boundary.forces import Load, body_loads, surface_load
+from parsolid.boundary.kernels import observe_entries, observe_forces, set_loads
 from parsolid.boundary.reactions import Reaction
 from parsolid.boundary.surface import Surface
 from parsolid.particles.container import Particles
@@ -15,6 +15,25 @@ from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.schema import Scene
 
 _Kind = TypeVar("_Kind", bound=Condition)
+
+
+class Entries(NamedTuple):
+    """Components of particles on which forces of conditions act: rows (k,) and parts (p, 4), see `boundary.kernels`, in
+    the order: prescribed, so many parts as `moving`; other ones that are held, up to `holding`; loads that change, up
+    to `changing`; reported loads that do not. force (k,) [N]: what acted on them when it was found last; counted:
+    whether anything asks for its impulse or work."""
+
+    moving: int
+    holding: int
+    changing: int
+    rows: np.ndarray
+    parts: np.ndarray
+    force: np.ndarray
+    counted: bool
+
+
+# parts of entries, each with an axis, the number of a reaction and rows (k,)
+Parts = list[tuple[int, int, np.ndarray]]
 
 
 class Loads:
@@ -43,9 +62,9 @@ class Loads:
         self.loads_of: list[tuple[Load, Reaction | None]] = []
         # of all reactions, see `boundary.kernels`
         self._make_sums()
-        # forces (d, k) found last that reactions report: number of the reaction, rows, forces
-        self._reported: list[tuple[int, Rows, np.ndarray]] = []
-        self._layout = -1
+        # forces (d, k) found last of what is no entry: number of the reaction, rows, forces
+        self._reported: list[tuple[int, np.ndarray, np.ndarray]] = []
+        self._layout, self._entries = -1, _entries_of([], [], [], [], len(self.reactions))
         self._jumps = {*scene.loads.jump_times}
         for _, one in self.all:
             if getattr(one, "quantity", "") == "displacement":
@@ -106,19 +125,18 @@ class Loads:
         They are void when others are found; `observe` counts those that are reported.
         """
         self._reported.clear()
+        self._follow_layout(time, before_jump)
         if not self.loads_of:
             return None
-        self._follow_layout()
-        for rows in self._loaded_rows:
-            _restore(rows, self._constant_loads, self._present_loads)
-        self._loaded_rows.clear()
-        for load, reported_by in self._changing:
-            rows, forces = load.forces(time, before_jump)
-            _add(rows, forces, self._present_loads)
-            self._loaded_rows.append(rows)
-            if reported_by is not None:
-                self._reported.append((reported_by, rows, forces))
-        self._reported += self._constant_reported
+        at = self._entries
+        for load, place in self._on_some:
+            at.force[place] = load.forces(time, before_jump)[1].ravel()
+        if self._on_all:
+            self._present_loads[:] = self._constant_loads
+        set_loads(at.rows, at.parts, at.holding, at.changing, at.force, self._constant_loads, self._present_loads)
+        for load in self._on_all:
+            forces = load.forces(time, before_jump)[1]
+            self._present_loads[: len(forces)] += forces
         return self._present_loads
 
     def surface_forces(self, time: float) -> np.ndarray:
@@ -126,28 +144,45 @@ class Loads:
         result = np.zeros((self.dimension, self.particles.owned))
         for load, _ in self.loads_of:
             if load.on_surface:
-                _add(*load.forces(time, False), result)
+                rows, forces = load.forces(time, False)
+                result[: len(forces), rows] += forces
         return result
 
-    def _follow_layout(self) -> None:
-        """Find constant loads anew after particles have changed their rows or masses."""
+    def _follow_layout(self, time: float, before_jump: bool) -> None:
+        """Find entries and constant loads anew after particles have changed their rows or masses, with the forces of a
+        time [s] as an example."""
         if self._layout == self.particles.layout:
             return
         self._layout = self.particles.layout
         self._constant_loads = np.zeros((self.dimension, self.particles.owned))
-        self._changing: list[tuple[Load, int | None]] = []
-        self._constant_reported: list[tuple[int, Rows, np.ndarray]] = []
+        changing, constant, values = Parts(), Parts(), [np.zeros(0)]
+        of_changing, self._on_all = list[Load](), list[Load]()
         for load, reaction in self.loads_of:
-            reported_by = None if reaction is None else self.reactions.index(reaction)
-            if not load.constant:
-                self._changing.append((load, reported_by))
-                continue
-            rows, forces = load.forces(0.0, False)
-            _add(rows, forces, self._constant_loads)
-            if reported_by is not None:
-                self._constant_reported.append((reported_by, rows, forces))
+            number = len(self.reactions) if reaction is None else self.reactions.index(reaction)
+            rows, forces = load.forces(time, before_jump)
+            if load.constant:
+                self._constant_loads[: len(forces), rows] += forces
+            if isinstance(rows, slice):
+                self._on_all += [] if load.constant else [load]
+            elif not load.constant:
+                changing += [(axis, number, rows) for axis in range(len(forces))]
+                of_changing += [load]
+            elif reaction is not None:
+                constant += [(axis, number, rows) for axis in range(len(forces))]
+                values.append(forces.ravel())
         self._present_loads = self._constant_loads.copy()
-        self._loaded_rows: list[Rows] = []
+        moving, held = self._held_parts()
+        self._entries = at = _entries_of(moving, held, changing, constant, len(self.reactions))
+        at.force[len(at.force) - sum(map(len, values)) :] = np.concatenate(values)
+        self._on_some, part = list[tuple[Load, slice]](), at.holding
+        for load in of_changing:
+            last = part + len(load.forces(time, before_jump)[1])
+            self._on_some.append((load, slice(at.parts[part, 0], at.parts[last - 1, 1])))
+            part = last
+
+    def _held_parts(self) -> tuple[Parts, Parts]:
+        """Of components that are prescribed, and of others that are held; none."""
+        return [], []
 
     def keep_deformation(self) -> None:
         """Let loads use the present deformation, which a stage changes before its forces are asked for."""
@@ -160,14 +195,17 @@ class Loads:
         for load, _ in self.loads_of:
             load.masses_changed()
 
-    def observe(self, duration: float, velocity: np.ndarray | None = None) -> None:
+    def observe(self, duration: float, velocity: np.ndarray | None = None) -> float:
         """Count impulses and works over a duration [s] of the forces found last, at present places and with velocities
-        (d, n) [m/s], the present ones unless given."""
-        if self._reported:
+        (d, n) [m/s], the present ones unless given; the work [J] on prescribed components."""
+        at, work = self._entries, 0.0
+        if at.counted or self._reported:
             position = self.particles.owned_rows("position").T
-            velocity = self._velocity() if velocity is None else velocity
+            state = self._velocity() if velocity is None else velocity, position, self._about, self._sums
+            work = observe_entries(at.moving, at.rows, at.parts, duration, at.force, *state)
             for one, rows, forces in self._reported:
-                observe_forces(one, rows, duration, forces, velocity, position, self._about, self._sums)
+                observe_forces(one, rows, duration, forces, *state)
+        return work
 
     def report(self, step: float, ledger: Any) -> None:
         """Let reactions take what was observed in a step [s] as its mean, and the ledger their work."""
@@ -185,17 +223,13 @@ class Loads:
         return self.particles.owned_rows("velocity").T
 
 
-def _add(rows: Rows, forces: np.ndarray, result: np.ndarray) -> None:
-    """Add forces (components, k) on some particles to those (d, n) on all."""
-    if isinstance(rows, slice):
-        result[: len(forces), rows] += forces
-    else:
-        add_rows(rows, forces, result)
-
-
-def _restore(rows: Rows, source: np.ndarray, result: np.ndarray) -> None:
-    """Give some particles the forces (d, n) of the source."""
-    if isinstance(rows, slice):
-        result[:, rows] = source[:, rows]
-    else:
-        copy_rows(rows, source, result)
+def _entries_of(moving: Parts, held: Parts, changing: Parts, constant: Parts, unreported: int) -> Entries:
+    """Entries of parts in this order; unreported: the number of no reaction."""
+    parts = [*moving, *held, *changing, *constant]
+    ends = np.cumsum([0, *(len(rows) for _, _, rows in parts)])
+    table = [(ends[p], ends[p + 1], axis, number) for p, (axis, number, _) in enumerate(parts)]
+    holding = len(moving) + len(held)
+    counted = bool(moving) or any(number != unreported for _, number, _ in parts)
+    rows = np.concatenate([np.zeros(0, np.int64), *(rows for _, _, rows in parts)])
+    places = np.array(table, np.int64).reshape(-1, 4)
+    return Entries(len(moving), holding, holding + len(changing), rows, places, np.zeros(ends[-1]), counted)

@@ -79,8 +79,7 @@ class _Values:
         if found is None:
             if len(self._known) == _KEPT:
                 del self._known[next(iter(self._known))]
-            with np.errstate(all="ignore"):
-                found = [one for function in self._functions for one in function.factors(time, before_jump)]
+            found = [one for function in self._functions for one in function.factors(time, before_jump)]
             self._known[moment] = found
         return found
 

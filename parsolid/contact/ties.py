@@ -229,6 +229,15 @@ class TiedFaces:
                 side.system.particles.owned_rows(START)[rows] = position[here]
         self.energy = tie_springs.pull(*self.lists(), self.counted, self.moved, self.owned, self.force)
 
+    def forces_of(self, displacement: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows of the particles of both bodies and the forces [N] on them by a displacement (owned, d) [m] of their
+        system; neighbours exchange it."""
+        self.moved[: self.owned] = displacement[np.concatenate(self.rows)]
+        self._message.now()
+        force = np.zeros_like(self.force)
+        tie_springs.pull(*self.lists(), self.counted, self.moved, self.owned, force)
+        return [(self.rows[0], force[: self.first]), (self.rows[1], force[self.first :])]
+
     def _end_springs(self) -> None:
         """Let springs go of particles that were deleted in the last step.
 
@@ -353,6 +362,12 @@ class Ties(Interaction):
         for face in self.faces:
             for side, rows, force in face.pulled():
                 side.system.particles.owned_rows(EXTERNAL_FORCE)[rows] += force
+
+    def add_product(self, change: np.ndarray, result: np.ndarray) -> None:
+        """See `Interaction.add_product`."""
+        for face in self.faces:
+            for rows, force in face.forces_of(change):
+                result[rows] -= force
 
     def stable_step(self) -> float:
         """Of the springs on this rank, alone."""

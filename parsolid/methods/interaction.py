@@ -48,6 +48,10 @@ class Interaction:
         """
         raise NotImplementedError
 
+    def add_product(self, change: np.ndarray, result: np.ndarray) -> None:
+        """Add to a result (owned, d) [N], of the only system, what resists a change (owned, d) [m] of its places in the
+        reference; collective. Nothing but of ties, which are linear in the displacement."""
+
     def stable_step(self) -> float:
         """Largest step [s] that it allows on this rank, known before a step."""
         return float("inf")

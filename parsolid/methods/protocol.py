@@ -45,10 +45,12 @@ class BrokenPairs(NamedTuple):
 class ParticleSystem:
     """A method with its bodies on one rank; sizes are of this rank's owned particles, d = dimension.
 
-    Set by the simulation: bodies, the scene's numbers of the system's bodies, which are numbered from 0 within it;
+    Set by the simulation: interactions, those of the scene; bodies, the scene's numbers of the system's bodies, which
+    are numbered from 0 within it;
     name, unlike that of other systems, empty where there is one.
     Set by the method: comm, settings (the scene's), dimension, owned, particles, mass (owned,) [kg] and
     share (owned,), the part of a particle's mass on this side of mirror planes (tributary mass = mass share).
+    bounded: whether forces between bodies bound its steps.
     jumps: times [s] at which a step of length 0 is due for all systems, because loads jump.
     stop_times: times [s] at which a step must end; even_steps: whether steps between two of them have one length
     (leapfrog near its limit gains energy where they change).
@@ -68,6 +70,8 @@ class ParticleSystem:
     """
 
     comm: Any
+    interactions: Sequence[Any] = ()
+    bounded: bool = True
     reactions: Sequence[Reaction] = ()
     settings: Any
     bodies: tuple[int, ...]
@@ -223,6 +227,11 @@ class ParticleSystem:
         Every method has deformation_gradient and first_piola_kirchhoff_stress or stress (Cauchy) [Pa].
         """
         raise NotImplementedError
+
+    @property
+    def usual_fields(self) -> tuple[str, ...]:
+        """Fields that are written unless the scene chooses, beside those of all methods."""
+        return ()
 
     def prepare_fields(self, names: Iterable[str], time: float) -> None:
         """Exchange between ranks what `shown` needs for fields of these names in the state at a time [s], before it is

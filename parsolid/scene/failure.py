@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
+from parsolid.materials.declaration import parameters_of
 from parsolid.scene.base_model import OnRestart, Positive, SceneModel
 from parsolid.scene.declared import laws, table_of
 from parsolid.scene.library import LibraryTable, stated_sets
@@ -83,6 +84,9 @@ def faults_of_names(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
     """What is to be shown of failure, or of deletion, that no body of a scene has."""
     stated = [getattr(body.material, "failure", None) for body in scene.bodies]
     lacking: dict[str, str] = {} if any(stated) else dict.fromkeys(OF_FAILURE, "a body with failure")
+    if any("damage" in parameters_of(type(body.material).declared) for body in scene.bodies):
+        # a state variable of that name
+        lacking.pop("damage", None)
     if not any(failure.after == "delete" for failure in stated if failure):
         lacking |= dict.fromkeys(OF_DELETION, 'a body whose failure has after = "delete"')
     return [(place, lacking[name], name) for place, name in named_observables(scene) if name in lacking]

@@ -285,27 +285,39 @@ class Formula:
         found = [Product(self._rate_at(places), 1.0)] if self.of_rate else self._term.products(places)
         if not all(np.isfinite(one.mode).all() for one in found):
             self._check(self._values(points, 0.0), points, 0.0)
-        return [one if one.factor is None else one._replace(factor=self._checked(one.factor, points)) for one in found]
+        return [one if one.factor is None else one._replace(factor=self._checked(one, points)) for one in found]
 
-    def _checked(self, factor: Callable[[Any], Any], points: np.ndarray) -> Callable[[float], Any]:
-        """A factor of the values at points (n, d) [m] that is looked at each time."""
+    def _checked(self, product: Product, points: np.ndarray) -> Callable[[float], Any]:
+        """The factor of a product of the values at points (n, d) [m], which is looked at each time."""
+        factor: Any = product.factor
 
-        def checked(time: float) -> Any:
-            found = factor(np.float64(time))
-            several = isinstance(found, np.ndarray) and found.ndim > 0
-            # the sum of squares is looked at in less time than all of them
-            if not math.isfinite(found.dot(found) if several else found):
+        def number(time: float) -> float:
+            found = float(factor(time))
+            if not math.isfinite(found):
                 self._check(self._values(points, time), points, time)
-            return found if several else float(found)
+            return found
 
-        return checked
+        def of_place(time: float) -> Any:
+            with np.errstate(all="ignore"):
+                found = factor(time)
+                # the sum of squares is looked at in less time than all of them
+                sound = math.isfinite(found.dot(found) if np.ndim(found) else found)
+            if not sound:
+                self._check(self._values(points, time), points, time)
+            return found
+
+        return of_place if product.pointwise or (self.of_rate and self.names != ("t",)) else number
 
     def _rate_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
         """The rate in time as a function of time, 0 where nothing changes."""
-        dual = self._term.dual_at(places)
+        fast, dual = (self._term.dual_at(places, of_numbers) for of_numbers in (True, False))
 
         def rate(time: Any) -> Any:
-            found = dual(time).rate
+            try:
+                found = fast(time).rate
+            except (ArithmeticError, ValueError):
+                with np.errstate(all="ignore"):
+                    found = dual(np.float64(time)).rate
             return 0.0 if found is None else found
 
         return rate
@@ -320,7 +332,7 @@ class Formula:
         known = {name: np.float64(time) if name == "t" else points[:, AXES.index(name)] for name in self.names}
         result = np.empty(len(points))
         with np.errstate(all="ignore"):
-            result[:] = self._rate_at(known)(np.float64(time)) if self.of_rate else self._term.value(known)
+            result[:] = self._rate_at(known)(time) if self.of_rate else self._term.value(known)
         return result
 
     def rate(self) -> "Formula":

@@ -160,6 +160,11 @@ class MethodSettings(SceneModel):
         """The largest particle spacing [m] that the method bears; None where there is no such limit."""
         return None
 
+    def bending_fault(self, across: int, spacing: float) -> str | None:
+        """Why slender bodies with so many particles of a spacing [m] across bend otherwise than their law says, in the
+        method's keys; None where they do not."""
+        return None
+
     def bonding(self, scene: Any, bodies: Iterable[int]) -> list[bool]:
         """For each of its bodies whether the method bonds it to others where they touch."""
         return [True for _ in bodies]
@@ -175,6 +180,10 @@ class MethodSettings(SceneModel):
     def contact_refused(self, scene: Any) -> str | None:
         """Why bodies of the method cannot be in contact, None where they can."""
         return "with this method"
+
+    def tie_refused(self, scene: Any) -> str | None:
+        """Why bodies of the method cannot be tied, None where they can."""
+        return self.contact_refused(scene)
 
     def substeps_refused(self) -> str | None:
         """Why the method cannot take several steps in one that all methods take; None where it can."""

@@ -1,5 +1,6 @@
 """Rigid motion in time: rotation about an axis that may move, as prescribed displacement and velocity."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -69,7 +70,7 @@ class RigidMotion(SeparatedFunction):
             if time in self.jumps:
                 time += (-1.0 if before else 1.0) * NEAR * max(1.0, time)
             turn = angle(time)
-            sin, cos = float(np.sin(turn)), float(np.cos(turn))
+            sin, cos = (math.sin(turn), math.cos(turn)) if math.isfinite(turn) else (math.nan, math.nan)
             speed = rate(time) if is_velocity else 1.0
             turning = [speed * cos, speed * sin] if is_velocity else [sin, 1.0 - cos]
             return turning + [one(time) for one in added]

@@ -49,7 +49,7 @@ class Separated(NamedTuple):
     """A function at some places: each component is the sum of its modes times their factors.
 
     factors(time, before): at a time [s], see `SpaceTimeFunction.evaluate`; pointwise: whether each is (n,), of what is
-    no such product, else it is a number. Warnings of numpy are the caller's to silence.
+    no such product, else it is a number.
     """
 
     components: int

@@ -60,7 +60,7 @@ def tie_faults(scene: Any) -> list[FaultDetail]:
             if {first, second} <= set(system.bodies) and bonding[first] and bonding[second]:
                 expected = "bodies of two methods (a [[bond]] joins those of one)"
                 faults.append((place, expected, one.bodies))
-            refused = system.settings.contact_refused(scene.part(system))
+            refused = system.settings.tie_refused(scene.part(system))
             if refused is not None and {first, second} & set(system.bodies):
                 faults.append((("tie",), f"no such table {refused}", one.bodies))
     return faults

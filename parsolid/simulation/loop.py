@@ -86,6 +86,8 @@ class Simulation:
         for number, system in enumerate(self.systems):
             system.follow_work(self.clock.work, number)
         self.interactions: list[Interaction] = build_interactions(comm, scene, self.systems)
+        for system in self.systems:
+            system.interactions = self.interactions
         self.time_steps = TimeSteps.of(scene, self.systems)
         # systems whose particles have a temperature, and the lowest [K] in the last row
         self._warm = [one for one in self.systems if "temperature" in one.particles]

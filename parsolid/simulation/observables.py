@@ -93,7 +93,8 @@ class Observables:
             for name, field in system.particles.fields.items()
             if field.shown and name not in FIELDS and name not in ALWAYS_WRITTEN
         ]
-        return [*dict.fromkeys(declared), *USUAL_FIELDS]
+        own = [name for system in self.systems for name in system.usual_fields]
+        return [*dict.fromkeys(declared), *USUAL_FIELDS, *dict.fromkeys(own)]
 
 
 def _joined(pieces: list[np.ndarray]) -> np.ndarray:

@@ -169,7 +169,7 @@ def test_loads_and_motion_stay_with_their_particles(comm):
                 conditions.impose(time)
                 values.append(by_particle(mine, mine.owned_rows("velocity")))
             assert np.array_equal(*values)
-        masks = [by_particle(one, one.owned_rows("free_components")) for one in (still, particles)]
+        masks = [by_particle(mine, one.free.T) for mine, one in ((still, fixed), (particles, found))]
         assert np.array_equal(*masks)
 
 

@@ -31,16 +31,22 @@ CONCRETE = {
 }
 
 
-def scene(method=None, dimension=2, **material):
+def scene(method=None, **material):
     placement = {"mpm": "cells"}.get((method or {}).get("kind"), "vertices")
     body = {
-        "shape": {"box": {"lower": [0.0] * dimension, "upper": [0.1] * dimension}},
-        "particles": [5] * dimension,
+        "shape": {"box": {"lower": [0.0, 0.0], "upper": [0.1, 0.1]}},
+        "particles": [5, 5],
         "placement": placement,
         "material": CONCRETE | material,
     }
     return parse_scene(
-        {"dimension": dimension, "end_time": 1.0, "method": method or {"kind": "tlsph"}, "bodies": [body]}
+        {
+            "dimension": 2,
+            "end_time": 1.0,
+            "method": method or {"kind": "tlsph"},
+            "bodies": [body],
+            "probes": [{"name": "middle", "at": [0.05, 0.05], "fields": ["damage"]}],
+        }
     )
 
 

@@ -103,24 +103,32 @@ def test_physical_groups_are_bodies_that_share_nodes(tmp_path):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("cavity", [True, False])
-def test_faces_of_iges_that_are_not_sewn_are_refused(tmp_path, cavity):
-    """A sphere beside the faces that are sewn is neither a cavity nor a part, and is not left out unseen."""
+@pytest.mark.parametrize("inside", [0, 1, 2, None])
+def test_closed_surfaces_of_iges_are_parts_and_cavities(tmp_path, inside):
+    """A sphere beside a box, in it, and in a box in a cavity of it; a box without a face is refused."""
 
     def box_and_sphere(occ):
-        box, sphere = (3, occ.addBox(0, 0, 0, 10, 10, 10)), (3, occ.addSphere(5 if cavity else 20, 5, 5, 3))
-        if cavity:
-            occ.cut([box], [sphere])
+        box = occ.addBox(0, 0, 0, 10, 10, 10)
+        if inside is None:
+            occ.synchronize()
+            occ.remove([(3, box)])
+            occ.remove([(2, 6)])
+            return
+        sphere = occ.addSphere(5 if inside else 20, 5, 5, 3)
+        if inside:
+            occ.cut([(3, box)], [(3, sphere)])
+        if inside == 2:
+            occ.addBox(4, 4, 4, 2, 2, 2)
 
-    with pytest.raises(SceneError) as error:
-        simulation(scene_of(file=write(tmp_path / "part.iges", box_and_sphere), size=3e-3, scale=1e-3))
-    (fault,) = error.value.faults
-    assert (fault.code, fault.key) == ("geometry", "bodies.0.shape.mesh.file")
-    volume = generated(scene_of(file=write(tmp_path / "part.brep", box_and_sphere), size=1.5e-3, scale=1e-3), "volume")[
-        0
-    ]
-    exact = 1e-6 + (-1 if cavity else 1) * 36e-9 * np.pi
-    assert volume.sum() == pytest.approx(exact, rel=0.02)
+    scene = scene_of(file=write(tmp_path / "part.iges", box_and_sphere), size=1.5e-3, scale=1e-3)
+    if inside is None:
+        with pytest.raises(SceneError) as error:
+            simulation(scene)
+        (fault,) = error.value.faults
+        assert (fault.code, fault.key) == ("geometry", "bodies.0.shape.mesh.file")
+        return
+    exact = 1e-6 + (-1 if inside else 1) * 36e-9 * np.pi + (8e-9 if inside == 2 else 0.0)
+    assert generated(scene, "volume")[0].sum() == pytest.approx(exact, rel=0.02)
 
 
 def tetrahedron(path, triangles):

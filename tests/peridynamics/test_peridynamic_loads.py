@@ -10,7 +10,7 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.tangent import Operator
-from parsolid.methods.peridynamics.tractions import Tractions
+from parsolid.methods.peridynamics.tractions import Tractions, least_rows
 from parsolid.particles.generation import generate
 from parsolid.scene import parse_scene
 from parsolid.scene.boundaries.surface import Pressure
@@ -288,3 +288,10 @@ def test_a_body_of_which_all_is_driven_has_the_step_of_a_free_one(comm):
     rows = driven.systems[0].particles.owned_rows
     X = rows("reference_position")[:, :2]
     np.testing.assert_allclose(rows("position"), X + step * np.stack((np.full(len(X), 0.5), X[:, 0]), 1), atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [0, 5, 40, 41, 1000])
+def test_a_sample_of_rows_is_that_of_one_rank(comm, count):
+    rows = np.random.default_rng(3).uniform(-1.0, 1.0, (count, 3))
+    found = least_rows(comm, rows[comm.rank :: comm.size], 40)
+    assert np.array_equal(found, rows[np.argsort(rows[:, 0])][:40])

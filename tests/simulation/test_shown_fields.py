@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+from grouped_meshes import block
 from solids import simulation, tables
 
 from parsolid.api.report import report_of
@@ -120,6 +121,17 @@ def test_what_is_written_unless_the_scene_chooses(comm, method, first):
         "poissons_ratio": 0.3,
     }
     assert Observables(simulation(data, comm).systems).usual_fields() == [*first, *USUAL]
+
+
+def test_meshes_have_the_stress_at_their_nodes(comm, shared_path):
+    file = shared_path / "block.msh"
+    if comm.rank == 0:
+        block(file, 0.0, 3)
+    comm.Barrier()
+    data = tables((4, 3))
+    data["bodies"] = [{"shape": {"file": str(file)}, "material": data["bodies"][0]["material"]}]
+    sim = simulation(data | {"method": {"kind": "tlsph"}}, comm)
+    assert set(written(comm, sim, shared_path)) == {*USUAL, "nodal_von_mises_stress", "body", "volume"}
 
 
 def test_what_a_plastic_body_carries_is_written_where_the_scene_names_it(comm, shared_path):

@@ -1,5 +1,5 @@
-"""Write concrete_beam_N.msh: a beam of 175 x 50 mm in quads, N of them over its depth, in the middle a notch of half the
-depth and the width of an element; lengths in m, the origin below the middle.
+"""Write concrete_beam_N.msh: a beam of 175 x 50 mm in quads, N of them over its depth, in the middle a notch of half
+the depth and the width of an element; lengths in m, the origin below the middle.
 
 python validation/scenes/make_concrete_beam.py 10 20
 """

@@ -137,12 +137,13 @@ class Fracture:
         """
         damage = self.damage.damage
         rows = np.flatnonzero((damage > _ON_CRACK) & (damage > self._initial))
-        mine = []
-        if len(rows) and self.patches:
-            far = np.min([distance(patch, self.positions[rows]) for patch in self.patches], axis=0)
-            mine = [(float(far[i]), *map(float, self.positions[rows[i]])) for i in np.flatnonzero(far == far.max())]
-        found = [one for piece in self.comm.allgather(mine) for one in piece]
-        return np.array(max(found)[1:]) if found else np.full(self.positions.shape[1], np.nan)
+        far = [distance(patch, self.positions[rows]) for patch in self.patches]
+        left = np.column_stack((np.min(far, axis=0), self.positions[rows])) if far else np.zeros((0, 1))
+        result = np.full(1 + self.positions.shape[1], np.nan)
+        for column in range(len(result) if far else 0):
+            result[column] = maximum(self.comm, float(left[:, column].max(initial=-np.inf)))
+            left = left[left[:, column] == result[column]]
+        return np.where(np.isfinite(result[1:]), result[1:], np.nan)
 
 
 def fracture_of(comm: Any, scene: Any, particle_set: Any, forces: Any) -> Fracture | None:

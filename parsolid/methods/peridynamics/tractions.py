@@ -82,6 +82,26 @@ def along_axis(function: SpaceTimeFunction, axis: int, dimension: int) -> Derive
     return DerivedFunction(function, lambda *at: function.evaluate(*at)[:, :1] * direction)
 
 
+def least_rows(comm: Any, rows: np.ndarray, most: int) -> np.ndarray:
+    """Of rows (n, c) on all ranks, `most` at most with the least first numbers, within -1 .. 1 and distinct, in their
+    order, on every rank; what is exchanged does not grow with the ranks. Collective."""
+    below, beyond = -2.0, 1.0
+    if sums(comm, [float(len(rows))])[0] <= most:
+        below = beyond
+    while below < (middle := 0.5 * (below + beyond)) < beyond:
+        count = sums(comm, [float(np.count_nonzero(rows[:, 0] <= middle))])[0]
+        below, beyond = (middle, beyond) if count <= most else (below, middle)
+        if count == most:
+            break
+    mine = rows[rows[:, 0] <= below]
+    first = comm.exscan(len(mine)) or 0
+    found = np.zeros((most, rows.shape[1] + 1))
+    found[first : first + len(mine)] = np.column_stack((np.ones(len(mine)), mine))
+    found = sums(comm, found)
+    found = found[found[:, 0] > 0.0, 1:]
+    return np.asarray(found[np.argsort(found[:, 0])])
+
+
 class Tractions:
     """Adds the loads of a scene's tractions and pressures to the conditions of a rank's particles, which have made none
     of them; all methods are collective. A peridynamic particle keeps its row."""
@@ -195,10 +215,8 @@ class Tractions:
         places = particles.position[mine].copy()
         places[:, plane.axis] = plane.offset
         area = np.abs(particles.area_in_planes()[mine, plane.axis])
-        lot = start_vector(particles.identifier[mine], 1)[:, 0]
-        rows = sorted(zip(lot, area, *places.T))[:_SAMPLE]
-        found = sorted(row for piece in self.comm.allgather(rows) for row in piece)[:_SAMPLE]
-        sample = np.array(found).reshape(-1, 2 + places.shape[1])
+        rows = np.column_stack((start_vector(particles.identifier[mine], 1)[:, 0], area, places))
+        sample = least_rows(self.comm, rows, _SAMPLE)
         return mean_over_face(one.prescribed, np.ascontiguousarray(sample[:, 2:]), sample[:, 1])
 
     def _face(self, one: Traction) -> np.ndarray:

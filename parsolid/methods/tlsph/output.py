@@ -52,6 +52,11 @@ class Reports(ParticleSystem):
             stress += self.initial_stress.first_piola_kirchhoff_stress(first, last)
         return stress
 
+    @property
+    def usual_fields(self) -> tuple[str, ...]:
+        """See `ParticleSystem`; by these pictures of meshes are coloured."""
+        return () if self.meshes is None else (NODAL_VON_MISES,)
+
     def prepare_fields(self, names: Iterable[str], time: float) -> None:
         """See `ParticleSystem`; for stresses at nodes."""
         if self.meshes is not None and any(name.startswith((NODAL_STRESS, NODAL_VON_MISES)) for name in names):

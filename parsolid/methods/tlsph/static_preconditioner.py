@@ -82,12 +82,13 @@ class StaticPreconditioner:
 
     # --- what nothing holds -------------------------------------------------------------------------------------
 
-    def refuse_loose_bodies(self) -> None:
-        """Raise SolverError on all ranks for a body that can move as one without a force."""
+    def refuse_loose_bodies(self, tied: list[tuple[int, int]]) -> None:
+        """Raise SolverError on all ranks for a body that can move as one without a force; tied: numbers of bodies that
+        ties join."""
         system, d = self.system, self.system.dimension
         body, X = system.particles.owned_rows("body"), system.particles.owned_rows("reference_position")
         sprung = self._bodies_on_springs(body)
-        for number, group in self._joined_bodies().items():
+        for number, group in self._joined_bodies(tied).items():
             if sprung[group].any():
                 continue
             here = np.isin(body, group)
@@ -109,13 +110,17 @@ class StaticPreconditioner:
                 found[body[load.surface.selection.rows]] = 1.0
         return sums(self.comm, found) > 0.0
 
-    def _joined_bodies(self) -> dict[int, list[int]]:
-        """Numbers of bodies that share nodes, under the first of them; by their meshes."""
+    def _joined_bodies(self, tied: list[tuple[int, int]]) -> dict[int, list[int]]:
+        """Numbers of bodies that share nodes, by their meshes, or are tied, under the first of them."""
         keys: dict[Any, int] = {}
         groups: dict[int, list[int]] = {}
         for number, mesh in enumerate(self.system.meshes_of_bodies):
             first = keys.setdefault(mesh, number) if mesh is not None else number
             groups.setdefault(first, []).append(number)
+        for one, other in tied:
+            a, b = (next(first for first, group in groups.items() if body in group) for body in (one, other))
+            if a != b:
+                groups[a] += groups.pop(b)
         return groups
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.boxes import cut_boxes
-from parsolid.boundary.conditions import Conditions
+from parsolid.boundary.conditions import EXTERNAL_FORCE, Conditions
 from parsolid.collective import anywhere, minimum
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.registry import laws_of
@@ -41,6 +41,7 @@ from parsolid.particles.law_values import declare_law_values, rows_of_laws
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.scene.stages import settings_of_stages
+from parsolid.scene.tie import tied_pairs
 
 # energy that the balance has the round-off of, over modulus times volume: 1e-12 of it, see `energy_check`, is four to
 # five times what one bit of J is worth in the particles' strain energy
@@ -80,7 +81,7 @@ class TotalLagrangianSPH(Reports):
         declare_fields(self.particles, particle_set, self.branches, staged)
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
         of_groups = [law_of_group[group] for group in sorted(law_of_group)]
-        heat = None if self.settings.dissipation == 0.0 else RIEMANN_HEAT
+        heat = None if self.settings.dissipation_of("kernel") == 0.0 else RIEMANN_HEAT
         declare_plastic(self.particles, self.dimension, of_groups, heat)
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
         of_law = {ElasticPlastic: PlasticBlock}
@@ -137,9 +138,16 @@ class TotalLagrangianSPH(Reports):
         if self.lists is not None:
             metric = metrics(particle_set.spacing, particle_set.axes, smoothing_of(self, particle_set))
             self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share)
-        self.statics = None if unknown is None else Static(self, "static" in kinds)
+        self.statics = (
+            None if unknown is None else Static(self, "static" in kinds, [pair[:2] for pair in tied_pairs(scene)])
+        )
         self.implicit = Implicit(self) if "implicit" in kinds else None
         self._take_stages(whole)
+
+    @property
+    def bounded(self) -> bool:  # type: ignore[override]
+        """Not in steps that are solved for."""
+        return self.settings.integrator not in ("static", "implicit")
 
     def _take_stages(self, scene: Any) -> None:
         """Times at which stages of a scene begin, and jumps of the loads, which equilibria follow in a step of no
@@ -340,4 +348,9 @@ class TotalLagrangianSPH(Reports):
         sound = bool(self.integrator.complete_step(time, step, ledger, announce))
         if self.statics is not None and self.settings.integrator == "leapfrog":
             self.statics.follow_motion()
+        elif self.statics is not None and EXTERNAL_FORCE in self.particles:
+            # what was found before the step was that of the places at its start
+            self.particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
+            for one in self.interactions:
+                one.evaluate(time + step, step, ledger)
         return sound

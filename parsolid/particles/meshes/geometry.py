@@ -28,8 +28,10 @@ _MOST = 1e8
 _FEW = 100
 # distance, in units of the file, within which faces without a volume are sewn
 _SEWN = 1e-4
-# of the area of all faces, by how much healing and sewing may change it
+# part of the area of all faces that healing and sewing may leave out
 _LEFT_OUT = 1e-4
+# what OpenCASCADE calls what it has sewn
+_NO_NAMES = ("COMPOUND", "SOLID", "SHELL", "FACE")
 _KINDS = {1: "line", 2: "triangle", 4: "tetra"}
 
 
@@ -90,22 +92,18 @@ def gmsh_model(path: str) -> Iterator[Any]:
 
 def _read(gmsh: Any, path: str, dimension: int) -> None:
     """Take a file into the model, with a volume where it is a closed surface. Raises SceneError."""
-    area = left_out = 0.0
+    left_out = 0.0
     try:
         with _quiet():
             gmsh.merge(path)
             if dimension == 3 and not gmsh.model.getEntities(3) and path.lower().endswith(CAD):
                 # IGES has faces alone
-                area = _area(gmsh)
-                gmsh.model.occ.healShapes(tolerance=_SEWN, sewFaces=True, makeSolids=True)
-                gmsh.model.occ.synchronize()
-                # a whole sphere is one face, which is not sewn to others: a cavity or a part of its own would be lost
-                left_out = area - _area(gmsh)
+                left_out = _make_volumes(gmsh)
     except Exception as error:
         raise SceneError([MeshFault("geometry", "a file that Gmsh reads", f"{path} ({error})")]) from None
-    if left_out > _LEFT_OUT * area:
-        expected = "faces that can be sewn to one surface, or a file with volumes (STEP, BREP)"
-        found = f"faces that are not, {left_out / area:.2g} of the area of all, in {path}"
+    if left_out > _LEFT_OUT:
+        expected = "faces that can be sewn to closed surfaces, or a file with volumes (STEP, BREP)"
+        found = f"faces that are not, {left_out:.2g} of the area of all, in {path}"
         raise SceneError([MeshFault("geometry", expected, found)])
     if path.lower().endswith(SURFACES):
         _close(gmsh, path)
@@ -115,9 +113,52 @@ def _read(gmsh: Any, path: str, dimension: int) -> None:
         raise SceneError([MeshFault("geometry", f"{what} to be meshed in {dimension}-D", f"{found} in {path}")])
 
 
-def _area(gmsh: Any) -> float:
-    """Area of all faces, in units of the file."""
-    return float(sum(gmsh.model.occ.getMass(2, face) for _, face in gmsh.model.occ.getEntities(2)))
+def _make_volumes(gmsh: Any) -> float:
+    """Sew faces to closed surfaces and make volumes of these, less those that lie within; the part of the area of all
+    faces that is on none."""
+    occ, model = gmsh.model.occ, gmsh.model
+    area = sum(occ.getMass(2, face) for _, face in occ.getEntities(2))
+    occ.healShapes(tolerance=_SEWN, sewFaces=True, makeSolids=False)
+    occ.synchronize()
+    solids = []
+    for faces in _joined(gmsh):
+        if model.getBoundary([(2, face) for face in faces]):
+            # an open surface
+            continue
+        loop = occ.addSurfaceLoop(faces, sewing=True)
+        solids.append((loop, occ.addVolume([loop])))
+    occ.synchronize()
+    ends = [model.getBoundary([(3, solid)], recursive=True) or model.getBoundary([(3, solid)]) for _, solid in solids]
+    place = [model.getValue(of, abs(tag), [0.5, 0.5][:of]) for (of, tag), *_ in ends]
+    around = [
+        [a for a, (_, solid) in enumerate(solids) if a != b and model.isInside(3, solid, place[b])]
+        for b in range(len(solids))
+    ]
+    # what lies in an odd number of others is a cavity of the innermost of these
+    for a, (loop, solid) in enumerate(solids):
+        cavities = [b for b in range(len(solids)) if a in around[b] and len(around[b]) == len(around[a]) + 1]
+        if len(around[a]) % 2 == 0 and cavities:
+            occ.addVolume([loop, *(solids[b][0] for b in cavities)])
+        if len(around[a]) % 2 or cavities:
+            occ.remove([(3, solid)])
+    occ.synchronize()
+    occ.remove([(2, face) for _, face in model.getEntities(2) if not len(model.getAdjacencies(2, face)[0])])
+    occ.synchronize()
+    return float(1.0 - sum(occ.getMass(2, face) for _, face in occ.getEntities(2)) / area)
+
+
+def _joined(gmsh: Any) -> list[list[int]]:
+    """Faces that curves join, in their order."""
+    left, result = [face for _, face in gmsh.model.getEntities(2)], list[list[int]]()
+    while left:
+        part = [left.pop(0)]
+        for face in part:
+            curves = gmsh.model.getAdjacencies(2, face)[1]
+            near = {int(one) for curve in curves for one in gmsh.model.getAdjacencies(1, curve)[0]}
+            part += [one for one in left if one in near]
+            left = [one for one in left if one not in near]
+        result.append(sorted(part))
+    return result
 
 
 @contextmanager
@@ -162,6 +203,7 @@ def _names(gmsh: Any, dimension: int) -> dict[str, dict[int, list[int]]]:
         for _, number in gmsh.model.getEntities(of):
             # STEP has names as paths through its assemblies
             label = gmsh.model.getEntityName(of, number).rsplit("/", 1)[-1]
+            label = "" if label in _NO_NAMES else label
             result.setdefault(label or f"{word}-{number}", {}).setdefault(of, []).append(number)
     for of, group in gmsh.model.getPhysicalGroups():
         name = gmsh.model.getPhysicalName(of, group) or str(group)
