@@ -59,6 +59,10 @@ WARNINGS = {
         'bodies that have met though no contact names them (`undeclared_contact = "warn"`)', "`[[contact]]`"
     ),
     "one-layer": Code("one layer of particles across a body that is free there", "two layers or more, or plane strain"),
+    "wrong-bending": Code(
+        "slender bodies in `mpm` that the transfer `flip` bends wrongly, stiffer most often",
+        '`transfer = "apic"`; or four points across and two a cell and direction',
+    ),
     "thin-pressure-region": Code(
         "a peridynamic pressure in a region that cuts off more than a tenth of its forces",
         "a region of two horizons depth at least",
