@@ -48,6 +48,10 @@ FAULTS = {
 }
 
 WARNINGS = {
+    "badly-held": Code(
+        "a plane at rest by `velocity` in `mpm`: on linear weights, or neither on nodes nor half-way between",
+        "`roller` or `fixed` on nodes or half-way between (`method.origin`)",
+    ),
     "cell-below-spacing": Code(
         "cells of `mpm` smaller than the spacing: points move apart freely", "cells of two spacings (`method.cell`)"
     ),
