@@ -287,7 +287,10 @@ class GridConditions:
     def _folded(self, scene: Scene) -> list[FoldedPlane]:
         supports = self.loads.of(Support)
         for key, one in supports:
-            if one.plane is None or not one.mirror:
+            if one.plane is None:
+                expected = "plane in place of where, or kind = 'velocity', with this method"
+                raise SolverError(f"{key}.where: expected {expected}, found {one.where!r}")
+            if not one.mirror:
                 raise SolverError(f"{key}.mirror: expected true with this method, found false")
         wanted = [(key, mirror_plane(scene, one)) for key, one in supports]
         given = {(plane.axis, plane.coordinate) for _, plane in wanted}

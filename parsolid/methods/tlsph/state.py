@@ -78,7 +78,7 @@ class LawBlock:
         self.particles, self.first, self.last, self.law = particles, first, last, law
         self._rows_of_values = rows_of_values
         if rows_of_values is not None:
-            self._value_tile = np.tile(np.array(values_at_rest(law))[:, None], TILE)
+            self._value_tile = np.repeat(values_at_rest(law), TILE)
             self._lost, self._dissipated = aligned_zeros(TILE), aligned_zeros(TILE)
         self.solid = law if law.branch_moduli is None else law._replace(branch_moduli=None, relaxation_times=None)
         self.moduli = np.array(law.branch_moduli or (), float)
