@@ -103,7 +103,7 @@ class InclinedRoller:
             directions[rows, k] = np.where(length > _PARALLEL, rest / np.maximum(length, _PARALLEL), 0.0)
             held[rows] += directions[rows, k, :, None] * directions[rows, k, None, :]
         self._shape, self._name = (len(wanted), d), f"held_directions_{number}"
-        surface.particles.declare(Field(self._name, len(wanted) * d, "1"), directions.reshape(n, -1))
+        surface.particles.declare(Field(self._name, len(wanted) * d, "1"), directions.reshape(n, len(wanted) * d))
 
     @property
     def rows(self) -> np.ndarray:

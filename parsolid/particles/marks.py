@@ -31,7 +31,7 @@ def mark_lattice(piece: ParticleSet, known: Mapping[str, Region], nodes: bool) -
         share = _shares(piece, rows, axes[rows], np.sign(area[rows]), k, known, nodes)
         surfaces[rows] += share[:, :, None] * (area[rows, k, None] * axes[rows, k])[:, None, :]
     piece.regions = (np.stack(held, axis=1) | surfaces.any(axis=2)).astype(np.int64)
-    piece.surfaces = surfaces.reshape(count, -1)
+    piece.surfaces = surfaces.reshape(count, len(known) * d)
 
 
 def _contained(region: Region, places: np.ndarray, tolerance: np.ndarray, known: Mapping[str, Region]) -> np.ndarray:

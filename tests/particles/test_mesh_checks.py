@@ -90,6 +90,13 @@ def test_solids_that_share_an_edge(shared_path, comm):
     simulation(scene_of(shared_path, *cubes([0, 0, 0], [1, 1, 0], [1, 0, 0]), 3), comm)
 
 
+def test_a_rank_may_read_nodes_of_no_element_alone(shared_path, comm):
+    far = [[9, i] for i in range(40)]
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    sim = simulation(scene_of(shared_path, square + far, [("triangle", [[0, 1, 2], [0, 2, 3]])], 2), comm)
+    assert comm.allreduce(sim.systems[0].owned) == 4
+
+
 def test_a_quad_beside_two_triangles_is_no_hinge(shared_path, comm):
     points, blocks = cubes([0, 0, 0])
     number = {tuple(row): i for i, row in enumerate(points.tolist())}

@@ -171,7 +171,7 @@ class MeshFilling:
             vectors = self._kept_elements({"vectors": vectors})["vectors"]
             held = member.elements(self.rows["position"], self.rows["spacing"])
         self.rows["regions"] = (held | vectors.any(axis=2)).astype(np.int64)
-        self.rows["surfaces"] = vectors.reshape(len(vectors), -1)
+        self.rows["surfaces"] = vectors.reshape(len(vectors), len(known) * self.mesh.points.shape[1])
 
     def _surfaces_on_nodes(self, inside: list[np.ndarray], regions: int) -> np.ndarray:
         """Area vectors (own nodes, regions, d) [m^2] of the facets in regions, lumped to their nodes."""
