@@ -11,7 +11,7 @@ import numpy as np
 
 from parsolid.collective import raise_together
 from parsolid.materials.declaration import Direction, StateVariable
-from parsolid.materials.hyperelastic.at_particles import Member, members
+from parsolid.materials.hyperelastic.at_particles import Member, members, value_count
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Within
 from parsolid.particles.meshes.cell_data import cell_data_at
@@ -28,11 +28,19 @@ def rows_of_laws(laws: list[Any]) -> dict[Any, slice]:
     for law in laws:
         own = members(law) if hasattr(law, "branch_moduli") else ()
         if own and own not in known:
-            known[own] = slice(total, total + sum(one.note.components for one in own))
+            known[own] = slice(total, total + value_count(law))
             total = known[own].stop
         if own:
             result[law] = known[own]
     return result
+
+
+def flat_values(particles: Particles, rows: slice | None) -> tuple[np.ndarray, int] | None:
+    """Rows of the record as `at_particle` takes them, a flat array and its stride; None without rows."""
+    if rows is None:
+        return None
+    values = particles.storage(RECORD)[rows]
+    return values.ravel(), values.shape[1]
 
 
 def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set: Any, laws: list[Any]) -> None:

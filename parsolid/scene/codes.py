@@ -48,6 +48,10 @@ FAULTS = {
 }
 
 WARNINGS = {
+    "badly-held": Code(
+        "a plane at rest by `velocity` in `mpm`: on linear weights, or neither on nodes nor half-way between",
+        "`roller` or `fixed` on nodes or half-way between (`method.origin`)",
+    ),
     "cell-below-spacing": Code(
         "cells of `mpm` smaller than the spacing: points move apart freely", "cells of two spacings (`method.cell`)"
     ),
@@ -59,6 +63,10 @@ WARNINGS = {
         'bodies that have met though no contact names them (`undeclared_contact = "warn"`)', "`[[contact]]`"
     ),
     "one-layer": Code("one layer of particles across a body that is free there", "two layers or more, or plane strain"),
+    "wrong-bending": Code(
+        "slender bodies in `mpm` that the transfer `flip` bends wrongly, stiffer most often",
+        '`transfer = "apic"`; or four points across and two a cell and direction',
+    ),
     "thin-pressure-region": Code(
         "a peridynamic pressure in a region that cuts off more than a tenth of its forces",
         "a region of two horizons depth at least",

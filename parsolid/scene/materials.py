@@ -137,7 +137,8 @@ class HyperelasticSolid(DeclaredModel):
     def law_at(self, point: Sequence[float]) -> Any:
         """The law at a point (d,) [m] without a mesh at time 0. Raises `ValueFault`."""
         values = self.values_at(np.asarray([point], float), {})
-        return import_module("parsolid.materials.hyperelastic.at_particles").at_particle(self.build("space"), values, 0)
+        at_particles = import_module("parsolid.materials.hyperelastic.at_particles")
+        return at_particles.at_particle(self.build("space"), values.ravel(), 1, 0)
 
     @property
     def elastic_moduli(self) -> tuple[float, float]:

@@ -160,6 +160,11 @@ class MethodSettings(SceneModel):
         """The largest particle spacing [m] that the method bears; None where there is no such limit."""
         return None
 
+    def bending_fault(self, across: int, spacing: float) -> str | None:
+        """Why slender bodies with so many particles of a spacing [m] across bend otherwise than their law says, in the
+        method's keys; None where they do not."""
+        return None
+
     def bonding(self, scene: Any, bodies: Iterable[int]) -> list[bool]:
         """For each of its bodies whether the method bonds it to others where they touch."""
         return [True for _ in bodies]

@@ -1,5 +1,5 @@
-"""What particles cannot represent, by one rule for all methods: layers across a body, points a cell, and bonded bodies
-of unlike spacing. Found when a run is set up, told by `check` and at the run's start.
+"""What particles cannot represent, by one rule for all methods: layers across a body, points a cell, bending of slender
+bodies, and bonded bodies of unlike spacing. Found when a run is set up, told by `check` and at the run's start.
 """
 
 from typing import Any, NamedTuple
@@ -13,6 +13,7 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.touching import TOUCHING
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
+from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.systems import qualify_keys
 from parsolid.scene.warned import Warned
 
@@ -42,19 +43,20 @@ def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> li
     plans = {plan.bodies: plan for plan in scene.systems}
     for system in systems:
         plan = plans[system.bodies]
-        found += [one._replace(text=qualify_keys(scene, plan, one.text)) for one in system.warnings()]
+        told = system.warnings()
         for number, body in enumerate(system.bodies):
             extents[body] = layers(comm, system, number)
-            found += _too_few(scene, body, extents[body], system.settings.largest_spacing())
+            told += _too_few(scene, body, extents[body], system.settings)
+        found += [one._replace(text=qualify_keys(scene, plan, one.text)) for one in told]
         _refuse_unlike_neighbours(scene, system, extents)
     return found
 
 
-def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -> list[Warned]:
-    """One layer where a body is free, which has no stiffness against bending or a wrong one; spacings [m] beyond the
-    largest that the method bears."""
+def _too_few(scene: Scene, number: int, extent: Extent, settings: MethodSettings) -> list[Warned]:
+    """One layer where a body is free, which has no stiffness against bending or a wrong one; more layers of a slender
+    body that the method bends wrongly; spacings beyond the largest that it bears."""
     found, body = [], scene.bodies[number]
-    spacing = float(extent[2].max())
+    spacing, largest = float(extent[2].max()), settings.largest_spacing()
     if largest is not None and spacing > largest * (1.0 + _ROUND_OFF):
         text = f"bodies.{number}: a spacing of {spacing:.4g} m in cells of {largest:.4g} m, so that points fly freely"
         found.append(Warned("cell-below-spacing", f"{text}; at least one point a cell and direction is needed", True))
@@ -67,6 +69,11 @@ def _too_few(scene: Scene, number: int, extent: Extent, largest: float | None) -
     if few and scene.dimension > 1:
         text = f"bodies.{number}: one particle across {' and '.join(few)}, where it is free"
         found.append(Warned("one-layer", f"{text}; bending and strain across it are not represented", True))
+    thin = thinnest(scene, number, extent) if scene.dimension > 1 else None
+    fault = settings.bending_fault(thin[0], spacing) if thin is not None and not few else None
+    if thin is not None and fault is not None:
+        text = f"bodies.{number}: {thin[0]} particles across {thin[1]}, where it is thin, of {spacing:.4g} m"
+        found.append(Warned("wrong-bending", f"{text}, which do not bend right: {fault}", True))
     return found
 
 

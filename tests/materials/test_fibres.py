@@ -217,7 +217,7 @@ def test_values_of_particles_become_the_law_there():
     assert [one.name for one in members(law)] == ["fibre", "second_fibre", "largest_energy"] and state_count(law) == 1
     values = stated.values_at(np.array([[0.0, 2.0], [1.0, 1.0]]), {})
     assert values.shape == (7, 2)
-    here = at_particle(law, values, 1)
+    here = at_particle(law, values.ravel(), 2, 1)
     assert here.solid.fibre == pytest.approx((0.5**0.5, 0.5**0.5, 0.0)) and here.solid.second_fibre == (0.0, -1.0, 0.0)
     assert type(here) is type(law) and here.largest_energy == 0.0
     hoop = parse_scene(scene(fibre={"vector": ["0", "0", "2"]})).bodies[0].material
@@ -276,7 +276,9 @@ def test_a_law_of_ones_own_has_numbers_by_place_and_states(tmp_path, change, fau
     )
     with pytest.raises(ValueFault, match="^modulus: "):
         none.bodies[0].material.values_at(np.array([[0.5, 0.0], [0.0, 0.0]]), {})
-    here = after_step(at_particle(stated.build("plane-strain"), values, 1), *arguments(np.diag([1.2, 1.0, 1.0])))
+    here = after_step(
+        at_particle(stated.build("plane-strain"), values.ravel(), 2, 1), *arguments(np.diag([1.2, 1.0, 1.0]))
+    )
     assert here.modulus == 1.5e5 and here.largest == pytest.approx(1.2)
 
 
@@ -310,7 +312,7 @@ for method in ("tlsph", "peridynamics", "mpm"):
     values = material.values_at(system.particles.owned_rows("reference_position"), {})
     worst = 0.0
     for p in range(27):
-        law = after_step(at_particle(material.build("space"), values, p), *arguments(F))
+        law = after_step(at_particle(material.build("space"), values.ravel(), 27, p), *arguments(F))
         expected = stress(law, F) @ F.T / np.linalg.det(F)
         worst = max(worst, np.abs(found[p] - expected).max() / np.abs(expected).max())
     print(method, worst)

@@ -1,5 +1,6 @@
 """Mazars's damage: the fracture energy of a band of any width, strengths, the energy of a cycle, waves; the width that
-a method gives a crack; what is refused. A notched beam in `tlsph` against finite elements with a cohesive crack (slow).
+a method gives a crack; what is refused; ranks and a
+restart amid damage. A notched beam in `tlsph` against finite elements with a cohesive crack (slow).
 """
 
 import csv
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from materials.deformations import arguments, deformations, energy, slope, stress, tangent_of, wave_ratios
 from scipy.optimize import brentq
+from solids import assert_same_fields, gathered, run_steps, run_through_and_in_two
 
 from parsolid.materials import registry
 from parsolid.materials.hyperelastic import functions as of
@@ -31,7 +33,14 @@ CONCRETE = {
 }
 
 
-def scene(method=None, **material):
+METHODS = {
+    "tlsph": {"kind": "tlsph"},
+    "mpm": {"kind": "mpm", "cell": 0.04},
+    "peridynamics": {"kind": "peridynamics", "horizon_ratio": 3, "stabilisation": {"kind": "none"}},
+}
+
+
+def tables(method=None, **material):
     placement = {"mpm": "cells"}.get((method or {}).get("kind"), "vertices")
     body = {
         "shape": {"box": {"lower": [0.0, 0.0], "upper": [0.1, 0.1]}},
@@ -39,15 +48,17 @@ def scene(method=None, **material):
         "placement": placement,
         "material": CONCRETE | material,
     }
-    return parse_scene(
-        {
-            "dimension": 2,
-            "end_time": 1.0,
-            "method": method or {"kind": "tlsph"},
-            "bodies": [body],
-            "probes": [{"name": "middle", "at": [0.05, 0.05], "fields": ["damage"]}],
-        }
-    )
+    return {
+        "dimension": 2,
+        "end_time": 1.0,
+        "method": method or METHODS["tlsph"],
+        "bodies": [body],
+        "probes": [{"name": "middle", "at": [0.05, 0.05], "fields": ["damage"]}],
+    }
+
+
+def scene(method=None, **material):
+    return parse_scene(tables(method, **material))
 
 
 def law(**material):
@@ -134,19 +145,12 @@ def test_work_around_a_cycle_is_what_damage_dissipates():
     assert fine < 4e-4 and fine < 0.5 * coarse, (coarse, fine)
 
 
-@pytest.mark.parametrize(
-    ("method", "expected"),
-    [
-        ({"kind": "tlsph"}, 0.05),
-        ({"kind": "mpm", "cell": 0.04}, 0.08),
-        ({"kind": "peridynamics", "horizon_ratio": 3, "stabilisation": {"kind": "none"}}, 0.15),
-    ],
-)
-def test_particles_have_the_band_of_their_method(comm, method, expected):
-    system = Simulation(comm, scene(method)).systems[0]
+@pytest.mark.parametrize(("kind", "expected"), [("tlsph", 0.05), ("mpm", 0.08), ("peridynamics", 0.15)])
+def test_particles_have_the_band_of_their_method(comm, kind, expected):
+    system = Simulation(comm, scene(METHODS[kind])).systems[0]
     band = system.particles.owned_rows("band")
     spacing = system.particles.owned_rows("spacing") if "spacing" in system.particles else None
-    shrunk = 1.0 if spacing is None or method["kind"] == "mpm" else float(spacing[0, 0]) / 0.025
+    shrunk = 1.0 if spacing is None or kind == "mpm" else float(spacing[0, 0]) / 0.025
     assert band == pytest.approx(np.full(len(band), expected * shrunk))
 
 
@@ -159,6 +163,21 @@ def test_bands_that_snap_back_and_points_without_a_band_are_refused(comm):
     with pytest.raises(SceneError, match=r"method\.stabilisation\.kind"):
         scene({"kind": "peridynamics"})
     assert registry.law_of(scene().bodies[0].material).damage == 0.0
+
+
+@pytest.mark.parametrize(
+    "kind", ["tlsph", pytest.param("mpm", marks=pytest.mark.slow), pytest.param("peridynamics", marks=pytest.mark.slow)]
+)
+def test_ranks_and_a_restart_amid_damage(kind, shared_path, comm):
+    data = tables(METHODS[kind]) | {"output": {"checkpoint_steps": 12}}
+    data["bodies"][0] |= {"particles": [9, 9], "jitter": 0.1, "velocity": ["1.5*sin(40*X)", "-0.7*Y"]}
+    through, resumed = run_through_and_in_two(shared_path, comm, parse_scene(data), 12, 24)
+    for name, values in through.simulation.systems[0].particles.checkpointed().items():
+        assert np.array_equal(resumed.simulation.systems[0].particles.owned_rows(name), values), name
+    assert 0.1 < gathered(resumed.simulation, "damage")[0].max() < 0.999
+    (spread, _), (alone, ledger) = run_steps(data, 24, comm), run_steps(data, 24)
+    assert_same_fields(spread, alone, ("damage", "position", "velocity"), 1e-9)
+    assert 0.0 <= np.diff(ledger["softening_dissipation"]).min() < ledger["softening_dissipation"][-1]
 
 
 @pytest.mark.slow

@@ -2,8 +2,9 @@
 
 import json
 
+import numpy as np
 import pytest
-from solids import COPPER, RUBBER, simulation, supports, tables
+from solids import COPPER, RUBBER, Record, follow, simulation, supports, tables
 
 from parsolid.collective import SolverError
 from parsolid.commands.cli import main
@@ -43,6 +44,53 @@ def test_a_body_of_one_layer(kind, across, held, found, comm):
 @pytest.mark.parametrize("cell, found", [(0.0999, ["cell-below-spacing"]), (0.1, []), (0.2, [])])
 def test_a_point_a_cell_and_direction(cell, found, comm):
     assert codes(strip("mpm", 4, cell), comm) == found
+
+
+FLIP = {"transfer": "flip"}
+
+
+@pytest.mark.parametrize(
+    "across, cell, method, held, found",
+    [
+        (3, 0.2, FLIP, {}, ["wrong-bending"]),
+        (3, 0.1, {"basis": "linear"}, {}, ["wrong-bending"]),
+        (4, 0.15, FLIP, {}, ["wrong-bending"]),
+        (4, 0.2, FLIP, {}, []),
+        (2, 0.2, FLIP, {"Y": (0.0, "roller")}, []),
+        (3, 0.1, {}, {}, []),
+        # as one layer it is told once, and a stout body does not bend
+        (1, 0.1, FLIP, {}, ["one-layer"]),
+        (6, 0.1, FLIP, {}, []),
+    ],
+)
+def test_slender_bodies_under_flip(across, cell, method, held, found, comm):
+    data = strip("mpm", across, cell, boundaries=supports(**held))
+    data["method"] |= method
+    assert codes(data, comm) == found
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("across, cells, method", [(4, 2.0, FLIP), (6, 2.0, {"basis": "linear"}), (3, 1.0, {})])
+def test_slender_bodies_of_which_nothing_is_told_bend_right(across, cells, method, comm):
+    """A cantilever of length 1 that a weight begins to bend at t = 0: twice the deflection of a thin beam."""
+    spacing, weight = 0.1 / across, 50.0
+    box = {"shape": {"box": {"lower": [0.0, 0.0], "upper": [1.0, 0.1]}}, "material": NEO}
+    data = {
+        "dimension": 2,
+        "method": {"kind": "mpm", "cell": cells * spacing, **method},
+        "bodies": [{**box, "spacing": spacing, "placement": "cells"}],
+        "boundaries": [{"kind": "fixed", "plane": "X = 0"}],
+        "loads": {"body_force": ["0", str(-weight)]},
+        "output": {"pictures": False},
+    }
+    stiffness = NEO["youngs_modulus"] / (1.0 - NEO["poissons_ratio"] ** 2) * 0.1**3 / 12.0
+    half_period = np.pi / (3.516 * np.sqrt(stiffness / (0.1 * NEO["density"])))
+    sim = simulation(data | {"end_time": half_period}, comm)
+    assert not sim.warnings
+    follow(sim, Record())
+    rows = sim.systems[0].particles.owned_rows
+    sunk = (rows("reference_position") - rows("position"))[rows("reference_position")[:, 0] > 1.0 - 1.01 * spacing, 1]
+    assert sunk.mean() == pytest.approx(2.0 * 0.1 * weight / (8.0 * stiffness), rel=0.12)
 
 
 @pytest.mark.serial

@@ -217,7 +217,6 @@ REFUSED = {
     "bodies.0.velocity": {"body": {"velocity": ["1", "0"]}},
     "boundaries.0.damping": {"boundaries": [{"plane": "X = 0", "kind": "spring", "stiffness": 1.0, "damping": 1.0}]},
     "initial.0.velocity": {"initial": [{"velocity": ["1", "0"]}]},
-    "bodies.0.material.branches": {"body": {"material": RUBBER | {"branches": [{"beta": 1.0, "tau": 1.0}]}}},
 }
 
 

@@ -6,8 +6,9 @@ Members of its NamedTuple, one after the other and state variables last, say so:
     fibre: Annotated[tuple, Direction("of the fibres")]
     damage: Annotated[float, StateVariable("1", "the largest so far")]
 
-The law of a body has values at rest there. Kernels keep those of particles in arrays (values, particles), of a tile or
-of a whole rank, and ask for the law at a particle, which is of the same type.
+The law of a body has values at rest there. Kernels keep those of particles in flat arrays, value c of particle p at
+c * stride + p, and ask for the law at a particle, which is of the same type. Where the stride is known to the compiler,
+as that of a tile, it sees that values do not overlap and vectorises loops that store them.
 """
 
 from collections.abc import Callable
@@ -32,8 +33,13 @@ def members(law):
 
 
 @law_function
-def at_particle(law, values, p):
-    """The law at particle p of an array (values, particles)."""
+def value_count(law):
+    """How many numbers the law has of each particle."""
+
+
+@law_function
+def at_particle(law, values, stride, p):
+    """The law at particle p of a flat array of values."""
 
 
 @law_function
@@ -42,8 +48,8 @@ def after_step(law, F, H, J):
 
 
 @law_function
-def keep_state(law, values, p):
-    """Put the state variables of the law at particle p into an array (values, particles)."""
+def keep_state(law, values, stride, p):
+    """Put the state variables of the law at particle p into a flat array of values."""
 
 
 def members_of_kind(kind: type) -> tuple[Member, ...]:
@@ -87,34 +93,40 @@ def _members_of(kind: type) -> Callable[..., Any]:
     return lambda law: found
 
 
+@value_count.made_by
+def _value_count_of(kind: type) -> Callable[..., Any]:
+    count = sum(one.note.components for one in members_of_kind(kind))
+    return lambda law: count
+
+
 @at_particle.made_by
 def _at_particle_of(kind: type) -> Callable[..., Any]:
     found = members_of_kind(kind)
     if not found:
-        return lambda law, values, p: law
+        return lambda law, values, stride, p: law
     first = kind._fields.index(found[0].name)  # type: ignore[attr-defined]
     last = first + len(found)
     read = inlined(_reading([one.note.components for one in found], 0))
 
-    def at_particle_of(law, values, p):
-        return kind(*(law[:first] + read(values, p) + law[last:]))
+    def at_particle_of(law, values, stride, p):
+        return kind(*(law[:first] + read(values, stride, p) + law[last:]))
 
     return at_particle_of
 
 
 @inlined
-def _vector(values, row, p):
-    return (values[row, p], values[row + 1, p], values[row + 2, p])
+def _vector(values, place, stride):
+    return (values[place], values[place + stride], values[place + 2 * stride])
 
 
 def _reading(components: list[int], row: int) -> Callable[..., Any]:
     """What reads members of so many components from a row on."""
     if not components:
-        return lambda values, p: ()
+        return lambda values, stride, p: ()
     rest = inlined(_reading(components[1:], row + components[0]))
     if components[0] == 3:
-        return lambda values, p: (_vector(values, row, p),) + rest(values, p)  # noqa: RUF005 (numba knows sums)
-    return lambda values, p: (values[row, p],) + rest(values, p)  # noqa: RUF005
+        return lambda values, stride, p: (_vector(values, row * stride + p, stride),) + rest(values, stride, p)  # noqa: RUF005 (numba knows sums)
+    return lambda values, stride, p: (values[row * stride + p],) + rest(values, stride, p)  # noqa: RUF005
 
 
 @after_step.made_by
@@ -142,15 +154,15 @@ def _keep_state_of(kind: type) -> Callable[..., Any]:
 
 
 @inlined
-def _keeping_nothing(law, values, p):
+def _keeping_nothing(law, values, stride, p):
     pass
 
 
 def _keeping(member: int, row: int, others: Callable[..., Any]) -> Callable[..., Any]:
     """What puts a member of the law into a row, after others."""
 
-    def keep(law, values, p):
-        others(law, values, p)
-        values[row, p] = law[member]
+    def keep(law, values, stride, p):
+        others(law, values, stride, p)
+        values[row * stride + p] = law[member]
 
     return keep

@@ -14,7 +14,14 @@ from typing import Any, NamedTuple
 from parsolid.elementary import erf, exp
 from parsolid.kernels import inlined
 from parsolid.materials.declaration import StateVariable
-from parsolid.materials.hyperelastic.at_particles import Member, after_step, at_particle, keep_state, members
+from parsolid.materials.hyperelastic.at_particles import (
+    Member,
+    after_step,
+    at_particle,
+    keep_state,
+    members,
+    value_count,
+)
 from parsolid.materials.hyperelastic.functions import (
     dissipated_energy,
     elastic_moduli,
@@ -118,9 +125,14 @@ def _members(law):
     return (*members(law.solid), Member("largest_energy", LARGEST_ENERGY))
 
 
+@value_count.of(Softened)
+def _value_count(law):
+    return value_count(law.solid) + 1
+
+
 @at_particle.of(Softened)
-def _at_particle(law, values, p):
-    solid, largest = at_particle(law.solid, values, p), values[len(values) - 1, p]
+def _at_particle(law, values, stride, p):
+    solid, largest = at_particle(law.solid, values, stride, p), values[value_count(law.solid) * stride + p]
     return Softened(
         law.density, solid, law.ratio, law.scale, law.beta, largest, law.branch_moduli, law.relaxation_times
     )
@@ -135,5 +147,5 @@ def _after_step(law, F, H, J):
 
 
 @keep_state.of(Softened)
-def _keep_state(law, values, p):
-    values[len(values) - 1, p] = law.largest_energy
+def _keep_state(law, values, stride, p):
+    values[value_count(law.solid) * stride + p] = law.largest_energy

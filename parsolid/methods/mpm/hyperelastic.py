@@ -22,7 +22,7 @@ from parsolid.materials.hyperelastic.functions import (
     stress,
 )
 from parsolid.methods.mpm.points import TENSOR_ROWS, MaterialPoints, load_gradient
-from parsolid.particles.law_values import RECORD, rows_of_laws
+from parsolid.particles.law_values import RECORD, flat_values, rows_of_laws
 from parsolid.tensors import (
     cofactor,
     combine,
@@ -38,18 +38,18 @@ from parsolid.tiles import TILE, load, load_placed, store, store_placed
 @kernel
 def hyperelastic_tile(law, step, F, rates, tau, speed, values, lost):
     """F after a step [s] with velocity gradients `rates` [1/s], Kirchhoff stress tau = P F^T [Pa], nine components, and
-    speed of pressure waves in the present configuration [m/s]. values: what the law has of each particle (values,
-    TILE), or None; lost (TILE): what its state variables dissipate [J/m^3]."""
+    speed of pressure waves in the present configuration [m/s]. values: a flat tile of what the law has of each
+    particle, or None; lost (TILE): what its state variables dissipate [J/m^3]."""
     for p in range(TILE):
         new = load(F, p)
         new = combine(1.0, new, step, matmul(load(rates, p), new))
         store(F, p, new)
         H, J = cofactor(new), determinant(new)
-        here = law if values is None else at_particle(law, values, p)
+        here = law if values is None else at_particle(law, values, TILE, p)
         if values is not None:
             before = dissipated_energy(here)
             here = after_step(here, new, H, J)
-            keep_state(here, values, p)
+            keep_state(here, values, TILE, p)
             lost[p] = dissipated_energy(here) - before
         store(tau, p, matmul_transposed(stress(here, new, H, J), new))
         # a wave with normal n has rho0 c^2 = N.Q N with N = F^T n of the reference configuration
@@ -62,8 +62,8 @@ def advance_hyperelastic(law, first, last, step, components, deformation, motion
     """Advance F of particles first..last-1 by a step [s] with velocity gradients `rate`, and write V sigma and c + |v|.
 
     components: of nine, that rows of deformation are; motion, rate, stress: see `transfer`. field (values, n): what
-    the law has of each particle, or None; tile (values, TILE), lost (TILE): scratch for it. Returns (sound, largest c +
-    |v| [m/s], what state variables dissipate [J]); sound is False when a Jacobian is not positive.
+    the law has of each particle, or None; tile (values * TILE), lost (TILE): scratch for it. Returns (sound, largest
+    c + |v| [m/s], what state variables dissipate [J]); sound is False when a Jacobian is not positive.
     """
     F, rates, tau, speed = np.zeros(9 * TILE), np.zeros(9 * TILE), np.zeros(9 * TILE), np.zeros(TILE)
     F[:TILE] = F[4 * TILE : 5 * TILE] = F[8 * TILE :] = 1.0
@@ -78,12 +78,12 @@ def advance_hyperelastic(law, first, last, step, components, deformation, motion
         if field is not None:
             for c in range(field.shape[0]):
                 for p in range(np.uintp(count)):
-                    tile[c, p] = field[c, np.uintp(i) + p]
+                    tile[np.uintp(c * TILE) + p] = field[c, np.uintp(i) + p]
         hyperelastic_tile(law, step, F, rates, tau, speed, tile, lost)
         if field is not None:
             for c in range(field.shape[0]):
                 for p in range(np.uintp(count)):
-                    field[c, np.uintp(i) + p] = tile[c, p]
+                    field[c, np.uintp(i) + p] = tile[np.uintp(c * TILE) + p]
             for p in range(count):
                 softened += lost[p] * motion[np.uintp(i + p), 7]
         store_placed(deformation, components, i, count, F, 0)
@@ -104,12 +104,12 @@ def advance_hyperelastic(law, first, last, step, components, deformation, motion
 
 
 @kernel
-def elastic_energy(law, first, last, deformation, motion, field):
-    """Sum of W V0 [J] of particles first..last-1; field: see `advance_hyperelastic`."""
+def elastic_energy(law, first, last, deformation, motion, values):
+    """Sum of W V0 [J] of particles first..last-1; values: see `flat_values`."""
     total = 0.0
     for p in range(first, last):
         F = load_gradient(deformation, p)
-        here = law if field is None else at_particle(law, field, p)
+        here = law if values is None else at_particle(law, values[0], values[1], p)
         total += energy(here, F, cofactor(F), determinant(F)) * motion[p, 7]
     return total
 
@@ -121,7 +121,7 @@ class HyperelasticSolid:
         self.law, self.points = law, points
         self._rows = rows_of_laws([points.laws[number] for number in points.law_of_body]).get(law)
         self._softens = state_count(law) > 0
-        self._tile = np.tile(np.array(values_at_rest(law))[:, None], TILE) if self._rows is not None else None
+        self._tile = np.repeat(values_at_rest(law), TILE) if self._rows is not None else None
         self._lost = np.zeros(TILE)
 
     @property
@@ -143,7 +143,8 @@ class HyperelasticSolid:
     def stored_energy(self, block: MaterialBlock) -> float:
         """W V0 [J] of the law's particles."""
         F, motion = self.points.storage("deformation_gradient"), self.points.motion
-        return float(elastic_energy(self.law, block.first, block.last, F, motion, self._field))
+        values = flat_values(self.points, self._rows)
+        return float(elastic_energy(self.law, block.first, block.last, F, motion, values))
 
     def wave_modulus(self) -> float:
         """rho c^2 [Pa] of pressure waves in the undeformed solid."""

@@ -19,7 +19,7 @@ from parsolid.methods.peridynamics.solids import (
 )
 from parsolid.methods.peridynamics.sweeps import gradient_at, inverse_at, matmul_in, store_rows
 from parsolid.particles.declaration import Columns, Field
-from parsolid.particles.law_values import RECORD
+from parsolid.particles.law_values import flat_values
 from parsolid.tensors import IDENTITY, cofactor, determinant, plus
 
 
@@ -53,10 +53,9 @@ class TensorHistories:
         """The histories (rows, n)."""
         return self.particles.storage("tensor_history")
 
-    def _values(self, law: Any) -> np.ndarray | None:
-        """What a law has of each particle (values, n), or None."""
-        rows = self._rows_of_values.get(law)
-        return None if rows is None else self.particles.storage(RECORD)[rows]
+    def _values(self, law: Any) -> tuple[np.ndarray, int] | None:
+        """What a law has of each particle, see `flat_values`."""
+        return flat_values(self.particles, self._rows_of_values.get(law))
 
     def store_stresses(self, step: float, sums: np.ndarray, M: np.ndarray) -> None:
         """M = P K^-1 of all particles after a step [s], from the sums of the gradient of u."""
@@ -106,12 +105,11 @@ class TensorHistories:
 # histories, and others read them
 @exact
 def law_after_step(law, values, a, G):
-    """The law at a particle after a step to the displacement gradient G; values: (values, n), or None of a law that has
-    nothing of each particle."""
+    """The law at a particle after a step to the displacement gradient G; values: see `flat_values`."""
     if values is None:
         return law
     F = plus(IDENTITY, G)
-    return after_step(at_particle(law, values, a), F, cofactor(F), determinant(F))
+    return after_step(at_particle(law, values[0], values[1], a), F, cofactor(F), determinant(F))
 
 
 @exact
@@ -136,8 +134,9 @@ def commit_histories(plane, first, last, law, values, weights, inverse, volume, 
         G = gradient_at(plane, sums, inverse, volume, a)
         here = law_after_step(law, values, a, G)
         if values is not None:
-            softened += tributary_volume[a] * (dissipated_energy(here) - dissipated_energy(at_particle(law, values, a)))
-            keep_state(here, values, a)
+            before = dissipated_energy(at_particle(law, values[0], values[1], a))
+            softened += tributary_volume[a] * (dissipated_energy(here) - before)
+            keep_state(here, values[0], values[1], a)
         energy, loss, waves, ratio = end_of_step(here, weights, history, a, G, plane)
         stored += tributary_volume[a] * energy
         lost += tributary_volume[a] * loss

@@ -10,6 +10,7 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.box_stages import advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
 from parsolid.methods.tlsph.leapfrog import StepBound
+from parsolid.methods.tlsph.mesh_bodies import stabilising_modulus
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
 from parsolid.methods.tlsph.tangent import change_box
@@ -67,17 +68,19 @@ class BoxBodies(StepBound):
                 found.append(place_of(box.motion, plane + box.first_plane) + box.first_node + node)
         return np.concatenate(found)
 
-    def advance_step(self, step: float) -> tuple[bool, float, float]:
+    def advance_step(self, step: float, relaxing: float | None = None) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
-        branches have dissipated, the stable step [s] of the new state)."""
+        branches have dissipated, the stable step [s] of the new state). relaxing [s]: for which branches relax, if that
+        is another time."""
         stored, sweeps = self.particles.storage, self.sweeps
         sweeps.exchange_motion(stored("velocity"), stored("position"))
         sound, dissipated, stable = True, 0.0, np.inf
         initial = stored("initial_stress") if "initial_stress" in self.particles else None
         forces = (stored("stress_force"), stored("dissipative_force")) if sweeps.in_turn else (None, None)
+        time = step if relaxing is None else relaxing
         for box, block in self.parts:
             positive, lost, signal = advance_box(
-                box, sweeps.scratch(box), block.solid, step, self.dimension, self.signals, block.branches(step),
+                box, sweeps.scratch(box), block.solid, step, self.dimension, self.signals, block.branches(time),
                 block.places, sweeps.v,
                 stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
                 sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces, self._heat,
@@ -153,10 +156,11 @@ class BoxBodies(StepBound):
             over = 1.0 / spacing[own].T ** 2
             result[:, own] += volume[own] * (shear * over.sum(axis=0) + (lame + shear) * over)
 
-    def stabiliser(self) -> BoxStabiliser:
-        """What resists rough motions, which the sweeps hardly see; collective."""
+    def stabiliser(self, flows: bool = False) -> BoxStabiliser:
+        """What resists rough motions, which the sweeps hardly see; flows: whether elastic-plastic bodies may flow.
+        Collective."""
         found = zip(self._bodies, self.nodes, self._cuts, self.sweeps.boxes)
-        shear = [elastic_moduli(law)[0] for law in self.system.laws]
+        shear = [stabilising_modulus(law) if flows else elastic_moduli(law)[0] for law in self.system.laws]
         boxes = [
             StabilisedBox(nodes, parts, box, one.axes, one.fourth_order, shear[one.body])
             for one, nodes, parts, box in found

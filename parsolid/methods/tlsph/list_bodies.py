@@ -104,14 +104,16 @@ class ListBodies(StepBound):
         """Bytes that this rank sends in one evaluation."""
         return self._motion.bytes_sent + self._record.bytes_sent
 
-    def advance_step(self, step: float) -> tuple[bool, float, float]:
+    def advance_step(self, step: float, relaxing: float | None = None) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
-        branches have dissipated, the stable step [s] of the new state)."""
+        branches have dissipated, the stable step [s] of the new state). relaxing [s]: for which branches relax, if that
+        is another time."""
         self._begin_gradients()
         sound, dissipated, stable = True, 0.0, np.inf
+        time = step if relaxing is None else relaxing
         for block, fields in self._kept_fields():
             positive, lost, signal = advance_step(
-                block.solid, step, self.dimension, self.signals, block.branches(step), self.half,
+                block.solid, step, self.dimension, self.signals, block.branches(time), self.half,
                 block.first, block.last, block.places, *fields, self.near.inner, self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
                 block.carried_fields(step, self.last_step),

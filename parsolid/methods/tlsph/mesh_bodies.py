@@ -45,6 +45,12 @@ _SHARE_IN_FLOW = 0.01
 _FIGURES = 3
 
 
+def stabilising_modulus(law: Any) -> float:
+    """Shear modulus [Pa] that counts in stabilisers."""
+    share = _SHARE_IN_FLOW if isinstance(law, ElasticPlastic) else 1.0
+    return float(share * elastic_moduli(law)[0])
+
+
 class SurfacePairs(NamedTuple):
     """Pairs of a list whose weight has a symmetric part: start, neighbour as in `PairList`; half (k, d): s_ab/2."""
 
@@ -172,10 +178,9 @@ class MeshBodies(ListBodies):
         self.particles.declare(Field("stabiliser_stress", d * d, "Pa", layout=Columns(), carried=False))
         self.stabiliser = np.zeros(self.last)
         for block in blocks:
-            share = _SHARE_IN_FLOW if isinstance(block.law, ElasticPlastic) else 1.0
             # cracks would bear it
-            share = 0.0 if has_band(block.law) else share
-            self.stabiliser[block.first : block.last] = share * part * elastic_moduli(block.law)[0]
+            modulus = 0.0 if has_band(block.law) else stabilising_modulus(block.law)
+            self.stabiliser[block.first : block.last] = part * modulus
         stress = self.particles.owned_rows("stabiliser_stress")
         stress[: self.last] = -self.stabiliser[:, None] * np.eye(d).ravel()
 

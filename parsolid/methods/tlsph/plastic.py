@@ -46,6 +46,8 @@ from parsolid.tiles import TILE as PART
 from parsolid.tiles import load, load_placed, load_symmetric
 
 RIEMANN_HEAT = "riemann_heat"
+# of F in differences of the stress, little beside the strain of a load step
+_STEP = 1e-6
 
 
 @inlined
@@ -115,6 +117,38 @@ def find_states(law, fields, gradient, places, first, last, third, stress, waves
             waves[i - first + p, 2] = largest_eigenvalue_bound(slow)
 
 
+@kernel
+def find_moduli_of_flow(law, start, gradient, gradient_at_start, first, last, places, index, step, moduli):
+    """Moduli [Pa] (entries, particles), see `tangent.packed`, of particles first .. last - 1 whose F become `gradient`
+    in a step [s] from those of a start, of which the fields are; both are fields (d d, n)."""
+    tile = start.tile
+    for i in range(first, last, PART):
+        count = min(PART, last - i)
+        for c in range(moduli.shape[0]):
+            for p in range(i, i + count):
+                moduli[c, p] = 0.0
+        for j in range(places.size):
+            for sign in (1.0, -1.0):
+                load_particles(start, i, count, tile)
+                for c in range(9):
+                    for p in range(PART):
+                        tile[(DEFORMATION + c) * PART + p] = 1.0 if c % 4 == 0 else 0.0
+                        tile[(VELOCITY_GRADIENT + c) * PART + p] = 0.0
+                fill_idle(law, tile, count)
+                for k in range(places.size):
+                    change = sign * _STEP if k == j else 0.0
+                    to, back = (DEFORMATION + places[k]) * PART, (VELOCITY_GRADIENT + places[k]) * PART
+                    for p in range(count):
+                        F = gradient[k, i + p] + change
+                        tile[to + p], tile[back + p] = F, F - gradient_at_start[k, i + p]
+                advance_tile(law, law.failure, step, tile)
+                for k in range(places.size):
+                    # the symmetric part: entries beside the diagonal are met twice
+                    part = sign * (1.0 if j == k else 0.5) / (2.0 * _STEP)
+                    for p in range(count):
+                        moduli[index[j, k], i + p] += part * tile[(STRESS + places[k]) * PART + p]
+
+
 class PlasticBlock(LawBlock):
     """Particles of a rank that share an elastic-plastic law, with what `state.LawBlock` offers."""
 
@@ -129,10 +163,18 @@ class PlasticBlock(LawBlock):
         mean_step, names = 0.5 * (step + last_step) if step > 0.0 else 0.0, ("stress_force", RIEMANN_HEAT)
         return fields_of(self.particles, self.law, self.dimension, names, mean_step, self.totals, self._tile)
 
-    def find_moduli(self, index: np.ndarray, moduli: np.ndarray) -> None:
-        """Those of elasticity at rest, whatever has flowed."""
-        shear, lame = elastic_moduli(self.law)
-        moduli[:, self.first : self.last] = isotropic_moduli(shear, lame, self.dimension)[:, None]
+    def find_moduli(self, index: np.ndarray, moduli: np.ndarray, history: Any) -> None:
+        """See `LawBlock.find_moduli`: of the return to the flow stress; those of elasticity at rest where there is no
+        history."""
+        if history is None:
+            shear, lame = elastic_moduli(self.law)
+            moduli[:, self.first : self.last] = isotropic_moduli(shear, lame, self.dimension)[:, None]
+            return
+        names, scratch = ("stress_force", RIEMANN_HEAT), (np.zeros(TOTALS), self._tile)
+        start = fields_of(history, self.law, self.dimension, names, 0.0, *scratch)
+        gradients = self.particles.storage("deformation_gradient"), history.storage("deformation_gradient")
+        rows = self.first, self.last, self.places.tensor, index
+        find_moduli_of_flow(self.law, start, *gradients, *rows, history.step, moduli)
 
     @property
     def sound(self) -> bool:  # type: ignore[override]

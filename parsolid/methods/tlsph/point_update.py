@@ -58,7 +58,7 @@ class Branches(NamedTuple):
 
 class ParticleValues(NamedTuple):
     """What a law has of each particle (`materials.hyperelastic.at_particles`): field (values, n), of which the last
-    ones are `states` state variables; volume (n,) [m^3]; tile (values, TILE), with sound particles in all of it, and
+    ones are `states` state variables; volume (n,) [m^3]; tile (values * TILE), with sound particles in all of it, and
     lost (TILE): what the state variables dissipate there [J/m^3]; dissipated (TILE,): the sums of a step [J]."""
 
     field: np.ndarray
@@ -107,7 +107,7 @@ def make_tile(components: int) -> np.ndarray:
 @inlined
 def law_in(law, values, p):
     """The law at particle p of the tile of `ParticleValues`, or None."""
-    return law if values is None else at_particle(law, values.tile, p)
+    return law if values is None else at_particle(law, values.tile, TILE, p)
 
 
 @kernel
@@ -116,7 +116,7 @@ def load_values(values, i, n):
     start, field, tile = np.uintp(i), values.field, values.tile
     for c in range(field.shape[0]):
         for p in range(np.uintp(n)):
-            tile[c, p] = field[c, start + p]
+            tile[np.uintp(c * TILE) + p] = field[c, start + p]
 
 
 @kernel
@@ -125,7 +125,7 @@ def store_values(values, i, n):
     start, field, tile = np.uintp(i), values.field, values.tile
     for c in range(field.shape[0] - values.states, field.shape[0]):
         for p in range(np.uintp(n)):
-            field[c, start + p] = tile[c, p]
+            field[c, start + p] = tile[np.uintp(c * TILE) + p]
     dissipated, lost, volume = values.dissipated, values.lost, values.volume
     for p in range(np.uintp(n)):
         dissipated[p] += lost[p] * volume[start + p]
@@ -214,7 +214,7 @@ def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, 
         if values is not None:
             before = dissipated_energy(here)
             here = after_step(here, F_new, H, J_new)
-            keep_state(here, values.tile, p)
+            keep_state(here, values.tile, TILE, p)
             values.lost[p] = dissipated_energy(here) - before
         P_new = stress_with_branches(here, total, branch_sum, p, F_new, H, J_new)
         fast, slow = waves_with_branches(here, total, branch_sum, p, F_new, H, J_new)

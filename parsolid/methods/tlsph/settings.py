@@ -392,13 +392,17 @@ class TotalLagrangianSPH(MethodSettings):
                 faults.append((("method", "weights"), expected, Phrase(f"{kind!r} for bodies.{i}")))
         for i, body in enumerate(scene.bodies):
             place = ("bodies", i, "material")
-            if body.material.kind == "elastic-plastic":
-                faults.append(((*place, "kind"), f"a hyperelastic law {_SOLUTION}", body.material.kind))
-            elif body.material.branches:
+            implicit = "implicit" in self.integrators(scene)
+            if implicit and body.material.kind == "elastic-plastic":
+                expected = "a hyperelastic law with method.integrator = 'implicit'"
+                faults.append(((*place, "kind"), expected, body.material.kind))
+            elif implicit and body.material.branches:
                 found = Phrase(f"{len(body.material.branches)}")
-                faults.append(((*place, "branches"), f"none {_SOLUTION}", found))
-            if getattr(body.material, "ledger_terms", None):
-                expected = f"a law without memory {_SOLUTION}"
+                faults.append(((*place, "branches"), "none with method.integrator = 'implicit'", found))
+            elif getattr(body.material, "failure", None) is not None:
+                faults.append(((*place, "failure"), f"no such key {_SOLUTION}", Phrase("one")))
+            if body.material.kind != "elastic-plastic" and getattr(body.material, "ledger_terms", None):
+                expected = f"a law whose only memory is flow or branches {_SOLUTION}"
                 faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
             if body.velocity is not None and self.integrator == "static":
                 faults.append((("bodies", i, "velocity"), f"no such key {_IN_EQUILIBRIUM}", Phrase("one")))

@@ -78,7 +78,7 @@ class LawBlock:
         self.particles, self.first, self.last, self.law = particles, first, last, law
         self._rows_of_values = rows_of_values
         if rows_of_values is not None:
-            self._value_tile = np.tile(np.array(values_at_rest(law))[:, None], TILE)
+            self._value_tile = np.repeat(values_at_rest(law), TILE)
             self._lost, self._dissipated = aligned_zeros(TILE), aligned_zeros(TILE)
         self.solid = law if law.branch_moduli is None else law._replace(branch_moduli=None, relaxation_times=None)
         self.moduli = np.array(law.branch_moduli or (), float)
@@ -172,11 +172,35 @@ class LawBlock:
         stresses(self.solid, self.branches(0.0), 0, count, self.places, *state, *tiles, values, result)
         return result
 
-    def find_moduli(self, index: np.ndarray, moduli: np.ndarray) -> None:
-        """d2W/dF dF [Pa] of the present deformation, without branches, into columns of moduli, see `tangent`."""
+    def find_moduli(self, index: np.ndarray, moduli: np.ndarray, history: Any) -> None:
+        """dP/dF [Pa] of the present deformation into columns of moduli, see `tangent`; without branches where there is
+        no history."""
         gradient = self.particles.storage("deformation_gradient")
         rows = self.first, self.last, self.places.tensor
         find_moduli(self.solid, *rows, index, gradient, self.tiles, moduli, self.values)
+        if history is not None and len(self.moduli):
+            self._add_branches(index, moduli, history.relaxing)
+
+    def _add_branches(self, index: np.ndarray, moduli: np.ndarray, time: float) -> None:
+        """Of F B - m F^-T, which is the stress of branches after a time [s] from a state: of their A the part w C^-1
+        follows the deformation, B is the sum of mu times the rest, m that of mu (1 - w)."""
+        d, own = self.dimension, slice(self.first, self.last)
+        F = deformation_gradients(self.particles, self.first, self.last)[:, :d, :d]
+        inverse, following = np.linalg.inv(F), self.branches(time).weights[:, 2]
+        field: Any = self.branch_field
+        A = field[:, own].reshape(len(self.moduli), -1, self.last - self.first)
+        S = np.einsum("k,kcn->cn", self.moduli, A)
+        first, second = np.triu_indices(d)
+        # components of symmetric tensors: those of the diagonal first
+        order = np.argsort(first != second, kind="stable")
+        B = np.empty_like(F)
+        B[:, first[order], second[order]] = B[:, second[order], first[order]] = S.T
+        B -= float(self.moduli @ following) * inverse @ inverse.swapaxes(1, 2)
+        left = float(self.moduli @ (1.0 - following))
+        change = np.einsum("ik,nJL->niJkL", np.eye(d), B) + left * np.einsum("nJk,nLi->niJkL", inverse, inverse)
+        change = change.reshape(len(F), d * d, d * d)
+        rows, columns = np.triu_indices(d * d)
+        moduli[index[rows, columns], own] += change[:, rows, columns].T
 
     def wave_speeds(self, signals: tuple[float, ...]) -> tuple[float, float]:
         """Greatest rho c_p^2 [Pa] and greatest signal [sqrt(Pa)] now, see `tile_fields.wave_speeds`."""

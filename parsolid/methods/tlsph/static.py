@@ -11,6 +11,10 @@ u' of the tangents at both ends give the work of the step to fourth order,
 in which f are loads, and reactions where components are prescribed. It is compared with what the stored energy has
 gained: a step along which the body jumps, or that is too long for its path, does not close, and is taken again with
 half the load. A limit point closes with no step.
+
+Bodies that flow or relax have a state (`load_history`), their F follows from that of the last equilibrium, and what is
+left of the work is dissipated. As what they store is found from both ends of a step, so is the work, without the last
+term; where bodies flow this term says how much is missing.
 """
 
 from typing import Any, NamedTuple
@@ -21,6 +25,8 @@ from decomposition.reduction import sums
 from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.boundary.forces import DistributedLoad, SpringLoad
 from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.methods.tlsph.load_history import LoadHistory
+from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
@@ -36,6 +42,8 @@ from parsolid.solvers.newton import State, newton
 _TANGENT = 1e-4
 _MISSING, _AIM = 2e-3, 1e-4
 _POWERS = 2.0
+# of a load step, where the tangent at its start is taken from bodies that flow: as they begin to, it changes at once
+_AHEAD = 0.1
 # of the scene's end, the first load step; of one that was asked for, the shortest that is tried
 _FIRST, _LEAST = 0.1, 2.0**-10
 # of a residual, what a solution without the change of loads leaves
@@ -69,13 +77,14 @@ class Equilibrium(NamedTuple):
 
 class Taken(NamedTuple):
     """A load step that was taken: the equilibrium at its end; work (owned, d) [J] of what is held, that of all ranks,
-    and what of it the stored energy has not gained [J]; slope, curvature (owned, d) [m]: of the path at the end, over
-    the load step."""
+    what of it the stored energy has not gained, and what this rank's branches have dissipated [J]; slope, curvature
+    (owned, d) [m]: of the path at the end, over the load step."""
 
     end: Equilibrium
     work: np.ndarray
     total: float
     missing: float
+    lost: float
     slope: np.ndarray
     curvature: np.ndarray
 
@@ -111,7 +120,7 @@ class Static:
         system.particles.declare(Field("displacement", system.dimension, "m", **kept))
         system.particles.declare(Field("displacement_rate", system.dimension, "m/s", **kept))
         system.particles.declare(Field("displacement_curvature", system.dimension, "m/s^2", **kept))
-        self.tangent = Tangent(system)
+        self.tangent = Tangent(system, flows=True)
         self.free = self.tangent.free
         # forces of the stabiliser of boxes, which are not among those of the sweeps
         self._stabilising = np.zeros(self.free.shape)
@@ -123,6 +132,7 @@ class Static:
         loads = [load for load, _ in self.conditions.loads_of]
         # whether all loads have a potential, which is their product with the displacement
         self.dead = all(isinstance(load, DistributedLoad) for load in loads)
+        self.history = LoadHistory.of(system)
         # bodies that springs alone hold have a singular stiffness without them
         self.sprung = any(isinstance(load, SpringLoad) for load in loads)
         # see `set_span`
@@ -153,7 +163,7 @@ class Static:
         stored, work = self._stored(), float(np.vdot(external, displacement))
         square: float = float(np.vdot(residual, residual))
         square, stored, work, size, lost = sums(self.comm, [square, stored, work, abs(stored) + abs(work), 1.0 - sound])
-        energy = float(stored - work) if self.dead else np.nan
+        energy = float(stored - work) if self.dead and self.history is None else np.nan
         whole = bool(lost == 0.0 and np.isfinite(square) and np.isfinite(stored))
         self.norm, self._residual = float(np.sqrt(square)), residual
         return State(displacement, residual, self.norm, energy, 1e-13 * float(size), whole)
@@ -163,19 +173,32 @@ class Static:
         system, of = self.system, self.system.particles.owned_rows
         of("displacement")[:] = displacement
         np.add(of("reference_position"), displacement, out=of("position"))
-        # a step of length 1 from the undeformed body with the displacement as velocity gives F = 1 + grad u
-        of("velocity")[:] = displacement
-        of("deformation_gradient")[:] = np.eye(system.dimension).ravel()
-        sound = [bodies.advance_step(1.0)[0] for bodies in system.sweeps]
+        if self.history is None:
+            # a step of length 1 from the undeformed body with the displacement as velocity gives F = 1 + grad u
+            of("velocity")[:] = displacement
+            of("deformation_gradient")[:] = np.eye(system.dimension).ravel()
+            sound = [bodies.advance_step(1.0)[0] for bodies in system.sweeps]
+        else:
+            self.history.recall()
+            of("displacement")[:] = displacement
+            of("velocity")[:] = self.history.rate(displacement)
+            times = self.history.step, self.history.relaxing
+            found = [bodies.advance_step(*times) for bodies in system.sweeps]
+            sound, self.history.lost = [one[0] for one in found], sum(one[1] for one in found)
         for bodies in system.sweeps:
             bodies.find_forces()
-        for name in ("velocity", "dissipative_force"):
-            of(name)[:] = 0.0
+        self._rest("velocity", "dissipative_force", RIEMANN_HEAT)
         self.stabilise()
         self._joining[:] = 0.0
         for one in system.interactions:
             one.add_product(displacement, self._joining)
         return all(sound)
+
+    def _rest(self, *names: str) -> None:
+        """Set fields that there are to 0."""
+        for name in names:
+            if name in self.system.particles:
+                self.system.particles.owned_rows(name)[:] = 0.0
 
     def stabilise(self) -> None:
         """Find the forces and energy of what resists rough displacements of boxes, in the present one."""
@@ -224,7 +247,7 @@ class Static:
 
     def linearise(self) -> None:
         """See `Problem`."""
-        self.tangent.linearise()
+        self.tangent.linearise(self.history)
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """See `Problem`."""
@@ -281,9 +304,7 @@ class Static:
 
     def begin(self) -> None:
         """Take the displacement of the start, of which no path is known, and no velocity."""
-        of = self.system.particles.owned_rows
-        for name in ("velocity", "dissipative_force", "displacement_rate", "displacement_curvature"):
-            of(name)[:] = 0.0
+        self._rest("velocity", "dissipative_force", RIEMANN_HEAT, "displacement_rate", "displacement_curvature")
         self.follow_motion()
         self.stabilise()
 
@@ -298,13 +319,15 @@ class Static:
         """Equilibria up to the end of a load step [s] from a time [s], or as far as there are any: then `reached` says
         how far and `fault` why."""
         first = self._begin(time)
-        at, work, total = first, np.zeros(self.free.shape), 0.0
+        at, work = first, np.zeros(self.free.shape)
         part, length, shortened, self.fault, self.reached = 0.0, 1.0, False, "", None
         while part < 1.0:
             end = 1.0 if length >= 1.0 - part else part + length
             tried = self._attempt(time, step, part, end, at)
             if isinstance(tried, Taken):
-                at, work, total = tried.end, work + tried.work, total + tried.total
+                at, work = tried.end, work + tried.work
+                ledger.add(1.0, tried.lost, 0.0, 0.0)
+                self._remember(ledger)
                 self.load_steps += 1
                 over, part = end - part, end
                 self._keep_path(tried, over * step)
@@ -314,7 +337,7 @@ class Static:
                     self.load_step = min(length * step, self.settings.maximum_step or self.end)
                 continue
             self.retries, shortened = self.retries + 1, True
-            self._deform(at.displacement)
+            self._return_to(at)
             self.preconditioner.build()
             length = 0.5 * (end - part)
             # a jump of the loads takes no time, however short its parts are
@@ -337,20 +360,45 @@ class Static:
     def _begin(self, time: float) -> Equilibrium:
         """The equilibrium that a step begins with."""
         u = self.system.particles.owned_rows("displacement").copy()
-        self._deform(u)
+        if self.history is not None:
+            self.history.remember()
+        self._return_to(Equilibrium(u, u, 0.0))
         self.preconditioner.inertia = None
         self.preconditioner.build()
         force = self.internal_force()
         self._held_at_start = -force if time == self.began else np.zeros(force.shape)
         return Equilibrium(u, -force, self._stored_energy())
 
+    def _return_to(self, last: Equilibrium) -> None:
+        """Find the forces of the last equilibrium."""
+        if self.history is not None:
+            self.history.elapsed = 0.0
+        self._deform(last.displacement)
+        if self.history is not None:
+            # which rounding would change
+            self.history.recall()
+
+    def _remember(self, ledger: Any) -> None:
+        """Take the present state as that of an equilibrium, with what has led to it."""
+        if self.history is not None:
+            for block in self.system.blocks:
+                block.book(ledger)
+            self.history.remember()
+
     def _attempt(self, time: float, step: float, part: float, end: float, start: Equilibrium) -> Taken | Failed:
         """From the equilibrium at a part of a load step [s] from a time [s] to that at another part."""
         before, ahead, of = self._loads(time, step, part), (end - part) * step, self.system.particles.owned_rows
         self.sought = (time, step, end)
         load = self._loads(*self.sought) - before
-        moved = self._moved(time, step, part, end, start.displacement)
-        first = self._tangent_of_path(load, moved, of("displacement_rate") * ahead)
+        moved, guess = self._moved(time, step, part, end, start.displacement), of("displacement_rate") * ahead
+        if self.history is None:
+            unbalanced = load
+        else:
+            self.history.elapsed = ahead
+            # also what relaxes while nothing moves
+            unbalanced = self.evaluate(start.displacement).residual
+            self._deform(start.displacement + _AHEAD * np.where(self.free, guess, moved))
+        first = self._tangent_of_path(unbalanced, moved, guess)
         if isinstance(first, Failed):
             return first
         curved = np.where(self.free, 0.5 * ahead**2 * of("displacement_curvature"), 0.0)
@@ -360,12 +408,13 @@ class Static:
         self.corrections += found.corrections
         if found.fault:
             return Failed(found.fault)
+        lost = 0.0 if self.history is None else self.history.lost
         last = self._tangent_of_path(load, moved, first.change)
         if isinstance(last, Failed):
             return last
         held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
         end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy())
-        taken = self._taken(start, end_of_step, load, first, last)
+        taken = self._taken(start, end_of_step, load, first, last, lost)
         if taken.missing > _MISSING * self._scale(taken) + self._rounding:
             return Failed("the body jumps, as its energy does not follow the work of the load", True)
         return taken
@@ -380,18 +429,26 @@ class Static:
         return float(self.system.energies()[1]) + joined
 
     def _taken(
-        self, start: Equilibrium, end: Equilibrium, load: np.ndarray, first: Tangential, last: Tangential
+        self, start: Equilibrium, end: Equilibrium, load: np.ndarray, first: Tangential, last: Tangential, lost: float
     ) -> Taken:
-        """A step between two equilibria for a change of the loads (owned, d) [N], with the tangents at its ends; see
-        the head of this file."""
+        """A step between two equilibria for a change of the loads (owned, d) [N], with the tangents at its ends and
+        what this rank's branches have lost [J]; see the head of this file."""
         du, loaded = end.displacement - start.displacement, self.free & self.dead
         rates = [np.where(loaded, load, one.force) for one in (first, last)]
         curved = (end.held - start.held) * (last.change - first.change) - du * (rates[1] - rates[0])
-        work = np.asarray(0.5 * (start.held + end.held) * du + curved / 12.0)
-        total = float(sums(self.comm, [work.sum()])[0])
+        work, more = 0.5 * (start.held + end.held) * du, curved / 12.0
+        if self.history is None:
+            work, more = work + more, 0.0 * more
+        total, all_lost, beyond = map(float, sums(self.comm, [work.sum(), lost, more.sum()]))
+        missing = abs(total - all_lost - (end.stored - start.stored))
+        if self.history is not None:
+            # the path is not that of its tangents alone where bodies relax
+            missing = missing if self.history.relaxes else max(missing, abs(beyond))
+            slope = du if self.history.relaxes else last.change
+            return Taken(end, work, total, missing, lost, slope, np.zeros_like(du))
         # of the cubic polynomial through both ends
         curvature = 2.0 * first.change + 4.0 * last.change - 6.0 * du
-        return Taken(end, work, total, abs(total - (end.stored - start.stored)), last.change, curvature)
+        return Taken(end, work, total, missing, 0.0, last.change, curvature)
 
     def _moved(self, time: float, step: float, part: float, end: float, u: np.ndarray) -> np.ndarray:
         """By how much (owned, d) [m] prescribed components move between two parts of a load step."""
@@ -429,7 +486,8 @@ class Static:
         """The next load step over one that was taken."""
         missing = max(taken.missing - self._rounding, 1e-300)
         # a power of 2, so that rounding on other ranks changes no step
-        power = np.floor(0.25 * np.log2(max(_AIM * self._scale(taken) / missing, 1e-9)))
+        order = 0.25 if self.history is None else 0.5
+        power = np.floor(order * np.log2(max(_AIM * self._scale(taken) / missing, 1e-9)))
         return float(2.0 ** np.clip(power, -_POWERS, _POWERS))
 
     def _set_target(self) -> None:

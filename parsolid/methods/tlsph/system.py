@@ -81,7 +81,7 @@ class TotalLagrangianSPH(Reports):
         declare_fields(self.particles, particle_set, self.branches, staged)
         ends, law_of_group = self.particles.bounds.tolist(), dict(zip(groups.tolist(), self.laws))
         of_groups = [law_of_group[group] for group in sorted(law_of_group)]
-        heat = None if self.settings.dissipation == 0.0 else RIEMANN_HEAT
+        heat = None if self.settings.dissipation_of("kernel") == 0.0 else RIEMANN_HEAT
         declare_plastic(self.particles, self.dimension, of_groups, heat)
         found = [(first, last, law_of_group[g]) for g, (first, last) in enumerate(pairwise(ends)) if last > first]
         of_law = {ElasticPlastic: PlasticBlock}

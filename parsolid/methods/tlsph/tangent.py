@@ -3,8 +3,9 @@
     dF = grad du,   dP = A : dF,   K du = - V Div dP
 
 A = d2W/dF dF is found once for a state, from differences of the law's stress, and kept as its upper triangle; a product
-then knows no law. K is symmetric in the plain inner product, as both sweeps are adjoint, and is minus the derivative of
-the force, the stabilisers included: that of meshes is in their sweeps, that of boxes beside them.
+then knows no law. Of flow it is the symmetric part, from which A differs by stresses alone. K is symmetric in the plain
+inner product, as both sweeps are adjoint, and is minus the derivative of the force, the stabilisers included: that of
+meshes is in their sweeps, that of boxes beside them.
 """
 
 from typing import Any
@@ -143,12 +144,12 @@ class Tangent:
     the parts; stabiliser: `BoxStabiliser`, None without boxes.
     """
 
-    def __init__(self, system: Any) -> None:
-        """system: `system.TotalLagrangianSPH`, set up."""
+    def __init__(self, system: Any, flows: bool = False) -> None:
+        """system: `system.TotalLagrangianSPH`, set up; flows: whether elastic-plastic bodies may flow."""
         self.system, self.comm, d = system, system.comm, system.dimension
         constrained = system.conditions.constrained
         self.free = np.ones((system.owned, d), bool) if constrained is None else ~constrained
-        self.stabiliser = None if system.boxes is None else system.boxes.stabiliser()
+        self.stabiliser = None if system.boxes is None else system.boxes.stabiliser(flows)
         self.index = packed(d)
         self.moduli = np.zeros((d * d * (d * d + 1) // 2, system.owned))
         self._fields = np.zeros((2, *system.particles.storage("velocity").shape))
@@ -164,11 +165,12 @@ class Tangent:
         blocks = self.system.blocks
         return [(one.first, one.last, *elastic_moduli(one.law), one.law.density) for one in blocks]
 
-    def linearise(self) -> None:
-        """Take the moduli of the present deformation."""
+    def linearise(self, history: Any = None) -> None:
+        """Take the moduli of the present deformation; history: `LoadHistory` of what it comes from, None where bodies
+        deform from rest at once."""
         system = self.system
         for block in system.blocks:
-            block.find_moduli(self.index, self.moduli)
+            block.find_moduli(self.index, self.moduli, history)
         for bodies in system.sweeps:
             added = getattr(bodies, "added_stress", "initial_stress")
             if added in system.particles:

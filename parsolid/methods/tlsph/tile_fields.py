@@ -206,8 +206,8 @@ def settle_states(law, first, last, places, gradient, tiles, values):
         load_values(values, i, n)
         for p in range(n):
             F_p = load(F, p)
-            here = after_step(at_particle(law, values.tile, p), F_p, cofactor(F_p), determinant(F_p))
-            keep_state(here, values.tile, p)
+            here = after_step(at_particle(law, values.tile, TILE, p), F_p, cofactor(F_p), determinant(F_p))
+            keep_state(here, values.tile, TILE, p)
         store_values(values, i, n)
 
 

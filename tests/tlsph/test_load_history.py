@@ -1,0 +1,139 @@
+"""Equilibria of bodies that flow or relax: exact solutions, tangents, ranks, restarts, and what is refused."""
+
+import numpy as np
+import pytest
+from solids import evolved, gathered, run_alone_and_on_all, run_through_and_in_two, run_to_end, simulation
+from test_static import box, static
+
+from parsolid.scene import SceneError, parse_scene
+
+E, NU, YIELD, SLOPE = 200.0, 0.3, 0.4, 2.0
+METAL = {
+    "kind": "elastic-plastic",
+    "density": 1.0,
+    "specific_heat": 1.0,
+    "taylor_quinney": 0.0,
+    "youngs_modulus": E,
+    "poissons_ratio": NU,
+    "flow_stress": {"kind": "linear-hardening", "yield_stress": YIELD, "hardening": SLOPE},
+}
+KINEMATIC = METAL | {
+    "flow_stress": {"kind": "linear-hardening", "yield_stress": YIELD},
+    "kinematic_hardening": {"kind": "armstrong-frederick", "modulus": SLOPE},
+}
+VISCOUS = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
+VISCOUS |= {"branches": [{"beta": 1.0, "tau": 0.5}, {"beta": 0.5, "tau": 4.0}]}
+
+
+def bar(material, stretch):
+    """A cube between rollers, pulled along X."""
+    sides = [{"plane": f"{axis} = 0", "kind": "roller"} for axis in "XYZ"]
+    pulled = {"plane": "X = 1", "kind": "displacement", "displacement": [stretch, "free", "free"]}
+    data = box((1.0, 1.0, 1.0), "cells", boundaries=[*sides, pulled | {"name": "end", "reaction": True}])
+    data["bodies"][0] |= {"material": material, "particles": [4, 4, 4]}
+    return data
+
+
+@pytest.mark.parametrize("material", [METAL, KINEMATIC], ids=["isotropic", "kinematic"])
+def test_bar(comm, material):
+    """Pulled beyond yield and pushed beyond it: the stress of small strain, and energy that closes."""
+    sim = simulation(bar(material, "0.01*where(t < 0.5, 2*t, 2 - 2*t)"), comm)
+    sim.ledger.row(comm, *sim.energies())
+    for _ in range(16):
+        sim.take_step(1.0 / 16.0)
+    row = sim.ledger.row(comm, *sim.energies())
+    P = sim.systems[0].shown("first_piola_kirchhoff_stress", 0, sim.systems[0].owned)
+    turned = YIELD + SLOPE * E / (E + SLOPE) * (0.01 - YIELD / E)
+    elastic = turned - 2.0 * (YIELD if material is KINEMATIC else turned)
+    way = 0.01 - (turned - elastic) / E
+    expected = elastic - SLOPE * E / (E + SLOPE) * way
+    for one in P:
+        np.testing.assert_allclose(one[0, 0], expected, rtol=0.01)
+        np.testing.assert_allclose(one[1, 1], 0.0, atol=1e-8)
+    assert abs(row["energy_error"]) < 1e-9 * row["external_work"]
+    there = 0.5 * (YIELD + turned) * (0.01 - turned / E)
+    back = -0.5 * (elastic + expected) * way * E / (E + SLOPE)
+    assert row["plastic_work"] == pytest.approx(there + back, rel=0.02)
+
+
+def test_relaxation(comm):
+    """A block sheared at once relaxes as the exact solution of its branches, and loses what it does not store."""
+    shear = 0.4
+    driven = [
+        {"plane": plane, "kind": "displacement", "displacement": [f"{shear}*Y", "0"]}
+        for plane in ("X = 0", "X = 1", "Y = 0", "Y = 1")
+    ]
+    data = box((1.0, 1.0), "cells", boundaries=driven)
+    data["bodies"][0]["material"] = VISCOUS
+    sim, rows = run_to_end(data, comm)
+    P = sim.systems[0].shown("first_piola_kirchhoff_stress", 0, sim.systems[0].owned)
+    mu, F = 3.0 / 2.6, np.array([[1.0, shear, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    inverse = np.linalg.inv(F)
+    elastic = simulation(data | {"bodies": [data["bodies"][0] | {"material": {**VISCOUS, "branches": []}}]}, comm)
+    elastic.take_step(0.0)
+    expected = elastic.systems[0].shown("first_piola_kirchhoff_stress", 0, elastic.systems[0].owned)
+    for beta, tau in ((1.0, 0.5), (0.5, 4.0)):
+        C = F.T @ F
+        A = np.linalg.inv(C) + (np.eye(3) - np.linalg.inv(C)) * np.exp(-1.0 / tau)
+        expected = expected + beta * mu * (F @ A - inverse.T)
+    np.testing.assert_allclose(P, expected, rtol=0.0, atol=1e-8)
+    assert abs(rows["energy_error"][-1]) < 1e-4 * rows["strain_energy"].max()
+
+
+def pulled(folder, material):
+    """A strip of triangles, clamped at one end and pulled across at the other."""
+    load = {"plane": "X = 2", "kind": "traction", "traction": ["0.01*t", "0.05*t" if material is METAL else "0.03*t"]}
+    boundaries = [{"plane": "X = 0", "kind": "fixed"}, load]
+    return static(folder, counts=(8, 4), scale=0.25, boundaries=boundaries, body={"material": material})
+
+
+@pytest.mark.parametrize("material", [METAL, KINEMATIC, VISCOUS], ids=["flow", "kinematic", "relaxation"])
+def test_tangent(shared_path, comm, material):
+    """It is the change of forces."""
+    statics = (sim := simulation(pulled(shared_path, material), comm)).systems[0].statics
+    sim.take_step(0.2)
+    u = gathered(sim, "displacement")[0]
+    own = sim.systems[0].particles.owned_rows("displacement").copy()
+    assert np.abs(u).max() > 1e-4
+    # onwards, so that what flows goes on
+    statics.history.elapsed = 0.1
+    rate, h = 0.1 * own, 1e-6
+    change = np.cos(7.0 * own * 100.0 + np.arange(own.size).reshape(own.shape)) * 1e-2 * np.abs(u).max()
+    forces = []
+    for part in (1.0, -1.0):
+        statics._deform(own + rate + part * h * change)
+        forces.append(statics.internal_force())
+    statics._deform(own + rate)
+    statics.linearise()
+    expected = (forces[1] - forces[0]) / (2.0 * h)
+    found = statics.tangent.product(change)
+    # that of flow lacks what is not symmetric, stresses beside moduli
+    part = 1e-6 if material is VISCOUS else 5e-3
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=part * np.abs(expected).max())
+
+
+@pytest.mark.ranks(1, 2, 3)
+@pytest.mark.parametrize("material", [METAL, VISCOUS], ids=["flow", "relaxation"])
+def test_ranks(shared_path, comm, material):
+    lost = "plastic_work" if material is METAL else "material_dissipation"
+    rows = run_alone_and_on_all(pulled(shared_path, material), comm, names=("time", "external_work", lost))
+    assert np.abs(rows["energy_error"]).max() < 1e-4 * rows["external_work"][-1]
+    assert rows[lost][-1] > 0.01 * rows["external_work"][-1]
+
+
+@pytest.mark.ranks(1, 2)
+@pytest.mark.parametrize("material", [KINEMATIC, VISCOUS], ids=["flow", "relaxation"])
+def test_restart(shared_path, comm, material):
+    """A restart after three load steps goes on with the same bits."""
+    scene = parse_scene(pulled(shared_path, material))
+    through, pieces = run_through_and_in_two(shared_path, comm, scene, 3)
+    names = evolved(through.simulation.systems[0].particles)
+    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in (through, pieces))):
+        assert np.array_equal(*both), name
+
+
+def test_failure_is_refused(tmp_path):
+    failure = {"criteria": [{"kind": "plastic-strain", "strain": 0.1}]}
+    with pytest.raises(SceneError) as refused:
+        parse_scene(static(tmp_path, body={"material": METAL | {"failure": failure}}))
+    assert any(str(fault).startswith("bodies.0.material.failure") for fault in refused.value.faults)
