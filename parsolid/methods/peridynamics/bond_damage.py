@@ -99,8 +99,8 @@ class BondDamage:
         are whole."""
         lists, seconds = self.bonds.lists, self._seconds
         start = lists[0][0].start
-        found = in_rows(start, particles), seconds.data[in_rows(seconds.indptr, particles)]
-        found = np.unique(np.concatenate(found))
+        both = in_rows(start, particles), seconds.data[in_rows(seconds.indptr, particles)]
+        found = np.unique(np.concatenate(both))
         rows = np.column_stack((np.searchsorted(start, found, "right") - 1, found))
         return [part_of(lists[0], rows), *lists[1:]]
 
