@@ -67,6 +67,10 @@ WARNINGS = {
         "slender bodies in `mpm` that the transfer `flip` bends wrongly, stiffer most often",
         '`transfer = "apic"`; or four points across and two a cell and direction',
     ),
+    "thin-driven-layer": Code(
+        "layers of `ulsph` particles at a surface that are driven, and fewer than the kernel reaches",
+        "a region as deep as the support, three spacings with the usual kernel",
+    ),
     "thin-pressure-region": Code(
         "a peridynamic pressure in a region that cuts off more than a tenth of its forces",
         "a region of two horizons depth at least",
