@@ -12,6 +12,7 @@ Both leave the same file.
 import os
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.output.errors import OutputError, agree, together
+from parsolid.output.errors import OutputError, agree, together, words
 
 METHODS = ("mpio", "offsets")
 
@@ -67,28 +68,36 @@ def create_slab(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: Any
 
 
 def probe(path: Path | str, size: int) -> None:
-    """Make sure that a file of so many bytes can be written; raises OSError. Leaves a file to be overwritten.
+    """Make sure that a file of so many bytes can be written; raises OSError. Leaves a file to be overwritten, or none.
 
     HDF5 itself does not survive a write that fails while a file is laid out, so that is found out before.
     """
-    with open(path, "wb") as file:
-        free = shutil.disk_usage(path).free
-        if free < size + _METADATA_BYTES:
-            raise OSError(f"the disk is full: expected {size + _METADATA_BYTES} bytes free, found {free}")
-        file.truncate(size + _METADATA_BYTES)
-        file.write(bytes(_METADATA_BYTES))
+    try:
+        with open(path, "wb") as file:
+            free = shutil.disk_usage(path).free
+            if free < size + _METADATA_BYTES:
+                raise OSError(f"the disk is full: expected {size + _METADATA_BYTES} bytes free, found {free}")
+            file.truncate(size + _METADATA_BYTES)
+            file.write(bytes(_METADATA_BYTES))
+    except OSError:
+        with suppress(OSError):
+            os.unlink(path)
+        raise
 
 
 def places(path: Path | str) -> dict[str, DataSet]:
-    """Name -> place of every contiguous data set of a file."""
+    """Name -> place of every contiguous data set of a file. Raises OutputError where HDF5 cannot tell them."""
     found: dict[str, DataSet] = {}
 
     def note(name: str, item: object) -> None:
         if isinstance(item, h5py.Dataset) and item.chunks is None:
             found[name] = DataSet(item.id.get_offset(), item.shape, item.dtype.str)
 
-    with open_serial(path, "r") as file:
-        file.visititems(note)
+    try:
+        with open_serial(path, "r") as file:
+            file.visititems(note)
+    except Exception as error:  # what h5py raises depends on where the file is damaged
+        raise OutputError(f"{path}: damaged: {words(error)}") from error
     return found
 
 

@@ -48,6 +48,10 @@ FAULTS = {
 }
 
 WARNINGS = {
+    "badly-held": Code(
+        "a plane at rest by `velocity` in `mpm`: on linear weights, or neither on nodes nor half-way between",
+        "`roller` or `fixed` on nodes or half-way between (`method.origin`)",
+    ),
     "cell-below-spacing": Code(
         "cells of `mpm` smaller than the spacing: points move apart freely", "cells of two spacings (`method.cell`)"
     ),
@@ -62,6 +66,10 @@ WARNINGS = {
     "wrong-bending": Code(
         "slender bodies in `mpm` that the transfer `flip` bends wrongly, stiffer most often",
         '`transfer = "apic"`; or four points across and two a cell and direction',
+    ),
+    "thin-driven-layer": Code(
+        "layers of `ulsph` particles at a surface that are driven, and fewer than the kernel reaches",
+        "a region as deep as the support, three spacings with the usual kernel",
     ),
     "thin-pressure-region": Code(
         "a peridynamic pressure in a region that cuts off more than a tenth of its forces",

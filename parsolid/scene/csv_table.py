@@ -1,4 +1,4 @@
-"""Two columns of a CSV file, for loads that change in time; the first line may have names."""
+"""Two columns of a CSV file, for loads that change in time; the first line may have names, none of them a number."""
 
 import csv
 import os
@@ -27,7 +27,7 @@ def read_csv_table(path: str, column: str | None = None) -> tuple[np.ndarray, np
     except (OSError, ValueError, csv.Error) as error:
         raise ValueError(f"no CSV file {file_name!r} ({getattr(error, 'strerror', None) or error})") from None
     names: list[str] = []
-    if lines and not all(_number(word) is not None for word in lines[0][1]):
+    if lines and all(_number(word) is None for word in lines[0][1]):
         names = lines.pop(0)[1]
     if column is not None and column not in names:
         raise ValueError(f"no column {column!r} among {', '.join(names) or '(no names)'} of {file_name!r}")

@@ -36,10 +36,12 @@ def describe_failure(simulation: "Simulation", otherwise: str) -> str:
             f"at X = ({found['reference']}), now x = ({found['position']})"
         )
     formula = _first_of(simulation.comm, {"formula": str(NOT_FINITE[0])} if NOT_FINITE else None)
+    advice = found.get("advice") or _advice(simulation.scene, *simulation.systems)
     if formula is not None:
         lines.append(f"  formula    {formula['formula']}")
+        advice = "a formula that has a value there"
     lines.append(f"  checkpoint {simulation.last_checkpoint or 'none was written'}")
-    lines.append(f"  try        {found.get('advice') or _advice(simulation.scene, *simulation.systems)}")
+    lines.append(f"  try        {advice}")
     return "\n".join(lines)
 
 

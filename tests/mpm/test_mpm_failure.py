@@ -42,6 +42,7 @@ def test_a_particle_that_is_lost(comm, place, what):
 
 
 ROLLER = [{"plane": "X = 0", "kind": "roller"}]
+IN_R = {"name": "r", "plane": "X = 0.2", "side": "below"}
 AT_A_POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": [1.0, "free"]}
 
 
@@ -51,6 +52,7 @@ AT_A_POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": [1.0, "free"]
         ({"boundaries": ROLLER, "method": {"origin": [0.013, 0.0]}}, "boundaries.0: expected a plane on nodes"),
         ({"boundaries": ROLLER, "beside": True}, "boundaries.0: expected a plane that bounds all bodies"),
         ({"boundaries": [ROLLER[0] | {"mirror": False}]}, "boundaries.0.mirror: expected true with this method"),
+        ({"boundaries": [{"kind": "fixed", "where": "r"}], "regions": [IN_R]}, "boundaries.0.where: expected plane"),
         ({"boundaries": [ROLLER[0] | {"body": "a"}], "body": {"name": "a"}}, "boundaries.0.body: expected none"),
         ({"boundaries": [AT_A_POINT]}, "boundaries.0.point: expected a plane, box or ball of grid nodes"),
     ],

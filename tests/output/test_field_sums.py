@@ -87,6 +87,22 @@ def test_a_series_that_goes_on_has_the_checksums_of_what_it_keeps(comm, path):
     content(path)
 
 
+def test_a_file_whose_data_sets_cannot_be_told_is_damaged(comm, path):
+    comm.Barrier()
+    if comm.rank == 0:
+        described = np.flatnonzero(np.frombuffer(path.read_bytes(), np.uint8))
+        chance, refused = random.Random(3), 0
+        for place, bit in ((int(chance.choice(described)), chance.randrange(8)) for _ in range(100)):
+            flip(path, place, bit)
+            try:
+                places(path)
+            except OutputError:
+                refused += 1
+            flip(path, place, bit)
+        assert refused
+    comm.Barrier()
+
+
 def test_a_series_without_checksums_gets_none(comm, path):
     comm.Barrier()
     if comm.rank == 0:

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from parsolid.output import OutputError, vtkhdf
 from parsolid.output.fields import FieldSeries, _ByIdentifier, bytes_of_rows
 from parsolid.output.packing import pack
+from parsolid.output.slabs import probe
 
 TIMES = [0.0, 0.1, 0.1 + 0.2, 1.0]
 
@@ -299,3 +300,10 @@ def test_identifiers_that_are_not_each_there_once_are_refused(identifier):
         _ByIdentifier(MPI.COMM_SELF, np.array(identifier), 2)
     order = _ByIdentifier(MPI.COMM_SELF, np.array([1, 0]), 2)
     np.testing.assert_array_equal(order.arrange(np.array([3.0, 4.0])), [4.0, 3.0])
+
+
+@pytest.mark.serial
+def test_a_file_that_finds_no_room_is_not_there(tmp_path):
+    with pytest.raises(OSError, match="."):
+        probe(tmp_path / "fields.vtkhdf.partial", 2**62)
+    assert not list(tmp_path.iterdir())

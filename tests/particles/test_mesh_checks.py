@@ -90,6 +90,14 @@ def test_solids_that_share_an_edge(shared_path, comm):
     simulation(scene_of(shared_path, *cubes([0, 0, 0], [1, 1, 0], [1, 0, 0]), 3), comm)
 
 
+def test_a_quad_beside_two_triangles_is_no_hinge(shared_path, comm):
+    points, blocks = cubes([0, 0, 0])
+    number = {tuple(row): i for i, row in enumerate(points.tolist())}
+    a, b, c, d = (number[1, y, z] for y, z in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    halves = [[a, b, c, len(points)], [a, c, d, len(points)]]
+    simulation(scene_of(shared_path, np.concatenate([points, [[2, 0.5, 0.5]]]), [*blocks, ("tetra", halves)], 3), comm)
+
+
 @pytest.mark.parametrize(
     ("kind", "d", "aspect"),
     [("quad", 2, 1.0), ("hexahedron", 3, 1.0), ("wedge", 3, 2.0), ("triangle", 2, 2.0), ("pyramid", 3, 2.0)],

@@ -25,7 +25,15 @@ def test_a_table_and_a_history_read_the_same_file(tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    "text, line", [("t,a\n0,0\n1;2\n", "line 3"), ("0,0\n1,nan\n", "line 2"), ("0,0\n\n1\n", "line 3")]
+    "text, line",
+    [
+        ("t,a\n0,0\n1;2\n", "line 3"),
+        ("0,0\n1,nan\n", "line 2"),
+        ("0,0\n\n1\n", "line 3"),
+        # a row without its value is no line of names
+        ("0,\n1,2\n", "line 1"),
+        ("0,--\n1,2\n", "line 1"),
+    ],
 )
 def test_a_fault_is_told_with_its_line(tmp_path, text, line):
     path = tmp_path / "push.csv"

@@ -27,11 +27,13 @@ LOWER = [(1 + i, 2 + i) for i in range(N - 1)]
 
 
 def gmsh_41(path, groups, curves, z=lambda i: 0.0, surface=("plate",)):
-    """A square as Gmsh 4.1 writes it; groups: name -> (dimension, number); curves: (lines, group names)."""
+    """A square as Gmsh 4.1 writes it; groups: name -> (dimension, number); curves: (lines, group names), a name with
+    a minus where the group takes the curve against its direction."""
     number = {name: tag for name, (_, tag) in groups.items()}
 
     def entity(tag, names):
-        return f"{tag} 0 0 0 1 1 0 {len(names)} {' '.join(str(number[name]) for name in names)} 0"
+        numbers = (f"{'-' if name[0] == '-' else ''}{number[name.lstrip('-')]}" for name in names)
+        return f"{tag} 0 0 0 1 1 0 {len(names)} {' '.join(numbers)} 0"
 
     blocks = [(1, 1, lines) for lines, _ in curves] + [(2, 2, TRIANGLES)]
     lines = ["$MeshFormat", "4.1 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(groups))]
@@ -76,6 +78,25 @@ def test_a_curve_in_two_groups_is_in_both(tmp_path):
     path = gmsh_41(tmp_path / "m.msh", groups, [(LEFT, ["outer", "held"]), (LOWER, ["outer"])])
     assert held(path, "held") == nodes_of(LEFT)
     assert held(path, "outer") == nodes_of(LEFT, LOWER)
+
+
+def test_curves_that_groups_take_against_their_direction(tmp_path):
+    groups = {"held": (1, 1), "sides": (1, 2), "plate": (2, 3)}
+    curves = [(LEFT, ["held", "-sides"]), (LOWER, ["-held"]), (LOWER[:1], ["sides"])]
+    path = gmsh_41(tmp_path / "m.msh", groups, curves)
+    assert held(path, "held") == nodes_of(LEFT, LOWER)
+    assert held(path, "sides") == nodes_of(LEFT, LOWER[:1])
+    # the second group has no name
+    text = (tmp_path / "m.msh").read_text().replace("$PhysicalNames\n3\n", "$PhysicalNames\n2\n")
+    (tmp_path / "m.msh").write_text(text.replace('1 2 "sides"\n', ""))
+    assert held(path, "2") == nodes_of(LEFT, LOWER[:1])
+
+
+def test_two_groups_of_one_name_are_one(tmp_path):
+    curves = [(LEFT, ["first"]), (LOWER, ["other"])]
+    path = gmsh_41(tmp_path / "m.msh", {"first": (1, 1), "other": (1, 2), "plate": (2, 3)}, curves)
+    (tmp_path / "m.msh").write_text((tmp_path / "m.msh").read_text().replace('"first"', '"other"'))
+    assert held(path, "other") == nodes_of(LEFT, LOWER)
 
 
 def test_groups_within_groups_and_lines_in_either_direction(tmp_path):

@@ -209,11 +209,13 @@ MOVED = {"kind": "velocity", "where": "left", "velocity": ["1", "0"]}
         (HELD, MOVED, True),
         (MOVED, HELD, True),
         (HELD, MOVED | {"velocity": ["1", "free"]}, False),
+        (MOVED, MOVED | {"velocity": ["free", "2"]}, True),
+        (MOVED | {"velocity": ["1", "free"]}, MOVED | {"velocity": ["free", "2"]}, False),
         (TURN | {"body": "a"}, HELD | {"body": "b"}, False),
         (HELD, TURN | {"where": "low"}, False),
     ],
 )
-def test_a_region_whose_whole_motion_is_said_is_held_or_moved_by_nothing_else(square, first, second, refused):
+def test_a_region_whose_motion_is_said_is_held_or_moved_by_nothing_else(square, first, second, refused):
     regions = [{"name": "left", "plane": "X = 0"}, {"name": "low", "plane": "Y = 0"}]
     used = {one["where"] for one in (first, second)}
     square["bodies"] = [square["bodies"][0] | {"name": name} for name in ("a", "b")]

@@ -104,6 +104,34 @@ def test_conditions_that_contradict_one_another_on_a_plane_are_refused(second, s
         assert [one.split(":")[0] for one in refused.value.faults] == ["boundaries.1.plane"]
 
 
+HEATED = {"kind": "temperature", "plane": "X = 1", "temperature": "400"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "first, second, sound",
+    [
+        (HEATED, HEATED | {"temperature": "300"}, False),
+        (HEATED, {"kind": "heat-flux", "plane": "X = 1", "heat_flux": "1"}, False),
+        (HEATED, HEATED | {"plane": "X = 0", "temperature": "300"}, True),
+        (HEATED, PULLED, True),
+        ({"kind": "fixed", "plane": "X = 1"}, {"kind": "roller", "plane": "X = 1"}, False),
+        ({"kind": "roller", "plane": "X = 1"}, {"kind": "velocity", "plane": "X = 1", "velocity": ["0", "1"]}, True),
+    ],
+)
+def test_temperatures_and_supports_of_one_plane_that_contradict_one_another_are_refused(first, second, sound):
+    method, metal = {"kind": "mpm", "cell": 0.5}, COPPER | {"conductivity": 400.0}
+    for boundaries in ([first, second], [second, first]):
+        body = {"placement": "cells"}
+        data = tables((4, 4), method=method, material=metal, boundaries=boundaries, body=body)
+        if sound:
+            parse_scene(data)
+            continue
+        with pytest.raises(SceneError) as refused:
+            parse_scene(data)
+        assert [one.split(":")[0] for one in refused.value.faults] == ["boundaries.1.plane"]
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("text", ["arccos(2)", "log(-1)", "cos(1e400)", "1/0", "sqrt(-X*0 - 1)*0"])
 def test_a_formula_that_is_never_a_number_is_refused(text):

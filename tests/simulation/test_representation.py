@@ -93,6 +93,14 @@ def test_slender_bodies_of_which_nothing_is_told_bend_right(across, cells, metho
     assert sunk.mean() == pytest.approx(2.0 * 0.1 * weight / (8.0 * stiffness), rel=0.12)
 
 
+@pytest.mark.parametrize("above, found", [(0.61, ["thin-driven-layer"]), (0.51, []), (-1.0, [])])
+def test_driven_layers_of_ulsph_at_a_surface(above, found, comm):
+    """Two layers of eight, three, and all."""
+    box = {"lower": [-1.0, above], "upper": [3.0, 2.0]}
+    driven = [{"kind": "velocity", "velocity": [1.0, 0.0], "box": box}]
+    assert codes(strip("ulsph", 8, boundaries=driven), comm) == found
+
+
 @pytest.mark.serial
 def test_a_run_tells_and_is_not_resolved(tmp_path, capsys):
     scene = tmp_path / "scene.toml"

@@ -119,7 +119,7 @@ class DrivenRegion:
         and for groups of meshes."""
         if isinstance(motion.region, NearestTo):
             raise SolverError(f"{key}.point: expected a plane, box or ball of grid nodes, found a point")
-        self.region, self.reaction, self._seen = region_of(scene, key, motion), reaction, -1
+        self.key, self.region, self.reaction, self._seen = key, region_of(scene, key, motion), reaction, -1
         velocity = motion.prescribed
         assert isinstance(velocity, LoadHistory)
         self.components = [(int(i), velocity.component(int(i))) for i in np.flatnonzero(~velocity.free)]
@@ -287,7 +287,10 @@ class GridConditions:
     def _folded(self, scene: Scene) -> list[FoldedPlane]:
         supports = self.loads.of(Support)
         for key, one in supports:
-            if one.plane is None or not one.mirror:
+            if one.plane is None:
+                expected = "plane in place of where, or kind = 'velocity', with this method"
+                raise SolverError(f"{key}.where: expected {expected}, found {one.where!r}")
+            if not one.mirror:
                 raise SolverError(f"{key}.mirror: expected true with this method, found false")
         wanted = [(key, mirror_plane(scene, one)) for key, one in supports]
         given = {(plane.axis, plane.coordinate) for _, plane in wanted}
@@ -352,6 +355,22 @@ class GridConditions:
         kept = slopes[beside]
         slopes[: self.points.owned] = 0.0
         slopes[beside] = kept
+
+    def badly_held(self) -> list[tuple[str, str]]:
+        """Keys of planes at rest whose nodes behind are no mirror images of what swings before them, and why."""
+        settings, found = self.points.settings, []
+        for region in self.driven:
+            if region.plane is None or not region.stays:
+                continue
+            axis, _, offset = region.plane
+            place = 2.0 * (offset - self.points.origin[axis]) / settings.cell
+            if settings.basis == "linear":
+                found.append((region.key, "with linear weights"))
+            elif abs(place - round(place)) > 2.0 * _NEAR:
+                found.append(
+                    (region.key, "neither on nodes of the grid nor half-way between (method.origin, method.cell)")
+                )
+        return found
 
     def thermal_planes(self, conductivity: float | None) -> list[ThermalPlane]:
         """Mirror planes of the motion and planes at given temperatures, those through which heat enters first.

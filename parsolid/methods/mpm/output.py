@@ -14,6 +14,7 @@ from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene.warned import Warned
 
 # D in cells^2 by a particle's place in its cell, of which no spline but the hat function's depends on it
 _SPREADS = {
@@ -117,6 +118,13 @@ class Reports(ParticleSystem):
             "melted_particles": comm.allreduce(int((ratios >= 1.0).sum())),
             "largest_temperature_over_melting": maximum(comm, float(ratios.max(initial=0.0))),
         }
+
+    def warnings(self) -> list[Warned]:
+        """Planes that a grid holds worse than planes of symmetry."""
+        return [
+            Warned("badly-held", f"{key}: a plane at rest {why}: what swings there gains or loses energy")
+            for key, why in self.conditions.badly_held()
+        ]
 
     def first_invalid(self) -> tuple[int, str] | None:
         """The rank's first particle that is inside out, lost, or not a number."""

@@ -5,10 +5,12 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
+from parsolid.collective import maximum, minimum
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.scene.warned import Warned
 
 
 class Reports(ParticleSystem):
@@ -21,6 +23,31 @@ class Reports(ParticleSystem):
     neighbours: Any
     whole_mass: float
     parts: Any
+
+    def warnings(self) -> list[Warned]:
+        """Layers at a surface that are driven, and thinner than the support: what is beside them flows unevenly."""
+        rows, motion, found = self.particles.owned_rows, self.conditions.motion, []
+        place, spacing, body = rows("reference_position"), rows("spacing"), rows("body")
+        for key, one in self.conditions.all:
+            if not motion.prescribes(one):
+                continue
+            driven = np.isin(np.arange(len(place)), motion.held_by(one)[0])
+            for number in range(len(self.bodies)):
+                here = body == number
+                step = maximum(self.comm, spacing[here].max(axis=0, initial=0.0))
+                lower, first = (minimum(self.comm, place[k].min(axis=0, initial=np.inf)) for k in (here & driven, here))
+                upper, last = (maximum(self.comm, place[k].max(axis=0, initial=-np.inf)) for k in (here & driven, here))
+                if not lower[0] <= upper[0]:
+                    continue
+                at_end = np.minimum(lower - first, last - upper) < 0.5 * step
+                counts, needed = np.rint((upper - lower) / step) + 1.0, np.ceil(self.settings.reach(step) / step)
+                thin = at_end & (counts < np.minimum(needed, np.rint((last - first) / step) + 1.0))
+                if thin.any():
+                    axis = int(np.argmax(thin))
+                    text = f"{key}: {counts[axis]:.0f} driven layers of particles across {'XYZ'[axis]} at a surface"
+                    text += f", where the kernel reaches {needed[axis]:.0f}: strain beside them is uneven"
+                    found.append(Warned("thin-driven-layer", text))
+        return found
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Cauchy stress (n, 3, 3) [Pa], Jacobian rho_0/rho (n,), internal energy per reference volume (n,) [J/m^3] of

@@ -11,7 +11,7 @@ from parsolid.particles.marks import TOLERANCE
 from parsolid.particles.meshes.abaqus import read_abaqus
 from parsolid.particles.meshes.elements import ELEMENTS, OF_CORNERS
 from parsolid.particles.meshes.geometry import is_geometry, meshed
-from parsolid.particles.meshes.gmsh_text import read_gmsh_text
+from parsolid.particles.meshes.gmsh_text import complete_groups, read_gmsh_text
 from parsolid.particles.meshes.groups import MeshGroups, groups_of
 from parsolid.particles.meshes.remeshed import remeshed
 from parsolid.scene.shapes import BodyMesh
@@ -44,7 +44,9 @@ def read_with_meshio(path: str) -> Any:
     try:
         # some readers print, and meshio leaves the program when none fits
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
-            return read_abaqus(path) if path.lower().endswith(".inp") else read_gmsh_text(path) or meshio.read(path)
+            if path.lower().endswith(".inp"):
+                return read_abaqus(path)
+            return read_gmsh_text(path) or complete_groups(meshio.read(path), path)
     except (Exception, SystemExit) as error:
         reason = " ".join(printed.getvalue().split()) or f"{type(error).__name__}: {error}"
         raise SceneError([f"expected a mesh that meshio reads, found {path} ({reason}{_remedy(path)})"]) from None

@@ -207,7 +207,7 @@ def _names(gmsh: Any, dimension: int) -> dict[str, dict[int, list[int]]]:
             result.setdefault(label or f"{word}-{number}", {}).setdefault(of, []).append(number)
     for of, group in gmsh.model.getPhysicalGroups():
         name = gmsh.model.getPhysicalName(of, group) or str(group)
-        result.setdefault(name, {})[of] = list(gmsh.model.getEntitiesForPhysicalGroup(of, group))
+        result.setdefault(name, {}).setdefault(of, []).extend(gmsh.model.getEntitiesForPhysicalGroup(of, group))
     return result
 
 

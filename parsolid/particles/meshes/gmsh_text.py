@@ -4,6 +4,7 @@ them one by one, a sixth of the time.
 What is not plain is left to meshio: other versions, parts that are not known here, numbers that are not rising.
 """
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,48 @@ def read_gmsh_text(path: str) -> Any:
     except (ValueError, IndexError, KeyError):
         # meshio says what is wrong with it
         return None
+
+
+def complete_groups(mesh: Any, path: str) -> Any:
+    """The mesh that meshio has read of a Gmsh file, with the groups that its reader drops.
+
+    These are the first of two groups of one name, in version 4.1 all groups of an entity but the first, and those whose
+    number is negative, since they take a curve or a surface against its direction.
+    """
+    with open(path, "rb") as file:
+        if file.readline().strip() != b"$MeshFormat":
+            return mesh
+        version, binary, width = file.readline().split()
+        groups: dict[tuple[int, int], list[int]] = {}
+        while (line := file.readline().strip()) not in (b"", b"$Nodes"):
+            if line == b"$PhysicalNames":
+                count = file.readline()
+                mesh.field_data = _names(b"".join([count, *islice(file, int(count))]).decode())
+            elif line == b"$Entities" and version == b"4.1":
+                groups = _groups_of_entities(file, "" if binary == b"1" else " ", f"u{int(width)}")
+    if groups:
+        entities = [(block.dim, int(tags[0])) for block, tags in zip(mesh.cells, mesh.cell_data["gmsh:geometrical"])]
+        most = max(len(own) for own in groups.values())
+        rows = [[*groups[entity], *[0] * (most - len(groups[entity]))] for entity in entities]
+        mesh.cell_data["gmsh:physical"] = [np.tile(row, (len(own.data), 1)) for row, own in zip(rows, mesh.cells)]
+    return mesh
+
+
+def _groups_of_entities(file: Any, between: str, size: str) -> dict[tuple[int, int], list[int]]:
+    """Numbers of groups by dimension and tag of an entity; between: numbers, size: the type of counts."""
+
+    def taken(kind: str, count: int) -> list[Any]:
+        return np.fromfile(file, kind, count, sep=between).tolist()
+
+    result = {}
+    for dimension, entities in enumerate(taken(size, 4)):
+        for _ in range(entities):
+            (tag,) = taken("i4", 1)
+            taken("f8", 6 if dimension else 3)
+            result[dimension, tag] = taken("i4", *taken(size, 1))
+            if dimension:
+                taken("i4", *taken(size, 1))
+    return result
 
 
 def _sections(text: str) -> dict[str, str] | None:
@@ -58,11 +101,17 @@ def _mesh(sections: dict[str, str]) -> Any:
             raise ValueError
         cells.append((kind, place))
         physical.append(tags[:, 0])
-    groups = {}
-    for line in sections.get("PhysicalNames", "0").strip().split("\n")[1:]:
+    names = _names(sections.get("PhysicalNames", "0"))
+    return meshio.Mesh(nodes[:, 1:], cells, cell_data={"gmsh:physical": physical}, field_data=names)
+
+
+def _names(text: str) -> dict[str, np.ndarray]:
+    """(groups, 2) number and dimension by name: a curve and a surface may share one."""
+    result: dict[str, list[list[int]]] = {}
+    for line in text.strip().split("\n")[1:]:
         dimension, number, name = line.split(maxsplit=2)
-        groups[name.strip().strip('"')] = np.array([int(number), int(dimension)])
-    return meshio.Mesh(nodes[:, 1:], cells, cell_data={"gmsh:physical": physical}, field_data=groups)
+        result.setdefault(name.strip().strip('"'), []).append([int(number), int(dimension)])
+    return {name: np.array(pairs) for name, pairs in result.items()}
 
 
 def _blocks(text: str) -> list[tuple[str, np.ndarray, np.ndarray]]:

@@ -37,29 +37,34 @@ def groups_of(mesh: Any, dimension: int) -> MeshGroups:
         for name, rows in (mesh.cell_sets or {}).items()
         if name not in _NOT_NAMES
     }
-    # an element of several groups has one tag, but stands in the sets of all of them
+    # version 4.0 has an element of several groups in the sets of all of them, but with one tag
     for name, rows in _tagged(mesh).items():
-        chosen.setdefault(name, rows)
+        chosen[name] = [np.union1d(*both) for both in zip(chosen[name], rows)] if name in chosen else rows
     for name, rows in chosen.items():
         _add(groups, name, mesh.cells, rows, dimension)
     return groups
 
 
 def _tagged(mesh: Any) -> dict[str, list[np.ndarray]]:
-    """Rows of each block's elements that have the tag of a physical group of Gmsh, by the group's name or number."""
-    tags = [np.asarray(own) for own in mesh.cell_data.get("gmsh:physical", [])]
+    """Rows of each block's elements that have the tag of a physical group of Gmsh, by the group's name or number.
+
+    An element has one tag or a row of them; negative ones, of entities that are turned around, count alike.
+    """
+    tags = [np.abs(own).reshape(len(own), -1 if len(own) else 1) for own in mesh.cell_data.get("gmsh:physical", [])]
     if not tags:
         return {}
     dimensions = [_dimension(block.type) for block in mesh.cells]
-    names = {tuple(np.ravel(pair)[:2].tolist()): name for name, pair in (mesh.field_data or {}).items()}
+    pairs = [(name, np.ravel(numbers).tolist()) for name, numbers in (mesh.field_data or {}).items()]
+    names = {(number, of): name for name, own in pairs for number, of in zip(own[::2], own[1::2])}
     found = {(int(tag), of) for own, of in zip(tags, dimensions) for tag in np.unique(own) if tag > 0}
     for tag, of in found - names.keys():
         if str(tag) not in names.values() and sum(number == tag for number, _ in found) == 1:
             names[tag, of] = str(tag)
-    return {
-        name: [np.flatnonzero((own == tag) & (here == of)) for own, here in zip(tags, dimensions)]
-        for (tag, of), name in names.items()
-    }
+    rows: dict[str, list[np.ndarray]] = {}
+    for (tag, of), name in names.items():
+        found_here = [np.flatnonzero((own == tag).any(axis=1) & (here == of)) for own, here in zip(tags, dimensions)]
+        rows[name] = [np.concatenate(both) for both in zip(rows[name], found_here)] if name in rows else found_here
+    return rows
 
 
 def _dimension(kind: str) -> int:

@@ -33,21 +33,34 @@ def refuse_double_nodes(mesh: MeshSlices, used: np.ndarray, edge: np.ndarray) ->
 def refuse_hinges(mesh: MeshSlices, facets: Facets) -> None:
     """Raise SceneError, on all ranks, where elements share nothing but an edge (in the plane a node); facets: of the
     surface. Collective."""
-    edges = [np.zeros((0, 2), np.int64)]
+    edges, sides = [np.zeros((0, 2), np.int64)], [np.zeros((0, 4), np.int64)]
     for _, nodes, _ in facets:
         own = mesh.local.nodes[nodes]
+        padded = np.pad(own, ((0, 0), (0, 4 - own.shape[1])), constant_values=-1)
+        sides += [padded] * own.shape[1]
         if own.shape[1] == 2:
             edges += [np.repeat(own[:, i, None], 2, axis=1) for i in range(2)]
         else:
             edges += [np.sort(own[:, [i, (i + 1) % own.shape[1]]], axis=1) for i in range(own.shape[1])]
     rows = np.concatenate(edges)
     places = mesh.nodes.fetch(rows[:, 0], mesh.points)
-    come = mesh.nodes.deliver(rows[:, 0], rows=rows, place=places)
-    different, first, count = np.unique(come["rows"], axis=0, return_index=True, return_counts=True)
-    found = {"place": come["place"][first], "number": different[:, 0]}
+    come = mesh.nodes.deliver(rows[:, 0], rows=rows, place=places, side=np.concatenate(sides))
+    order = np.lexsort(come["rows"].T[::-1])
+    different, first, count = np.unique(come["rows"][order], axis=0, return_index=True, return_counts=True)
+    found = {"place": come["place"][order[first]], "number": different[:, 0]}
+    many = np.flatnonzero(count > 2)
+    parted = np.array([_unmatched(come["side"][order[first[i] : first[i] + count[i]]]) > 2 for i in many], bool)
     what = "nodes" if mesh.points.shape[1] == 2 else "edges"
     expected = f"elements that share more than {what} alone"
-    _refuse(mesh, "edge-contact", expected, f"{what} at which parts hinge", found, np.flatnonzero(count > 2))
+    _refuse(mesh, "edge-contact", expected, f"{what} at which parts hinge", found, many[parted])
+
+
+def _unmatched(sides: np.ndarray) -> int:
+    """How many facets at an edge, nodes (k, 4), -1 where it has fewer, are not a quad beside its half, a triangle:
+    elements of two kinds may share four nodes so."""
+    nodes = [{node for node in row if node >= 0} for row in sides.tolist()]
+    halved = [one for one in nodes if len(one) == 4 and any(len(other) == 3 and other < one for other in nodes)]
+    return len(nodes) - 2 * len(halved)
 
 
 def _refuse(

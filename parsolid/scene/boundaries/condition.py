@@ -114,13 +114,13 @@ _WHOLE_MOTION = ("fixed", "rotation")
 
 
 def clashes(conditions: list[Any]) -> list[Detail]:
-    """Faults of conditions that contradict one another: on one plane, or on one region of which one says all of its
-    motion and another says it again."""
+    """Faults of conditions that contradict one another: on one plane, or on one region of whose motion two say the
+    same part."""
     return _contradictions(conditions) + _said_twice(conditions)
 
 
 def _contradictions(conditions: list[Any]) -> list[Detail]:
-    """Faults of conditions on one plane that hold a component of its motion in different ways."""
+    """Faults of conditions on one plane that hold its temperature or a component of its motion in different ways."""
     faults: list[Detail] = []
     for i, one in enumerate(conditions):
         for j, other in enumerate(conditions[:i]):
@@ -130,19 +130,34 @@ def _contradictions(conditions: list[Any]) -> list[Detail]:
             if apart or one.plane != other.plane:
                 continue
             held, before = _held(one), _held(other)
-            if any(held[axis] != before[axis] for axis in held.keys() & before.keys()):
-                expected = f"a plane whose motion boundaries.{j} ({other.kind!r}) does not hold otherwise"
+            # images go with one support
+            supports = {one.kind, other.kind} <= {"fixed", "roller", "antisymmetric"} and one.kind != other.kind
+            if supports or _differ(held, before):
+                what = "temperature" if "temperature" in before else "motion"
+                expected = f"a plane whose {what} boundaries.{j} ({other.kind!r}) does not hold otherwise"
                 faults.append((("boundaries", i, "plane"), expected, str(one.plane)))
                 break
     return faults
 
 
-def _held(condition: Any) -> dict[int, str]:
-    """What motion of a plane a condition holds: axis -> its formula, "0" where it is at rest."""
+def _differ(held: dict[Any, str], before: dict[Any, str]) -> bool:
+    return any(held[key] != before[key] for key in held.keys() & before.keys())
+
+
+def _held(condition: Any) -> dict[Any, str]:
+    """What a condition holds of a plane: axis, or "temperature" -> its formula; "0" where it is at rest."""
+    if condition.kind in ("temperature", "heat-flux"):
+        # heat flows into a plane whose temperature nothing holds
+        return {"temperature": condition.temperature.source if condition.kind == "temperature" else ""}
     normal = condition.plane.axis
     if condition.kind in ("fixed", "roller", "antisymmetric"):
         axes = {"fixed": range(3), "roller": (normal,), "antisymmetric": set(range(3)) - {normal}}[condition.kind]
         return dict.fromkeys(axes, "0")
+    return _prescribed(condition)
+
+
+def _prescribed(condition: Any) -> dict[Any, str]:
+    """Axis -> formula of a condition that prescribes a motion by components; empty for others."""
     if condition.kind not in ("velocity", "displacement"):
         return {}
     (formulas,) = condition.formulas.values()
@@ -158,7 +173,8 @@ def _is_zero(source: Any) -> bool:
 
 
 def _said_twice(conditions: list[Any]) -> list[Detail]:
-    """Faults of conditions on one region of which one says all of its motion and another says it again."""
+    """Faults of conditions on one region of which one says all of its motion, or a component, and another says it
+    again."""
     faults, seen = list[Detail](), dict[tuple[str, str | None], list[int]]()
     for i, one in enumerate(conditions):
         if one.region_name is None or one.kind not in (*_WHOLE_MOTION, "velocity", "displacement"):
@@ -169,7 +185,8 @@ def _said_twice(conditions: list[Any]) -> list[Detail]:
             kinds = {which.kind for which in pair}
             # a motion holds before "fixed", which has the components that are free in it
             left = any(formula.free.any() for which in pair for formula in which.formulas.values())
-            if "rotation" in kinds or ("fixed" in kinds and not left):
+            twice = _differ(_prescribed(one), _prescribed(conditions[j]))
+            if twice or "rotation" in kinds or ("fixed" in kinds and not left):
                 expected = f"a region whose motion boundaries.{j} ({conditions[j].kind!r}) does not say"
                 faults.append((("boundaries", i, "where"), expected, one.region_name))
                 break
