@@ -55,7 +55,7 @@ class BondedBody:
             self.lists.append(self._direct(False))
         if mirror:
             self.lists.append(self._mirrored(kind))
-        self.refresh_shapes(np.ones(self.owned, bool))
+        self.refresh_shapes(np.ones(self.owned, bool), self.lists)
         self.damage = BondDamage(self, np.ones(self.owned), *limits)
         self.particles.update("motion")
 
@@ -66,7 +66,7 @@ class BondedBody:
         """Rows of X and u."""
         return self.motion
 
-    def refresh_shapes(self, chosen) -> None:
+    def refresh_shapes(self, chosen, lists) -> None:
         """As `Bonds.refresh_shapes`: K (owned, d, d) by loops, its determinant and its inverse; of all particles."""
         shape = np.zeros((len(self.positions), self.dimension, self.dimension))
         for bonds, images, mutual in self.lists:

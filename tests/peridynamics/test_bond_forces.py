@@ -16,12 +16,12 @@ def crumple(X):
 
 def forces(body, linear=False):
     """Forces (owned, d) [N] and the energy of all ranks [J]."""
-    d = body.dimension
+    d, plane = body.dimension, True if body.dimension == 2 else None
     c, share = 2.0 + 0.1 * body.identifier, np.ones(body.owned)
     force, energy = np.zeros((body.owned, 4)), 0.0
     for bonds in body.lists:
-        add_bond_forces(*bonds, linear, body.motion, c, force)
-        energy += bond_energy(*bonds, body.motion, c, share)
+        add_bond_forces(*bonds, plane, linear, body.motion, c, force)
+        energy += bond_energy(*bonds, plane, body.motion, c, share)
     return force[: body.owned, :d], body.comm.allreduce(energy)
 
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from parsolid.kernels import inlined, kernel
 from parsolid.materials.damage.bond_based import POISSONS_RATIO, micromodulus
+from parsolid.methods.peridynamics.bond_damage import BondDamage, Failing
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.correspondence import BondForces, pushed_forward
-from parsolid.methods.peridynamics.sweeps import bond_vectors, image_of
+from parsolid.methods.peridynamics.sweeps import Lists, bond_vectors, part_of
 from parsolid.particles.declaration import Field
 
 
@@ -48,11 +49,11 @@ class BondBasedForces(BondForces):
         bonds.fill(field, 0, self.owned)
         self.particles.send(message)
         motion = bonds.motion_of(field)
-        add_bond_forces(bonds.inner, None, True, linear, motion, micromodulus, force)
+        add_bond_forces(bonds.inner, None, True, self.plane, linear, motion, micromodulus, force)
         self.particles.receive(message)
         bonds.fill(field, self.owned, len(bonds.positions))
         for pairs, images, mutual in bonds.lists[1:]:
-            add_bond_forces(pairs, images, mutual, linear, motion, micromodulus, force)
+            add_bond_forces(pairs, images, mutual, self.plane, linear, motion, micromodulus, force)
         return force
 
     def commit(self, step: float) -> float:
@@ -68,8 +69,21 @@ class BondBasedForces(BondForces):
         self.internal_force(0.0)
 
     def evaluate_anew(self) -> None:
-        """Forces of the state after bonds were broken."""
+        """Forces of the state of another run."""
         self.internal_force(0.0)
+
+    def break_bonds(self, damage: BondDamage, failing: Failing | None) -> float:
+        """Break bonds of this rank, found at the displacement of the last evaluation; the energy [J] they stored."""
+        if failing is None:
+            return 0.0
+        gone = [part_of(one, rows) for one, rows in zip(self.bonds.lists, failing.rows)]
+        motion, micromodulus, force = self.bonds.motion_of("displacement"), self.particles["micromodulus"], self.rows
+        force[:] = 0.0
+        for pairs, images, mutual in gone:
+            add_bond_forces(pairs, images, mutual, self.plane, False, motion, micromodulus, force)
+        self.force[:] -= force[:, : self.d]
+        damage.cut(failing)
+        return self._energy(gone)
 
     def factor(self, step: float) -> np.ndarray:
         """1 (owned,), as nothing relaxes."""
@@ -77,12 +91,12 @@ class BondBasedForces(BondForces):
 
     def stored_energy(self) -> float:
         """Energy [J] of the bonds at the displacement of the last evaluation."""
-        bonds, total = self.bonds, 0.0
-        bonds.fill("displacement", 0, len(bonds.positions))
-        given = bonds.motion_of("displacement"), self.particles["micromodulus"], self.share
-        for pairs, images, mutual in bonds.lists:
-            total += bond_energy(pairs, images, mutual, *given)
-        return total
+        self.bonds.fill("displacement", 0, len(self.bonds.positions))
+        return self._energy(self.bonds.lists)
+
+    def _energy(self, lists: Lists) -> float:
+        given = self.plane, self.bonds.motion_of("displacement"), self.particles["micromodulus"], self.share
+        return sum(bond_energy(pairs, images, mutual, *given) for pairs, images, mutual in lists)
 
     def cauchy_stresses(self, F: np.ndarray) -> np.ndarray:
         """sigma (owned, 3, 3) [Pa] at the last evaluation; F (owned, 3, 3): its deformation gradients.
@@ -109,7 +123,7 @@ def length(x):
 
 
 @kernel
-def add_bond_forces(bonds, images, mutual, linear, motion, micromodulus, force):
+def add_bond_forces(bonds, images, mutual, plane, linear, motion, micromodulus, force):
     """Add the forces [N] of a list's bonds, or with `linear` those to first order in the field of the motion.
 
     micromodulus (n,); force (owned, 4) [N].
@@ -118,7 +132,7 @@ def add_bond_forces(bonds, images, mutual, linear, motion, micromodulus, force):
         f0, f1, f2 = 0.0, 0.0, 0.0
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b = bonds.neighbour[k]
-            x, u = bond_vectors(motion, *image_of(images, k), a, b)
+            x, u = bond_vectors(plane, motion, images, k, a, b)
             reference = length(x)
             if linear:
                 y, s = x, (x[0] * u[0] + x[1] * u[1] + x[2] * u[2]) / (reference * reference * reference)
@@ -137,13 +151,13 @@ def add_bond_forces(bonds, images, mutual, linear, motion, micromodulus, force):
 
 
 @kernel
-def bond_energy(bonds, images, mutual, motion, micromodulus, share):
+def bond_energy(bonds, images, mutual, plane, motion, micromodulus, share):
     """Energy [J] of a list's bonds, half for each end that receives, times that particle's share (owned,)."""
     total = 0.0
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b = bonds.neighbour[k]
-            x, u = bond_vectors(motion, *image_of(images, k), a, b)
+            x, u = bond_vectors(plane, motion, images, k, a, b)
             reference = length(x)
             stretch = (length((x[0] + u[0], x[1] + u[1], x[2] + u[2])) - reference) / reference
             parts = share[a] + (share[b] if mutual is not None else 0.0)

@@ -8,9 +8,11 @@ of the state: what else is here follows from it, to the bit.
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from parsolid.collective import maximum
 from parsolid.kernels import kernel
+from parsolid.methods.peridynamics.sweeps import Lists, part_of
 from parsolid.methods.protocol import BrokenPairs
 from parsolid.particles.declaration import Field, Rows
 
@@ -41,12 +43,15 @@ class BondDamage:
         of a whole neighbourhood, and largest_damage: beyond these a particle fails. Collective.
         """
         self.bonds, self.particles, self.comm, self.owned = bonds, bonds.particles, bonds.comm, bonds.owned
+        inner, shape = bonds.lists[0][0], (self.owned, self.owned)
+        # the bonds of which a particle is the second end
+        self._seconds = csr_array((np.arange(len(inner.weight)), inner.neighbour, inner.start), shape).tocsc()
         self.least_determinant, self.largest_damage = least_determinant, largest_damage
         body = self.particles.owned_rows("body")
         largest = np.zeros(maximum(self.comm, int(body.max(initial=0))) + 1)
         np.maximum.at(largest, body, bonds.determinant)
         self.whole = maximum(self.comm, largest)[body]
-        self.neighbours = self._volume_of_neighbours(np.arange(self.owned))
+        self.neighbours = self._volume_of_neighbours(np.arange(self.owned), bonds.lists)
         self._room = [np.empty((64, 2), np.int64) for _ in bonds.lists]
         self.particles.declare(Field("damage", 1, "1", shown=True))
         self.particles.declare(Field("bond_limit", 1, "1", ghosts="forward", message="motion"), limit)
@@ -87,34 +92,46 @@ class BondDamage:
             touched.append(rows[-1][:, 0])
             if mutual:
                 touched.append(pairs.neighbour[rows[-1][:, 1]].astype(np.int64))
-        particles = np.unique(np.concatenate(touched))
-        return Failing(rows, particles) if len(particles) else None
+        return Failing(rows, np.unique(np.concatenate(touched))) if any(map(len, rows)) else None
 
-    def cut(self, failing: Failing) -> None:
-        """Break bonds, let particles fail by it, and bring the shape tensors up to date."""
+    def near(self, particles: np.ndarray) -> Lists:
+        """The lists with all bonds that some owned particles have now: those with ghosts and images, which are few,
+        are whole."""
+        lists, seconds = self.bonds.lists, self._seconds
+        start = lists[0][0].start
+        both = in_rows(start, particles), seconds.data[in_rows(seconds.indptr, particles)]
+        found = np.unique(np.concatenate(both))
+        rows = np.column_stack((np.searchsorted(start, found, "right") - 1, found))
+        return [part_of(lists[0], rows), *lists[1:]]
+
+    def cut(self, failing: Failing) -> Lists:
+        """Break bonds, let particles fail by it, and bring the shape tensors up to date; what `near` gives then."""
         for rows, (pairs, _, _) in zip(failing.rows, self.bonds.lists):
             pairs.weight[rows[:, 1]] = 0.0
-        self._refresh(failing.particles)
+        return self._refresh(failing.particles)
 
-    def _refresh(self, particles: np.ndarray) -> None:
-        """What follows from the bonds of some owned particles."""
+    def _refresh(self, particles: np.ndarray) -> Lists:
+        """What follows from the bonds of some owned particles, and the lists near them."""
         chosen = np.zeros(self.owned, bool)
         chosen[particles] = True
-        self.bonds.refresh_shapes(chosen)
-        self.damage[particles] = 1.0 - self._volume_of_neighbours(particles) / self.neighbours[particles]
+        near = self.near(particles)
+        self.bonds.refresh_shapes(chosen, near)
+        self.damage[particles] = 1.0 - self._volume_of_neighbours(particles, near) / self.neighbours[particles]
         least = (1.0 - _SLACK) * self.least_determinant * self.whole[particles]
         fails = self.bonds.determinant[particles] < least
         fails |= self.damage[particles] > self.largest_damage + _SLACK
         self.limit[particles[fails]] = _FAILED
         failed = particles[self.limit[particles] < 0.0]
         self.particles.storage("inverse_shape")[:, failed] = 0.0
+        return near
 
-    def _volume_of_neighbours(self, particles: np.ndarray) -> np.ndarray:
-        """Volume [m^3] of the neighbours that owned particles are bonded to, summed in an order that never changes."""
+    def _volume_of_neighbours(self, particles: np.ndarray, lists: Lists) -> np.ndarray:
+        """Volume [m^3] of the neighbours that owned particles are bonded to, summed in an order that never changes;
+        lists: with all of their bonds."""
         local = len(self.bonds.positions)
         chosen, volume = np.zeros(local, bool), np.zeros(local)
         chosen[particles] = True
-        for pairs, _, mutual in self.bonds.lists:
+        for pairs, _, mutual in lists:
             add_neighbours(pairs, mutual, chosen, self.bonds.volume, volume)
         return volume[particles]
 
@@ -201,6 +218,12 @@ class BondDamage:
         order = np.lexsort((np.concatenate(keys), row))
         start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=len(particles)))))
         return start, np.concatenate(sources)[order]
+
+
+def in_rows(start: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The entries (m,) that are in some rows, of row starts (n + 1,)."""
+    count = start[rows + 1] - start[rows]
+    return np.arange(count.sum()) + np.repeat(start[rows + 1] - np.cumsum(count), count)
 
 
 def places_of_bits(start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

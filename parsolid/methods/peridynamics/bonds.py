@@ -13,7 +13,7 @@ import numpy as np
 from decomposition.halo import Halo
 from parsolid.collective import maximum, raise_together
 from parsolid.kernels import kernel
-from parsolid.methods.peridynamics.sweeps import MATRIX_ROW, BondList, BondSweeps, Images
+from parsolid.methods.peridynamics.sweeps import MATRIX_ROW, BondList, BondSweeps, Images, Lists
 from parsolid.pairs.candidates import bonded_only, coincident, mirror_candidates, plain_candidates, reach_of
 from parsolid.pairs.lattice_convolution import lattice_convolution
 from parsolid.particles.declaration import Columns, Field, Rows
@@ -57,7 +57,7 @@ class Bonds(BondSweeps):
         particles.update("reference")
         self.begin_sweeps()
         self.determinant = np.zeros(self.owned)
-        self.refresh_shapes(np.ones(self.owned, bool))
+        self.refresh_shapes(np.ones(self.owned, bool), self.lists)
         raise_together(comm, self._unsupported())
 
     # --- lists ------------------------------------------------------------------------------------------------
@@ -120,12 +120,12 @@ class Bonds(BondSweeps):
 
     # --- shape tensors ----------------------------------------------------------------------------------------
 
-    def refresh_shapes(self, chosen: np.ndarray) -> None:
+    def refresh_shapes(self, chosen: np.ndarray, lists: Lists) -> None:
         """K^-1 and det K of chosen (owned,) particles from the bonds that are left, summed in an order that never
-        changes."""
+        changes; lists: with all of their bonds."""
         shape = np.zeros((len(self.positions), 6))
         mask = np.concatenate((chosen, np.zeros(len(self.positions) - self.owned, bool)))
-        for bonds, images, mutual in self.lists:
+        for bonds, images, mutual in lists:
             add_shapes(mask, bonds, images, mutual, self.positions, shape)
         spans = 1 if self.bar else self.d
         inverse = self.particles.storage("inverse_shape")

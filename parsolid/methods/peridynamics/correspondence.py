@@ -21,12 +21,14 @@ from parsolid.kernels import kernel
 from parsolid.materials.declaration import SOFTENING
 from parsolid.materials.hyperelastic.at_particles import state_count
 from parsolid.materials.viscoelastic.prony import LinearSolid, branch_weights, linear_solid, linear_stress
+from parsolid.methods.peridynamics.bond_damage import BondDamage, Failing
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.plastic import PlasticStates, flows
 from parsolid.methods.peridynamics.relaxing_displacement import RelaxingDisplacement
 from parsolid.methods.peridynamics.solids import has_tensor_history, is_small_strain, series_of
 from parsolid.methods.peridynamics.sweeps import (
     MATRIX_ROW,
+    Lists,
     control_at,
     copy_to_columns,
     gradient_at,
@@ -40,6 +42,8 @@ from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.particles.law_values import rows_of_laws
 from parsolid.tensors import combine, general, symmetric_part
 
+# chosen (owned,) particles, and lists with all of their bonds
+Near = tuple[np.ndarray, Lists]
 # sigma = 0: a law that leaves the control of zero-energy modes alone
 NO_STRESS = LinearSolid(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0)
 
@@ -96,11 +100,13 @@ class BondForces:
         """The part (owned,) of a particle on this side of mirror planes."""
         return self.particles.owned_rows("share")
 
-    def divergence(self, field: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
+    def divergence(
+        self, field: str, control: np.ndarray | None, force: np.ndarray, lists: Lists | None = None
+    ) -> np.ndarray:
         """Fill force (owned, 4) [N] with that of the rows of M, see `Bonds.divergence`."""
         if len(self.projected):
             self.particles.storage("bond_stress")[self.projected] *= self.projection
-        return self.bonds.divergence(field, control, force)
+        return self.bonds.divergence(field, control, force, lists)
 
     def of_stress(self, stress: np.ndarray) -> np.ndarray:
         """Force (owned, d) [N] of given stresses (owned, d, d) [Pa] without control; what balances a consistent
@@ -222,26 +228,40 @@ class CorrespondenceForces(BondForces):
             rows = self.divergence("velocity", self.damping, self.rows)
             copy_to_columns(rows, self.particles.storage("dissipative_force"))
 
-    def _evaluate_memory(self, memory: RelaxingDisplacement, message: str | None) -> np.ndarray:
-        """What of the force (owned, 4) [N] is linear in the field of a memory: all of it, or the control's."""
+    def _evaluate_memory(
+        self, memory: RelaxingDisplacement, message: str | None, near: Near | None = None
+    ) -> np.ndarray:
+        """What of the force (owned, 4) [N] is linear in the field of a memory: all of it, or the control's; near: see
+        `_linear_force`."""
         laws = memory.laws
         if self.histories:
             laws = [(first, last, None) for first, last, _ in laws]
         control = self.controls[self.memories.index(memory)]
-        return self._linear_force(memory.field, laws, control, message, memory.force)
+        return self._linear_force(memory.field, laws, control, message, memory.force, near)
 
     def _linear_force(
-        self, field: str, laws: list[Any], control: np.ndarray | None, message: str | None, force: np.ndarray
+        self,
+        field: str,
+        laws: list[Any],
+        control: np.ndarray | None,
+        message: str | None,
+        force: np.ndarray,
+        near: Near | None = None,
     ) -> np.ndarray:
-        """Fill force (owned, 4) [N] with that of a field by linear laws, of which None has no stress, and a control."""
-        sums, M = self.bonds.gradients(field, message), self.particles.storage("bond_stress")
-        if len(self.memories) > 1:
+        """Fill force (owned, 4) [N] with that of a field by linear laws, of which None has no stress, and a control.
+
+        near: chosen (owned,) particles, and lists with all of their bonds. The force is then what these bonds and the
+        M of these particles give, which is what changes when they lose some.
+        """
+        chosen, lists = near or (None, None)
+        sums, M = self.bonds.gradients(field, message, lists), self.particles.storage("bond_stress")
+        if len(self.memories) > 1 or chosen is not None:
             M[: self.owned] = 0.0
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
         for first, last, law in laws:
             law = NO_STRESS if law is None else linear_solid(law)
-            store_linear_stresses(self.plane, first, last, law, inverse, volume, control, sums, M)
-        return self.divergence(field, control, force)
+            store_linear_stresses(self.plane, first, last, law, inverse, volume, control, sums, chosen, M)
+        return self.divergence(field, control, force, lists)
 
     def commit(self, step: float) -> float:
         """End a step [s] at the displacement of the last evaluation, of which the sums are; the energy dissipated over
@@ -281,13 +301,44 @@ class CorrespondenceForces(BondForces):
             one.resume(self.bonds.sums)
 
     def evaluate_anew(self) -> None:
-        """Forces of the settled state and of each part of its memory, after bonds were broken; tensors take what
-        changes in the gradients as a jump."""
+        """Forces of the settled state and of each part of its memory; tensors take what has changed in the gradients as
+        a jump."""
         for memory in self.memories:
             memory.evaluate_anew(partial(self._evaluate_memory, memory, "motion"))
         self._evaluate(0.0)
         for one in self.histories:
             one.commit(0.0, self.bonds.sums)
+
+    def break_bonds(self, damage: BondDamage, failing: Failing | None) -> float:
+        """Break bonds in the settled state, None where this rank has none that fail; the energy [J] released.
+
+        Collective. What is linear changes near these bonds alone; tensors take what has changed in the gradients as a
+        jump.
+        """
+        released, chosen = sum(one.stored for one in self.histories), np.zeros(self.owned, bool)
+        particles = np.zeros(0, np.int64) if failing is None else failing.particles
+        chosen[particles] = True
+        near = damage.near(particles)
+        before = self._parts_near((chosen, near))
+        after = self._parts_near((chosen, near if failing is None else damage.cut(failing)))
+        for memory, old, new in zip(self.memories, before, after):
+            change = new - old
+            released -= memory.energy_of(change[: self.d], change[self.d :], self.share)
+            self.force[:] += memory.add_to_parts(change).T
+        if self.histories:
+            self._evaluate(0.0)
+            for one in self.histories:
+                one.commit(0.0, self.bonds.sums)
+        return float(released - sum(one.stored for one in self.histories))
+
+    def _parts_near(self, near: Near) -> list[np.ndarray]:
+        """What bonds near some particles give of each part of the memories."""
+        # ghosts have the displacement; parts must be sent
+        messages = ["motion" if len(memory.ratios) else None for memory in self.memories]
+        return [
+            memory.parts(partial(self._evaluate_memory, memory, message, near))
+            for memory, message in zip(self.memories, messages)
+        ]
 
     # --- stiffness, energy and stress -------------------------------------------------------------------------
 
@@ -365,10 +416,12 @@ def gradient_matrices(bonds: Bonds, sums: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def store_linear_stresses(plane, first, last, law, inverse, volume, control, sums, M):
+def store_linear_stresses(plane, first, last, law, inverse, volume, control, sums, chosen, M):
     """M = sigma K^-1 - C G of particles first..last-1 from the sums of the gradient of f; control: rows of C or
-    None."""
+    None; chosen (owned,): of which alone, or None."""
     for a in range(first, last):
+        if chosen is not None and not chosen[a]:
+            continue
         G = gradient_at(plane, sums, inverse, volume, a)
         e = symmetric_part(G)
         S = matmul_in(plane, general(linear_stress(law, e, e)), inverse_at(inverse, a))

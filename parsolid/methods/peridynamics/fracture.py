@@ -105,14 +105,10 @@ class Fracture:
             self.break_bonds(ledger)
 
     def break_bonds(self, ledger: Any) -> None:
-        """Break what any rank has found, and evaluate the forces of the state anew; collective."""
+        """Break what any rank has found, and correct the forces of the state; collective."""
         self.breaks += 1
-        stored = self.forces.stored_energy()
-        if self.pending is not None:
-            self.damage.cut(self.pending)
-            self.pending = None
-        self.forces.evaluate_anew()
-        ledger.add_term("fracture_dissipation", stored - self.forces.stored_energy())
+        ledger.add_term("fracture_dissipation", self.forces.break_bonds(self.damage, self.pending))
+        self.pending = None
 
     def take_over(self) -> None:
         """Break the bonds of the state of another run; collective.
@@ -178,14 +174,14 @@ def break_across(damage: BondDamage, patches: list[Patch]) -> None:
 
 def failing_bonds(damage: BondDamage, criterion: EnergyCriterion | StoredEnergyCriterion | None) -> Failing | None:
     """The bonds that fail by an energy, or without one by their stretch; None when there are none on this rank."""
-    bonds = damage.bonds
+    bonds, plane = damage.bonds, True if damage.bonds.d == 2 else None
     bonds.fill("displacement", 0, len(bonds.positions))
-    return damage.collect(find_failed, criterion, bonds.motion_of("displacement"), damage.limit)
+    return damage.collect(find_failed, plane, criterion, bonds.motion_of("displacement"), damage.limit)
 
 
 # without contraction, so that a product rounds alike from both ends of a bond
 @exact
-def find_failed(bonds, images, criterion, motion, limit, found):
+def find_failed(bonds, images, plane, criterion, motion, limit, found):
     """List the intact bonds that are to break as rows (particle a, bond k) of found (capacity, 2) int64; returns how
     many.
 
@@ -197,12 +193,10 @@ def find_failed(bonds, images, criterion, motion, limit, found):
     for a in range(bonds.start.shape[0] - 1):
         for k in range(bonds.start[a], bonds.start[a + 1]):
             w, b = bonds.weight[k], bonds.neighbour[k]
-            Q, R, T = image_of(images, k)
             least = min(limit[a], limit[b])
-            # those of failed particles, too; without jumps, which take longer than what they leave out
-            fails = (least < 0.0) | exceeds(criterion, motion, w, Q, R, T, a, b, least)
+            fails = exceeds(criterion, plane, motion, images, w, k, a, b, least)
             if images is not None:
-                fails |= exceeds(criterion, motion, w, Q, R, T, b, a, least)
+                fails |= exceeds(criterion, plane, motion, images, w, k, b, a, least)
             if fails and w != 0.0:
                 if count < found.shape[0]:
                     found[count, 0], found[count, 1] = a, k
@@ -211,49 +205,50 @@ def find_failed(bonds, images, criterion, motion, limit, found):
 
 
 @law_function
-def exceeds(criterion, motion, weight, Q, R, T, a, b, limit):
+def exceeds(criterion, plane, motion, images, weight, k, a, b, limit):
     """Whether a bond, seen from a, is beyond the limit of a criterion; without one that of (|y| - |xi|)/|xi|.
 
+    With a limit of -1, that of failed particles, every bond is.
     Source: Silling and Askari, Comput. Struct. 83 (2005), eqs (23) to (27).
     """
 
 
 @inlined
-def squares(motion, Q, R, T, a, b):
+def squares(plane, motion, images, k, a, b):
     """|y|^2 and |xi|^2 of a bond [m^2]."""
-    x, u = bond_vectors(motion, Q, R, T, a, b)
+    x, u = bond_vectors(plane, motion, images, k, a, b)
     y = (x[0] + u[0], x[1] + u[1], x[2] + u[2])
     return y[0] * y[0] + y[1] * y[1] + y[2] * y[2], x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
 
 
 @exceeds.of(None)
-def _stretched(criterion, motion, weight, Q, R, T, a, b, limit):
-    present, reference = squares(motion, Q, R, T, a, b)
+def _stretched(criterion, plane, motion, images, weight, k, a, b, limit):
+    present, reference = squares(plane, motion, images, k, a, b)
     return present > (1.0 + limit) * (1.0 + limit) * reference
 
 
 @exceeds.of(StoredEnergyCriterion)
-def _stored(criterion, motion, weight, Q, R, T, a, b, limit):
-    present, reference = squares(motion, Q, R, T, a, b)
+def _stored(criterion, plane, motion, images, weight, k, a, b, limit):
+    present, reference = squares(plane, motion, images, k, a, b)
     change = present**0.5 - reference**0.5
     # w c s^2 |xi|/2
     energy = 0.25 * weight * (criterion.micromodulus[a] + criterion.micromodulus[b]) * change * change
     # the product of the volumes first, so that it rounds alike from both ends
     volumes = criterion.volume[a] * criterion.volume[b]
-    return change > 0.0 and energy > limit * volumes * reference**0.5
+    return limit < 0.0 or (change > 0.0 and energy > limit * volumes * reference**0.5)
 
 
 @exceeds.of(EnergyCriterion)
-def _strained(criterion, motion, weight, Q, R, T, a, b, limit):
-    x, u = bond_vectors(motion, Q, R, T, a, b)
-    _, f = bond_vectors(criterion.driving, Q, R, T, a, b)
-    d = 2 if motion.shape[1] == 4 else 3
-    column, work = 2 if d == 2 else 4, 0.0
+def _strained(criterion, plane, motion, images, weight, k, a, b, limit):
+    x, u = bond_vectors(plane, motion, images, k, a, b)
+    _, f = bond_vectors(plane, criterion.driving, images, k, a, b)
+    Q, R, _ = image_of(images, k)
+    d, column, work = 2 if plane is not None else 3, 2 if plane is not None else 4, 0.0
     for j in range(d):
         for i in range(d):
             at = j * column + i
             work += u[i] * (criterion.M[a, at] + Q[i] * R[j] * criterion.M[b, at]) * x[j]
             work += u[i] * (criterion.C[a, at] + Q[i] * Q[j] * criterion.C[b, at]) * f[j]
-    present, reference = squares(motion, Q, R, T, a, b)
+    present, reference = squares(plane, motion, images, k, a, b)
     volumes = criterion.volume[a] * criterion.volume[b]
-    return present > reference and 0.5 * weight * work > limit * volumes
+    return limit < 0.0 or (present > reference and 0.5 * weight * work > limit * volumes)

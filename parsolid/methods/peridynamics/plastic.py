@@ -31,7 +31,7 @@ from parsolid.materials.plastic.tile_update import (
 from parsolid.materials.plastic.total_lagrangian import advance_tile
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.solids import largest_principal_value, undeformed_wave_modulus
-from parsolid.methods.peridynamics.sweeps import bond_vectors, gradient_at, image_of, inverse_at, matmul_in, store_rows
+from parsolid.methods.peridynamics.sweeps import bond_vectors, gradient_at, inverse_at, matmul_in, store_rows
 from parsolid.methods.plastic_fields import BACK_STRESS, PLASTIC_STATE, VOLUME_FLOW
 from parsolid.methods.plastic_particles import (
     ACTING,
@@ -179,7 +179,7 @@ class PlasticStates:
         sums, M, heat = bonds.gradients("velocity"), stored("bond_stress"), stored(CONTROL_HEAT)[0]
         squares = np.zeros(len(bonds.positions))
         for pairs, images, mutual in bonds.lists:
-            add_square_jumps(pairs, images, mutual, bonds.motion_of("velocity"), squares)
+            add_square_jumps(pairs, images, mutual, self.plane, bonds.motion_of("velocity"), squares)
         M[: bonds.owned] = 0.0
         places, F, E = _GRADIENT_PLACES[bonds.d], self._ends[_GRADIENT], self._ends["internal_energy"][0]
         shared = squares, stored("inverse_shape"), bonds.volume, self.spacing, sums, M, heat
@@ -240,14 +240,13 @@ def largest_growth(first, last, stiffness, damping, growth, viscosity):
 
 
 @kernel
-def add_square_jumps(bonds, images, mutual, motion, result):
+def add_square_jumps(bonds, images, mutual, plane, motion, result):
     """Add sum_b w_ab |f_b - f_a|^2 of a field in rows of `sweeps` to result (n,)."""
     for a in range(bonds.start.shape[0] - 1):
         total = 0.0
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b = bonds.neighbour[k]
-            Q, R, T = image_of(images, k)
-            _, jump = bond_vectors(motion, Q, R, T, a, b)
+            _, jump = bond_vectors(plane, motion, images, k, a, b)
             square = bonds.weight[k] * (jump[0] * jump[0] + jump[1] * jump[1] + jump[2] * jump[2])
             total += square
             if mutual is not None:

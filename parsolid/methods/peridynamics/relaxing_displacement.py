@@ -4,7 +4,7 @@ With a displacement that is linear over a step, q_j <- a_j q_j + A_j (u_new - u_
 `materials.viscoelastic.prony`), and the gradient of f is the relaxing strain. As the force F is linear,
 F(f) = F(u) + sum_j gamma_j F(q_j), the forces F(u) and F(q_j) follow by the same recursion from F(f) alone. They give
 the stored energy, that of the control included, and what the branches dissipate. When bonds break they must be
-evaluated anew.
+evaluated anew where these were.
 """
 
 from collections.abc import Callable
@@ -106,20 +106,29 @@ class RelaxingDisplacement:
             q[part, :n], forces[part, :n] = u[:, :n], elastic[:, :n]
         self.compose()
 
-    def evaluate_anew(self, evaluate: Evaluate) -> None:
-        """F(u) and F(q_j) of the settled state, after bonds were broken."""
+    def parts(self, evaluate: Evaluate) -> np.ndarray:
+        """F(u) and F(q_j) [N] of the settled state, ((1 + branches) d, owned)."""
         n, field = self.particles.owned, self.particles.storage(self.field)
-        old, elastic, q, forces = map(
-            self._array, ("settled_displacement", "elastic_force", "branch_displacements", "branch_forces")
-        )
-        if len(self.ratios):
-            field[:, :n] = old[:, :n]
-        elastic[:, :n] = evaluate()[:, : self.d].T
-        for j in range(len(self.ratios)):
-            part = slice(j * self.d, (j + 1) * self.d)
-            field[:, :n] = q[part, :n]
-            forces[part, :n] = evaluate()[:, : self.d].T
+        u, q, found = self._array("settled_displacement"), self._array("branch_displacements"), []
+        for x in (u, *np.split(q, len(self.ratios) or 1)):
+            if len(self.ratios):
+                field[:, :n] = x[:, :n]
+            if len(x):
+                found.append(evaluate()[:, : self.d].T.copy())
         self.compose()
+        return np.concatenate(found)
+
+    def add_to_parts(self, change: np.ndarray) -> np.ndarray:
+        """Add to F(u) and F(q_j) [N], as of `parts`; what that adds to F(f), (d, owned)."""
+        n, d = self.particles.owned, self.d
+        self._array("elastic_force")[:, :n] += change[:d]
+        self._array("branch_forces")[:, :n] += change[d:]
+        return np.einsum("j,jin->in", np.append(1.0, self.ratios), change.reshape(-1, d, n))
+
+    def evaluate_anew(self, evaluate: Evaluate) -> None:
+        """F(u) and F(q_j) of the settled state."""
+        n, found = self.particles.owned, self.parts(evaluate)
+        self._array("elastic_force")[:, :n], self._array("branch_forces")[:, :n] = found[: self.d], found[self.d :]
 
     def resume(self) -> None:
         """Without branches the settled state is not checkpointed: it is that of the displacement and of `force`."""
@@ -130,15 +139,17 @@ class RelaxingDisplacement:
 
     def stored_energy(self, share: np.ndarray) -> float:
         """-1/2 u . F(u) - 1/2 sum gamma_j q_j . F(q_j) [J] of the settled state."""
+        return self.energy_of(self._array("elastic_force"), self._array("branch_forces"), share)
+
+    def energy_of(self, elastic: np.ndarray, forces: np.ndarray, share: np.ndarray) -> float:
+        """The same [J] of given F(u) (d, n) and F(q_j) (branches d, n)."""
         n, d = self.particles.owned, self.d
-        u, q, elastic, forces = map(
-            self._array, ("settled_displacement", "branch_displacements", "elastic_force", "branch_forces")
-        )
-        energy = -0.5 * np.einsum("n,in,in->", share, u[:, :n], elastic[:, :n])
+        u, q = self._array("settled_displacement"), self._array("branch_displacements")
+        work = (u[:, :n] * elastic[:, :n]).sum(axis=0)
         for j, ratio in enumerate(self.ratios):
             part = slice(j * d, (j + 1) * d)
-            energy -= 0.5 * ratio * np.einsum("n,in,in->", share, q[part, :n], forces[part, :n])
-        return float(energy)
+            work += ratio * (q[part, :n] * forces[part, :n]).sum(axis=0)
+        return -0.5 * float(np.einsum("n,n->", share, work))
 
 
 # without contraction, so that a state that was put back goes on with the same bits

@@ -53,6 +53,22 @@ class Images(NamedTuple):
     shifts: np.ndarray
 
 
+# a list, its images or None, and mutual: True where neighbours receive, too, else None, for which kernels compile no
+# test
+Listed = tuple[BondList, Images | None, bool | None]
+Lists = list[Listed]
+
+
+def part_of(listed: Listed, rows: np.ndarray) -> Listed:
+    """What a list has of some bonds, given in its order as rows (particle, bond)."""
+    bonds, images, mutual = listed
+    ends = np.cumsum(np.bincount(rows[:, 0], minlength=len(bonds.start) - 1))
+    if images is not None:
+        images = images._replace(code=images.code[rows[:, 1]])
+    start = np.concatenate(([0], ends))
+    return BondList(start, bonds.neighbour[rows[:, 1]], bonds.weight[rows[:, 1]]), images, mutual
+
+
 @inlined
 def add_to_row(A, i, k, u):
     """Add to numbers k .. k + 3 of row i."""
@@ -73,20 +89,24 @@ def image_of(images, k):
 
 
 @inlined
-def bond_vectors(motion, Q, R, T, a, b):
-    """xi and f_b - f_a of a bond, of which b is seen as an image, in the plane with a third component 0.
+def bond_vectors(plane, motion, images, k, a, b):
+    """xi and f_b - f_a of bond k, of which b is seen as an image if there are any, in the plane with a third component
+    0.
 
     Seen from its other end a bond without an image has the negatives, to the bit, so that two ranks decide alike about
     one across their border. That does not hold with an image: whoever decides looks at both (a, b') and (b, a').
     """
-    # in the plane the third component is a number times 0
-    f = motion.shape[1] // 2
-    last, third = f // 2 + f // 4 - 1, f // 4 * 1.0
-    xi = (R[0] * motion[b, 0] + T[0] - motion[a, 0], R[1] * motion[b, 1] + T[1] - motion[a, 1],
-          third * (R[2] * motion[b, last] + T[2] - motion[a, last]))  # fmt: skip
-    jump = (Q[0] * motion[b, f] - motion[a, f], Q[1] * motion[b, f + 1] - motion[a, f + 1],
-            third * (Q[2] * motion[b, f + last] - motion[a, f + last]))  # fmt: skip
-    return xi, jump
+    x, y, z = motion[b, 0], motion[b, 1], 0.0 if plane is not None else motion[b, 2]
+    f = 2 if plane is not None else 4
+    u, v, w = motion[b, f], motion[b, f + 1], 0.0 if plane is not None else motion[b, f + 2]
+    if images is not None:
+        Q, R, T = image_of(images, k)
+        x, y, z = R[0] * x + T[0], R[1] * y + T[1], R[2] * z + T[2]
+        u, v, w = Q[0] * u, Q[1] * v, Q[2] * w
+    x, y, u, v = x - motion[a, 0], y - motion[a, 1], u - motion[a, f], v - motion[a, f + 1]
+    if plane is not None:
+        return (x, y, 0.0), (u, v, 0.0)
+    return (x, y, z - motion[a, 2]), (u, v, w - motion[a, f + 2])
 
 
 @kernel
@@ -246,9 +266,8 @@ class BondSweeps:
         self.sums = aligned_zeros(self.owned, MATRIX_ROW[self.d])
 
     @property
-    def lists(self) -> list[tuple[BondList, Images | None, bool | None]]:
-        """Every list, its images or None, and mutual: True where neighbours receive, too, else None, for which kernels
-        compile no test."""
+    def lists(self) -> Lists:
+        """Every list."""
         every: list[Any] = [(self.inner, None, True), (self.rim, None, None), (self.mirror, self.images, None)]
         return [one for one in every if one[0] is not None]
 
@@ -263,38 +282,44 @@ class BondSweeps:
         """Bring the field in the rows of some particles up to date."""
         fill_columns(first, last, self.particles.storage(name), 2 * (self.d - 1), self.motion_of(name))
 
-    def gradients(self, name: str, message: str | None = None) -> np.ndarray:
-        """Sums (owned, 12 or 4) of the gradient of a field; message: with which ghosts get it first, or None."""
+    def gradients(self, name: str, message: str | None = None, lists: Lists | None = None) -> np.ndarray:
+        """Sums (owned, 12 or 4) of the gradient of a field; message: with which ghosts get it first, or None; lists:
+        some of the bonds, or None: all."""
         owned, local, motion = self.owned, len(self.positions), self.motion_of(name)
+        lists = lists or self.lists
         self.fill(name, 0, owned)
         self.sums[:] = 0.0
         if message is not None:
             self.particles.send(message)
         if self.lattice is None:
-            self._add_gradients(self.inner, None, True, motion, self.sums)
+            self._add_gradients(*lists[0], motion, self.sums)
         if message is not None:
             self.particles.receive(message)
         self.fill(name, owned, local)
         if self.lattice is not None:
             self.lattice.gradients(motion, self.sums)
             return self.sums
-        for bonds, images, mutual in self.lists[1:]:
+        for bonds, images, mutual in lists[1:]:
             self._add_gradients(bonds, images, mutual, motion, self.sums)
         return self.sums
 
-    def divergence(self, name: str, control: np.ndarray | None, force: np.ndarray) -> np.ndarray:
+    def divergence(
+        self, name: str, control: np.ndarray | None, force: np.ndarray, lists: Lists | None = None
+    ) -> np.ndarray:
         """Fill force (owned, 4) [N] with that of the rows of `bond_stress`, which ghosts get first, and of a control on
-        a field, of which gradients were taken; control (n, 12 or 4): rows of C, ghosts behind, or None."""
+        a field, of which gradients were taken; control (n, 12 or 4): rows of C, ghosts behind, or None; lists: as
+        before."""
         motion, M = self.motion_of(name), self.particles.storage("bond_stress")
+        lists = lists or self.lists
         force[:] = 0.0
         self.particles.send("record")
         if self.lattice is None:
-            self._add_forces(self.inner, None, True, motion, M, control, force)
+            self._add_forces(*lists[0], motion, M, control, force)
         self.particles.receive("record")
         if self.lattice is not None:
             self.lattice.forces(motion, M, control, force)
             return force
-        for bonds, images, mutual in self.lists[1:]:
+        for bonds, images, mutual in lists[1:]:
             self._add_forces(bonds, images, mutual, motion, M, control, force)
         if self.d == 2:
             fold_rows(force)
