@@ -1,9 +1,11 @@
 """Names that go with plastic flow: fields that scenes may name, and what bodies without it lack."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from parsolid.materials.plastic.elastic_plastic import full_tensor
 from parsolid.methods.failure_fields import kept_column
 from parsolid.particles.container import Particles
 from parsolid.scene.method_settings import named_observables
@@ -17,6 +19,8 @@ PLASTIC_STATE = (
 BACK_STRESS, BACK_STRESS_ENERGY = "back_stress", "back_stress_energy"
 # plastic logarithmic strain of volume, and that of the cap alone
 VOLUME_FLOW = "volume_flow"
+# what scenes may name of laws with more state than a yield surface that grows
+FLOW_FIELDS = {BACK_STRESS: "tensor", VOLUME_FLOW: "scalar"}
 _OF_PLASTICITY = (
     *(field.name for field in PLASTIC_STATE),
     "maximum_temperature",
@@ -56,11 +60,41 @@ def flow_state(particles: Particles, law: Any) -> tuple[np.ndarray | None, np.nd
     return back_stress, stored(VOLUME_FLOW) if flows_in_volume(law) else None
 
 
+def shown_flow(
+    particles: Particles, name: str, first: int, last: int, present: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """One of `FLOW_FIELDS` of particles first .. last - 1: back stress (n, 3, 3) [Pa], plastic logarithmic strain of
+    volume (n,); 0 of laws without. present: turns back stresses (n, 3, 3) of the method's axes into present ones."""
+    if name not in particles:
+        return np.zeros((last - first, 3, 3) if name == BACK_STRESS else last - first)
+    rows = particles.owned_rows(name)[first:last]
+    if name == VOLUME_FLOW:
+        return rows[:, 0].copy()
+    # xz and yz are none in the plane
+    components = np.zeros((6, len(rows)))
+    components[: rows.shape[1]] = rows.T
+    return present(full_tensor(components).transpose(2, 0, 1))
+
+
+def flow_fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
+    """What is to be shown of kinematic hardening and of flow in volume where no body of a scene has it."""
+    parts = [scene.bodies[i].material.parts for i in flowing(scene)]
+    known = {
+        BACK_STRESS: any(one["kinematic_hardening"] is not None for one in parts),
+        VOLUME_FLOW: any(getattr(one["flow_stress"].declared, "flows_in_volume", False) for one in parts),
+    }
+    return [
+        (place, "something that a body of this scene has", name)
+        for place, name in named_observables(scene)
+        if not known.get(name, True)
+    ]
+
+
 def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
     """What is to be shown of plastic flow where no body of a scene flows."""
     if flowing(scene):
-        return []
-    return [
+        return flow_fields_of_no_body(scene)
+    return flow_fields_of_no_body(scene) + [
         (place, "something that a body of this scene has", name)
         for place, name in named_observables(scene)
         if name in _OF_PLASTICITY

@@ -11,7 +11,7 @@ import numpy as np
 
 from parsolid.kernels import inlined
 from parsolid.materials.failure.failure import count_of
-from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic, full_tensor
 from parsolid.materials.plastic.functions import temperature_rise
 from parsolid.materials.plastic.tile_update import (
     BACK_STRESS_ENERGY,
@@ -206,6 +206,20 @@ def fields_of(
         totals=totals,
         tile=tile,
     )
+
+
+def shown_flow(particles: Particles, name: str, first: int, last: int, gradients: np.ndarray) -> np.ndarray:
+    """See `plastic_fields.shown_flow`; gradients: F (n, 3, 3) of these particles."""
+
+    def present(back: np.ndarray) -> np.ndarray:
+        # V^-1 F B F^T V^-1 with the elastic stretch V, as `total_lagrangian.find_back_stress`
+        metric = full_tensor(particles.owned_rows(METRIC_FIELD)[first:last].T).transpose(2, 0, 1)
+        squares, axes = np.linalg.eigh(gradients @ metric @ gradients.swapaxes(1, 2))
+        pushed = (axes / np.sqrt(squares)[:, None]) @ axes.swapaxes(1, 2) @ gradients
+        back = pushed @ back @ pushed.swapaxes(1, 2)
+        return np.asarray(back - np.trace(back, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3))
+
+    return plastic_fields.shown_flow(particles, name, first, last, present)
 
 
 def book(law: Any, totals: np.ndarray, heat: str, ledger: Any) -> None:

@@ -11,6 +11,7 @@ UNITS = {
     "nodal_von_mises_stress": "Pa",
     "nodal_stress": "Pa",
     "flow_stress": "Pa",
+    "back_stress": "Pa",
     "stress": "Pa",
     "first_piola_kirchhoff_stress": "Pa",
     "volume": "m³",

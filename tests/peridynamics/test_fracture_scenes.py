@@ -2,9 +2,11 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from solids import Record, follow, simulation, supports, tables
 
 from parsolid.commands.cli import main
 from parsolid.output.history import read_history
@@ -55,3 +57,34 @@ def test_a_crack_branches_with_the_bond_based_law_and_not_with_correspondence(sh
         y = history["crack.crack_tip_y"]
         branches[name] = np.nanmax(np.abs(y - 0.02))
     assert branches["bond-based"] > 5e-3 and branches["correspondence"] < 1e-3
+
+
+@pytest.mark.parametrize("law", [{"kind": "linear-elastic"}, {"kind": "prony"}, {"kind": "bond-based"}], ids=str)
+def test_what_a_break_changes_is_what_an_evaluation_of_all_bonds_finds(law, comm):
+    """Forces, stored energy and what was released, where a rank has bonds that fail and where it has none."""
+    constants = {"density": 1.0, "youngs_modulus": 1.0}
+    if law["kind"] != "bond-based":
+        constants["poissons_ratio"] = 0.3
+    if law["kind"] == "prony":
+        constants["terms"] = [{"modulus": 0.5, "tau": 0.3}]
+    data = tables(
+        (10, 8),
+        method={"kind": "peridynamics", "horizon_ratio": 3, "plane": "stress", "damage": {"critical_stretch": 0.02}},
+        material={**law, **constants},
+        body={"velocity": ["0.2*where(X < 0.4, -1, 1)", "0.05*X"]},
+        boundaries=supports(Y=(0.0, "roller")),
+    )
+    sim = simulation(data, comm)
+    follow(sim, Record(), 2)
+    system, booked = sim.systems[0], {}
+    while not system.fracture.ranks_find():
+        follow(sim, Record(), 1)
+    stored = system.forces.stored_energy()
+    system.fracture.break_bonds(SimpleNamespace(add_term=booked.__setitem__))
+    force, left = system.forces.force.copy(), system.forces.stored_energy()
+    system.forces.evaluate_anew()
+    size, whole = comm.allreduce(np.abs(force).max(initial=0.0)), comm.allreduce(stored)
+    assert comm.allreduce(booked["fracture_dissipation"]) > 1e-4 * whole > 0.0
+    assert np.abs(system.forces.force - force).max(initial=0.0) < 1e-12 * size
+    assert abs(system.forces.stored_energy() - left) < 1e-12 * whole
+    assert abs(booked["fracture_dissipation"] - (stored - left)) < 1e-12 * whole

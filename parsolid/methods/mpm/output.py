@@ -12,6 +12,7 @@ from parsolid.methods.mpm.cells import CellMigration
 from parsolid.methods.mpm.energies import kinetic_energy
 from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.points import MaterialPoints
+from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene.warned import Warned
 
@@ -42,6 +43,8 @@ class Reports(ParticleSystem):
             return points.deformation_gradients(first, last)
         if name == "velocity_gradient":
             return points["velocity_gradient"][here].reshape(-1, 3, 4)[:, :, :3].copy()
+        if name in FLOW_FIELDS:
+            return shown_flow(points, name, first, last, lambda back: self._turned(back, first, last))
         if name == "own_angular_momentum":
             return self._own_angular_momentum(here)
         if name not in ("density", "stress"):
@@ -58,6 +61,12 @@ class Reports(ParticleSystem):
         xx, yy, zz, _, yz, xz, xy, _ = points["stress_and_volume"][here].T
         stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
         return np.asarray(stress / volumes[:, None, None])
+
+    def _turned(self, tensors: np.ndarray, first: int, last: int) -> np.ndarray:
+        """Unrotated tensors (n, 3, 3) of particles first .. last - 1 in present axes."""
+        left, _, right = np.linalg.svd(self.points.deformation_gradients(first, last))
+        rotation = left @ right
+        return np.asarray(rotation @ tensors @ rotation.swapaxes(1, 2))
 
     def _own_angular_momentum(self, here: slice) -> np.ndarray | None:
         """What slopes C carry [kg m^2/s], m eps : C D, (n,) or (n, 3); None where there are no slopes.

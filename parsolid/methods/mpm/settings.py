@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.methods.failure_fields import DAMAGE
-from parsolid.methods.plastic_fields import PLASTIC_STATE, fields_of_no_body
+from parsolid.methods.plastic_fields import FLOW_FIELDS, PLASTIC_STATE, fields_of_no_body
 from parsolid.scene.base_model import Point, Positive, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
@@ -53,7 +53,7 @@ class MaterialPoint(MethodSettings):
     }
     loads: ClassVar = ("body_force", "acceleration", "heat_source", "manufactured")
     declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
-    extra_fields: ClassVar = {"density": "scalar", "velocity_gradient": "tensor", "grid_volume": "scalar"}
+    extra_fields: ClassVar = FLOW_FIELDS | {"density": "scalar", "velocity_gradient": "tensor", "grid_volume": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "von_mises_stress", "pressure")
     ledger_terms: ClassVar = {"plastic_work": 0, "viscous_work": 0, "heat_supplied": -1}
     viscous_terms: ClassVar = ("viscous_work",)

@@ -14,7 +14,8 @@ from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.fracture import Fracture
 from parsolid.methods.peridynamics.solids import is_small_strain
 from parsolid.methods.peridynamics.tangent import instantaneous_wave_modulus
-from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, take_heat
+from parsolid.methods.plastic_fields import FLOW_FIELDS
+from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, shown_flow, take_heat
 from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 from parsolid.scene.warned import Note, Warned
 
@@ -65,10 +66,12 @@ class Reports(ParticleSystem):
         return kinetic, self.forces.stored_energy()
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """Deformation gradient and Cauchy stress (n, 3, 3); damage (n,)."""
+        """Deformation gradient and Cauchy stress (n, 3, 3); damage (n,); `FLOW_FIELDS`."""
         if name == "damage":
             known = "damage" in self.particles
             return self.particles.owned_rows("damage")[first:last] if known else np.zeros(last - first)
+        if name in FLOW_FIELDS:
+            return shown_flow(self.particles, name, first, last, self._tensors("deformation_gradient")[first:last])
         if name not in ("deformation_gradient", "stress"):
             return None
         return self._tensors(name)[first:last]

@@ -8,6 +8,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.methods.plastic_fields import (
+    FLOW_FIELDS,
     PLASTIC_STATE,
     fields_of_no_body,
     flowing,
@@ -234,6 +235,7 @@ class Peridynamics(MethodSettings):
     pictured_fields: ClassVar = ("damage", "von_mises_stress", "pressure")
     ledger_terms: ClassVar = {"fracture_dissipation": 1, "kinetic_offset": -1, "residual_work": 0}
     extra_fields: ClassVar = {
+        **FLOW_FIELDS,
         "damage": "scalar",
         "bond_limit": "scalar",
         "micromodulus": "scalar",

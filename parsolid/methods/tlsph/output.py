@@ -10,7 +10,8 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
-from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, take_heat
+from parsolid.methods.plastic_fields import FLOW_FIELDS
+from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, shown_flow, take_heat
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
 from parsolid.scene.observed import NODAL_STRESS, NODAL_VON_MISES
@@ -36,9 +37,11 @@ class Reports(ParticleSystem):
     evaluations: int
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """Deformation gradient and first Piola-Kirchhoff stress (n, 3, 3)."""
+        """Deformation gradient, first Piola-Kirchhoff stress (n, 3, 3) and `FLOW_FIELDS`."""
         if name == "deformation_gradient":
             return deformation_gradients(self.particles, first, last)
+        if name in FLOW_FIELDS:
+            return shown_flow(self.particles, name, first, last, deformation_gradients(self.particles, first, last))
         if name == NODAL_STRESS:
             return self._nodal_stress(first, last)
         if name != "first_piola_kirchhoff_stress":

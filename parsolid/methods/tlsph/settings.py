@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from parsolid.materials.declaration import SOFTENING, Phrase
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.plastic_fields import (
+    FLOW_FIELDS,
     PLASTIC_STATE,
     fields_of_no_body,
     flowing,
@@ -53,6 +54,7 @@ class TotalLagrangianSPH(MethodSettings):
     graded_bodies: ClassVar = True
     initial_stress_refused: ClassVar = None
     extra_fields: ClassVar = {
+        **FLOW_FIELDS,
         **dict.fromkeys(("stress_force", "dissipative_force", "area", "updated_reference_position"), "vector"),
         "updated_reference_volume": "scalar",
         "cofactor": "tensor",

@@ -8,6 +8,7 @@ from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import maximum, minimum
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
+from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene.warned import Warned
 
@@ -57,6 +58,9 @@ class Reports(ParticleSystem):
             return np.asarray(density[rows("body")[first:last]] / rows("density")[first:last])
         if name == "internal_energy":
             return np.asarray(rows("energy")[first:last])
+        if name in FLOW_FIELDS:
+            # back stresses turn with the deviator
+            return shown_flow(self.particles, name, first, last, lambda back: back)
         if name != "stress":
             return None
         result = np.zeros((last - first, 3, 3))

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from parsolid.methods.failure_fields import DAMAGE
+from parsolid.methods.plastic_fields import FLOW_FIELDS, flow_fields_of_no_body
 from parsolid.methods.ulsph.state import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, mismatch
@@ -58,6 +59,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     }
     declared_fields: ClassVar = (*STATE, *MICRO_STATE, DAMAGE)
     extra_fields: ClassVar = {
+        **FLOW_FIELDS,
         **dict.fromkeys(("internal_energy", "sound_speed", "smoothing_length", "viscous_heat"), "scalar"),
         **dict.fromkeys(("criterion_damage", "micro_curl"), "scalar"),
         **dict.fromkeys(("force", "viscous_force", "heat_flux", "area"), "vector"),
@@ -161,7 +163,7 @@ class UpdatedLagrangianSPH(MethodSettings):
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind == "micro-hard" and not micro:
                 details.append((("boundaries", i, "kind"), "a body with micro-inertia", boundary.kind))
-        return details + self._of_no_body(scene, kinds) + faults_of_names(scene)
+        return details + self._of_no_body(scene, kinds) + flow_fields_of_no_body(scene) + faults_of_names(scene)
 
     @staticmethod
     def _of_no_body(scene: Any, kinds: set[str]) -> list[Detail]:
