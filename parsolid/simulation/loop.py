@@ -13,6 +13,7 @@ from parsolid.contact.interactions import build_interactions
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.scene.formulas import NOT_FINITE
 from parsolid.scene.warned import Warned
 from parsolid.simulation.agreement import StepAgreement
 from parsolid.simulation.diagnosis import describe_failure, describe_meetings, meetings_in_words
@@ -77,6 +78,8 @@ class Simulation:
         self.ledger, self.energy_check = ledger_of(scene), EnergyCheck(limits, viscous_terms_of(scene))
         if restart:
             restart.check(scene)
+        # of runs before this one in the same process
+        NOT_FINITE.clear()
         self.systems, self.particle_sets = build_systems(comm, scene, restart, meshes)
         self.warnings = representation(comm, scene, self.systems)
         # None where something acts from outside

@@ -8,7 +8,6 @@ of the state: what else is here follows from it, to the bit.
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from parsolid.collective import maximum
 from parsolid.kernels import kernel
@@ -42,6 +41,8 @@ class BondDamage:
         """bonds: `bonds.Bonds`, all whole; limit (owned,) of particles as they are made; least_determinant, over that
         of a whole neighbourhood, and largest_damage: beyond these a particle fails. Collective.
         """
+        from scipy.sparse import csr_array
+
         self.bonds, self.particles, self.comm, self.owned = bonds, bonds.particles, bonds.comm, bonds.owned
         inner, shape = bonds.lists[0][0], (self.owned, self.owned)
         # the bonds of which a particle is the second end

@@ -85,8 +85,8 @@ class Leapfrog:
         """system: `system.TotalLagrangianSPH`, with its fields declared."""
         self.system = system
         self.kicks = leapfrog.Leapfrog(system.particles, system.conditions, "stress_force", "dissipative_force")
-        if "mesh" in system.body_weights:
-            # their steps are long for the strains that they bear
+        if "mesh" in system.body_weights and all(one.material.kind != "elastic-plastic" for one in scene.bodies):
+            # their steps are long for the strains that they bear; energies of bodies that flow are works of leapfrog
             self.kicks.work_offset = leapfrog.WorkOffset()
         self.forces_of: int | None = None
         self.signals, self.safety = self.bounds()
