@@ -319,8 +319,8 @@ class TotalLagrangianSPH(MethodSettings):
         return 2.5 if self.smoothing >= 1.3 else 1.25
 
     def bonded_moduli(self, scene: Any) -> float:
-        """Gradients beside the bond are means of both bodies: layers of the stiff one are displaced in turns, by a
-        thirtieth of a spacing times the strain of the soft one."""
+        """Gradients beside the bond are means of both bodies: layers of the stiff one are displaced in turns, the
+        more the greater the ratio."""
         return 10.0
 
     def contact_refused(self, scene: Any) -> str | None:
