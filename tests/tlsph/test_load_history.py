@@ -21,6 +21,21 @@ KINEMATIC = METAL | {
     "flow_stress": {"kind": "linear-hardening", "yield_stress": YIELD},
     "kinematic_hardening": {"kind": "armstrong-frederick", "modulus": SLOPE},
 }
+RATE, SENSITIVITY = 1e-3, 0.05
+FAST = METAL | {
+    "melting": {"kind": "constant", "temperature": 1300.0},
+    "flow_stress": {
+        "kind": "johnson-cook",
+        "yield_stress": YIELD,
+        "hardening": SLOPE,
+        "exponent": 0.5,
+        "thermal_exponent": 1.0,
+        "rate_sensitivity": SENSITIVITY,
+        "reference_rate": RATE,
+        "reference_temperature": 300.0,
+    },
+}
+SOIL = METAL | {"flow_stress": {"kind": "drucker-prager", "friction_angle": 30, "dilation_angle": 10, "cohesion": 0.3}}
 VISCOUS = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
 VISCOUS |= {"branches": [{"beta": 1.0, "tau": 0.5}, {"beta": 0.5, "tau": 4.0}]}
 
@@ -54,6 +69,22 @@ def test_bar(comm, material):
     there = 0.5 * (YIELD + turned) * (0.01 - turned / E)
     back = -0.5 * (elastic + expected) * way * E / (E + SLOPE)
     assert row["plastic_work"] == pytest.approx(there + back, rel=0.02)
+
+
+def test_rate(comm):
+    """Pulled at a rate: the flow stress of Johnson and Cook at it, and energy that closes."""
+    sim = simulation(bar(FAST, "0.02*t"), comm)
+    sim.ledger.row(comm, *sim.energies())
+    for _ in range(16):
+        sim.take_step(1.0 / 16.0)
+    row = sim.ledger.row(comm, *sim.energies())
+    P, whole = sim.systems[0].shown("first_piola_kirchhoff_stress", 0, sim.systems[0].owned), np.log(1.02)
+    strain = whole
+    for _ in range(20):
+        stress = (YIELD + SLOPE * np.sqrt(strain)) * (1.0 + SENSITIVITY * np.log(0.02 / RATE))
+        strain = whole - stress / E
+    np.testing.assert_allclose(P[:, 0, 0], stress * np.exp(-strain - 2.0 * NU * stress / E), rtol=0.005)
+    assert abs(row["energy_error"]) < 1e-9 * row["external_work"]
 
 
 def test_relaxation(comm):
@@ -132,8 +163,13 @@ def test_restart(shared_path, comm, material):
         assert np.array_equal(*both), name
 
 
-def test_failure_is_refused(tmp_path):
-    failure = {"criteria": [{"kind": "plastic-strain", "strain": 0.1}]}
+FAILURE = {"failure": {"criteria": [{"kind": "plastic-strain", "strain": 0.1}]}}
+
+
+@pytest.mark.parametrize(
+    ("material", "key"), [(METAL | FAILURE, "failure"), (SOIL, "flow_stress.dilation_angle")], ids=["failure", "soil"]
+)
+def test_refused(tmp_path, material, key):
     with pytest.raises(SceneError) as refused:
-        parse_scene(static(tmp_path, body={"material": METAL | {"failure": failure}}))
-    assert any(str(fault).startswith("bodies.0.material.failure") for fault in refused.value.faults)
+        parse_scene(static(tmp_path, body={"material": material}))
+    assert any(str(fault).startswith(f"bodies.0.material.{key}") for fault in refused.value.faults)

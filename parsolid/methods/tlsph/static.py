@@ -169,8 +169,9 @@ class Static:
         self.norm, self._residual = float(np.sqrt(square)), residual
         return State(displacement, residual, self.norm, energy, 1e-13 * float(size), whole)
 
-    def _deform(self, displacement: np.ndarray) -> bool:
-        """Places, deformation and internal forces of a displacement; whether this rank's Jacobians are positive."""
+    def _deform(self, displacement: np.ndarray, still: bool = False) -> bool:
+        """Places, deformation and internal forces of a displacement; whether this rank's Jacobians are positive. still:
+        it is that of the last equilibrium, whose flow stress belongs to the rate with which it was reached."""
         system, of = self.system, self.system.particles.owned_rows
         of("displacement")[:] = displacement
         np.add(of("reference_position"), displacement, out=of("position"))
@@ -183,7 +184,7 @@ class Static:
             self.history.recall()
             of("displacement")[:] = displacement
             of("velocity")[:] = self.history.rate(displacement)
-            times = self.history.step, self.history.relaxing
+            times = (0.0, 0.0) if still else (self.history.step, self.history.relaxing)
             found = [bodies.advance_step(*times) for bodies in system.sweeps]
             sound, self.history.lost = [one[0] for one in found], sum(one[1] for one in found)
         for bodies in system.sweeps:
@@ -374,7 +375,7 @@ class Static:
         """Find the forces of the last equilibrium."""
         if self.history is not None:
             self.history.elapsed = 0.0
-        self._deform(last.displacement)
+        self._deform(last.displacement, still=True)
         if self.history is not None:
             # which rounding would change
             self.history.recall()
