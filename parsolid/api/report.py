@@ -36,9 +36,9 @@ _STRETCHES = 10
 class Report:
     """What a scene costs on the present ranks, of all of them unless said otherwise; printed, it is what `check` says.
 
-    particles, pairs; stable_step: the first time step [s]; steps: to the scene's end with that one; seconds_a_step:
-    wall time [s], measured; memory_a_rank: the most of any rank [bytes]; bytes_on_disk: of fields and checkpoints;
-    warnings, notes: with their codes; text: on rank 0.
+    particles, pairs; stable_step: the first time step [s]; steps: to the scene's end with that one, of stages with
+    those of each; seconds_a_step: wall time [s], measured; memory_a_rank: the most of any rank [bytes]; bytes_on_disk:
+    of fields and checkpoints; warnings, notes: with their codes; text: on rank 0.
     """
 
     particles: int
@@ -128,7 +128,12 @@ def report_of(
     ahead = _elsewhere(measured, elsewhere, base, work, idle) if elsewhere else []
     memory, meetings = maximum(comm, peak_memory_bytes()), describe_contacts(comm, scene, systems)
     table = _of_each(comm, simulation) if len(systems) > 1 else []
-    steps, times = int(np.ceil(scene.end_time / stable)), max(1, len(scene.fields_times))
+    steps = int(np.ceil(maximum(comm, max(system.steps_to(scene.end_time) for system in systems))))
+    times = max(1, len(scene.fields_times))
+    wall = f"{steps * seconds:>14,.1f} s   {seconds * 1e3:.3g} ms a step, without output"
+    if scene.stages:
+        # steps of one stage cost more than those of another
+        wall = f"{'unknown':>14}     {seconds * 1e3:.3g} ms a step, the median of the first ones, without output"
     ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
     lines = []
     for system in systems:
@@ -147,7 +152,7 @@ def report_of(
         f"{'peak memory a rank':<28} {memory / 2**20:>14,.0f} MiB",
         f"{'time step':<28} {stable:>14.4g} s   now; it changes with the state",
         f"{'steps':<28} {steps:>14,}   to {scene.end_time:g} s",
-        f"{'estimated wall time':<28} {steps * seconds:>14,.1f} s   {seconds * 1e3:.3g} ms a step, without output",
+        f"{'estimated wall time':<28} {wall}",
         f"{'fields':<28} {_mib(times * fields + once)}   {times} times of {fields / 2**20:.3g} MiB",
         f"{'checkpoints':<28} {_mib(2 * checkpoint)}   two of {checkpoint / 2**20:.3g} MiB",
         *ahead,
@@ -274,8 +279,12 @@ class _Steps:
         walls: list[float] = []
         work: list[float] = []
         with busy_cores(busy, self.take):
-            # all ranks stop together
-            while len(walls) < _STEPS[0] or (maximum(self.comm, sum(work)) < _SECONDS and len(walls) < _STEPS[1]):
+            # all ranks stop together; beyond the end nothing changes in equilibria, whose steps cost little there
+            while len(walls) < _STEPS[0] or (
+                self.simulation.clock.time < self.simulation.scene.end_time
+                and len(walls) < _STEPS[1]
+                and maximum(self.comm, sum(work)) < _SECONDS
+            ):
                 began, before = clock.perf_counter(), self._work
                 self.take()
                 walls.append(maximum(self.comm, clock.perf_counter() - began))

@@ -156,6 +156,10 @@ class ParticleSystem:
         """Largest step [s] of this rank's particles in the current state."""
         raise NotImplementedError
 
+    def steps_to(self, end: float) -> float:
+        """How many steps this rank's particles ask for from time 0 to an end [s], as they are now."""
+        return end / self.stable_step()
+
     def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """The first part of a step [s] from a time [s], after which positions are those at its end."""
         raise NotImplementedError

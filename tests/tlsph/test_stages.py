@@ -7,6 +7,7 @@ from solids import Record, evolved, follow, gathered, run_through_and_in_two, si
 from test_mesh_weights import of_mesh
 
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Simulation
 from parsolid.simulation.time_step import TimeSteps
 
 MOVING, STILL = {"integrator": "leapfrog"}, {"integrator": "static"}
@@ -88,6 +89,14 @@ def test_restart(shared_path, comm, first):
         assert np.array_equal(*both), name
     assert through.history.last_row == pieces.history.last_row
     assert len(through.simulation.stage_steps) == len(pieces.simulation.stage_steps) == 3
+
+
+def test_check_counts_the_steps_of_every_stage():
+    scene = parse_scene(there_and_back())
+    system = Simulation(MPI.COMM_SELF, scene).systems[0]
+    of_motion = 0.75 / system.leapfrog.stable_step()
+    of_loads = (scene.end_time - 0.75) / system.stable_step()
+    assert system.steps_to(scene.end_time) == pytest.approx(of_motion + of_loads) and of_motion > 20.0
 
 
 @pytest.mark.parametrize(

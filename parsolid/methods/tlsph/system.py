@@ -329,6 +329,15 @@ class TotalLagrangianSPH(Reports):
         """Largest step [s] of this rank's particles in the present state."""
         return float(self.integrator.stable_step())
 
+    def steps_to(self, end: float) -> float:
+        """See `ParticleSystem`: of stages whose lengths of steps are chosen as they go, the first step counts."""
+        spans = [(one, b - a) for one, a, b in zip(self.stages, self.stage_times, self.stage_times[1:])]
+        moving = sum(span for one, span in spans if one.integrator == "leapfrog")
+        if len(spans) == 1 or self.leapfrog is None:
+            return super().steps_to(end)
+        present = 0.0 if self.settings.integrator == "leapfrog" else (end - moving) / self.stable_step()
+        return present + moving / self.leapfrog.stable_step()
+
     @property
     def rebuild_needed(self) -> bool:  # type: ignore[override]
         """Whether this rank's particles ask for another reference."""
