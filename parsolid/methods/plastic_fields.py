@@ -92,13 +92,9 @@ def flow_fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, objec
 
 def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
     """What is to be shown of plastic flow where no body of a scene flows."""
-    if flowing(scene):
-        return flow_fields_of_no_body(scene)
-    return flow_fields_of_no_body(scene) + [
-        (place, "something that a body of this scene has", name)
-        for place, name in named_observables(scene)
-        if name in _OF_PLASTICITY
-    ]
+    wanted, lacking = "something that a body of this scene has", () if flowing(scene) else _OF_PLASTICITY
+    faults = [(place, wanted, name) for place, name in named_observables(scene) if name in lacking]
+    return flow_fields_of_no_body(scene) + faults
 
 
 def temperatures_without_heat(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:

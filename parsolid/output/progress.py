@@ -125,6 +125,8 @@ class Progress:
         if (gone := time - first_time) > 0.0:
             parts.append(f"ETA {_duration((now - began) * max(self._end_time - time, 0.0) / gone)}")
         if row:
+            # energies are those of the last row of the history
+            parts += [f"at t {row['time']:.4e} s:"] if row.get("time", time) != time else []
             parts += [f"{name} {value:.3e} J" for name, value in self._energies(row).items()]
             parts += _failed(row)
         return [*parts, f"{rate:.2e} particle-steps/s"]

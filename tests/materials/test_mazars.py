@@ -1,6 +1,6 @@
 """Mazars's damage: the fracture energy of a band of any width, strengths, the energy of a cycle, waves; the width that
-a method gives a crack; what is refused; ranks and a
-restart amid damage. A notched beam in `tlsph` against finite elements with a cohesive crack (slow).
+a method gives a crack; what is refused; ranks and a restart amid damage. A notched beam in `tlsph` against finite
+elements with a cohesive crack (slow).
 """
 
 import csv
@@ -10,14 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from materials.deformations import arguments, deformations, energy, slope, stress, tangent_of, wave_ratios
+from materials.deformations import arguments, assert_derived_from_energy, deformations, stress
 from scipy.optimize import brentq
 from solids import assert_same_fields, gathered, run_steps, run_through_and_in_two
 
 from parsolid.materials import registry
 from parsolid.materials.hyperelastic import functions as of
 from parsolid.materials.hyperelastic.at_particles import after_step
-from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 from parsolid.materials.hyperelastic.quasi_brittle import StatedMazars
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.materials import ValueFault
@@ -31,8 +30,6 @@ CONCRETE = {
     "tensile_strength": 3.9e6,
     "fracture_energy": 143.2,
 }
-
-
 METHODS = {
     "tlsph": {"kind": "tlsph"},
     "mpm": {"kind": "mpm", "cell": 0.04},
@@ -113,18 +110,8 @@ def test_pressure_stays_where_a_crack_has_closed():
 
 
 def test_stress_tangent_and_waves_belong_to_the_energy():
-    solid, random, ratios = law(band=1e-4)._replace(damage=0.4), np.random.default_rng(5), []
-    for n, F in enumerate(deformations(60, 0.15)):
-        tangent = tangent_of(lambda one: stress(solid, one), F)
-        matrix = tangent.reshape(9, 9)
-        np.testing.assert_allclose(matrix, matrix.T, rtol=0.0, atol=1e-8 * np.abs(matrix).max())
-        if n % 10 == 1:
-            P = stress(solid, F)
-            dW = slope(lambda one: np.asarray(energy(solid, one)), F)
-            np.testing.assert_allclose(P, dW, rtol=0.0, atol=1e-8 * np.abs(P).max())
-        Q = symmetric_tensors(np.array(of.pressure_waves(solid, *arguments(F))))
-        ratios += wave_ratios(Q, tangent, random.normal(size=(6, 3)))
-    assert min(ratios) > 1.0 - 1e-6 and np.mean(ratios) < 1.2
+    ratios = assert_derived_from_energy(law(band=1e-4)._replace(damage=0.4), deformations(60, 0.15))
+    assert np.mean(ratios) < 1.2
 
 
 def around_a_cycle(steps):

@@ -173,3 +173,13 @@ def test_shares_of_the_time_leave_out_what_took_none_of_it():
     told = {"phases": {"forces": 3.0, "set_up": 1.0, "idle": 0.0}, "ranks": 2, "load_imbalance": 1.25}
     assert progress._shares(told) == "time: forces 75 %, set up 25 %; load imbalance 1.25"
     assert progress._shares(told | {"ranks": 1}) == "time: forces 75 %, set up 25 %"
+
+
+@pytest.mark.parametrize(("time", "told"), [(0.125, True), (0.25, False)])
+def test_energies_of_an_earlier_row_are_told_with_its_time(passing_time, time, told):
+    log = io.StringIO()
+    shown = Progress("Punch", 0.5, 10, NORMAL, log)
+    shown.update(0, 0.0, 0.005, ROW)
+    passing_time[0] = 10.0
+    shown.update(50, 0.25, 0.005, ROW | {"time": time})
+    assert ("1.2500e-01" in log.getvalue().splitlines()[-1]) == told

@@ -86,7 +86,7 @@ class Preconditioners:
         if not stiff:
             levels.of_moduli(lame, shear, self.volume, motion.diagonal(), softest=_STIFF)
             return levels
-        motion.resists_volume = False
+        motion = SmallMotion(self.operator, step, resists_volume=False)
         levels.of_moduli(np.zeros_like(lame), shear, self.volume, motion.diagonal(), most_nodes=np.inf)
         if self._divergence is None:
             self._divergence = divergence_of_components(self.operator.forces.bonds, self.operator.dimension)
