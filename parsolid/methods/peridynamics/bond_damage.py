@@ -44,7 +44,7 @@ class BondDamage:
         from scipy.sparse import csr_array
 
         self.bonds, self.particles, self.comm, self.owned = bonds, bonds.particles, bonds.comm, bonds.owned
-        inner, shape = bonds.inner, (self.owned, self.owned)
+        inner, shape = bonds.lists[0][0], (self.owned, self.owned)
         # in a type of as few bytes as will do
         numbers = np.arange(len(inner.weight), dtype=np.min_scalar_type(-len(inner.weight) - 1))
         seconds = csr_array((numbers, inner.neighbour, inner.start), shape).tocsc()
