@@ -62,9 +62,7 @@ def test_tied_strap(shared_path, comm):
     data = tied(shared_path, pulled(load), stages=stages)
     (_, rows), (_, on_all) = run(data, MPI.COMM_SELF), run(data, comm)
     for name in rows:
-        # works follow from tangents, which are solved less closely than balances
-        close = 1e-7 if name in ("external_work", "energy_error") else 1e-8
-        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=close * rows["strain_energy"].max())
+        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=1e-8 * rows["strain_energy"].max())
     assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["strain_energy"].max()
     assert rows["kinetic"].max() < 1e-9 * rows["strain_energy"].max()
     assert rows["tie_energy"][-1] > 0.0

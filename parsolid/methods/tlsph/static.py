@@ -8,9 +8,10 @@ u' of the tangents at both ends give the work of the step to fourth order,
 
     W = (f0 + f1)/2 . du + [(f1 - f0) . (u1' - u0') - du . (f1' - f0')]/12
 
-in which f are loads, and reactions where components are prescribed. It is compared with what the stored energy has
-gained: a step along which the body jumps, or that is too long for its path, does not close, and is taken again with
-half the load. A limit point closes with no step.
+in which f are loads, and reactions where components are prescribed, and f' = K u', so that what the solution for u'
+leaves counts only by the change of K along the step. It is compared with what the stored energy has gained: a step
+along which the body jumps, or that is too long for its path, does not close, and is taken again with half the load. A
+limit point closes with no step.
 
 Bodies that flow or relax have a state (`load_history`), their F follows from that of the last equilibrium, and what is
 left of the work is dissipated. As what they store is found from both ends of a step, so is the work, without the last
@@ -414,7 +415,7 @@ class Static:
             return last
         held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
         end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy())
-        taken = self._taken(start, end_of_step, load, first, last, lost)
+        taken = self._taken(start, end_of_step, first, last, lost)
         if taken.missing > _MISSING * self._scale(taken) + self._rounding:
             return Failed("the body jumps, as its energy does not follow the work of the load", True)
         return taken
@@ -428,14 +429,11 @@ class Static:
         joined = 0.5 * float(np.vdot(self.system.particles.owned_rows("displacement"), self._joining))
         return float(self.system.energies()[1]) + joined
 
-    def _taken(
-        self, start: Equilibrium, end: Equilibrium, load: np.ndarray, first: Tangential, last: Tangential, lost: float
-    ) -> Taken:
-        """A step between two equilibria for a change of the loads (owned, d) [N], with the tangents at its ends and
-        what this rank's branches have lost [J]; see the head of this file."""
-        du, loaded = end.displacement - start.displacement, self.free & self.dead
-        rates = [np.where(loaded, load, one.force) for one in (first, last)]
-        curved = (end.held - start.held) * (last.change - first.change) - du * (rates[1] - rates[0])
+    def _taken(self, start: Equilibrium, end: Equilibrium, first: Tangential, last: Tangential, lost: float) -> Taken:
+        """A step between two equilibria with the tangents at its ends and what this rank's branches have lost [J]; see
+        the head of this file."""
+        du = end.displacement - start.displacement
+        curved = (end.held - start.held) * (last.change - first.change) - du * (last.force - first.force)
         work, more = 0.5 * (start.held + end.held) * du, curved / 12.0
         if self.history is None:
             work, more = work + more, 0.0 * more
