@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import gmsh
-from bars_coverage import CORNER, ROOT, Scene, report, run
+from bars_coverage import BENT, CORNER, ROOT, TWIST, Scene, report, run
 
 from parsolid.scene.loading import read_tables
 
@@ -97,7 +97,6 @@ def at_rest(
 
 
 RATIOS = (1.0, 1.4, 2.0)
-TWIST = {"kinetic": "K", "strain_energy": "W", "tip.twist": "twist"}
 
 
 def parts() -> Iterator[tuple[str, Any]]:
@@ -105,8 +104,7 @@ def parts() -> Iterator[tuple[str, Any]]:
     yield from moving("punch", "square", "tlsph/punch.toml", CORNER)
     yield from moving("tensile", "square", "tlsph/tensile_smooth.toml", CORNER)
     yield from moving("torsion", "column", "tlsph/torsion.toml", TWIST)
-    bent = {"kinetic": "K", "strain_energy": "W", "tip.displacement_x": "ux"}
-    yield from moving("bending", "beam", "tlsph/bending.toml", bent)
+    yield from moving("bending", "beam", "tlsph/bending.toml", BENT)
     place = [cos(0.6), sin(0.6)]
     edge = {"name": "bore", "formula": f"{R} < 1.001"}
     bore = {"kind": "pressure", "where": "bore", "pressure": f"{LOAD}*t"}
@@ -173,24 +171,14 @@ def parts() -> Iterator[tuple[str, Any]]:
         boundaries=[*SYMMETRY[:2], outside],
         regions=[{"name": "outside", "formula": f"{R} > 3.999"}],
     )
-    tip = [{"name": "tip", "at": [48, 60], "fields": ["displacement"]}]
-    right = {"kind": "traction", "plane": "X = 48", "traction": ["0", f"{LOAD}*t"]}
-    yield from at_rest(
-        "Cook's membrane",
-        "cook",
-        ("tip.displacement_y", "strain_energy"),
-        tip,
-        boundaries=[{"kind": "fixed", "plane": "X = 0"}, right],
-    )
-    tip = [{"name": "tip", "at": [4, 0.5], "fields": ["displacement"]}]
-    right = {"kind": "traction", "plane": "X = 4", "traction": ["0", f"-{LOAD}*t"]}
-    yield from at_rest(
-        "angle",
-        "angle",
-        ("tip.displacement_y", "strain_energy"),
-        tip,
-        boundaries=[{"kind": "fixed", "plane": "Y = 4"}, right],
-    )
+    for name, part, place, held, load in (
+        ("Cook's membrane", "cook", [48, 60], "X = 0", LOAD),
+        ("angle", "angle", [4, 0.5], "Y = 4", -LOAD),
+    ):
+        tip = [{"name": "tip", "at": place, "fields": ["displacement"]}]
+        pulled = {"kind": "traction", "plane": f"X = {place[0]}", "traction": ["0", f"{load}*t"]}
+        sides = [{"kind": "fixed", "plane": held}, pulled]
+        yield from at_rest(name, part, ("tip.displacement_y", "strain_energy"), tip, boundaries=sides)
 
 
 def main() -> None:

@@ -156,7 +156,7 @@ class Loads:
         self._layout = self.particles.layout
         self._constant_loads = np.zeros((self.dimension, self.particles.owned))
         changing, constant, values = Parts(), Parts(), [np.zeros(0)]
-        of_changing, self._on_all = list[Load](), list[Load]()
+        of_changing, self._on_all = list[tuple[Load, int]](), list[Load]()
         for load, reaction in self.loads_of:
             number = len(self.reactions) if reaction is None else self.reactions.index(reaction)
             rows, forces = load.forces(time, before_jump)
@@ -166,7 +166,7 @@ class Loads:
                 self._on_all += [] if load.constant else [load]
             elif not load.constant:
                 changing += [(axis, number, rows) for axis in range(len(forces))]
-                of_changing += [load]
+                of_changing.append((load, len(forces)))
             elif reaction is not None:
                 constant += [(axis, number, rows) for axis in range(len(forces))]
                 values.append(forces.ravel())
@@ -175,10 +175,9 @@ class Loads:
         self._entries = at = _entries_of(moving, held, changing, constant, len(self.reactions))
         at.force[len(at.force) - sum(map(len, values)) :] = np.concatenate(values)
         self._on_some, part = list[tuple[Load, slice]](), at.holding
-        for load in of_changing:
-            last = part + len(load.forces(time, before_jump)[1])
-            self._on_some.append((load, slice(at.parts[part, 0], at.parts[last - 1, 1])))
-            part = last
+        for load, axes in of_changing:
+            self._on_some.append((load, slice(at.parts[part, 0], at.parts[part + axes - 1, 1])))
+            part += axes
 
     def _held_parts(self) -> tuple[Parts, Parts]:
         """Of components that are prescribed, and of others that are held; none."""

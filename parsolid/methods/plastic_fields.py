@@ -1,4 +1,4 @@
-"""Names that go with plastic flow: fields that scenes may name, and what bodies without it lack."""
+"""State and fields of plastic flow, and faults of scenes that name them without a body that flows."""
 
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +19,7 @@ PLASTIC_STATE = (
 BACK_STRESS, BACK_STRESS_ENERGY = "back_stress", "back_stress_energy"
 # plastic logarithmic strain of volume, and that of the cap alone
 VOLUME_FLOW = "volume_flow"
-# what scenes may name of laws with more state than a yield surface that grows
+# of kinematic hardening and of flow in volume, which scenes may name
 FLOW_FIELDS = {BACK_STRESS: "tensor", VOLUME_FLOW: "scalar"}
 _OF_PLASTICITY = (
     *(field.name for field in PLASTIC_STATE),
@@ -92,13 +92,9 @@ def flow_fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, objec
 
 def fields_of_no_body(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
     """What is to be shown of plastic flow where no body of a scene flows."""
-    if flowing(scene):
-        return flow_fields_of_no_body(scene)
-    return flow_fields_of_no_body(scene) + [
-        (place, "something that a body of this scene has", name)
-        for place, name in named_observables(scene)
-        if name in _OF_PLASTICITY
-    ]
+    wanted, lacking = "something that a body of this scene has", () if flowing(scene) else _OF_PLASTICITY
+    faults = [(place, wanted, name) for place, name in named_observables(scene) if name in lacking]
+    return flow_fields_of_no_body(scene) + faults
 
 
 def temperatures_without_heat(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:

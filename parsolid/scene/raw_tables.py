@@ -11,7 +11,7 @@ import tomli_w
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import LEAST, MOST, Detail
-from parsolid.scene.validation_errors import Fault, SceneError, describe, fault, key_path
+from parsolid.scene.validation_errors import Fault, SceneError, describe, fault, key_path, suggestion
 
 # tables and lists one within the other; a scene has no more than eight
 DEEPEST = 32
@@ -83,13 +83,14 @@ def numbers_out_of_range(data: dict[str, Any]) -> list[Detail]:
 
 
 def apply_override(data: dict[str, Any], override: str) -> str | None:
-    """Set one "key.path=value" in raw tables, or take the key away with "key.path=": what else there is then holds. The
-    fault when there is no such place, else None."""
+    """Set one "key.path=value" in raw tables, or take a stated key away with "key.path=": what else there is then
+    holds. The fault when there is no such place, else None."""
     path, equals, text = override.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
         return f"--set {override}: expected key.path=value, found {describe(override)}"
     place: Any = data
+    removes = not text.strip()
     key: Any
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
@@ -102,8 +103,11 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
             key = int(key)
         elif not isinstance(place, dict):
             return f"--set {path.strip()}: expected a table at {key_path(keys[:depth])}, found {describe(place)}"
-        if last and not text.strip():
-            place.pop(key) if isinstance(place, list) else place.pop(key, None)
+        elif removes and key not in place:
+            table = f"{describe(place)} at {key_path(keys[:depth])}"
+            return f"--set {path.strip()}: expected a key of {table}, found {describe(key)}{suggestion(key, place)}"
+        if last and removes:
+            del place[key]
         elif last:
             place[key] = override_value(text.strip())
         else:

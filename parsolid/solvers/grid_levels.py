@@ -18,6 +18,7 @@ alone. Vectors of nodes are partial, a sum over ranks being due (forces), or who
 """
 
 from itertools import combinations, product
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +41,7 @@ _FLOOR = 1e-9
 # of the stiffness of a cell, what is spread over it
 _SPREAD = 0.1
 # numbers of a chunk of the quadrature
-_CHUNK = 4_000_000
+_CHUNK = 500_000
 # of the shear modulus, Lame's first at most: Poisson's ratio 0.4; a grid locks where volumes are stiffer
 SOFTEST = 4.0
 
@@ -133,20 +134,12 @@ class Blend(NamedTuple):
         return Blend(*(one[some] for one in self))
 
     def motions(self) -> np.ndarray:
-        """Motions (n, c, k, d) of the places, of each node's k ways to move."""
-        d = self.arms.shape[2]
-        turned = np.einsum("rij,ncj->ncri", turns(d), self.arms)
-        shifts = np.broadcast_to(np.eye(d), (*self.values.shape, d, d))
-        return np.asarray(self.values[:, :, None, None] * np.concatenate((shifts, turned), axis=2))
-
-    def gradients(self, width: float) -> np.ndarray:
-        """Their gradients (n, c, k, d, d) [1/m]; width [m] of cells that arms are in."""
+        """Motions (d, n, c, k) of the places by each node's k ways to move, where its function is 1."""
         d, W = self.arms.shape[2], turns(self.arms.shape[2])
-        turned = np.einsum("rij,ncj->ncri", W, self.arms)
-        shifts = np.broadcast_to(np.eye(d), (*self.values.shape, d, d))
-        result = np.concatenate((shifts, turned), axis=2)[..., None] * self.slopes[:, :, None, None, :]
-        result[:, :, d:] += self.values[:, :, None, None, None] * W / width
-        return np.asarray(result)
+        result = np.zeros((d, *self.rows.shape, d + len(W)))
+        result[range(d), :, :, range(d)] = 1.0
+        result[..., d:] = np.moveaxis(np.tensordot(W, self.arms, (2, 2)), 0, -1)
+        return result
 
 
 def blend_at(nodes: Nodes, places: np.ndarray) -> Blend:
@@ -161,12 +154,12 @@ def blend_within(within: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.
     """Values, slopes and arms of a `Blend` at places within a cell (n, d), from 0 to 1; width (d,) [m] of it."""
     d = within.shape[1]
     corners = np.array(list(product((0, 1), repeat=d)))
-    factors = np.where(corners, within[:, None], 1.0 - within[:, None])
-    slopes = np.empty_like(factors)
+    factors = [np.where(corner, x[:, None], 1.0 - x[:, None]) for corner, x in zip(corners.T, within.T)]
+    slopes = np.empty((len(within), len(corners), d))
     for i in range(d):
-        others = np.prod(np.delete(factors, i, axis=2), axis=2)
+        others = prod(factors[:i] + factors[i + 1 :])
         slopes[:, :, i] = others * np.where(corners[:, i], 1.0, -1.0) / width[i]
-    return np.prod(factors, axis=2), slopes, (within[:, None] - corners) * width / width.max()
+    return prod(factors), slopes, (within[:, None] - corners) * width / width.max()
 
 
 def even_cell(width: np.ndarray) -> np.ndarray:
@@ -177,10 +170,9 @@ def even_cell(width: np.ndarray) -> np.ndarray:
     within = np.array(list(product(0.5 + 0.5 * points, repeat=d)))
     weight = np.prod(list(product(0.5 * weights, repeat=d)), axis=1)
     blend = Blend(np.zeros((len(within), 1 << d), np.int64), *blend_within(within, width))
-    gradients, none = blend.gradients(float(width.max())), np.zeros(len(within))
-    roots = [_energy_roots(gradients, weight, none), _energy_roots(gradients, none, weight)]
-    size = roots[0].shape[1] * roots[0].shape[2]
-    return np.array([np.einsum("nas,nbs->ab", *(one.reshape(len(within), size, -1),) * 2) for one in roots])
+    motions, none = blend.motions(), np.zeros(len(within))
+    roots = [_energy_roots(motions, blend.slopes, *moduli) for moduli in ((weight, none), (none, weight))]
+    return np.array([one.T @ one for one in (root.reshape(-1, root[0, 0].size) for root in roots)])
 
 
 class Level:
@@ -269,7 +261,7 @@ class GridLevels:
         cell = np.clip(((places - lower) / width).astype(np.int64), 0, cells - 1)
         corners = np.array(list(product((0, 1), repeat=d)))
         self.nodes = Nodes(comm, lower, width, cells, np.unique(cell, axis=0)[:, None].repeat(2**d, 1) + corners)
-        self.ways = d + d * (d - 1) // 2
+        self.ways, self.even = d + d * (d - 1) // 2, even_cell(width)
         self.blend = blend_at(self.nodes, places)
         # P (n d, m k) and its transpose, sparse
         self.prolongation = _at_places(self.blend, free, len(self.nodes.keys))
@@ -334,16 +326,17 @@ class GridLevels:
         blend = self.blend.part(rows)
         moduli = lame[rows], shear[rows]
         own = [(1.0 - _SPREAD) * one for one in moduli]
-        strains = _energy_roots(blend.gradients(float(self.nodes.width.max())), *own)
+        motions = blend.motions()
+        strains = _energy_roots(motions, blend.slopes, *own)
         if self.resists:
-            jumps = blend.motions() * np.sqrt(held[rows])[:, None, None]
-            strains = np.concatenate((strains, jumps), axis=3)
-        n, c, k, kinds = strains.shape
+            jumps = motions * (blend.values * np.sqrt(held[rows]).T[:, :, None])[..., None]
+            strains = np.concatenate((strains, jumps.swapaxes(0, 1)), axis=1)
+        n, kinds, c, k = strains.shape
         gathered = np.zeros((len(counts), int(counts.max()), kinds, c * k))
-        gathered[cell, within] = strains.reshape(n, c * k, kinds).swapaxes(1, 2)
+        gathered[cell, within] = strains.reshape(n, kinds, c * k)
         gathered = gathered.reshape(len(counts), -1, c * k)
         blocks = gathered.swapaxes(1, 2) @ gathered
-        for one, even in zip(moduli, even_cell(self.nodes.width)):
+        for one, even in zip(moduli, self.even):
             blocks += _SPREAD * np.bincount(cell, one)[:, None, None] * even
         at = self.blend.rows[order[starts]]
         columns = (at[:, :, None] * k + np.arange(k)).reshape(len(counts), 1, c * k)
@@ -373,15 +366,16 @@ def moduli_of_rows(laws: list[tuple[int, int, float, float, float]], count: int)
     return lame, shear
 
 
-def _energy_roots(gradients: np.ndarray, lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
-    """Numbers (n, c, k, kinds) of motions with gradients (n, c, k, d, d), whose products are energies: products of two
-    motions' numbers add up to theirs."""
-    d, scale = gradients.shape[3], (..., None, None)
-    volume, shape = np.sqrt(np.maximum(lame, 0.0))[:, *scale], np.sqrt(shear)[:, *scale]
-    parts = [volume * np.einsum("ncaii->nca", gradients)]
-    parts += [np.sqrt(2.0) * shape * gradients[..., i, i] for i in range(d)]
-    parts += [shape * (gradients[..., i, j] + gradients[..., j, i]) for i, j in combinations(range(d), 2)]
-    return np.stack(parts, axis=3)
+def _energy_roots(motions: np.ndarray, slopes: np.ndarray, lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
+    """Numbers (n, kinds, c, k) of motions (d, n, c, k) by functions of slopes (n, c, d), whose products are energies:
+    products of two motions' numbers add up to theirs. That a node turns strains nothing but by its slope."""
+    d, scale = len(motions), (..., None, None)
+    volume, shape = np.sqrt(np.maximum(lame, 0.0))[scale], np.sqrt(shear)[scale]
+    along = np.moveaxis(slopes, 2, 0)[..., None]
+    parts = [volume * np.einsum("inak,inak->nak", motions, along)]
+    parts += [np.sqrt(2.0) * shape * motions[i] * along[i] for i in range(d)]
+    parts += [shape * (motions[i] * along[j] + motions[j] * along[i]) for i, j in combinations(range(d), 2)]
+    return np.stack(parts, axis=1)
 
 
 def _coarser(comm: Any, nodes: Nodes, ways: int) -> tuple[Nodes, Any]:
@@ -438,7 +432,8 @@ def _at_places(blend: Blend, free: np.ndarray, nodes: int) -> Any:
         # along an axis places are moved by shifts along it and by turns about others
         ways = [i, *(d + r for r in range(len(W)) if W[r, i].any())]
         values[:, i, :, 0] = blend.values
-        values[:, i, :, 1:] = blend.values[:, :, None] * np.einsum("rj,ncj->ncr", W[W[:, i].any(axis=1), i], blend.arms)
+        turned = np.tensordot(blend.arms, W[W[:, i].any(axis=1), i], (2, 1))
+        values[:, i, :, 1:] = blend.values[:, :, None] * turned
         columns[:, i] = blend.rows[:, :, None] * k + ways
     values *= free[:, :, None, None]
     starts = np.arange(0, n * d * c * d + 1, c * d, dtype=np.int32)

@@ -1,8 +1,9 @@
-"""Deformation gradients at which laws are tried, derivatives by them, and waves of a tangent."""
+"""Deformation gradients at which laws are tried, derivatives by them, waves of a tangent, and what every law obeys."""
 
 import numpy as np
 
 from parsolid.materials.hyperelastic import functions as of
+from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
 
 
 def arguments(F):
@@ -49,4 +50,25 @@ def wave_ratios(Q, tangent, normals):
     for N in normals / np.linalg.norm(normals, axis=1)[:, None]:
         acoustic = np.einsum("iJkL,J,L->ik", tangent, N, N)
         ratios.append((N @ Q @ N) / np.linalg.eigvalsh(0.5 * (acoustic + acoustic.T))[-1])
+    return ratios
+
+
+def assert_derived_from_energy(law, states, step=1e-4, symmetric=1e-8):
+    """P is the derivative of W; dP/dF is symmetric; rho c^2 <= N.QN with the exact acoustic tensor along six normals a
+    state; a rotation turns the stress. Ratios of N.QN over rho c^2, six a state."""
+    random, ratios = np.random.default_rng(5), []
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    for n, F in enumerate(states):
+        tangent = tangent_of(lambda one: stress(law, one), F, step)
+        matrix = tangent.reshape(9, 9)
+        np.testing.assert_allclose(matrix, matrix.T, rtol=0.0, atol=symmetric * np.abs(matrix).max())
+        if n % 10 == 1:
+            P = stress(law, F)
+            dW = slope(lambda one: np.asarray(energy(law, one)), F)
+            np.testing.assert_allclose(P, dW, rtol=0.0, atol=1e-8 * np.abs(P).max())
+            np.testing.assert_allclose(stress(law, turn @ F), turn @ P, rtol=0.0, atol=1e-11 * np.abs(P).max())
+        Q = symmetric_tensors(np.array(of.pressure_waves(law, *arguments(F))))
+        ratios += wave_ratios(Q, tangent, random.normal(size=(6, 3)))
+    assert min(ratios) > 1.0 - 1e-6, min(ratios)
     return ratios

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from materials.deformations import arguments, deformations, energy, slope, stress, tangent_of, wave_ratios
+from materials.deformations import arguments, assert_derived_from_energy, deformations, energy, stress, tangent_of
 
 from parsolid.api.check_advice import scene_advice
 from parsolid.materials import registry
@@ -80,26 +80,11 @@ def test_energy_and_stress_are_those_of_sixty_digits(name):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_stress_tangent_and_waves_belong_to_the_energy(name):
-    """P is the derivative of W; dP/dF is symmetric; rho c^2 <= N.QN with the exact acoustic tensor on 60 states, equal
-    at rest; a rotation turns the stress."""
-    law, spread = EVERY[name], SMALL.get(name, 0.25)
-    random, ratios = np.random.default_rng(5), []
-    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
-    turn *= np.linalg.det(turn)
-    for n, F in enumerate([np.eye(3), *deformations(60, spread)]):
-        tangent = tangent_of(lambda one: stress(law, one), F)
-        matrix = tangent.reshape(9, 9)
-        np.testing.assert_allclose(matrix, matrix.T, rtol=0.0, atol=1e-8 * np.abs(matrix).max())
-        if n % 10 == 1:
-            P = stress(law, F)
-            dW = slope(lambda one: np.asarray(energy(law, one)), F)
-            np.testing.assert_allclose(P, dW, rtol=0.0, atol=1e-8 * np.abs(P).max())
-            np.testing.assert_allclose(stress(law, turn @ F), turn @ P, rtol=0.0, atol=1e-11 * np.abs(P).max())
-        Q = evaluation.symmetric_tensors(np.array(of.pressure_waves(law, *arguments(F))))
-        found = wave_ratios(Q, tangent, random.normal(size=(6, 3)))
-        assert n > 0 or found == pytest.approx([1.0] * 6, abs=1e-6)
-        ratios += found
-    assert min(ratios) > 1.0 - 1e-6 and np.mean(ratios) < 1.06, (min(ratios), np.mean(ratios))
+    """At rest the bound of waves is their speed."""
+    law = EVERY[name]
+    ratios = assert_derived_from_energy(law, [np.eye(3), *deformations(60, SMALL.get(name, 0.25))])
+    assert ratios[:6] == pytest.approx([1.0] * 6, abs=1e-6)
+    assert np.mean(ratios) < 1.06
     shear, lame = of.elastic_moduli(law)
     at_rest = tangent_of(lambda one: stress(law, one), np.eye(3))
     assert at_rest[0, 1, 0, 1] == pytest.approx(shear, rel=1e-6)

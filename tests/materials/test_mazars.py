@@ -1,6 +1,6 @@
 """Mazars's damage: the fracture energy of a band of any width, strengths, the energy of a cycle, waves; the width that
-a method gives a crack; what is refused; ranks and a
-restart amid damage. A notched beam in `tlsph` against finite elements with a cohesive crack (slow).
+a method gives a crack; what is refused; ranks and a restart amid damage. A notched beam in `tlsph` against finite
+elements with a cohesive crack (slow).
 """
 
 import csv
@@ -10,15 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from materials.deformations import arguments, deformations, energy, slope, stress, tangent_of, wave_ratios
+from materials.deformations import arguments, assert_derived_from_energy, deformations, stress
 from scipy.optimize import brentq
 from solids import assert_same_fields, gathered, run_steps, run_through_and_in_two
 
 from parsolid.materials import registry
 from parsolid.materials.hyperelastic import functions as of
 from parsolid.materials.hyperelastic.at_particles import after_step
-from parsolid.materials.hyperelastic.evaluation import symmetric_tensors
-from parsolid.materials.hyperelastic.quasi_brittle import StatedMazars
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.materials import ValueFault
 from parsolid.simulation.loop import Simulation
@@ -31,8 +29,6 @@ CONCRETE = {
     "tensile_strength": 3.9e6,
     "fracture_energy": 143.2,
 }
-
-
 METHODS = {
     "tlsph": {"kind": "tlsph"},
     "mpm": {"kind": "mpm", "cell": 0.04},
@@ -40,24 +36,23 @@ METHODS = {
 }
 
 
-def tables(method=None, **material):
-    placement = {"mpm": "cells"}.get((method or {}).get("kind"), "vertices")
+def tables(method=METHODS["tlsph"], **material):
     body = {
         "shape": {"box": {"lower": [0.0, 0.0], "upper": [0.1, 0.1]}},
         "particles": [5, 5],
-        "placement": placement,
+        "placement": "cells" if method["kind"] == "mpm" else "vertices",
         "material": CONCRETE | material,
     }
     return {
         "dimension": 2,
         "end_time": 1.0,
-        "method": method or METHODS["tlsph"],
+        "method": method,
         "bodies": [body],
         "probes": [{"name": "middle", "at": [0.05, 0.05], "fields": ["damage"]}],
     }
 
 
-def scene(method=None, **material):
+def scene(method=METHODS["tlsph"], **material):
     return parse_scene(tables(method, **material))
 
 
@@ -113,18 +108,8 @@ def test_pressure_stays_where_a_crack_has_closed():
 
 
 def test_stress_tangent_and_waves_belong_to_the_energy():
-    solid, random, ratios = law(band=1e-4)._replace(damage=0.4), np.random.default_rng(5), []
-    for n, F in enumerate(deformations(60, 0.15)):
-        tangent = tangent_of(lambda one: stress(solid, one), F)
-        matrix = tangent.reshape(9, 9)
-        np.testing.assert_allclose(matrix, matrix.T, rtol=0.0, atol=1e-8 * np.abs(matrix).max())
-        if n % 10 == 1:
-            P = stress(solid, F)
-            dW = slope(lambda one: np.asarray(energy(solid, one)), F)
-            np.testing.assert_allclose(P, dW, rtol=0.0, atol=1e-8 * np.abs(P).max())
-        Q = symmetric_tensors(np.array(of.pressure_waves(solid, *arguments(F))))
-        ratios += wave_ratios(Q, tangent, random.normal(size=(6, 3)))
-    assert min(ratios) > 1.0 - 1e-6 and np.mean(ratios) < 1.2
+    ratios = assert_derived_from_energy(law(band=1e-4)._replace(damage=0.4), deformations(60, 0.15))
+    assert np.mean(ratios) < 1.2
 
 
 def around_a_cycle(steps):
@@ -147,17 +132,14 @@ def test_work_around_a_cycle_is_what_damage_dissipates():
 
 @pytest.mark.parametrize(("kind", "expected"), [("tlsph", 0.05), ("mpm", 0.08), ("peridynamics", 0.15)])
 def test_particles_have_the_band_of_their_method(comm, kind, expected):
-    system = Simulation(comm, scene(METHODS[kind])).systems[0]
-    band = system.particles.owned_rows("band")
-    spacing = system.particles.owned_rows("spacing") if "spacing" in system.particles else None
-    shrunk = 1.0 if spacing is None or kind == "mpm" else float(spacing[0, 0]) / 0.025
-    assert band == pytest.approx(np.full(len(band), expected * shrunk))
+    band = Simulation(comm, scene(METHODS[kind])).systems[0].particles.owned_rows("band")
+    assert band == pytest.approx(np.full(len(band), expected))
 
 
 def test_bands_that_snap_back_and_points_without_a_band_are_refused(comm):
     with pytest.raises(ValueFault, match="^band: "):
         scene().bodies[0].material.law_at((0.0, 0.0))
-    for wide in (StatedMazars.largest_band.fget(scene().bodies[0].material), 0.0):
+    for wide in (scene().bodies[0].material.largest_band, 0.0):
         with pytest.raises(Exception, match=r"bodies\.0\.material\.band"):
             Simulation(comm, scene(band=wide))
     with pytest.raises(SceneError, match=r"method\.stabilisation\.kind"):

@@ -339,6 +339,8 @@ def test_cylinder_and_shell_in_2d(square):
         ),
         ("title.x=1", "--set title.x: expected a table at title, found 'Twisting column'"),
         ("method.cfl", "--set method.cfl: expected key.path=value, found 'method.cfl'"),
+        ("output.nonsense=", "--set output.nonsense: expected .* found 'nonsense'"),
+        ("outptu.nonsense=", "--set outptu.nonsense: expected .* found 'outptu'"),
         ("=3", "--set =3: expected key.path=value"),
         ("method.cfl=fast", "method.cfl: expected a number, found 'fast'"),
     ],

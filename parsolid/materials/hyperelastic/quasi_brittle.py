@@ -14,7 +14,7 @@ Oh, Mater. Struct. 16 (1983) 155).
 
 from typing import Annotated, NamedTuple
 
-from parsolid.elementary import exp, log
+from parsolid.elementary import exp
 from parsolid.kernels import inlined
 from parsolid.materials.declaration import BandWidth, Density, Parameter, StateVariable, law
 from parsolid.materials.hyperelastic.functions import (
@@ -27,9 +27,7 @@ from parsolid.materials.hyperelastic.functions import (
     shear_waves,
     stress,
 )
-from parsolid.materials.hyperelastic.stretches import stretch_waves
-from parsolid.principal import from_principal, principal
-from parsolid.tensors import general, gram, matmul
+from parsolid.materials.hyperelastic.stretches import logarithms, stress_of_logarithms, waves_of_logarithms
 
 # what is left of the stiffness keeps waves and the equations of broken matter sound
 _MOST = 1.0 - 1e-6
@@ -91,14 +89,6 @@ class StatedMazars:
 
 
 @inlined
-def _logarithms(F):
-    """Squares of the principal stretches, their axes, logarithms of the stretches and their sum."""
-    squares, axes = principal(gram(F))
-    e = (0.5 * log(squares[0]), 0.5 * log(squares[1]), 0.5 * log(squares[2]))
-    return squares, axes, e, e[0] + e[1] + e[2]
-
-
-@inlined
 def _energies(law, e, trace):
     """Energies [J/m^3] without damage: what damage takes its share of, and what it leaves."""
     of_volume, mean = 0.5 * law.bulk_modulus * trace * trace, trace / 3.0
@@ -131,45 +121,33 @@ def _damage(law, e, trace):
 
 @energy.of(Mazars)
 def _energy(law, F, H, J):
-    _, _, e, trace = _logarithms(F)
+    _, _, e, trace = logarithms(F)
     weak, kept = _energies(law, e, trace)
     return (1.0 - law.damage) * weak + kept
 
 
 @inlined
-def _factors(law, trace):
-    """Shear modulus and bulk modulus [Pa] with damage."""
+def _slopes(law, e, trace):
+    """dW/d ln lambda_i, twice the shear modulus and the first Lame constant [Pa] with damage."""
     whole = 1.0 - law.damage
-    return whole * law.shear_modulus, law.bulk_modulus * (whole if trace > 0.0 else 1.0)
+    mu, K = whole * law.shear_modulus, law.bulk_modulus * (whole if trace > 0.0 else 1.0)
+    lame = K - 2.0 / 3.0 * mu
+    of_volume = lame * trace
+    return (2.0 * mu * e[0] + of_volume, 2.0 * mu * e[1] + of_volume, 2.0 * mu * e[2] + of_volume), 2.0 * mu, lame
 
 
 @stress.of(Mazars)
 def _stress(law, F, H, J):
-    squares, axes, e, trace = _logarithms(F)
-    mu, K = _factors(law, trace)
-    of_volume = (K - 2.0 / 3.0 * mu) * trace
-    S = from_principal(
-        (
-            (2.0 * mu * e[0] + of_volume) / squares[0],
-            (2.0 * mu * e[1] + of_volume) / squares[1],
-            (2.0 * mu * e[2] + of_volume) / squares[2],
-        ),
-        axes,
-    )
-    return matmul(F, general(S))
+    squares, axes, e, trace = logarithms(F)
+    return stress_of_logarithms(F, squares, axes, _slopes(law, e, trace)[0])
 
 
 @pressure_waves.of(Mazars)
 def _waves(law, F, H, J):
-    squares, axes, e, trace = _logarithms(F)
-    mu, K = _factors(law, trace)
-    lame = K - 2.0 / 3.0 * mu
-    t1, t2, t3 = 2.0 * mu * e[0] + lame * trace, 2.0 * mu * e[1] + lame * trace, 2.0 * mu * e[2] + lame * trace
-    l1, l2, l3 = squares[0] ** 0.5, squares[1] ** 0.5, squares[2] ** 0.5
-    same = 2.0 * mu + lame
-    curvatures = ((same - t1) / squares[0], (same - t2) / squares[1], (same - t3) / squares[2],
-                  lame / (l1 * l2), lame / (l1 * l3), lame / (l2 * l3))  # fmt: skip
-    return stretch_waves(squares, axes, (t1 / l1, t2 / l2, t3 / l3), curvatures)
+    squares, axes, e, trace = logarithms(F)
+    t, twice, lame = _slopes(law, e, trace)
+    same = twice + lame
+    return waves_of_logarithms(squares, axes, t, (same, same, same, lame, lame, lame))
 
 
 @shear_waves.of(Mazars)
@@ -191,7 +169,7 @@ def _moduli(law):
 
 @next_state.of(Mazars)
 def _next_state(law, F, H, J):
-    _, _, e, trace = _logarithms(F)
+    _, _, e, trace = logarithms(F)
     damage, (weak, _) = max(law.damage, _damage(law, e, trace)), _energies(law, e, trace)
     # of the mean energy of the step, of second order
     lost = 0.5 * (weak + law.undamaged_energy) * (damage - law.damage)

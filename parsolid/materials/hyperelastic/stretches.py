@@ -211,12 +211,19 @@ def _curved(w1, w2, w11, w12, w22, u, v, U, V, i, j, c):
 
 
 @inlined
-def _principal_state(F):
-    """Squares of the principal stretches, their axes, and e."""
+def logarithms(F):
+    """Squares of the principal stretches, their axes, logarithms of the stretches, and the sum of these."""
     squares, axes = principal(gram(F))
     l1, l2, l3 = 0.5 * log(squares[0]), 0.5 * log(squares[1]), 0.5 * log(squares[2])
-    mean = (l1 + l2 + l3) / 3.0
-    return squares, axes, (l1 - mean, l2 - mean, l3 - mean)
+    return squares, axes, (l1, l2, l3), l1 + l2 + l3
+
+
+@inlined
+def _principal_state(F):
+    """Squares of the principal stretches, their axes, and e."""
+    squares, axes, each, trace = logarithms(F)
+    mean = trace / 3.0
+    return squares, axes, (each[0] - mean, each[1] - mean, each[2] - mean)
 
 
 @energy.of(Ogden, Hencky, Polynomial)
@@ -227,9 +234,15 @@ def _energy(law, F, H, J):
 @stress.of(Ogden, Hencky, Polynomial)
 def _stress(law, F, H, J):
     squares, axes, e = _principal_state(F)
-    t = of_stretches(law, e)[1]
+    P = stress_of_logarithms(F, squares, axes, of_stretches(law, e)[1])
+    return combine(1.0, P, volume_slopes(law.volume, J)[0], H)
+
+
+@inlined
+def stress_of_logarithms(F, squares, axes, t):
+    """First Piola-Kirchhoff stress [Pa] from slopes t_i = dW/d ln lambda_i."""
     S = from_principal((t[0] / squares[0], t[1] / squares[1], t[2] / squares[2]), axes)
-    return combine(1.0, matmul(F, general(S)), volume_slopes(law.volume, J)[0], H)
+    return matmul(F, general(S))
 
 
 @inlined
@@ -268,16 +281,22 @@ def stretch_waves(squares, axes, w, ww):
     return from_principal((q1, q2, q3), axes)
 
 
-@pressure_waves.of(Ogden, Hencky, Polynomial)
-def _waves(law, F, H, J):
-    squares, axes, e = _principal_state(F)
-    _, t, T = of_stretches(law, e)
+@inlined
+def waves_of_logarithms(squares, axes, t, T):
+    """`stretch_waves` from slopes t_i and curvatures T_ij by ln lambda."""
     l1, l2, l3 = squares[0] ** 0.5, squares[1] ** 0.5, squares[2] ** 0.5
     slopes = (t[0] / l1, t[1] / l2, t[2] / l3)
     curvatures = ((T[0] - t[0]) / squares[0], (T[1] - t[1]) / squares[1], (T[2] - t[2]) / squares[2],
                   T[3] / (l1 * l2), T[4] / (l1 * l3), T[5] / (l2 * l3))  # fmt: skip
+    return stretch_waves(squares, axes, slopes, curvatures)
+
+
+@pressure_waves.of(Ogden, Hencky, Polynomial)
+def _waves(law, F, H, J):
+    squares, axes, e = _principal_state(F)
+    _, t, T = of_stretches(law, e)
     of_volume = max(volume_slopes(law.volume, J)[1], 0.0)
-    return combine_symmetric(1.0, stretch_waves(squares, axes, slopes, curvatures), of_volume, gram(H))
+    return combine_symmetric(1.0, waves_of_logarithms(squares, axes, t, T), of_volume, gram(H))
 
 
 @elastic_moduli.of(Ogden, Hencky, Polynomial)

@@ -45,8 +45,11 @@ class BondDamage:
 
         self.bonds, self.particles, self.comm, self.owned = bonds, bonds.particles, bonds.comm, bonds.owned
         inner, shape = bonds.lists[0][0], (self.owned, self.owned)
-        # the bonds of which a particle is the second end
-        self._seconds = csr_array((np.arange(len(inner.weight)), inner.neighbour, inner.start), shape).tocsc()
+        # in a type of as few bytes as will do
+        numbers = np.arange(len(inner.weight), dtype=np.min_scalar_type(-len(inner.weight) - 1))
+        seconds = csr_array((numbers, inner.neighbour, inner.start), shape).tocsc()
+        # row starts (owned + 1,), and the bonds of which a particle is the second end
+        self._seconds = seconds.indptr, seconds.data
         self.least_determinant, self.largest_damage = least_determinant, largest_damage
         body = self.particles.owned_rows("body")
         largest = np.zeros(maximum(self.comm, int(body.max(initial=0))) + 1)
@@ -80,6 +83,10 @@ class BondDamage:
         """Bits (owned, words) of the broken bonds."""
         return self.particles.storage("broken_bonds")[: self.owned]
 
+    def arrays(self) -> list[np.ndarray]:
+        """What counts as memory besides the particles."""
+        return [*self._seconds, self.whole, self.neighbours, *self._room]
+
     def collect(self, find: Any, *what: Any) -> Failing | None:
         """The bonds of all lists that a kernel finds, such as `fracture.find_failed`; None where there are none on this
         rank."""
@@ -98,10 +105,9 @@ class BondDamage:
     def near(self, particles: np.ndarray) -> Lists:
         """The lists with all bonds that some owned particles have now: those with ghosts and images, which are few,
         are whole."""
-        lists, seconds = self.bonds.lists, self._seconds
+        lists, (starts, seconds) = self.bonds.lists, self._seconds
         start = lists[0][0].start
-        both = in_rows(start, particles), seconds.data[in_rows(seconds.indptr, particles)]
-        found = np.unique(np.concatenate(both))
+        found = np.unique(np.concatenate((in_rows(start, particles), seconds[in_rows(starts, particles)])))
         rows = np.column_stack((np.searchsorted(start, found, "right") - 1, found))
         return [part_of(lists[0], rows), *lists[1:]]
 

@@ -47,8 +47,8 @@ class Reports(ParticleSystem):
         return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
-        """Bond lists."""
-        return self.pairs.arrays()
+        """Bond lists, and what is known of broken bonds."""
+        return self.pairs.arrays() + ([] if self.fracture is None else self.fracture.damage.arrays())
 
     def wave_modulus(self, body: int) -> tuple[float, float]:
         """Of the instantaneous solid."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums
-from parsolid.collective import maximum
+from parsolid.collective import anywhere, maximum
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.fragments import unbalanced_fragment
 from parsolid.methods.peridynamics.small_motion import SmallMotion
@@ -53,6 +53,7 @@ class Preconditioners:
         self.levels = GridLevels(self.comm, self.places, length / count, operator.free, resisted)
         motions = self._rigid_motions(self.places)
         self.loose = unrestrained_modes(self.comm, motions, self._restraint(motions)) * operator.free
+        self.relaxes = anywhere(self.comm, bool(np.any(operator.forces.factor(0.0) != 1.0)))
         self._kept: dict[float, Any] = {}
         self._divergence: Any = None
 
@@ -63,8 +64,8 @@ class Preconditioners:
 
     def of_step(self, step: float) -> Callable[[np.ndarray], np.ndarray]:
         """M^-1 r (n, d) of residuals (n, d) that are 0 where a component is prescribed, in a step of a length [s]."""
-        # steps that differ by rounding are alike, to the bit also after a restart
-        key = float(f"{step:.6e}")
+        # steps that differ by rounding are alike, to the bit also after a restart, and all are where nothing relaxes
+        key = float(f"{step:.6e}") if self.relaxes else 0.0
         if key not in self._kept:
             if len(self._kept) == _KEPT:
                 del self._kept[next(iter(self._kept))]
@@ -86,7 +87,7 @@ class Preconditioners:
         if not stiff:
             levels.of_moduli(lame, shear, self.volume, motion.diagonal(), softest=_STIFF)
             return levels
-        motion.resists_volume = False
+        motion = SmallMotion(self.operator, step, resists_volume=False)
         levels.of_moduli(np.zeros_like(lame), shear, self.volume, motion.diagonal(), most_nodes=np.inf)
         if self._divergence is None:
             self._divergence = divergence_of_components(self.operator.forces.bonds, self.operator.dimension)
