@@ -406,7 +406,7 @@ class TotalLagrangianSPH(MethodSettings):
             if body.material.kind != "elastic-plastic" and getattr(body.material, "ledger_terms", None):
                 expected = f"a law whose only memory is flow or branches {_SOLUTION}"
                 faults.append(((*place, "kind"), expected, Phrase(f"{body.material.kind!r} with state variables")))
-            flow = getattr(body.material, "parts", {}).get("flow_stress")
+            flow: Any = getattr(body.material, "parts", {}).get("flow_stress")
             if getattr(flow, "dilation_angle", None) != getattr(flow, "friction_angle", None):
                 expected = f"{flow.friction_angle:g}, the friction_angle, {_SOLUTION}: their tangent is symmetric"
                 faults.append(((*place, "flow_stress", "dilation_angle"), expected, flow.dilation_angle))
