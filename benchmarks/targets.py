@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import io
+import json
 import re
 from pathlib import Path
 
@@ -37,8 +38,6 @@ def true_share(folder: Path, scene: str, column: str) -> str:
     name = (found.reference.columns or {}).get(column) if found.reference else None
     if name is None:
         return ""
-    import json
-
     data = json.loads(Path(found.reference.series).read_text())
     history = load(folder).columns
     values = history[column]
@@ -56,19 +55,12 @@ def main() -> None:
     for scene, overrides, column, asked in CASES:
         for percent in asked if options.only in scene else ():
             folder = Path(options.o) / scene.replace("/", "-")
-            words = [
-                "run",
-                str(ROOT / "runs" / f"{scene}.toml"),
-                "-o",
-                str(folder),
-                "--target",
-                f"{column}={percent}%",
-            ]
+            file = str(ROOT / "runs" / f"{scene}.toml")
             said = io.StringIO()
             with contextlib.redirect_stdout(said):
-                scene = load_scene(words[1], [*overrides, *QUICK])
-                parsed = parse(words)
-                run_scene(MPI.COMM_WORLD, scene, Path(parsed.output), options_of(parsed), 0.0)
+                parsed = parse(["run", file, "-o", str(folder), "--target", f"{column}={percent}%"])
+                stated = load_scene(file, [*overrides, *QUICK])
+                run_scene(MPI.COMM_WORLD, stated, Path(parsed.output), options_of(parsed), 0.0)
             text = said.getvalue()
             end = re.search(r"reached with (.*) after (\S+) core-s in (\S+)", text)
             shares = re.findall(r"\(([\d.e+-]+) % of its largest\)", text)

@@ -29,12 +29,16 @@ class OfLattice(NamedTuple):
     first: tuple[float, ...]
     apart: tuple[float, ...]
 
+    @property
+    def steps(self) -> np.ndarray:
+        """From the first particle to each (2^d, d), 0 or 1 along each direction."""
+        return np.array(list(itertools.product(*((0, 1) if apart > 0.0 else (0,) for apart in self.apart))))
+
     def weights(self, place: np.ndarray) -> np.ndarray:
-        """Of the particles (2^d,) in the order of itertools.product, for a place (d,) [m]."""
+        """Of the particles (2^d,) in the order of their steps, for a place (d,) [m]."""
         apart = np.array(self.apart)
         share = np.where(apart > 0.0, (place - np.array(self.first)) / np.where(apart > 0.0, apart, 1.0), 0.0)
-        picks = itertools.product(*(((0, 1) if step > 0.0 else (0,)) for step in apart))
-        return np.array([np.prod([s if bit else 1.0 - s for s, bit in zip(share, bits)]) for bits in picks])
+        return np.asarray(np.prod(np.where(self.steps == 1, share, 1.0 - share), axis=1))
 
 
 class OfSimplex(NamedTuple):
@@ -136,9 +140,8 @@ def _in_lattice(scene: Scene, coarse: Scene, place: np.ndarray) -> _Around | Non
     below = np.clip(np.floor(where + _ROUND_OFF), 0, np.maximum(particles - 2, 0))
     first = lattice.lower + (below + 0.5 * (1 - ends)) * step
     apart = np.where(particles > 1, step, 0.0)
-    picks = np.array(list(itertools.product(*(((0, 1) if one > 0.0 else (0,)) for one in apart))))
     between = OfLattice(tuple(map(float, first)), tuple(map(float, apart)))
-    return between, first + picks * apart, nearest(own, place), off[0] > _ROUND_OFF
+    return between, first + between.steps * apart, nearest(own, place), off[0] > _ROUND_OFF
 
 
 def _in_simplex(

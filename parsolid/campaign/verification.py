@@ -1,7 +1,6 @@
 """Several studies as one: their runs made beside one another, and a report of what each left in summary.json."""
 
 import csv
-import json
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from parsolid.campaign.report import comparison_table
 from parsolid.campaign.study import Planned, make_runs, new_console, report
 from parsolid.exit_status import DONE, WENT_WRONG
 from parsolid.output.errors import OutputError
-from parsolid.output.summary import read_summary
+from parsolid.output.summary import read_summary, write_summary
 from parsolid.scene.validation_errors import SceneError
 
 # what is verified where nothing is named, relative to the folder that the package is in
@@ -61,8 +60,8 @@ def run_verification(studies: list[str], folder: Path, jobs: int, page: Path, tr
 
     Raises SceneError for a faulty study or scene, before anything is run.
     """
-    faults, planned = list[Any](), list[Planned]()
-    for path, place in zip(studies, folders_of(studies, folder)):
+    faults, planned, places = list[Any](), list[Planned](), folders_of(studies, folder)
+    for path, place in zip(studies, places):
         try:
             planned.append(Planned.read(path, place, trust_code))
         except SceneError as error:
@@ -78,8 +77,7 @@ def run_verification(studies: list[str], folder: Path, jobs: int, page: Path, tr
         rows = report(console, one, pictures=False)
         wrong = wrong or any(row.faulty for row in rows) or any(case.faults for case in one.cases)
     if any(case.record is not None for one in planned for case in one.cases):
-        names = [place.name for place in folders_of(studies, folder)]
-        (folder / ASKED).write_text(json.dumps(names, indent=1) + "\n", encoding="utf-8")
+        write_summary(folder / ASKED, {"studies": [place.name for place in places]})
         console.print(f"written: {build_report(folder, page)}", soft_wrap=True)
     return status or (WENT_WRONG if wrong else DONE)
 
@@ -104,7 +102,7 @@ def read_summaries(folder: Path) -> list[Summary]:
     """
     found, paths = [], sorted(folder.glob("*/summary.json"))
     if (folder / ASKED).is_file():
-        asked = json.loads((folder / ASKED).read_text(encoding="utf-8"))
+        asked = read_summary(folder / ASKED).get("studies", ())
         paths = [path for path in paths if path.parent.name in asked]
     for path in paths:
         entries = read_summary(path)

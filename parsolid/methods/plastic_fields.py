@@ -1,4 +1,4 @@
-"""Names that go with plastic flow: fields that scenes may name, and what bodies without it lack."""
+"""State and fields of plastic flow, and faults of scenes that name them without a body that flows."""
 
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +19,7 @@ PLASTIC_STATE = (
 BACK_STRESS, BACK_STRESS_ENERGY = "back_stress", "back_stress_energy"
 # plastic logarithmic strain of volume, and that of the cap alone
 VOLUME_FLOW = "volume_flow"
-# what scenes may name of laws with more state than a yield surface that grows
+# of kinematic hardening and of flow in volume, which scenes may name
 FLOW_FIELDS = {BACK_STRESS: "tensor", VOLUME_FLOW: "scalar"}
 _OF_PLASTICITY = (
     *(field.name for field in PLASTIC_STATE),

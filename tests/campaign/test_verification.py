@@ -9,7 +9,7 @@ from parsolid.campaign.cases import cases_of
 from parsolid.campaign.comparison import AS_STATED, INSIDE, NEAR, NOT_AS_STATED, OUTSIDE, Row
 from parsolid.campaign.runner import Launched, run_beside
 from parsolid.campaign.study_file import load_study
-from parsolid.campaign.verification import build_report, folders_of, read_summaries, studies_of
+from parsolid.campaign.verification import ASKED, build_report, folders_of, read_summaries, studies_of
 from parsolid.commands.cli import main
 from parsolid.output.errors import OutputError
 from parsolid.output.summary import read_summary, write_summary
@@ -155,6 +155,12 @@ def test_a_report_is_that_of_the_summaries(tmp_path):
     assert len((page / "report.csv").read_text().splitlines()) == 4
     assert [len(found.rows) for found in read_summaries(tmp_path)] == [1, 2]
     # what was not written by a study is refused
+    (tmp_path / ASKED).write_text("[")
+    with pytest.raises(OutputError):
+        read_summaries(tmp_path)
+    write_summary(tmp_path / ASKED, {"studies": ["second"]})
+    assert [len(found.rows) for found in read_summaries(tmp_path)] == [2]
+    (tmp_path / ASKED).unlink()
     stated = read_summary(tmp_path / "first" / "summary.json")
     write_summary(tmp_path / "first" / "summary.json", stated | {"rows": [{"case": "a"}]})
     with pytest.raises(OutputError):

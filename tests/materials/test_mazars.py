@@ -17,7 +17,6 @@ from solids import assert_same_fields, gathered, run_steps, run_through_and_in_t
 from parsolid.materials import registry
 from parsolid.materials.hyperelastic import functions as of
 from parsolid.materials.hyperelastic.at_particles import after_step
-from parsolid.materials.hyperelastic.quasi_brittle import StatedMazars
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.materials import ValueFault
 from parsolid.simulation.loop import Simulation
@@ -37,24 +36,23 @@ METHODS = {
 }
 
 
-def tables(method=None, **material):
-    placement = {"mpm": "cells"}.get((method or {}).get("kind"), "vertices")
+def tables(method=METHODS["tlsph"], **material):
     body = {
         "shape": {"box": {"lower": [0.0, 0.0], "upper": [0.1, 0.1]}},
         "particles": [5, 5],
-        "placement": placement,
+        "placement": "cells" if method["kind"] == "mpm" else "vertices",
         "material": CONCRETE | material,
     }
     return {
         "dimension": 2,
         "end_time": 1.0,
-        "method": method or METHODS["tlsph"],
+        "method": method,
         "bodies": [body],
         "probes": [{"name": "middle", "at": [0.05, 0.05], "fields": ["damage"]}],
     }
 
 
-def scene(method=None, **material):
+def scene(method=METHODS["tlsph"], **material):
     return parse_scene(tables(method, **material))
 
 
@@ -134,17 +132,14 @@ def test_work_around_a_cycle_is_what_damage_dissipates():
 
 @pytest.mark.parametrize(("kind", "expected"), [("tlsph", 0.05), ("mpm", 0.08), ("peridynamics", 0.15)])
 def test_particles_have_the_band_of_their_method(comm, kind, expected):
-    system = Simulation(comm, scene(METHODS[kind])).systems[0]
-    band = system.particles.owned_rows("band")
-    spacing = system.particles.owned_rows("spacing") if "spacing" in system.particles else None
-    shrunk = 1.0 if spacing is None or kind == "mpm" else float(spacing[0, 0]) / 0.025
-    assert band == pytest.approx(np.full(len(band), expected * shrunk))
+    band = Simulation(comm, scene(METHODS[kind])).systems[0].particles.owned_rows("band")
+    assert band == pytest.approx(np.full(len(band), expected))
 
 
 def test_bands_that_snap_back_and_points_without_a_band_are_refused(comm):
     with pytest.raises(ValueFault, match="^band: "):
         scene().bodies[0].material.law_at((0.0, 0.0))
-    for wide in (StatedMazars.largest_band.fget(scene().bodies[0].material), 0.0):
+    for wide in (scene().bodies[0].material.largest_band, 0.0):
         with pytest.raises(Exception, match=r"bodies\.0\.material\.band"):
             Simulation(comm, scene(band=wide))
     with pytest.raises(SceneError, match=r"method\.stabilisation\.kind"):

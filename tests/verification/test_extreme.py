@@ -1,4 +1,4 @@
-"""The fast ones of the stiff and extreme cases, from the studies behind stiff-and-extreme, mpm and microinertia.md."""
+"""The fast ones of the stiff and extreme cases, from `stiff_and_extreme.toml` of both methods' studies."""
 
 from functools import cache
 from pathlib import Path

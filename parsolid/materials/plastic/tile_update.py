@@ -324,7 +324,7 @@ def plastic_increments(flow, law, hardening, step, tile):
 
     heating: taylor_quinney J/(rho0 C_v) [K/(J/m^3)]; 0 where the trial state is elastic. With kinematic hardening (None
     without) the left side is `relative_stress`. Laws whose flow changes the volume advance PLASTIC_VOLUME and
-    COMPACTION, too."""
+    COMPACTION, too, and put VOLUME_WORK [J/m^3]."""
 
 
 @law_function

@@ -5,7 +5,6 @@ length of edges is that of the given mesh times a factor. Elements are triangles
 Groups go to what is nearest.
 """
 
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -110,10 +109,7 @@ def _set_surface(gmsh: Any, points: np.ndarray, triangles: np.ndarray, patches: 
 def _set_sizes(gmsh: Any, given: Any, factor: float) -> None:
     """Let edges be as long as those of a given mesh around, times a factor."""
     points, d = given.points, given.points.shape[1]
-    ends = np.concatenate(
-        [cells[:, edge] for kind, cells in given.blocks for edge in combinations(range(cells.shape[1]), 2)
-         if edge in ELEMENTS[kind].edges or edge[::-1] in ELEMENTS[kind].edges]
-    )  # fmt: skip
+    ends = np.concatenate([cells[:, edge] for kind, cells in given.blocks for edge in ELEMENTS[kind].edges])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
     length = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     met = np.bincount(ends.ravel(), minlength=len(points))
