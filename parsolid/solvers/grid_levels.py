@@ -367,7 +367,8 @@ def moduli_of_rows(laws: list[tuple[int, int, float, float, float]], count: int)
 
 def _energy_roots(motions: np.ndarray, slopes: np.ndarray, lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
     """Numbers (n, kinds, c, k) of motions (d, n, c, k) by functions of slopes (n, c, d), whose products are energies:
-    products of two motions' numbers add up to theirs. That a node turns strains nothing but by its slope."""
+    products of two motions' numbers add up to theirs. Gradients are motions times slopes, but for the skew matrix of a
+    turn, which has no energy."""
     d, scale = len(motions), (..., None, None)
     volume, shape = np.sqrt(np.maximum(lame, 0.0))[scale], np.sqrt(shear)[scale]
     along = np.moveaxis(slopes, 2, 0)[..., None]
