@@ -263,9 +263,8 @@ class GridLevels:
         self.nodes = Nodes(comm, lower, width, cells, np.unique(cell, axis=0)[:, None].repeat(2**d, 1) + corners)
         self.ways, self.even = d + d * (d - 1) // 2, even_cell(width)
         self.blend = blend_at(self.nodes, places)
-        # P (n d, m k) and its transpose, sparse
+        # P (n d, m k), sparse
         self.prolongation = _at_places(self.blend, free, len(self.nodes.keys))
-        self.restriction = self.prolongation.T.tocsr()
         self.resisted = ~free if resisted is None else resisted
         self.resists = anywhere(comm, bool(self.resisted.any()))
 
@@ -287,7 +286,7 @@ class GridLevels:
         if inertia is not None:
             self.diagonal = diagonal + inertia[:, None]
             of_components = np.repeat(inertia, diagonal.shape[1])
-            matrix = (matrix + self.restriction @ self.prolongation.multiply(of_components[:, None])).tocsr()
+            matrix = (matrix + self.prolongation.T @ self.prolongation.multiply(of_components[:, None])).tocsr()
         self.levels: list[Level] = []
         nodes = self.nodes
         while sums(self.comm, [float(len(nodes.keys))])[0] > most_nodes and (nodes.cells > 1).any():
@@ -344,7 +343,7 @@ class GridLevels:
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (n, d) of a residual (n, d) that is 0 where a component is prescribed."""
-        motions = self._cycle(0, self.restriction @ residual.ravel())
+        motions = self._cycle(0, self.prolongation.T @ residual.ravel())
         return residual / self.diagonal + (self.prolongation @ motions).reshape(residual.shape)
 
     def _cycle(self, number: int, right: np.ndarray) -> np.ndarray:
@@ -368,7 +367,8 @@ def moduli_of_rows(laws: list[tuple[int, int, float, float, float]], count: int)
 
 def _energy_roots(motions: np.ndarray, slopes: np.ndarray, lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
     """Numbers (n, kinds, c, k) of motions (d, n, c, k) by functions of slopes (n, c, d), whose products are energies:
-    products of two motions' numbers add up to theirs. That a node turns strains nothing but by its slope."""
+    products of two motions' numbers add up to theirs. Gradients are motions times slopes, but for the skew matrix of a
+    turn, which has no energy."""
     d, scale = len(motions), (..., None, None)
     volume, shape = np.sqrt(np.maximum(lame, 0.0))[scale], np.sqrt(shear)[scale]
     along = np.moveaxis(slopes, 2, 0)[..., None]
