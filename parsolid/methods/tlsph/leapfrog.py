@@ -86,7 +86,8 @@ class Leapfrog:
         self.system = system
         self.kicks = leapfrog.Leapfrog(system.particles, system.conditions, "stress_force", "dissipative_force")
         if "mesh" in system.body_weights and all(one.material.kind != "elastic-plastic" for one in scene.bodies):
-            # their steps are long for the strains that they bear; energies of bodies that flow are works of leapfrog
+            # their steps are long for the strains that they bear; bodies that flow store the work of the mean of both
+            # ends of a step, as leapfrog books it
             self.kicks.work_offset = leapfrog.WorkOffset()
         self.forces_of: int | None = None
         self.signals, self.safety = self.bounds()
