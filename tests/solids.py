@@ -339,7 +339,7 @@ def late_impulse(system) -> np.ndarray:
     if external is None:
         return np.zeros((system.owned, system.dimension))
     rows = system.particles.owned_rows
-    return rows(EXTERNAL_IMPULSE) + 0.5 * external.step * rows(EXTERNAL_FORCE)
+    return rows(EXTERNAL_IMPULSE) + 0.5 * external.behind.step * rows(EXTERNAL_FORCE)
 
 
 class PlasticPoints:
@@ -357,7 +357,7 @@ class PlasticPoints:
     def advance(self, first: int, last: int, step: float, viscosity: BulkViscosity | None = None) -> tuple:
         """Points first..last-1 by a step [s], see `mpm.elastic_plastic.advance_state`."""
         plane, places = True if self.dimension == 2 else None, TENSOR_ROWS[self.dimension]
-        viscosity = BulkViscosity(0.0, 0.0, 0.0, False) if viscosity is None else viscosity
+        viscosity = BulkViscosity(0.0, 0.0, 0.0) if viscosity is None else viscosity
         return advance_state(
             first, last, self.law, None, plane, places, step, viscosity, self.state, None, None, None, None,
             self.motion, self.rate, self.record, new_tile(),

@@ -12,7 +12,6 @@ import numpy as np
 from parsolid.kernels import inlined
 from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic, full_tensor
-from parsolid.materials.plastic.functions import temperature_rise
 from parsolid.materials.plastic.tile_update import (
     BACK_STRESS_ENERGY,
     HEAT,
@@ -255,8 +254,7 @@ def take_heat(particles: Particles, blocks: list[Any], heat: np.ndarray, rows: n
         # E is that of the part on this side of mirror planes, as the volume is
         own = heat[chosen] * of("share")[here]
         density = own / of("volume")[here]
-        capacity = block.law.density * block.law.specific_heat_at(temperature[here])
-        temperature[here] += temperature_rise(block.law, capacity, density)
+        temperature[here] += block.law.temperature_rise(temperature[here], density)
         energy[here] += density
         taken += float(own.sum())
     return taken

@@ -9,10 +9,12 @@ import numpy as np
 from pydantic import Field, FiniteFloat, model_validator
 
 from parsolid.materials.declaration import Phrase
+from parsolid.materials.plastic.heat_capacity import POINTS, heat_points
 from parsolid.materials.registry import declared
-from parsolid.scene.base_model import reject
+from parsolid.scene.base_model import Positive, SceneModel, reject
 from parsolid.scene.declared import DeclaredModel, laws, model_of, table_of
 from parsolid.scene.failure import Failure
+from parsolid.scene.formulas import number_of
 from parsolid.scene.library import entry, stated_sets
 from parsolid.scene.validation_errors import NOTHING
 
@@ -26,6 +28,62 @@ Melting: Any = laws("melting")
 KinematicHardening: Any = laws("kinematic-hardening")
 
 
+# temperatures at which a formula is looked at; shares of its largest value that straight lines need not, and may miss
+_LOOKS, _NEGLIGIBLE, _MISSED = 2001, 1e-6, 1e-3
+
+
+class HeatCapacity(SceneModel):
+    """C_v of the temperature: points with straight lines between them, or a formula of T between two temperatures.
+    Beyond the ends C_v stays what it is there."""
+
+    temperature: list[Positive] | None = Field(None, description="of points, rising [K]")
+    value: list[Positive] | None = Field(None, description="C_v there [J/(kg K)]")
+    formula: str | None = Field(None, description="C_v [J/(kg K)] of T [K]")
+    between: list[Positive] | None = Field(None, description="the two temperatures where the formula holds [K]")
+
+    @model_validator(mode="after")
+    def _sound(self) -> "HeatCapacity":
+        stated = {key for key in ("temperature", "value", "formula", "between") if getattr(self, key) is not None}
+        if stated not in ({"temperature", "value"}, {"formula", "between"}):
+            reject(
+                ((), "temperature and value, or formula and between", Phrase(", ".join(sorted(stated)) or "nothing"))
+            )
+        _ = self.points
+        return self
+
+    @cached_property
+    def points(self) -> Any:
+        """As laws take them."""
+        T, c = self._sampled() if self.formula is not None else (self.temperature or [], self.value or [])
+        if not 2 <= len(T) <= POINTS or len(c) != len(T):
+            reject((("temperature",), f"2 to {POINTS} numbers, as many as value has", len(T)))
+        if not np.all(np.diff(T) > 0.0):
+            reject((("temperature",), "numbers that rise", T))
+        return heat_points(T, c)
+
+    def _sampled(self) -> tuple[Any, Any]:
+        """Points between which straight lines miss the formula least: each is put where the others miss it most."""
+        assert self.formula is not None and self.between is not None
+        if len(self.between) != 2 or not self.between[0] < self.between[1]:
+            reject((("between",), "two temperatures that rise", self.between))
+        T, chosen = np.linspace(self.between[0], self.between[1], _LOOKS), [0, _LOOKS - 1]
+        try:
+            c = np.array([number_of(self.formula, {"T": one}) for one in T])
+        except ValueError as error:
+            reject((("formula",), "a formula in T", Phrase(str(error))))
+        if not (np.isfinite(c).all() and c.min() > 0.0):
+            reject((("formula",), "C_v above 0 between both temperatures", self.formula))
+        while True:
+            missed = np.abs(c - np.interp(T, T[chosen], c[chosen])) / c.max()
+            if missed.max() < _NEGLIGIBLE or len(chosen) == POINTS:
+                break
+            chosen = sorted([*chosen, int(missed.argmax())])
+        if missed.max() > _MISSED:
+            expected = f"a formula that {POINTS} points follow within {_MISSED:g}"
+            reject((("formula",), expected, Phrase(f"{missed.max():.2g}")))
+        return T[chosen], c[chosen]
+
+
 @table_of("elastic-plastic")
 class ElasticPlasticTable(DeclaredModel):
     """With `library`, what is not given is that of the material library; without, everything but conductivity and
@@ -34,6 +92,9 @@ class ElasticPlasticTable(DeclaredModel):
 
     conductivity_tensor: list[FiniteFloat] | None = Field(
         None, description="xx yy zz xy xz yz [W/(m K)] in axes that turn with the matter"
+    )
+    heat_capacity: HeatCapacity | None = Field(
+        None, description="a table: C_v of the temperature, in place of specific_heat and its slope"
     )
     library: str | None = Field(None, description="a name of parsolid/materials/plastic/library.toml")
     equation_of_state: EquationOfState | None = Field(None, description="a table: pressure of volume and heat")
@@ -57,6 +118,9 @@ class ElasticPlasticTable(DeclaredModel):
                 details.append((("melting",), f"a table, needed by the {key.replace('_', ' ')} {part.kind!r}", NOTHING))
         if getattr(getattr(self.parts["flow_stress"], "declared", None), "flows_in_volume", False):
             details += self._not_beside_flow_in_volume()
+        if stated.heat_capacity is not None:
+            given = [key for key in ("specific_heat", "specific_heat_slope") if getattr(stated, key) is not None]
+            details += [((key,), "no such key with heat_capacity", getattr(stated, key)) for key in given]
         heat, slope = self.parts["specific_heat"], self.parts["specific_heat_slope"]
         if heat is not None and not heat > slope * self.parts["reference_temperature"]:
             details.append((("specific_heat_slope",), "a specific heat that is positive at 0 K", slope))
@@ -102,6 +166,7 @@ class ElasticPlasticTable(DeclaredModel):
         result: dict[str, Any] = {
             "conductivity": None,
             "conductivity_tensor": None,
+            "heat_capacity": None,
             "specific_heat_slope": 0.0,
             "melting": None,
             "kinematic_hardening": None,
@@ -117,6 +182,10 @@ class ElasticPlasticTable(DeclaredModel):
         if table.conductivity_tensor is not None:
             # that of the library is of the isotropic solid
             result["conductivity"] = None
+        if table.heat_capacity is not None:
+            points = table.heat_capacity.points
+            own = np.interp(result["reference_temperature"], points.temperatures, points.values)
+            result |= {"heat_capacity": points, "specific_heat": float(own), "specific_heat_slope": 0.0}
         if table.youngs_modulus is not None:
             E, nu = table.youngs_modulus, table.poissons_ratio or 0.0
             linear: Any = model_of(declared("equation-of-state", "linear"))

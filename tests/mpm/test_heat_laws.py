@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from points import COPPER, scene, taylor_bar
+from scipy.integrate import quad
 from solids import Record, StepsToEnd, follow, simulation
 
 from parsolid.materials.plastic.elastic_plastic import of_material
@@ -12,6 +13,9 @@ from parsolid.scene import SceneError, parse_scene
 
 SLOPE = 383.0 * 2.5e-4
 WARMER = COPPER | {"specific_heat_slope": SLOPE}
+WITHOUT = {key: value for key, value in COPPER.items() if key != "specific_heat"}
+BY_POINTS = WITHOUT | {"heat_capacity": {"temperature": [250, 400, 700], "value": [380.0, 410.0, 425.0]}}
+BY_FORMULA = WITHOUT | {"heat_capacity": {"formula": "420 - 1.2e6/T**2 + 0.02*T", "between": [150, 1300]}}
 
 
 def block(material, end_time=1.0, **rest) -> dict:
@@ -24,18 +28,34 @@ def law_of(material):
     return of_material(parse_scene(block(material)).bodies[0].material)
 
 
-def test_the_energy_of_a_temperature_is_the_integral_of_the_specific_heat():
-    law, T = law_of(WARMER), 900.0
-    assert law.internal_energy(T) == pytest.approx(2.206e9, rel=5e-4)
-    data = block(WARMER, 1e-3, method={"motion": False}, loads={"heat_source": law.internal_energy(T) / 1e-3})
+def stated_heat(material, T) -> float:
+    """C_v [J/(kg K)] at a temperature [K] as the material says it."""
+    stated = material.get("heat_capacity", {})
+    if "formula" in stated:
+        return 420.0 - 1.2e6 / T**2 + 0.02 * T
+    if stated:
+        return float(np.interp(T, stated["temperature"], stated["value"]))
+    return 383.0 + SLOPE * (T - 300.0)
+
+
+@pytest.mark.parametrize("material", [WARMER, BY_POINTS, BY_FORMULA], ids=["line", "points", "formula"])
+def test_the_energy_of_a_temperature_is_the_integral_of_the_specific_heat(material):
+    law, T, corners = law_of(material), 900.0, [250.0, 400.0, 700.0]
+    wanted = law.density * quad(lambda x: stated_heat(material, x), 300.0, T, points=corners)[0]
+    # a formula is kept by points
+    assert law.internal_energy(T) == pytest.approx(wanted, rel=1e-4 if material is BY_FORMULA else 1e-12)
+    entropy = quad(lambda x: stated_heat(material, x) / x, 300.0, T, points=corners)[0]
+    assert law.entropy(T, 1.0) == pytest.approx(entropy, rel=1e-4 if material is BY_FORMULA else 1e-12)
+    data = block(material, 1e-3, method={"motion": False}, loads={"heat_source": law.internal_energy(T) / 1e-3})
     sim = simulation(data)
     # the first step is the whole time: what a particle gets is the integral, however long the step
     sim.take_step(1e-3)
     np.testing.assert_allclose(sim.systems[0].particles.owned_rows("temperature"), T, rtol=1e-12)
 
 
-def test_plastic_heat_raises_the_temperature_by_the_integral():
-    law = law_of(WARMER | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 2e9}})
+@pytest.mark.parametrize("material", [WARMER, BY_POINTS], ids=["line", "points"])
+def test_plastic_heat_raises_the_temperature_by_the_integral(material):
+    law = law_of(material | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 2e9}})
     point = PlasticPoint(law)
     state = point.initial_state()
     for shear in np.linspace(0.1, 2.0, 20):
@@ -80,6 +100,19 @@ def test_the_axes_of_a_conductivity_turn_with_the_matter(dimension):
     "change, told",
     [
         ({"specific_heat_slope": 2.0}, "specific_heat_slope: expected a specific heat that is positive at 0 K"),
+        ({"heat_capacity": BY_POINTS["heat_capacity"]}, "specific_heat: expected no such key with heat_capacity"),
+        (
+            {"specific_heat": None, "heat_capacity": {"formula": "T"}},
+            "heat_capacity: expected temperature and value, or",
+        ),
+        (
+            {"specific_heat": None, "heat_capacity": {"temperature": [300, 200], "value": [1.0, 1.0]}},
+            "heat_capacity.temperature: expected numbers that rise",
+        ),
+        (
+            {"specific_heat": None, "heat_capacity": {"formula": "T - 400", "between": [200, 500]}},
+            "heat_capacity.formula: expected C_v above 0",
+        ),
         ({"conductivity_tensor": [1.0, 1.0, 1.0, 2.0, 0.0, 0.0]}, "conductivity_tensor: expected six numbers"),
         ({"conductivity_tensor": [1.0] * 3}, "conductivity_tensor: expected six numbers"),
         ({"conductivity_tensor": [1.0] * 3 + [0.0] * 3, "conductivity": 1.0}, "conductivity: expected no such key"),

@@ -11,6 +11,7 @@ import numpy as np
 
 from parsolid.materials.declaration import Parameter, Phrase, law
 from parsolid.materials.failure.failure import Failure
+from parsolid.materials.plastic.heat_capacity import HeatPoints, capacity_at, entropy_of, heat_of, rise_by_heat
 
 # parts, each told apart by its kind or found in a file of its own
 PARTS = ("equation_of_state", "shear_modulus", "flow_stress", "melting", "kinematic_hardening")
@@ -20,7 +21,8 @@ class ElasticPlastic(NamedTuple):
     """Parameters in SI units; the parts are NamedTuples of `materials`.
 
     density [kg/m^3], specific_heat C_v [J/(kg K)] at the reference_temperature [K], that of the state without stress
-    and energy, and specific_heat_slope dC_v/dT [J/(kg K^2)]; taylor_quinney: share of the plastic work that heats;
+    and energy, and specific_heat_slope dC_v/dT [J/(kg K^2)], or heat_points in place of both; taylor_quinney: share of
+    the plastic work that heats;
     conductivity [W/(m K)] or None, the largest if there is a conductivity_tensor (xx yy zz xy xz yz, None: isotropic);
     equation_of_state, shear_modulus, flow_stress, melting (None: never), failure (None: never), kinematic_hardening
     (None: the yield surface stays about no stress).
@@ -41,6 +43,7 @@ class ElasticPlastic(NamedTuple):
     conductivity_tensor: tuple[float, ...] | None = None
     failure: Failure | None = None
     kinematic_hardening: Any = None
+    heat_points: HeatPoints | None = None
 
     def internal_energy(self, temperature: Any, without_energy: Any = None) -> Any:
         """E [J/m^3] of the undeformed body at temperatures [K]; 0 at others, the reference unless given."""
@@ -49,6 +52,8 @@ class ElasticPlastic(NamedTuple):
 
     def heat(self, temperature: Any) -> Any:
         """int_0^T C_v dT [J/kg] at temperatures [K]."""
+        if self.heat_points is not None:
+            return heat_of(self.heat_points, temperature) - heat_of(self.heat_points, 0.0)
         start = self.specific_heat - self.specific_heat_slope * self.reference_temperature
         return (start + 0.5 * self.specific_heat_slope * temperature) * temperature
 
@@ -57,15 +62,24 @@ class ElasticPlastic(NamedTuple):
 
         T deta = C_v (dT + gamma T dJ), which for a C_v that depends on T and a gamma is no differential.
         """
-        slope, reference = self.specific_heat_slope, self.reference_temperature
         gamma = getattr(self.equation_of_state, "gamma", 0.0)
-        by_heat = (self.specific_heat - slope * reference) * np.log(temperature / reference)
-        by_heat += slope * (temperature - reference)
-        return by_heat + gamma * self.specific_heat_at(temperature) * (jacobian - 1.0)
+        return self._entropy_of_heat(temperature) + gamma * self.specific_heat_at(temperature) * (jacobian - 1.0)
+
+    def _entropy_of_heat(self, temperature: Any) -> Any:
+        """int C_v/T dT [J/(kg K)] from the reference temperature to temperatures [K]."""
+        if self.heat_points is None:
+            slope, reference = self.specific_heat_slope, self.reference_temperature
+            by_heat = (self.specific_heat - slope * reference) * np.log(temperature / reference)
+            return by_heat + slope * (temperature - reference)
+        return entropy_of(self.heat_points, temperature) - entropy_of(self.heat_points, self.reference_temperature)
 
     def specific_heat_at(self, temperature: Any) -> Any:
         """C_v [J/(kg K)] at temperatures [K]."""
-        return self.specific_heat + self.specific_heat_slope * (temperature - self.reference_temperature)
+        return capacity_at(self.heat_points, self, temperature)
+
+    def temperature_rise(self, temperature: Any, heat: Any) -> Any:
+        """[K] from temperatures on by heat [J/m^3] of the undeformed volume."""
+        return rise_by_heat(self.heat_points, self, temperature, heat)
 
 
 @law("elastic-plastic", "elastic-plastic")
@@ -120,7 +134,8 @@ def of_material(material) -> ElasticPlastic:
         conductivity = np.linalg.eigvalsh(full_tensor(tensor))[-1]
     isotropic = None if conductivity is None else float(conductivity)
     failure = None if material.failure is None else material.failure.build(density)
-    return ElasticPlastic(conductivity=isotropic, conductivity_tensor=tensor, failure=failure, **numbers, **parts)
+    given: dict[str, Any] = {"heat_points": stated["heat_capacity"], "failure": failure}
+    return ElasticPlastic(conductivity=isotropic, conductivity_tensor=tensor, **given, **numbers, **parts)
 
 
 def full_tensor(components: Any) -> np.ndarray:

@@ -10,6 +10,7 @@ import math
 
 from parsolid.kernels import inlined
 from parsolid.materials.law_functions import law_function
+from parsolid.materials.plastic.heat_capacity import capacity_at, rise_by_heat
 
 # below this equivalent plastic strain rate [1/s] a flow stress counts as rate-independent
 SLOWEST_RATE = 1e-12
@@ -96,14 +97,13 @@ def back_stress_energy(hardening, square):
 @inlined
 def specific_heat(law, temperature):
     """C_v [J/(kg K)] of an elastic-plastic law at a temperature [K]."""
-    return law.specific_heat + law.specific_heat_slope * (temperature - law.reference_temperature)
+    return capacity_at(law.heat_points, law, temperature)
 
 
 @inlined
-def temperature_rise(law, capacity, heat):
-    """x [K] of int C dT = heat [J/m^3] from a temperature on where rho0 C_v is `capacity` [J/(m^3 K)]."""
-    grows = law.density * law.specific_heat_slope
-    return 2.0 * heat / (capacity + (capacity * capacity + 2.0 * grows * heat) ** 0.5)
+def temperature_rise(law, temperature, heat):
+    """x [K] of int rho0 C_v dT = heat [J/m^3] from a temperature [K] on."""
+    return rise_by_heat(law.heat_points, law, temperature, heat)
 
 
 @inlined

@@ -52,6 +52,14 @@ class MicroInertia(NamedTuple):
     heat_relaxation_time: float | None
     conductivity: float | None
 
+    def heat(self, temperature: Any) -> Any:
+        """int_0^T C_v dT [J/kg] at temperatures [K]."""
+        return self.specific_heat * temperature
+
+    def temperature_rise(self, temperature: Any, heat: Any) -> Any:
+        """[K] by heat [J/m^3] of the undeformed volume."""
+        return heat / (self.density * self.specific_heat)
+
 
 _OPTIONAL = (
     *("energetic_length", "hardening_length", "dissipative_length", "inertia_length"),

@@ -310,7 +310,7 @@ def release_back_stress(law, hardening, tile):
             stored = tile[NEW_JACOBIAN * TILE + p] * back_stress_energy(hardening, contract_symmetric(back, back))
             lost, left = stored if failed else 0.0, 0.0 if failed else 1.0
             tile[RELEASED * TILE + p] += lost
-            tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[CAPACITY * TILE + p], lost)
+            tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[TEMPERATURE * TILE + p], lost)
             for c in range(6):
                 tile[(BACK_STRESS + c) * TILE + p] *= left
                 tile[(REFERENTIAL_BACK_STRESS + c) * TILE + p] *= left
@@ -416,7 +416,8 @@ def finish_step(law, failure, step, tile):
         worked = tile[ENERGY * TILE + p] + tile[_WORK * TILE + p] + heat
         dissipated = tile[PLASTIC_WORK * TILE + p] - tile[BACK_STRESS_ENERGY * TILE + p]
         warmed = law.taylor_quinney * dissipated + heat
-        rise, temperature = temperature_rise(law, tile[CAPACITY * TILE + p], warmed), tile[TEMPERATURE * TILE + p]
+        temperature = tile[TEMPERATURE * TILE + p]
+        rise = temperature_rise(law, temperature, warmed)
         energy = (worked - 0.5 * (pressure + cold) * change) / (1.0 + part)
         new_temperature, new_pressure = (temperature * (1.0 - part) + rise) / (1.0 + part), cold + gamma * energy
         if failure is not None:
@@ -502,7 +503,7 @@ def _fail(law, failure, step, tile):
         released = max(stored - unpaid, 0.0) if fails else 0.0
         tile[RELEASED * TILE + p], tile[DAMAGE * TILE + p] = released, damage
         tile[ENERGY * TILE + p] -= unpaid if fails else 0.0
-        tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[CAPACITY * TILE + p], released)
+        tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[TEMPERATURE * TILE + p], released)
         left = 0.0 if failed else 1.0
         store_symmetric(tile, DEVIATOR * TILE + p, times_symmetric(left, s))
         tile[PRESSURE * TILE + p] = max(pressure, 0.0) if failed else pressure

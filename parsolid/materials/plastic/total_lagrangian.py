@@ -255,7 +255,7 @@ def find_flow(law, hardening, step, tile):
                 tile[(DEVIATOR + c) * TILE + p] *= factor
         tile[PLASTIC_STRAIN * TILE + p] += x
         part, heat = 0.5 * gamma * (J - tile[JACOBIAN * TILE + p]), tile[HEAT * TILE + p]
-        rise = temperature_rise(law, tile[CAPACITY * TILE + p], law.taylor_quinney * dissipated + heat)
+        rise = temperature_rise(law, temperature, law.taylor_quinney * dissipated + heat)
         tile[TEMPERATURE * TILE + p] = (temperature * (1.0 - part) + rise) / (1.0 + part)
         tile[PLASTIC_WORK * TILE + p], tile[RELEASED * TILE + p] = work, 0.0
         # what criteria of failure see, of the work of the old stress
@@ -284,7 +284,7 @@ def fail(law, failure, step, tile):
             tile[(LOGARITHMS + c) * TILE + p] *= left
         store_symmetric(tile, DEVIATOR * TILE + p, times_symmetric(left, s))
         tile[DAMAGE * TILE + p], tile[RELEASED * TILE + p] = damage, released
-        tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[CAPACITY * TILE + p], released)
+        tile[TEMPERATURE * TILE + p] += temperature_rise(law, tile[TEMPERATURE * TILE + p], released)
 
 
 @kernel

@@ -97,16 +97,11 @@ class State(NamedTuple):
 
 
 class BulkViscosity(NamedTuple):
-    """q = rho h |tr d| (quadratic h |tr d| + linear c) of compression, h the spacing of the grid [m].
-
-    centred: whether the work of both q and the change of pressure since the last forces is heat, as it is where forces
-    of a time act for half of the steps before and after it (`external_forces`); else that of q.
-    """
+    """q = rho h |tr d| (quadratic h |tr d| + linear c) of compression, h the spacing of the grid [m]."""
 
     linear: float
     quadratic: float
     spacing: float
-    centred: bool = False
 
 
 @kernel
@@ -183,11 +178,13 @@ def load_rates(tile, rate, deleted, i, count):
 
 @inlined
 def add_viscous_heat(law, failure, viscosity, motion, stress, i, count, tile, q):
-    """Viscous pressure q (TILE,) [Pa] of the step, whose work goes to HEAT; after `start_step`.
+    """Viscous pressure q (TILE,) [Pa] of the step; after `start_step`.
 
-    stress (capacity, 8): V sigma before the step. Failed matter resists under pressure alone.
+    stress (capacity, 8): V sigma before the step. Forces of a time act for half of the steps before and after it: HEAT
+    is the work of the mean of q and of its last value, with what the pressure has changed since the last forces. Failed
+    matter resists under pressure alone.
     """
-    linear, quadratic, spacing, centred = viscosity
+    linear, quadratic, spacing = viscosity
     for p in range(TILE):
         jump = max(-tile[VOLUME_RATE * TILE + p], 0.0) * spacing
         density = law.density / tile[MIDDLE_JACOBIAN * TILE + p]
@@ -195,13 +192,12 @@ def add_viscous_heat(law, failure, viscosity, motion, stress, i, count, tile, q)
         if failure is not None:
             intact = tile[DAMAGE * TILE + p] < 1.0 or tile[PRESSURE * TILE + p] > 0.0
             q[p] = q[p] if intact else 0.0
-        tile[HEAT * TILE + p] = -q[p] * (tile[NEW_JACOBIAN * TILE + p] - tile[JACOBIAN * TILE + p])
-    if centred:
-        for p in range(count):
-            volume = motion[i + p, 7] * tile[JACOBIAN * TILE + p]
-            before = (stress[i + p, 0] + stress[i + p, 1] + stress[i + p, 2]) / 3.0 / max(volume, 1e-300)
-            change = tile[NEW_JACOBIAN * TILE + p] - tile[JACOBIAN * TILE + p]
-            tile[HEAT * TILE + p] = -0.5 * (q[p] - tile[PRESSURE * TILE + p] - before) * change
+        tile[HEAT * TILE + p] = 0.0
+    for p in range(count):
+        volume = motion[i + p, 7] * tile[JACOBIAN * TILE + p]
+        before = (stress[i + p, 0] + stress[i + p, 1] + stress[i + p, 2]) / 3.0 / max(volume, 1e-300)
+        change = tile[NEW_JACOBIAN * TILE + p] - tile[JACOBIAN * TILE + p]
+        tile[HEAT * TILE + p] = -0.5 * (q[p] - tile[PRESSURE * TILE + p] - before) * change
 
 
 @kernel
@@ -296,7 +292,7 @@ class ElasticPlasticSolid:
         self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), float(settings.cell))
         self._tile = new_tile(count_of(law.failure))
 
-    def advance(self, block: MaterialBlock, step: float, centred: bool) -> tuple[bool, float, dict[str, float]]:
+    def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticSolid.advance`."""
         points, law, of = self.points, self.law, self.points.storage
         state = State._make((*map(of, State._fields[:-2]), *plastic_fields.flow_state(points, law)))
@@ -307,7 +303,7 @@ class ElasticPlasticSolid:
         plane, places = True if points.dimension == 2 else None, TENSOR_ROWS[points.dimension]
         arrays = points.motion, of("velocity_gradient"), of("stress_and_volume")
         sound, fastest, plastic, viscous, released, stored = advance_state(
-            block.first, block.last, law, law.failure, plane, places, step, self.viscosity._replace(centred=centred),
+            block.first, block.last, law, law.failure, plane, places, step, self.viscosity,
             state, failing, strength, deleted, points.find("plastic_rise"), *arrays, self._tile,
         )  # fmt: skip
         terms = {"plastic_work": plastic, "viscous_work": viscous}

@@ -5,10 +5,11 @@ import numpy as np
 from parsolid.boundary.loads import Loads
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_KINETIC
-from parsolid.methods.mpm.external_forces import ExternalForces
+from parsolid.methods.mpm.external_forces import ExternalForces, LaggingWork
 from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.protocol import EnergyLedger
+from parsolid.scene.method_settings import KINETIC_OFFSET
 
 
 @kernel
@@ -55,13 +56,20 @@ class StepEnergies:
     the momentum that is mapped back instead of v_i, and loses sum_i m_i a_i . (v_i - u_i) / 2 less: where particles add
     all of the changes a_i, nothing. USL strains with all of a_i, of which the next step's nodes keep only what
     particles took: it loses L = (sum_i m_i a_i^2 - sum_p m_p (sum_i w_ip a_i)^2) / 2 more.
+
+    Kinetic energy is that of velocities behind places; the work of stresses that they do not have yet is its offset.
     """
 
     def __init__(
-        self, points: MaterialPoints, nodes: Nodes, forces: np.ndarray | None, external: ExternalForces | None
+        self,
+        points: MaterialPoints,
+        nodes: Nodes,
+        forces: np.ndarray | None,
+        external: ExternalForces | None,
+        behind: LaggingWork,
     ):
         """forces (capacity, 4) [N]: of the loads, or None; external: where contact, ties or tools act."""
-        self.points, self.nodes, self.forces, self.external = points, nodes, forces, external
+        self.points, self.nodes, self.forces, self.external, self.behind = points, nodes, forces, external, behind
         settings = points.settings
         self.adds_changes, self.remaps = settings.adds_changes, settings.order == "musl"
         self.loses = "velocity_slope" in points or not (self.adds_changes and self.remaps) or external is not None
@@ -87,25 +95,29 @@ class StepEnergies:
             mean = moved / step
             supplied += duration * float((self.forces[: len(mean), :3] * mean).sum())
             loads.observe(duration, mean[:, : self.points.dimension].T)
-        if self.external is None:
-            lost = self._lost() + caught
-        else:
+        before = self.behind.work
+        if self.external is not None:
             lost = self.kinetic + self.external.work + supplied - self._kinetic_now()
+        else:
+            lost = self._lost() + caught
         ledger.add(1.0, 0.0, lost, supplied)
         loads.report(duration, ledger)
         for name, energy in (materials | self._delete(step, loads)).items():
             ledger.add_term(name, energy)
+        if self.external is None:
+            ledger.add_term(KINETIC_OFFSET, before - self.behind.work)
 
     def _delete(self, step: float, loads: Loads) -> dict[str, float]:
         """Terms [J] of what is deleted; after the step's balance, which would take it for a loss."""
-        if self.external is not None:
-            self.external.follow(step)
+        in_halves = self.external is not None
+        self.behind.follow(step, in_halves)
+        if self.external is not None and step > 0.0:
+            self.external.goes_on = False
         gone = self.points.delete_failed()
         if gone:
             loads.masses_changed()
-            if self.external is not None:
-                # velocities that went with it were half a step behind, too
-                gone[DELETED_KINETIC] -= self.external.follow(step)
+            # velocities that went with it were half a step behind, too
+            gone[DELETED_KINETIC] -= self.behind.follow(step, in_halves)
         return gone
 
     def _kinetic_now(self) -> float:

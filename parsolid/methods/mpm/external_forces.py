@@ -12,7 +12,6 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
-from parsolid.collective import SolverError
 from parsolid.kernels import kernel
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.particles.declaration import Field
@@ -49,18 +48,46 @@ def power_at_end(owned, stress, rate, step):
     return total / step
 
 
+class LaggingWork:
+    """Work [J] of stresses that velocities do not have yet: they are behind places.
+
+    step: the last one [s]; lag [s]: by which velocities are behind, half of it where external forces make every kick
+    one of two halves. Kicks as long as their steps keep the lag of the first one.
+    """
+
+    def __init__(self, points: MaterialPoints) -> None:
+        self.points, self.step, self.lag, self.work = points, 0.0, 0.0, 0.0
+
+    def follow(self, step: float, in_halves: bool) -> float:
+        """Of new stresses after a step [s]; what there is more of it [J] than was known."""
+        before = self.work
+        if step > 0.0:
+            storage = self.points.storage
+            arrays = storage("stress_and_volume"), storage("velocity_gradient")
+            self.step, self.lag = step, 0.5 * step if in_halves or self.lag == 0.0 else self.lag
+            self.work = -self.lag * power_at_end(self.points.owned, *arrays, step)
+        return self.work - before
+
+    def state(self) -> dict[str, Any]:
+        """What a restart needs."""
+        return {"step": self.step, "lag": self.lag, "work": PerRank(self.work)}
+
+    def set_state(self, comm: MPI.Comm, state: dict[str, Any]) -> None:
+        """Take back what `state` gave, on any number of ranks."""
+        self.step, self.lag, self.work = state["step"], state["lag"], float(own_share(comm, state["work"])[0])
+
+
 class ExternalForces:
     """What external forces take of the particles' energies.
 
     Fields besides those of `ParticleSystem.take_external_forces`: "moved", the mean velocity of places in the last step
-    [m/s], and, where several steps make a common one, the same of that. step: the last one [s]; goes_on: whether the
-    next one goes on from another run's velocities, whose last step is taken to be as long; work [J]: of all forces in
-    the present step; behind [J]: of the first halves of stresses, which velocities do not have yet.
+    [m/s], and, where several steps make a common one, the same of that. goes_on: whether the next one goes on from
+    another run's velocities, whose last step is taken to be as long; work [J]: of all forces in the present step;
+    behind: the system's.
     """
 
-    def __init__(self, points: MaterialPoints) -> None:
-        self.points, self.step, self.goes_on = points, 0.0, False
-        self.behind, self.work = 0.0, 0.0
+    def __init__(self, points: MaterialPoints, behind: LaggingWork) -> None:
+        self.points, self.behind, self.goes_on, self.work = points, behind, False, 0.0
         points.declare(Field("moved", points.dimension, "m/s", checkpointed=True))
         self._mean = "moved"
         if points.settings.substeps not in (None, 1):
@@ -72,7 +99,7 @@ class ExternalForces:
 
     def duration(self, step: float) -> float:
         """For how long [s] forces of the present places act in a step [s]: half of it and of the last one."""
-        last = step if self.goes_on else self.step
+        last = step if self.goes_on else self.behind.step
         return 0.5 * (last + step) if step > 0.0 else 0.0
 
     def add_to(self, forces: np.ndarray | None, step: float, place: tuple[int, int]) -> np.ndarray | None:
@@ -85,7 +112,7 @@ class ExternalForces:
             return forces
         rows, duration, result = self.points.owned_rows, self.duration(step), forces
         force, impulse = rows(EXTERNAL_FORCE), rows(EXTERNAL_IMPULSE)
-        self.work = self.behind + float(np.sum((duration - 0.5 * step) * force * rows("moved")))
+        self.work = self.behind.work + float(np.sum((duration - 0.5 * step) * force * rows("moved")))
         self.work += float(np.sum(impulse * rows(self._mean)))
         if force.any() or impulse.any():
             result = np.zeros((self.points.capacity, 4)) if forces is None else forces.copy()
@@ -110,35 +137,8 @@ class ExternalForces:
             rows(self._mean)[:] = now / count + (rows(self._mean) if number else 0.0)
         self.work -= 0.5 * step * power(owned, storage("stress_and_volume"), storage("velocity_gradient"))
 
-    def follow(self, step: float) -> float:
-        """The work of the first half of new stresses in a step [s]; what there is more of it [J] than was known."""
-        before = self.behind
-        if step > 0.0:
-            storage = self.points.storage
-            arrays = storage("stress_and_volume"), storage("velocity_gradient")
-            self.step, self.goes_on = step, False
-            self.behind = -0.5 * step * power_at_end(self.points.owned, *arrays, step)
-        return self.behind - before
-
-    def go_on(self, step: float) -> None:
-        """From another run's state, whose steps were about so long [s]."""
-        self.follow(step)
-        self.goes_on = True
-
     def energy(self) -> float:
         """What particles will have gained by the time of their places [J]: velocities are half a step behind."""
         rows = self.points.owned_rows
-        first_half = 0.5 * self.step * np.sum(rows(EXTERNAL_FORCE) * rows("moved"))
-        return float(first_half + np.sum(rows(EXTERNAL_IMPULSE) * rows(self._mean))) + self.behind
-
-    def state(self) -> dict[str, Any]:
-        """What a restart needs besides fields."""
-        return {"step": self.step, "behind": PerRank(self.behind)}
-
-    def set_state(self, comm: MPI.Comm, state: dict[str, Any] | None) -> None:
-        """Take back what `state` gave, on any number of ranks. Raises SolverError, on all, where there is nothing."""
-        if not state:
-            raise SolverError(
-                "method: expected a checkpoint with the step and the work that velocities lack, found one without"
-            )
-        self.step, self.behind = state["step"], float(own_share(comm, state["behind"])[0])
+        first_half = 0.5 * self.behind.step * np.sum(rows(EXTERNAL_FORCE) * rows("moved"))
+        return float(first_half + np.sum(rows(EXTERNAL_IMPULSE) * rows(self._mean))) + self.behind.work

@@ -281,10 +281,10 @@ def take_heat(first, last, law, thermal, motion, temperature, energy):
     for p in range(first, last):
         heat = thermal[p, 1] * (thermal[p, 0] - temperature[0, p]) / motion[p, 7]
         energy[0, p] += heat
-        if law.specific_heat_slope == 0.0:
+        if law.heat_points is None and law.specific_heat_slope == 0.0:
             temperature[0, p] = thermal[p, 0]
         else:
-            temperature[0, p] += temperature_rise(law, thermal[p, 1] / motion[p, 7], heat)
+            temperature[0, p] += temperature_rise(law, temperature[0, p], heat)
 
 
 class Conduction:

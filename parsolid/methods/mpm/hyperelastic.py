@@ -129,9 +129,8 @@ class HyperelasticSolid:
         """What the law has of each particle (values, n), or None."""
         return None if self._rows is None else self.points.storage(RECORD)[self._rows]
 
-    def advance(self, block: MaterialBlock, step: float, centred: bool) -> tuple[bool, float, dict[str, float]]:
-        """Sound, largest c + |v| [m/s] and terms of the ledger [J] of the law's particles after a step [s]; centred:
-        see `elastic_plastic.BulkViscosity`."""
+    def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
+        """Sound, largest c + |v| [m/s] and terms of the ledger [J] of the law's particles after a step [s]."""
         of, places = self.points.storage, TENSOR_ROWS[self.points.dimension]
         arrays = of("deformation_gradient"), self.points.motion, of("velocity_gradient"), of("stress_and_volume")
         of_particles = self._field, self._tile, self._lost

@@ -8,7 +8,6 @@ import numpy as np
 from parsolid.boundary.loads import Loads
 from parsolid.kernels import inlined
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
-from parsolid.materials.plastic.functions import temperature_rise
 from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import declare_failure, failed_to_delete, note_deleted
 from parsolid.methods.failure_fields import DELETED_INTERNAL, DELETED_KINETIC, kept_column
@@ -214,8 +213,7 @@ class MaterialPoints(Particles):
             here = rows[chosen]
             density = heat[chosen] / self.motion[here, 7]
             temperature = self.owned_rows("temperature")
-            capacity = block.law.density * block.law.specific_heat_at(temperature[here])
-            temperature[here] += temperature_rise(block.law, capacity, density)
+            temperature[here] += block.law.temperature_rise(temperature[here], density)
             self.owned_rows("internal_energy")[here] += density
             taken += float(heat[chosen].sum())
         return taken

@@ -11,7 +11,7 @@ from parsolid.methods.plastic_fields import FLOW_FIELDS, PLASTIC_STATE, fields_o
 from parsolid.scene.base_model import Point, Positive, dimension_of, reject
 from parsolid.scene.contact import in_contact
 from parsolid.scene.failure import QUANTITIES, faults_of_names
-from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.method_settings import KINETIC_OFFSET, MethodSettings
 from parsolid.scene.viscosity import ArtificialViscosity
 from parsolid.scene.warned import Note
 
@@ -55,7 +55,7 @@ class MaterialPoint(MethodSettings):
     declared_fields: ClassVar = (*PLASTIC_STATE, DAMAGE)
     extra_fields: ClassVar = FLOW_FIELDS | {"density": "scalar", "velocity_gradient": "tensor", "grid_volume": "scalar"}
     pictured_fields: ClassVar = ("plastic_strain", "von_mises_stress", "pressure")
-    ledger_terms: ClassVar = {"plastic_work": 0, "viscous_work": 0, "heat_supplied": -1}
+    ledger_terms: ClassVar = {KINETIC_OFFSET: -1, "plastic_work": 0, "viscous_work": 0, "heat_supplied": -1}
     viscous_terms: ClassVar = ("viscous_work",)
     extra_quantities: ClassVar = {
         "maximum_temperature": "scalar",

@@ -19,7 +19,7 @@ from parsolid.methods.mpm.cells import CellMigration
 from parsolid.methods.mpm.conditions import GridConditions
 from parsolid.methods.mpm.elastic_plastic import ElasticPlasticSolid
 from parsolid.methods.mpm.energies import StepEnergies
-from parsolid.methods.mpm.external_forces import ExternalForces
+from parsolid.methods.mpm.external_forces import ExternalForces, LaggingWork
 from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.heat import Conduction, common_conductivity, conducts
 from parsolid.methods.mpm.hyperelastic import HyperelasticSolid
@@ -68,6 +68,7 @@ class MaterialPoint(Reports):
         if conducting:
             self.conduction = Conduction(scene, self.conditions, points, self.nodes, thermal)
         self.migration = CellMigration(self.grid, points)
+        self.behind = LaggingWork(points)
         self.external: ExternalForces | None = None
         # of a step whose nodes have been accelerated already
         self._energies: StepEnergies | None = None
@@ -84,7 +85,7 @@ class MaterialPoint(Reports):
         points, nodes, external = self.points, self.nodes, self.external
         nodes.follow_cells()
         forces, duration = self._load_forces(time), step
-        self._energies = StepEnergies(points, nodes, forces, external)
+        self._energies = StepEnergies(points, nodes, forces, external, self.behind)
         if external is not None:
             forces = external.add_to(forces, step, (self.substep, self.substeps))
             duration = external.duration(step)
@@ -156,7 +157,7 @@ class MaterialPoint(Reports):
         are sound, and what this rank's laws tell the ledger [J]."""
         sound, self.fastest, terms = True, 0.0, {"plastic_work": 0.0, "viscous_work": 0.0}
         for block in self.points.blocks:
-            good, speed, more = self.solids[block.law].advance(block, step, self.external is not None)
+            good, speed, more = self.solids[block.law].advance(block, step)
             sound, self.fastest = sound and good, max(self.fastest, speed)
             for name, found in more.items():
                 terms[name] = terms.get(name, 0.0) + found
@@ -198,8 +199,11 @@ class MaterialPoint(Reports):
         self.nodes.follow_cells()
         self.advance_stress(0.0)
         take_forces(self.comm, scene, self)
-        if taken and self.external is not None:
-            self.external.go_on(min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf))
+        if taken:
+            last = min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf)
+            self.behind.follow(last, self.external is not None)
+            if self.external is not None:
+                self.external.goes_on = True
         self._look_at_heat()
 
     def resume(self) -> None:
@@ -218,7 +222,7 @@ class MaterialPoint(Reports):
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
         return {
-            "external": None if self.external is None else self.external.state(),
+            "behind": self.behind.state(),
             "partition": self.grid.partition.state(),
             "steps": self.migration.steps,
             "fastest": maximum(self.comm, self.fastest),
@@ -232,8 +236,7 @@ class MaterialPoint(Reports):
         partition = CutTree.from_state(state["partition"], self.dimension)
         for one, kept in zip(self.conditions.driven, state.get("driven_planes", ())):
             one.moved, one.at = kept
-        if self.external is not None:
-            self.external.set_state(self.comm, state.get("external"))
+        self.behind.set_state(self.comm, state["behind"])
         self.plastic_work = float(own_share(self.comm, state["plastic_work"])[0])
         if partition.ranks == self.comm.size:
             self._partition = partition
@@ -246,7 +249,7 @@ class MaterialPoint(Reports):
         if keep_rows:
             self.migration.keep_rows()
         if self.external is None:
-            self.external = ExternalForces(self.points)
+            self.external = ExternalForces(self.points, self.behind)
 
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]

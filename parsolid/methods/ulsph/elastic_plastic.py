@@ -254,8 +254,8 @@ class ElasticPlasticSolid:
         if self.law.conductivity is None:
             return float(np.inf)
         of = particles.owned_rows
-        least = float((of("density")[here] * of("smoothing_length")[here] ** 2).min())
-        return float(0.5 * self.law.specific_heat * least / self.law.conductivity)
+        capacity = self.law.specific_heat_at(of("temperature")[here]) * of("density")[here]
+        return float(0.5 * (capacity * of("smoothing_length")[here] ** 2).min() / self.law.conductivity)
 
     def pressures(self, particles: Particles, here: slice) -> np.ndarray:
         """P (n,) [Pa]."""

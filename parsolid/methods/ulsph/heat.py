@@ -44,8 +44,8 @@ class Temperatures:
         """solids: with their law, and whether its stored energy holds heat; collective."""
         self.particles = particles
         law_of_body = particles.law_of_body
-        # of each body [J/(kg K)]; density [kg/m^3] of its law where it stores heat, else 0
-        self._capacity = np.array([solid.law.specific_heat for solid in solids])[law_of_body]
+        self._laws, self._law_of_body = [solid.law for solid in solids], law_of_body
+        # density [kg/m^3] of each body's law where it stores heat, else 0
         storing = [solid.law.density if solid.stores_heat else 0.0 for solid in solids]
         self._storing = np.array(storing)[law_of_body]
         self._prescribed = []
@@ -60,7 +60,9 @@ class Temperatures:
         for chosen, temperature in self._prescribed:
             rows = chosen.rows
             values = temperature.evaluate(np.ascontiguousarray(of("reference_position")[rows]), time)[:, 0]
-            heat = self._capacity[of("body")[rows]] * (values - of("temperature")[rows]) * of("mass")[rows]
+            before, heat = of("temperature")[rows], np.zeros(len(rows))
+            for law, here in self._by_laws(rows):
+                heat[here] = (law.heat(values[here]) - law.heat(before[here])) * of("mass")[rows[here]]
             of("temperature")[rows] = values
             self.supplied += float(heat.sum())
             self.stored += self._store(rows, heat)
@@ -68,8 +70,17 @@ class Temperatures:
     def take(self, heat: np.ndarray, rows: np.ndarray) -> float:
         """Warm rows (n,) by heat (n,) [J]; what of it stored energies hold [J]."""
         of = self.particles.owned_rows
-        of("temperature")[rows] += heat / (of("mass")[rows] * self._capacity[of("body")[rows]])
+        temperature = of("temperature")
+        for law, here in self._by_laws(rows):
+            chosen = rows[here]
+            density = heat[here] * law.density / of("mass")[chosen]
+            temperature[chosen] += law.temperature_rise(temperature[chosen], density)
         return self._store(rows, heat)
+
+    def _by_laws(self, rows: np.ndarray) -> list[tuple[Any, np.ndarray]]:
+        """Each law with the places of its particles in rows (n,)."""
+        numbers = self._law_of_body[self.particles.owned_rows("body")[rows]]
+        return [(law, np.flatnonzero(numbers == number)) for number, law in enumerate(self._laws)]
 
     def _store(self, rows: np.ndarray, heat: np.ndarray) -> float:
         """Add heat (n,) [J] to the internal energy of those rows whose law has one; how much that is [J]."""

@@ -116,17 +116,22 @@ class Neighbours:
         self._mirror_record()
 
     def _follow_images(self, images: Any, codes: Any) -> None:
-        """Factors and shifts that make rows of images of the rows that they mirror: v' = Q v, x' = R x + T,
-        sigma' = s Q sigma Q; fluxes are reflected."""
+        """Factors and shifts that make rows of images of the rows that they mirror: v' = Q v, x' = R x + T, P' = Q P R,
+        so that the power of forces is that of stresses on the rates; fluxes, and P in weights, are reflected."""
         d, stride, m = self.dimension, self.stride, len(images.source)
         Q, R, T = (array[images.code, :d] for array in (codes.signs, codes.reflections, codes.shifts))
-        sign = codes.stress_signs[images.code, None]
         self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
         self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, R
+        # for the viscosity v' = R v: what it takes of a pair is then what it takes of the image of the pair
+        self._forces_factor = self._motion_factor.copy()
+        self._forces_factor[:, :d] = R
         self._shift[:, stride : stride + d] = T
         self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
         for j in range(d):
-            self._record_factor[:, stride * j : stride * j + d] = sign * Q[:, j : j + 1] * Q
+            self._record_factor[:, stride * j : stride * j + d] = Q * R[:, j : j + 1]
+        self._tension_factor = np.ones((m, 8 if d == 3 else 4))
+        for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)) if d == 3 else ((0, 1),)):
+            self._tension_factor[:, d + column] = R[:, i] * R[:, j]
         self._flux_factor[:, :d] = self._flux_factor[:, stride : stride + d] = R
 
     def _reference(self, images: Any, codes: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -167,14 +172,14 @@ class Neighbours:
         motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
         self._fill(0, owned, self._motion, motion)
         self._fill(0, owned, self._flux, flux)
-        self._find_tension(0, len(record), False)
+        self._find_tension(0, known, False)
         self.rates[:], self.flows[:] = 0.0, 0.0
 
         def received() -> None:
             drift_ghosts()
             self._fill(owned, known, self._motion, motion)
             self._fill(owned, known, self._flux, flux)
-            self._mirror_motion()
+            self._mirror_motion(True)
 
         def add(pairs: Pairs, both: bool) -> None:
             for part, between in self._parts[id(pairs)]:
@@ -189,7 +194,7 @@ class Neighbours:
         owned, known = self.particles.owned, self.particles.owned + self.particles.ghosts
         motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
         self._fill(0, known, self._motion, motion)
-        self._mirror_motion()
+        self._mirror_motion(False)
         self._fill(0, owned, self._record, record)
         self._find_tension(0, owned, True)
         self._forces[:], self._heating[:], self.slopes[:] = 0.0, 0.0, 0.0
@@ -197,7 +202,7 @@ class Neighbours:
         def received() -> None:
             self._fill(owned, known, self._record, record)
             self._mirror_record()
-            self._find_tension(owned, len(record), True)
+            self._find_tension(owned, known, True)
 
         def add(pairs: Pairs, both: bool) -> None:
             sums = self._forces, self._heating, self.slopes
@@ -229,15 +234,22 @@ class Neighbours:
             fill_rows(first, last, tuple(map(self.particles.storage, names)), columns, rows)
 
     def _find_tension(self, first: int, last: int, mean: bool) -> None:
-        """What `sweeps.held_weight` reads of rows first..last-1; mean: of the record before and the present one."""
-        if self._tension is not None:
-            self._tension_of_rows(first, last, mean, self._rows_of_record, self._tension)
+        """What `sweeps.held_weight` reads of rows first..last-1, and of images after the last ghost; mean: of the
+        record before and the present one."""
+        if self._tension is None:
+            return
+        self._tension_of_rows(first, last, mean, self._rows_of_record, self._tension)
+        known, images = self.particles.owned + self.particles.ghosts, self.pairs.images
+        if images is not None and last == known:
+            # a pair and its image have the same weight
+            self._tension[known:] = self._tension_factor * self._tension[images.source]
 
-    def _mirror_motion(self) -> None:
-        """Rows of motion and fluxes of mirror images."""
+    def _mirror_motion(self, in_rates: bool) -> None:
+        """Rows of motion and fluxes of mirror images; in_rates: as rates see them, else as forces do."""
         if self.pairs.images is not None:
             first, source = self.particles.owned + self.particles.ghosts, self.pairs.images.source
-            self._rows_of_motion[first:] = self._motion_factor * self._rows_of_motion[source] + self._shift
+            factor = self._motion_factor if in_rates else self._forces_factor
+            self._rows_of_motion[first:] = factor * self._rows_of_motion[source] + self._shift
             if self._rows_of_flux is not None:
                 self._rows_of_flux[first:] = self._flux_factor * self._rows_of_flux[source]
 

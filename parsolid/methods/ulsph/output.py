@@ -92,8 +92,8 @@ class Reports(ParticleSystem):
         if name == "micro_kinetic":
             return "sum", np.array([sum(solid.energies(self.particles, here)[0] for solid, here in self.parts())])
         if name == "heat":
-            capacity = np.array([law.specific_heat for law in self.laws])[self.particles.law_of_body]
-            return "sum", np.array([float((capacity[rows("body")] * mass) @ rows("temperature"))])
+            parts = [(solid.law, here) for solid, here in self.parts()]
+            return "sum", np.array([sum(float(law.heat(rows("temperature")[p]) @ mass[p]) for law, p in parts)])
         half = 0.5 * rows("spacing")
         if name == "lower_bounds":
             return "minimum", (rows("position") - half).min(axis=0, initial=np.inf)

@@ -21,7 +21,7 @@ _KIND_OF = {
     "internal_energy": "elastic-plastic",
 }
 # of elastic-plastic solids, known to the material point method alone
-_OF_THE_GRID = ("specific_heat_slope", "conductivity_tensor")
+_OF_THE_GRID = ("conductivity_tensor",)
 
 
 class Viscosity(SceneModel):
