@@ -11,10 +11,10 @@ from parsolid.particles.meshes.quality import quality_of
 from parsolid.particles.meshes.slices import MeshSlices, part_of_body, whole_mesh
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
+from parsolid.scene.codes import Note
 from parsolid.scene.previous_results import methods_of
 from parsolid.scene.stages import settings_of_stages
 from parsolid.scene.systems import notes_of
-from parsolid.scene.warned import Note
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.representation import layers, thinnest
 

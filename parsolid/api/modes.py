@@ -17,7 +17,7 @@ from parsolid.output.fields import FieldSeries
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.summary import provenance, write_summary
 from parsolid.scene import Scene, dump_scene
-from parsolid.scene.warned import Note
+from parsolid.scene.codes import Note
 from parsolid.simulation.vibrations import VibratingBodies, Vibrations
 
 # residuals that are small enough, so that frequencies are exact to some 1e-9 where modes are apart; iterations

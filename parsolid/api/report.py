@@ -22,7 +22,7 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.scene import Scene
-from parsolid.scene.warned import Note, Warned
+from parsolid.scene.codes import Note, Warned
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.warmup import load_kernels, warm_up
 

@@ -30,9 +30,9 @@ from parsolid.output.progress import NORMAL, QUIET, Compilations, Progress
 from parsolid.output.results import Results, load
 from parsolid.output.run_folder import RunFolder
 from parsolid.scene import Scene, dump_scene
+from parsolid.scene.codes import Note
 from parsolid.scene.declared import law_files
 from parsolid.scene.shapes import MeshFile
-from parsolid.scene.warned import Note
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
 from parsolid.simulation.restart import Restart

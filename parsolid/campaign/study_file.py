@@ -7,8 +7,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from parsolid.campaign.comparison import Comparison
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Positive, SceneModel, reject
-from parsolid.scene.model_faults import faults_of_errors
+from parsolid.scene.base_model import Positive, SceneModel, faults_of_errors, reject
 from parsolid.scene.raw_tables import read_tables, toml_value
 from parsolid.scene.shapes import ExistingFile
 from parsolid.scene.validation_errors import SceneError, suggestion

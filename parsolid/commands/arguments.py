@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from parsolid.scene.codes import CODES
 from parsolid.scene.validation_errors import SceneError, suggestion
-from parsolid.scene.warned import CODES
 
 TRUST_CODE = "run the Python files of laws that the scene names"
 OVERRIDE = "override a key of the scene; KEY.PATH= takes it out; may be repeated"

@@ -22,8 +22,7 @@ from parsolid.scene import SceneError
 from parsolid.scene.error_recovery import Repairs, validate_with_recovery
 from parsolid.scene.methods import context_of
 from parsolid.scene.observation import DISSIPATIONS, HISTORY_COLUMNS
-from parsolid.scene.renamed import RENAMED
-from parsolid.scene.validation_errors import describe, suggestion
+from parsolid.scene.validation_errors import RENAMED, describe, suggestion
 
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
 _TENSOR = [f"{row}{column}" for row in "xyz" for column in "xyz"]

@@ -11,8 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.renamed import RENAMED
-from parsolid.scene.validation_errors import NOTHING, describe, suggestion
+from parsolid.scene.validation_errors import NOTHING, RENAMED, Fault, describe, key_path, suggestion
 
 AXES = ("X", "Y", "Z")
 
@@ -313,3 +312,30 @@ class Plane:
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
         return {"type": "string", "pattern": r"^\s*[XYZ]\s*=", "title": "a plane such as 'Y = 0'"}
+
+
+def faults_of_errors(error: ValidationError) -> list[Fault]:
+    """The faults of the raw tables of a `SceneModel`."""
+    return [fault_of_error(item, item["loc"]) for item in error.errors(include_url=False)]
+
+
+def fault_of_error(error: Any, place: tuple[Any, ...]) -> Fault:
+    """One of pydantic's errors as a fault at a place."""
+    parts = error["ctx"]
+    return Fault(parts["code"], key_path(place), parts["expected"], parts["found"], parts["suggestion"])
+
+
+def on_restart(place: tuple[Any, ...], data: Any, model: type[SceneModel]) -> OnRestart | None:
+    """What a continued run may do with a key of a model's tables: what is said of it, or of the tables it is in."""
+    rule: OnRestart | None = None
+    section: type[SceneModel] | None = model
+    tables: dict[str, type[SceneModel]] = {}
+    for depth, key in enumerate(place):
+        if isinstance(key, str):
+            rule = (section.rule_on_restart(key) if section is not None else None) or rule
+            tables = tables_of(section.model_fields[key]) if section is not None and key in section.model_fields else {}
+        if depth < len(place) - 1:
+            data = data[key]
+            kind = data.get("kind") if isinstance(data, dict) else None
+            section = tables.get("") or tables.get(str(kind))
+    return rule

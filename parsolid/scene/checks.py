@@ -6,17 +6,19 @@ import numpy as np
 
 from parsolid.scene.base_model import FaultDetail, Plane
 from parsolid.scene.bodies import Extent
-from parsolid.scene.bond import bond_faults
 from parsolid.scene.boundaries.condition import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
     CONTACT_TERMS,
     FRICTION_HEAT,
     GRID_TERMS,
+    TIE_TERMS,
     TOOL_TERMS,
+    bond_faults,
     contact_faults,
     energy_terms,
     grid_faults,
     of_model,
+    tie_faults,
 )
 from parsolid.scene.error_recovery import Repairs
 from parsolid.scene.initial_state import initial_details
@@ -26,9 +28,7 @@ from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_f
 from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
 from parsolid.scene.stages import stage_faults
-from parsolid.scene.substeps import substep_faults
-from parsolid.scene.systems import carriers_of, faults_of_systems
-from parsolid.scene.tie import TIE_TERMS, tie_faults
+from parsolid.scene.systems import carriers_of, faults_of_systems, substep_faults
 from parsolid.scene.tools import still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, Fault, suggestion
 

@@ -11,10 +11,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from parsolid.materials.registry import declared
-from parsolid.scene.base_model import FaultDetail
+from parsolid.scene.base_model import FaultDetail, fault_of_error
 from parsolid.scene.declared import model_of
 from parsolid.scene.methods import SETTINGS, settings_class
-from parsolid.scene.model_faults import fault_of_error
 from parsolid.scene.raw_tables import numbers_out_of_range
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import Fault, fault

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field, ValidationError
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import FaultDetail, OnRestart, Positive, SceneModel
+from parsolid.scene.base_model import FaultDetail, OnRestart, Positive, SceneModel, faults_of_errors
 from parsolid.scene.method_settings import MethodSettings
-from parsolid.scene.model_faults import faults_of_errors
 from parsolid.scene.validation_errors import NOTHING
 
 if TYPE_CHECKING:

@@ -4,10 +4,10 @@ import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parsolid.scene.base_model import Detail
+from parsolid.scene.codes import Note
 from parsolid.scene.contact import BodyPairs
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
-from parsolid.scene.warned import Note
 
 if TYPE_CHECKING:
     from parsolid.scene.schema import Scene
@@ -262,3 +262,25 @@ def notes_of(scene: "Scene") -> list[Note]:
             text = f"boundaries.{i}: {names} know nothing of this {boundary.kind}, as their methods have none"
             notes.append(Note("boundary-without-effect", text))
     return notes
+
+
+def substep_faults(scene: Any) -> list[Detail]:
+    """Of one system alone; of solvers of equilibrium, or that break bonds; where all take several."""
+    systems = scene.systems
+    stated = [system for system in systems if system.settings.substeps not in (None, 1)]
+    details: list[Detail] = []
+    for system in stated:
+        place, found = (*system.place, "substeps"), system.settings.substeps
+        if len(systems) == 1:
+            details.append((place, "no such key where no other system takes steps", found))
+        refused = system.settings.substeps_refused()
+        if refused is not None:
+            details.append((place, f"no such key {refused}", found))
+    timed = [system for system in systems if getattr(system.settings, "balance", "particles") == "measured"]
+    if len(systems) == 1:
+        details += [((*one.place, "balance"), "'particles' where there is one method", "measured") for one in timed]
+    whole = [system for system in stated if isinstance(system.settings.substeps, int)]
+    if len(systems) > 1 and len(whole) == len(systems):
+        expected = "1 or 'auto' for one method at least"
+        details.append(((*systems[0].place, "substeps"), expected, systems[0].settings.substeps))
+    return details

@@ -13,8 +13,8 @@ from parsolid.contact.interactions import build_interactions
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.scene.codes import Warned
 from parsolid.scene.formulas import NOT_FINITE
-from parsolid.scene.warned import Warned
 from parsolid.simulation.agreement import StepAgreement
 from parsolid.simulation.diagnosis import describe_failure, describe_meetings, meetings_in_words
 from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits

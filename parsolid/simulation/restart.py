@@ -14,7 +14,7 @@ from parsolid.particles.distribution import distribute
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.per_rank import join_per_rank, own_share
 from parsolid.scene import Scene, SceneError
-from parsolid.scene.warned import Note
+from parsolid.scene.codes import Note
 from parsolid.simulation.scene_changes import changes, completed, contents, judged
 
 if TYPE_CHECKING:

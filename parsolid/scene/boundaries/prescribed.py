@@ -7,10 +7,9 @@ from pydantic import Field
 from parsolid.scene.base_model import Name, Plane, Point
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
 from parsolid.scene.formulas import Formula, FormulaVector, VectorOrFree
-from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.load_histories import LoadHistory, RigidMotion, Timed
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.regions import Beside, InBall, InBox, Named, NearestTo, OnPlane, Region
-from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.shapes import Box, Sphere
 
 
