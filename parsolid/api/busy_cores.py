@@ -32,24 +32,21 @@ def busy_cores(count: int, work: Callable[[], object]) -> Iterator[None]:
         for _ in range(count - 1):
             copy = os.fork()
             if copy == 0:
-                _repeat(work, parent)
+                # work until the process that this one is a copy of, the parent, ends it, or is no more; leave
+                # nothing behind
+                try:
+                    # a word from a copy would be one too many
+                    null = os.open(os.devnull, os.O_WRONLY)
+                    for stream in (1, 2):
+                        os.dup2(null, stream)
+                    while os.getppid() == parent:
+                        work()
+                finally:
+                    # without the ends of libraries, which are the parent's to make
+                    os._exit(0)
             copies.append(copy)
         yield
     finally:
         for copy in copies:
             os.kill(copy, signal.SIGKILL)
             os.waitpid(copy, 0)
-
-
-def _repeat(work: Callable[[], object], parent: int) -> None:
-    """Work until the process that this one is a copy of, the parent, ends it, or is no more; leave nothing behind."""
-    try:
-        # a word from a copy would be one too many
-        null = os.open(os.devnull, os.O_WRONLY)
-        for stream in (1, 2):
-            os.dup2(null, stream)
-        while os.getppid() == parent:
-            work()
-    finally:
-        # without the ends of libraries, which are the parent's to make
-        os._exit(0)

@@ -142,11 +142,7 @@ def _write(comm: Any, bodies: VibratingBodies, found: Vibrations, result: ModesF
             counts = {name: getattr(result, name) for name in ("particles", "rigid", "iterations", "products")}
             entries = {"title": bodies.scene.title, **counts, "converged": result.converged, "modes": rows}
             write_summary(folder.directory / "modes.json", entries | provenance())
-    _write_shapes(comm, bodies, found, folder)
-
-
-def _write_shapes(comm: Any, bodies: VibratingBodies, found: Vibrations, folder: RunFolder) -> None:
-    """One step of the fields a mode, at its number as the time."""
+    # one step of the fields a mode, at its number as the time
     particles, places = bodies.system.particles, bodies.places
     series = FieldSeries(comm, folder.fields, max(1, len(found.shapes)))
     numbers = np.asarray(bodies.system.bodies, np.int32)[particles.owned_rows("body")]

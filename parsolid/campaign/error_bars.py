@@ -140,18 +140,14 @@ def write_error_bars(
     bars = summary_of_bars(table, scene, runs, refused) | {"extra_time": extra}
     write_summary(folder / "summary.json", summary | {"error_bars": bars})
     if table.bars:
-        write_error_columns(folder / NAME, table)
+        # a row for each row of the history: step, time and the bar of every column that has one
+        file = HistoryFile(folder / NAME, ["step", "time", *(f"{name}_error" for name in table.bars)])
+        steps = table.steps if table.steps is not None else np.arange(len(table.times))
+        for row, (step, time) in enumerate(zip(steps, table.times)):
+            errors = [float(bar.error[row]) for bar in table.bars.values()]
+            file.append([int(step), float(time), *(None if np.isnan(error) else error for error in errors)])
+        file.close()
     return table, extra
-
-
-def write_error_columns(path: Path, table: ErrorTable) -> None:
-    """One row a row of the history: step, time and the bar of every column that has one. Raises OutputError."""
-    file = HistoryFile(path, ["step", "time", *(f"{name}_error" for name in table.bars)])
-    steps = table.steps if table.steps is not None else np.arange(len(table.times))
-    for row, (step, time) in enumerate(zip(steps, table.times)):
-        errors = [float(bar.error[row]) for bar in table.bars.values()]
-        file.append([int(step), float(time), *(None if np.isnan(error) else error for error in errors)])
-    file.close()
 
 
 def error_table(

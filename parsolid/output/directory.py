@@ -76,7 +76,11 @@ def prepare(
             results = [directory / name for name in names]
             _refuse_inputs(results, inputs, continuing)
             if continuing:
-                _unlink_partial(results)
+                # take links away that bear the names of files being written: what they point to would be
+                # written over
+                for path in results:
+                    if path.suffix == ".partial" and path.is_symlink():
+                        path.unlink()
             elif results:
                 aside = _move_aside(directory, results)
                 if moved is not None:
@@ -93,13 +97,6 @@ def _refuse_inputs(results: list[Path], inputs: Iterable[Path | str], continuing
         # a continued run reads a checkpoint here, maybe a whole one not renamed yet, and does not lose it
         if path.resolve() in read and not (continuing and ".h5" in path.suffixes):
             raise OutputError(f"{path} is read by this run and would be overwritten: choose another output directory")
-
-
-def _unlink_partial(results: list[Path]) -> None:
-    """Take links away that bear the names of files being written: what they point to would be written over."""
-    for path in results:
-        if path.suffix == ".partial" and path.is_symlink():
-            path.unlink()
 
 
 def next_free(path: Path) -> Path:

@@ -41,7 +41,13 @@ def pack(path: Path | str, level: int) -> None:
                 _copy_attributes(item, new.require_group(whole))
             elif whole in rows and item.size:
                 count = layout.particles * rows[whole] if whole not in _CELLS else len(item)
-                _deflate(item, new, whole, count, level)
+                shape = (count, *item.shape[1:])
+                chunks = (max(1, min(CHUNK, count)), *item.shape[1:])
+                packed = new.create_dataset(
+                    whole, shape, item.dtype, chunks=chunks, shuffle=True, compression="gzip", compression_opts=level
+                )
+                for first in range(0, count, CHUNK):
+                    packed[first : first + CHUNK] = np.asarray(item[first : min(first + CHUNK, count)])
             else:
                 old.copy(item, new, whole)
 
@@ -50,16 +56,6 @@ def pack(path: Path | str, level: int) -> None:
         new["VTKHDF/Steps"] = h5py.SoftLink("/series/shown/steps")
     flush_to_disk(partial)
     partial.replace(path)
-
-
-def _deflate(item: Any, new: h5py.File, name: str, count: int, level: int) -> None:
-    shape = (count, *item.shape[1:])
-    chunks = (max(1, min(CHUNK, count)), *item.shape[1:])
-    packed = new.create_dataset(
-        name, shape, item.dtype, chunks=chunks, shuffle=True, compression="gzip", compression_opts=level
-    )
-    for first in range(0, count, CHUNK):
-        packed[first : first + CHUNK] = np.asarray(item[first : min(first + CHUNK, count)])
 
 
 def _copy_attributes(old: Any, new: Any) -> None:

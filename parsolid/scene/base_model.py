@@ -128,7 +128,7 @@ class SceneModel(BaseModel):
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
         made: dict[str, Any] = handler.resolve_ref_schema(handler(schema))
-        made["description"] = meaning_of(cls)
+        made["description"] = " ".join((cls.__doc__ or "").split("\n\n")[0].split())
         for name, key in made.get("properties", {}).items():
             # where a table changes a default of its base, the meaning stays
             fields = (owner.model_fields.get(name) for owner in cls.__mro__ if issubclass(owner, SceneModel))
@@ -137,11 +137,6 @@ class SceneModel(BaseModel):
         if rules := rules_of_keys(cls, made):
             made["allOf"] = rules
         return made
-
-
-def meaning_of(model: type[BaseModel]) -> str:
-    """What a table is, the first sentences of its docstring."""
-    return " ".join((model.__doc__ or "").split("\n\n")[0].split())
 
 
 def rules_of_keys(model: type[SceneModel], schema: dict[str, Any]) -> list[dict[str, Any]]:

@@ -53,7 +53,12 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
     details += contact_faults(scene.contact, repairs.body_names) + tool_faults(scene, repairs.body_names)
     details += region_details(scene, repairs.regions, repairs.shape_unknown) + _loads_details(scene, repairs.incomplete)
     if repairs.end_known:
-        details += _output_details(scene)
+        stated = [(key, getattr(scene.output, key), most) for key, most in MOST_OUTPUTS.items()]
+        details += [
+            (("output", key), f"at least end_time/{most:g} = {scene.end_time / most:g} s", interval)
+            for key, interval, most in stated
+            if interval and interval < scene.end_time / most
+        ]
         details += stage_faults(scene) if repairs.systems_known else []
     if repairs.models_known:
         if len(extents) == len(scene.bodies):
@@ -187,15 +192,6 @@ def _solution_details(scene: Scene) -> list[FaultDetail]:
     if exact is not None and len(scene.methods or ()) > 1:
         return [(("reference", "exact"), "no such key with several methods", exact)]
     return [] if exact is None else [*solution_faults(exact, scene.bodies[0].material)]
-
-
-def _output_details(scene: Scene) -> list[FaultDetail]:
-    stated = [(key, getattr(scene.output, key), most) for key, most in MOST_OUTPUTS.items()]
-    return [
-        (("output", key), f"at least end_time/{most:g} = {scene.end_time / most:g} s", interval)
-        for key, interval, most in stated
-        if interval and interval < scene.end_time / most
-    ]
 
 
 def _reference_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:

@@ -79,7 +79,12 @@ def _number(value: Any, info: ValidationInfo) -> Any:
 
 # a formula, or a table with `cell_data`
 _NUMBER = WithJsonSchema({"type": ["string", "number", "object"], "title": "a formula or cell_data"}, mode="validation")
-StatedNumber: Any = Annotated[Any, PlainValidator(_number), PlainSerializer(lambda value: value.model_dump() if isinstance(value, OfCells) else value.source), _NUMBER]
+StatedNumber: Any = Annotated[
+    Any,
+    PlainValidator(_number),
+    PlainSerializer(lambda value: value.model_dump() if isinstance(value, OfCells) else value.source),
+    _NUMBER,
+]
 
 
 def field_of_particles(note: Any) -> tuple[Any, Any]:
@@ -256,7 +261,12 @@ class Laws:
         check_kind(value, info, every, taken)
         for role in self.roles:
             if value["kind"] in registry.installed_kinds(role):
-                return _law_of_package(role, value, info)
+                # the table of a law of an installed package
+                try:
+                    law = registry.declared(role, value["kind"])
+                except LawError as error:
+                    reject((("kind",), str(error), value["kind"]))
+                return model_of(law).model_validate(value, context=info.context)
         return handler(value)
 
 
@@ -264,15 +274,6 @@ def _stated(table: DeclaredModel, info: Any) -> dict[str, Any]:
     stated = table.model_dump(mode=info.mode, exclude_none=info.exclude_none)
     # a bound that a law lacks by default; scenes take finite numbers alone
     return {key: value for key, value in stated.items() if value != inf}
-
-
-def _law_of_package(role: str, value: dict[str, Any], info: ValidationInfo) -> Any:
-    """The table of a law of an installed package."""
-    try:
-        law = registry.declared(role, value["kind"])
-    except LawError as error:
-        reject((("kind",), str(error), value["kind"]))
-    return model_of(law).model_validate(value, context=info.context)
 
 
 def _law_of_file(value: dict[str, Any], roles: tuple[str, ...], taken: list[str], info: ValidationInfo) -> Any:

@@ -165,7 +165,12 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
             tables.pop(top)
             repairs.incomplete = True
     for key, number in sorted(dropped, reverse=True):
-        _leave_out(tables, key, number, repairs)
+        # leave an entry of a list out; regions that it names are in use all the same
+        entry = tables[key].pop(number)
+        repairs.numbers[key].pop(number)
+        repairs.incomplete = True
+        if isinstance(entry, dict) and isinstance(entry.get("where"), str):
+            repairs.regions.add(entry["where"])
     return True
 
 
@@ -176,15 +181,6 @@ def _table_at(tables: Any, place: tuple[Any, ...]) -> Any:
             return None
         tables = tables[key]
     return tables
-
-
-def _leave_out(tables: dict[str, Any], key: str, number: int, repairs: Repairs) -> None:
-    """Leave an entry of a list out; regions that it names are in use all the same."""
-    entry = tables[key].pop(number)
-    repairs.numbers[key].pop(number)
-    repairs.incomplete = True
-    if isinstance(entry, dict) and isinstance(entry.get("where"), str):
-        repairs.regions.add(entry["where"])
 
 
 def _repair_region(regions: list[Any], number: int) -> None:

@@ -59,12 +59,8 @@ def build_systems(
         particle_set.meshes.clear()
     if restart:
         restart.apply_state(systems, orders)
-    refuse_absent_fields(scene, systems)
-    return systems, particle_sets
-
-
-def refuse_absent_fields(scene: Scene, systems: list[ParticleSystem]) -> None:
-    """Raise SceneError for fields that the scene names and its methods may have, but do not have with its options."""
+    # raise SceneError for fields that the scene names and its methods may have, but do not have with its
+    # options
     observables = Observables(systems)
     of_methods = {name for system in scene.systems for name in system.settings.field_kinds(scene.dimension)}
     faults = [
@@ -74,6 +70,7 @@ def refuse_absent_fields(scene: Scene, systems: list[ParticleSystem]) -> None:
     ]
     if faults:
         raise SceneError(faults)
+    return systems, particle_sets
 
 
 @contextmanager

@@ -67,7 +67,7 @@ def _strained(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -
     folded = stated & ~(np.linalg.det(F) > 0.0)
     if folded.any():
         return _start_of(system, particle_set, folded, "a start that is not folded")
-    carries = [_stress_of_strain(system.settings, one.material) for one in scene.bodies]
+    carries = [(bool(system.settings.strained) and one.material.kind != "elastic-plastic") for one in scene.bodies]
     strain = np.abs(F.swapaxes(1, 2) @ F - np.eye(len(place[0]))).max(axis=(1, 2))
     # rounding of places far away is no strain
     rounding = np.finfo(float).eps * (1.0 + np.abs(system.particles.owned_rows("position")).max(initial=0.0)) / small
@@ -75,11 +75,6 @@ def _strained(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -
     if not lost.any():
         return None
     return _start_of(system, particle_set, lost, "no strain (this law's stress is integrated in time, not of a strain)")
-
-
-def _stress_of_strain(settings: Any, material: Any) -> bool:
-    """Whether a displacement at the start has its stress."""
-    return bool(settings.strained) and material.kind != "elastic-plastic"
 
 
 def _first(regions: np.ndarray | None) -> np.ndarray | None:

@@ -88,7 +88,8 @@ class TimeSteps:
 
     def clip(self, time: float, stable: float) -> tuple[float, float]:
         """(step, time it leads to) [s]: at most the stable step, landing exactly on the next landing."""
-        target = self._next_landing(time)
+        later = bisect_right(self.stop_times, time)
+        target = min(self.stop_times[later], self.end) if later < len(self.stop_times) else self.end
         remaining = target - time
         if remaining <= stable * (1.0 + SLIVER):
             return remaining, target
@@ -99,7 +100,3 @@ class TimeSteps:
         else:
             step = stable
         return step, time + step
-
-    def _next_landing(self, time: float) -> float:
-        later = bisect_right(self.stop_times, time)
-        return min(self.stop_times[later], self.end) if later < len(self.stop_times) else self.end

@@ -20,15 +20,7 @@ def add_marks(figure: Any, left: float, size: tuple[int, int], directions: np.nd
     width = size[0] - left
     axes.set(xlim=(0.0, width), ylim=(0.0, HEIGHT))
     axes.set_axis_off()
-    _add_axes(axes, np.array([0.4 * width, 0.56 * HEIGHT]), directions)
-    length = _round_length(min(_BAR, width - 8.0) / pixels)
-    first = 0.5 * (width - length * pixels)
-    axes.plot([first, first + length * pixels], [17.0, 17.0], color=_INK, linewidth=2.0, solid_capstyle="butt")
-    unit, label = prefixed("m", length)
-    axes.text(0.5 * width, 13.0, f"{length / unit:g} {label}", ha="center", va="top", fontsize=9, color=_INK)
-
-
-def _add_axes(axes: Any, middle: np.ndarray, directions: np.ndarray) -> None:
+    middle = np.array([0.4 * width, 0.56 * HEIGHT])
     for name, direction in zip("xyz", directions):
         tip = middle + _ARROW * direction
         if np.hypot(*direction) < 0.15:
@@ -37,9 +29,11 @@ def _add_axes(axes: Any, middle: np.ndarray, directions: np.ndarray) -> None:
         axes.annotate("", tip, middle, arrowprops=arrow)
         place = tip + 7.0 * direction / np.hypot(*direction)
         axes.text(*place, name, ha="center", va="center", fontsize=9, color=_INK)
-
-
-def _round_length(most: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten below a length [m]."""
+    # the largest of 1, 2 and 5 times a power of ten below a length [m]
+    most = min(_BAR, width - 8.0) / pixels
     power = 10.0 ** np.floor(np.log10(most))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most * (1.0 + 1e-9)))
+    length = float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most * (1.0 + 1e-9)))
+    first = 0.5 * (width - length * pixels)
+    axes.plot([first, first + length * pixels], [17.0, 17.0], color=_INK, linewidth=2.0, solid_capstyle="butt")
+    unit, label = prefixed("m", length)
+    axes.text(0.5 * width, 13.0, f"{length / unit:g} {label}", ha="center", va="top", fontsize=9, color=_INK)

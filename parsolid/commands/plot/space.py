@@ -38,7 +38,13 @@ class Camera:
         """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
         particles; upright: the vertical axis.
         """
-        self.towards = _direction(view, upright)
+        direction = np.array(_DIRECTIONS[view] if isinstance(view, str) else view, float)
+        if isinstance(view, str) and upright == 1:
+            # the named views turn with the upright axis, from Z to Y
+            direction = np.array([direction[0], direction[2], -direction[1]])
+        elif isinstance(view, str) and upright == 0:
+            direction = np.array([direction[2], direction[0], direction[1]])
+        self.towards = direction / np.linalg.norm(direction)
         up = np.eye(3)[upright]
         if abs(self.towards @ up) > 0.99:
             up = np.eye(3)[1] if upright == 2 else -np.eye(3)[2]
@@ -75,16 +81,6 @@ class Camera:
 
 def _bounds(points: Any) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0), points.max(axis=0)
-
-
-def _direction(view: Any, upright: int) -> np.ndarray:
-    direction = np.array(_DIRECTIONS[view] if isinstance(view, str) else view, float)
-    if isinstance(view, str) and upright == 1:
-        # the named views turn with the upright axis, from Z to Y
-        direction = np.array([direction[0], direction[2], -direction[1]])
-    elif isinstance(view, str) and upright == 0:
-        direction = np.array([direction[2], direction[0], direction[1]])
-    return direction / np.linalg.norm(direction)
 
 
 class Renderer:
