@@ -138,7 +138,7 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/simulation/error_indicator.py": (COMPILED, _in("simulation", "error_indicator")),
     "parsolid/simulation/ledger.py": (PLAIN, _in("simulation", "ledger")),
     "parsolid/simulation/momentum_balance.py": (COMPILED, _in("simulation", "momentum_balance")),
-    "parsolid/simulation/observables.py": (PLAIN, _PROBES),
+    "parsolid/observables/declared.py": (PLAIN, _PROBES),
     "parsolid/simulation/probes.py": (PLAIN, _PROBES),
     "parsolid/simulation/reference.py": (PLAIN, _in("scene", "reference_series")),
     "parsolid/simulation/representation.py": (COMPILED, _in("simulation", "representation")),

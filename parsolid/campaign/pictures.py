@@ -15,7 +15,7 @@ from parsolid.campaign.reference import Reference
 from parsolid.campaign.report import shown_errors
 from parsolid.campaign.study import lines_of
 from parsolid.campaign.study_file import Study
-from parsolid.observables.words import words_of
+from parsolid.output.words import words_of
 
 MARKERS = "osD^vPX*<>hd"
 # of a panel

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.observables.in_region import OfRegion
+from parsolid.observables.declared import Observables, OfRegion
 from parsolid.output.blocks import FieldBlocks
 from parsolid.output.errors import together
 from parsolid.output.fields import Fields, FieldSeries
@@ -16,7 +16,6 @@ from parsolid.output.summary import write_summary
 from parsolid.scene.previous_results import TOOLS
 from parsolid.simulation import error_indicator
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Cadence, Output
 
 

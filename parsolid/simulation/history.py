@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from parsolid.observables.declared import Observables
 from parsolid.output.errors import together
 from parsolid.output.history import History, read_history
 from parsolid.output.run_folder import RunFolder
@@ -9,7 +10,6 @@ from parsolid.scene import Scene
 from parsolid.scene.boundaries.condition import reaction_columns
 from parsolid.simulation.ledger import ledger_of
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Cadence, Output
 from parsolid.simulation.probes import Probes
 

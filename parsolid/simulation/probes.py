@@ -6,16 +6,19 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import minimum
-from parsolid.observables.declared import PARTICLE_SAMPLERS, QUANTITIES, Sampler
-from parsolid.observables.in_region import InRegion, Statistic
-from parsolid.observables.method_quantity import MethodQuantity
-from parsolid.observables.particle_field import ParticleField, Place
-from parsolid.observables.projected import Projected
-from parsolid.observables.reaction import ReactionForce
+from parsolid.observables.declared import PARTICLE_SAMPLERS, QUANTITIES, Observables, Sampler
+from parsolid.observables.samplers import (
+    InRegion,
+    MethodQuantity,
+    ParticleField,
+    Place,
+    Projected,
+    ReactionForce,
+    Statistic,
+)
 from parsolid.particles.regions import nearest_particles
 from parsolid.scene import Scene
 from parsolid.scene.boundaries.condition import reaction_columns
-from parsolid.simulation.observables import Observables
 
 # extremes of all ranks are found as minima
 _SIGN = {"minimum": 1.0, "maximum": -1.0}

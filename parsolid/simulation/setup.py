@@ -11,6 +11,7 @@ from parsolid.collective import SolverError
 from parsolid.contact.interactions import declare_interactions
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.observables.declared import Observables
 from parsolid.particles.distribution import distribute, take
 from parsolid.particles.generation import generate
 from parsolid.particles.meshes.slices import MeshSlices
@@ -19,7 +20,6 @@ from parsolid.scene import Scene, SceneError
 from parsolid.scene.method_settings import named_observables
 from parsolid.scene.systems import SystemOfScene, qualify_keys
 from parsolid.scene.validation_errors import fault
-from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.starting_state import refuse_damaged_results, refuse_unsound_start
 

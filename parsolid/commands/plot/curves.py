@@ -9,8 +9,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from parsolid.commands.plot.scales import prefixed
-from parsolid.observables.words import labelled, unit_of, words_of
 from parsolid.output.results import Results
+from parsolid.output.words import labelled, unit_of, words_of
 from parsolid.scene.observation import DISSIPATIONS, ENERGIES, stored_energy
 
 DOTS_PER_INCH = 100

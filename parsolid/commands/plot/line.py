@@ -8,8 +8,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from parsolid.commands.plot.scales import prefixed, time_labels
-from parsolid.observables.words import labelled, unit_of, words_of
 from parsolid.output.results import Results
+from parsolid.output.words import labelled, unit_of, words_of
 
 _SIZE, _DOTS_PER_INCH = (640, 420), 100
 

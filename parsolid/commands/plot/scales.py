@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parsolid.observables.words import labelled, unit_of, words_of
+from parsolid.output.words import labelled, unit_of, words_of
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 _PREFIXED = ("Pa", "m", "m/s", "J", "s", "W", "N", "N m")

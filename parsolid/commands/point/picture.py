@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from parsolid.observables.words import labelled, words_of
 from parsolid.output.errors import OutputError, words
+from parsolid.output.words import labelled, words_of
 from parsolid.scene.probes import component_names
 
 
