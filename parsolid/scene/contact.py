@@ -158,12 +158,6 @@ class BodyPairs:
         return result
 
 
-def pairs_in_contact(contacts: list[Contact], names: list[str | None]) -> BodyPairs | None:
-    """Bodies that a contact names together; None without any."""
-    found = BodyPairs.named([one.bodies for one in contacts], names)
-    return found if any(len(one.bodies) > 1 for one in contacts) and found.tables else None
-
-
 def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[FaultDetail]:
     """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
     faults, sizes, named = list[FaultDetail](), dict[int, int](), defaultdict[str, list[int]](list)

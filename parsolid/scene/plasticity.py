@@ -141,7 +141,9 @@ class ElasticPlasticTable(DeclaredModel):
         tensor = stated.conductivity_tensor
         if tensor is not None and stated.conductivity is not None:
             details.append((("conductivity",), "no such key with conductivity_tensor", stated.conductivity))
-        if tensor is not None and not (len(tensor) == 6 and positive_definite(tensor)):
+        # xx yy zz xy xz yz as a matrix
+        rows = [[0, 3, 4], [3, 1, 5], [4, 5, 2]]
+        if tensor is not None and not (len(tensor) == 6 and np.linalg.eigvalsh(np.array(tensor)[rows])[0] > 0.0):
             expected = "six numbers xx yy zz xy xz yz of a positive definite tensor"
             details.append((("conductivity_tensor",), expected, tensor))
         if stated.failure is not None:
@@ -209,12 +211,6 @@ _SHARED = (
     *("density", "specific_heat", "specific_heat_slope", "reference_temperature", "taylor_quinney"),
     *("conductivity", "conductivity_tensor"),
 )
-
-
-def positive_definite(components: list[float]) -> bool:
-    """Whether xx yy zz xy xz yz are those of a positive definite tensor."""
-    xx, yy, zz, xy, xz, yz = components
-    return bool(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] > 0.0)
 
 
 @cache

@@ -10,7 +10,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import OnRestart, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import OwnBody
 from parsolid.scene.boundaries import Boundary
-from parsolid.scene.contact import BodyPairs, Bond, Contact, Tie, bonded_pairs, pairs_in_contact
+from parsolid.scene.contact import BodyPairs, Bond, Contact, Tie, bonded_pairs
 from parsolid.scene.initial_state import InitialState
 from parsolid.scene.load_histories import Loads
 from parsolid.scene.methods import Method
@@ -101,7 +101,8 @@ class Scene(SceneModel):
     @property
     def in_contact(self) -> BodyPairs | None:
         """Bodies that a contact names together; None without any."""
-        return pairs_in_contact(self.contact, [body.name for body in self.bodies])
+        found = BodyPairs.named([one.bodies for one in self.contact], [body.name for body in self.bodies])
+        return found if any(len(one.bodies) > 1 for one in self.contact) and found.tables else None
 
     @property
     def unbonded(self) -> BodyPairs | None:

@@ -102,20 +102,17 @@ def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:
     loads = scene.loads
     if loads.heat_source is not None and "heat_source" not in system.settings.loads:
         loads = loads.model_copy(update={"heat_source": None})
+    carried = [scene.boundaries[number] for number in boundaries_of(scene, system)]
+    # that of the only body is one of all, as conditions on a grid's nodes are
+    alone = system.settings.shared_field and len(system.bodies) == 1
     return {
         "method": system.settings.model_copy(update={"name": None}),
         "methods": None,
         "bodies": [scene.bodies[number] for number in system.bodies],
-        "boundaries": [_of_part(scene.boundaries[number], system) for number in boundaries_of(scene, system)],
+        "boundaries": [one.model_copy(update={"body": None}) if alone and one.body else one for one in carried],
         "regions": list(scene.named_regions.values()),
         "loads": loads,
     }
-
-
-def _of_part(boundary: Any, system: SystemOfScene) -> Any:
-    """A boundary as the system states it: that of its only body is one of all, as conditions on a grid's nodes are."""
-    alone = system.settings.shared_field and len(system.bodies) == 1
-    return boundary.model_copy(update={"body": None}) if alone and boundary.body is not None else boundary
 
 
 def boundaries_of(scene: "Scene", system: SystemOfScene) -> list[int]:
@@ -175,20 +172,28 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
             else:
                 details.append((_in_scene(scene, system, place), expected, found))
     for faults in doubted.values():
-        knowing = [one for one in systems if _knows(one.settings, faults[0][2], scene.dimension)]
-        if len(faults) >= len(knowing):
+        name = faults[0][2]
+        settings = [one.settings for one in systems]
+        if len(faults) >= sum(name in one.field_kinds(scene.dimension) | one.extra_quantities for one in settings):
             details.append(faults[0])
-    return details + (_uncarried(scene, systems) if len(systems) > 1 else []) + _faults_of_methods(scene)
+    details += _uncarried(scene, systems) if len(systems) > 1 else []
+    # methods that no body has, and one per radian of an axis beside one per metre of thickness
+    methods = scene.methods or ()
+    used = {body.method for body in scene.bodies}
+    for i, one in enumerate(methods):
+        if len(methods) > 1 and one.name not in used:
+            details.append((("methods", i, "name"), "the name of a method that a body has", one.name))
+    round_an_axis = [getattr(one, "geometry", None) == "axisymmetric" for one in methods]
+    if any(round_an_axis) and not all(round_an_axis):
+        place = ("methods", round_an_axis.index(True), "geometry")
+        details.append((place, "'axisymmetric' for all methods or for none", "axisymmetric"))
+    return details + _substep_faults(scene)
 
 
 def _touching(scene: "Scene", system: SystemOfScene) -> list[str]:
     """The bodies of the first contact that one of a system's is in."""
     own = {scene.bodies[number].name for number in system.bodies}
     return next((one.bodies for one in scene.contact if own.intersection(one.bodies)), [])
-
-
-def _knows(settings: MethodSettings, name: object, dimension: int) -> bool:
-    return name in settings.field_kinds(dimension) or name in settings.extra_quantities
 
 
 def _in_scene(scene: "Scene", system: SystemOfScene, place: tuple[str | int, ...]) -> tuple[str | int, ...]:
@@ -234,23 +239,6 @@ def _uncarried(scene: "Scene", systems: tuple[SystemOfScene, ...]) -> list[Detai
     return details
 
 
-def _faults_of_methods(scene: "Scene") -> list[Detail]:
-    """Methods that no body has, and one per radian of an axis beside one per metre of thickness."""
-    methods = scene.methods or ()
-    used = {body.method for body in scene.bodies}
-    wanted = "the name of a method that a body has"
-    details: list[Detail] = [
-        (("methods", i, "name"), wanted, one.name)
-        for i, one in enumerate(methods)
-        if len(methods) > 1 and one.name not in used
-    ]
-    round_an_axis = [getattr(one, "geometry", None) == "axisymmetric" for one in methods]
-    if any(round_an_axis) and not all(round_an_axis):
-        place = ("methods", round_an_axis.index(True), "geometry")
-        details.append((place, "'axisymmetric' for all methods or for none", "axisymmetric"))
-    return details
-
-
 def notes_of(scene: "Scene") -> list[Note]:
     """What bodies of several systems do not take part in, in words."""
     systems, notes = scene.systems, list[Note]()
@@ -264,7 +252,7 @@ def notes_of(scene: "Scene") -> list[Note]:
     return notes
 
 
-def substep_faults(scene: Any) -> list[Detail]:
+def _substep_faults(scene: "Scene") -> list[Detail]:
     """Of one system alone; of solvers of equilibrium, or that break bonds; where all take several."""
     systems = scene.systems
     stated = [system for system in systems if system.settings.substeps not in (None, 1)]

@@ -11,14 +11,19 @@ from parsolid.scene.formulas import FormulaVector, Scalar
 from parsolid.scene.load_histories import LoadHistory
 
 
-@boundary_kind
-class PrescribedTemperature(Condition):
-    """Temperature [K] on a plane."""
+class OnHeatedPlane(Condition):
+    """A condition on the heat of bodies at a plane."""
 
     on_particles: ClassVar[bool] = False
-    kind: Literal["temperature"]
-    plane: Plane = Field(description="a plane such as 'Y = 0'")
+    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
     body: Name | None = Field(None, description="only this body is meant; all of them unless given")
+
+
+@boundary_kind
+class PrescribedTemperature(OnHeatedPlane):
+    """Temperature [K] on a plane."""
+
+    kind: Literal["temperature"]
     temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
 
     @model_validator(mode="after")
@@ -34,13 +39,10 @@ class PrescribedTemperature(Condition):
 
 
 @boundary_kind
-class HeatFlux(Condition):
+class HeatFlux(OnHeatedPlane):
     """Heat [W/m^2] into a body through a plane that bounds it; planes without any condition are insulated."""
 
-    on_particles: ClassVar[bool] = False
     kind: Literal["heat-flux"]
-    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
 
     @property
