@@ -287,13 +287,10 @@ def in_words(table: ErrorTable, name: str) -> str:
     if not math.isfinite(error):
         mean = f", mean over time {bar.mean:.4g} +- {bar.mean_error:.2g}" if bar.mean_error is not None else ""
         return f"{name} {value:.4g}: no bar, {bar.verdict}{mean}"
-    percent = f" ({percentage(share)} % of its largest)" if math.isfinite(share) else ""
+    # two digits, but never a power of ten
+    digits = f"{100.0 * share:.0f}" if share >= 1.0 else f"{100.0 * share:.2g}"
+    percent = f" ({digits} % of its largest)" if math.isfinite(share) else ""
     return f"{name} {in_digits_of(value, error)} +- {error:.2g}{percent}, {bar.verdict}"
-
-
-def percentage(share: float) -> str:
-    """A share in percent, to two digits but never with a power of ten."""
-    return f"{100.0 * share:.0f}" if share >= 1.0 else f"{100.0 * share:.2g}"
 
 
 def in_digits_of(value: float, error: float) -> str:

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.campaign.cases import Case
+from parsolid.campaign.cases import Case, Study
 from parsolid.campaign.comparison import SHARE, Row
-from parsolid.campaign.halving import Configuration, Plan
+from parsolid.campaign.pareto import Configuration, Plan
 from parsolid.campaign.reference import Reference
 from parsolid.campaign.report import shown_errors
 from parsolid.campaign.study import lines_of
-from parsolid.campaign.study_file import Study
 from parsolid.output.words import words_of
 
 MARKERS = "osD^vPX*<>hd"

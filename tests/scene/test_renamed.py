@@ -4,7 +4,7 @@ import pytest
 import tomli_w
 from solids import SOFT, tables
 
-from parsolid.campaign.study_file import load_study
+from parsolid.campaign.cases import load_study
 from parsolid.campaign.targets import Target, columns_of
 from parsolid.commands.cli import main
 from parsolid.output.results import Results
