@@ -23,12 +23,11 @@ from parsolid.kernel_cache import cache_folder, wanted_folder
 from parsolid.kernels import on_compile
 from parsolid.launcher import start, stop
 from parsolid.output.checkpoint import find_checkpoint
-from parsolid.output.directory import occupy
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG, print_line
 from parsolid.output.progress import NORMAL, QUIET, Compilations, Progress
 from parsolid.output.results import Results, load
-from parsolid.output.run_folder import RunFolder
+from parsolid.output.run_folder import RunFolder, occupy
 from parsolid.scene import Scene, dump_scene
 from parsolid.scene.codes import Note
 from parsolid.scene.declared import law_files

@@ -18,11 +18,11 @@ from parsolid.observables.declared import Observables
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.run_folder import RunFolder
 from parsolid.scene.observed import FIELDS
+from parsolid.simulation.history import Probes
 from parsolid.simulation.job import FAILED, Job
 from parsolid.simulation.loop import FINISHED, STOPPED, Limits, RunFailed
 from parsolid.simulation.loop import Simulation as Core
 from parsolid.simulation.outputs import Cadence, Callback, EnergyCheckOutput, Output
-from parsolid.simulation.probes import Probes
 from parsolid.simulation.restart import Restart
 
 

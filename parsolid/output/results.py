@@ -13,9 +13,9 @@ import numpy as np
 
 from parsolid.checksums import matches_checksum
 from parsolid.output.errors import OutputError, words
-from parsolid.output.field_sums import rows_of_step
-from parsolid.output.fields import DEFAULT_NAME
+from parsolid.output.fields import rows_of_step
 from parsolid.output.history import read_history
+from parsolid.output.run_folder import FIELDS
 from parsolid.output.summary import read_summary
 from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
@@ -56,7 +56,7 @@ class Results:
     def __init__(self, directory: Path | str) -> None:
         """Raises SceneError when the folder holds no run."""
         self.directory = Path(directory)
-        self.fields_path = self.directory / DEFAULT_NAME
+        self.fields_path = self.directory / FIELDS
         scene = self.directory / "scene.toml"
         try:
             text = scene.read_text(encoding="utf-8")

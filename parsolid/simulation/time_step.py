@@ -1,16 +1,85 @@
 """How long a step is: at most the stable one, ending exactly where a run must land, of length 0 where loads jump."""
 
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from math import ceil, inf, isfinite, sqrt
+from typing import Any, TypeVar
 
 import numpy as np
 
+from decomposition.reduction import MinimumAhead
+from parsolid.collective import minimum
+from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.contact import of_model
 from parsolid.scene.load_histories import corner_times
-from parsolid.simulation.subcycling import MOST
+
+# steps of a system in a common one, at most
+MOST = 64
+# of the common step that others allow, where a system takes as many as it needs: impulses between systems have errors
+# of second order in it, 4e-3 of the energy at the whole of it (docs/contact.md)
+_SHARE = 0.25
+# of a step, by which one may be longer than stable
+_ROUND_OFF = 1e-9
+
+
+class Subcycling:
+    """How many steps each system takes in a common one; nothing where all take one.
+
+    stable: largest steps [s] of all systems, agreed on by all ranks, where any system takes several.
+    """
+
+    def __init__(self, comm: Any, systems: Sequence[ParticleSystem], kept: list[float] | None):
+        """kept: `stable` of a checkpoint. Collective."""
+        self.requested = [system.settings.substeps or 1 for system in systems]
+        self.systems, self.active = systems, any(requested != 1 for requested in self.requested)
+        self.stable, self._resumed = list(kept or ()), kept is not None
+        if self.active and not kept:
+            self.stable = [minimum(comm, system.stable_step()) for system in systems]
+
+    @property
+    def extra(self) -> int:
+        """Numbers that travel with the minimum of a step besides those of all scenes."""
+        return len(self.requested) if self.active else 0
+
+    def to_agree(self, own: Sequence[float]) -> Sequence[float]:
+        """Numbers that travel: stable steps [s] of this rank's systems, those of the checkpoint at first."""
+        if not self.active:
+            return []
+        resumed, self._resumed = self._resumed, False
+        return self.stable if resumed else own
+
+    def agreed(self, stable: float, of_systems: Sequence[float]) -> float:
+        """The common step [s] from what all ranks have agreed on, as `common`."""
+        if self.active and stable >= 0.0:
+            self.stable = list(of_systems)
+        return self.common(stable, of_systems)
+
+    def common(self, stable: float, of_systems: Sequence[float]) -> float:
+        """The common step [s] from the least one and those of all systems: that of those whose ratio is given; with
+        "auto" a share of it, or of the slowest of all, but no less than the least."""
+        if not self.active or stable < 0.0:
+            return stable
+        stated = [step * requested for step, requested in zip(of_systems, self.requested) if requested != "auto"]
+        own = [step for step, requested in zip(of_systems, self.requested) if requested == "auto"]
+        if not own:
+            return min(stated)
+        share = max(_SHARE * min(stated, default=max(own)), min(of_systems))
+        return min(share, MOST * min(own), *stated)
+
+    def count(self, number: int, step: float) -> int:
+        """Steps of a system in a common one [s]."""
+        if not self.active:
+            return 1
+        requested = self.requested[number]
+        if requested == "auto":
+            requested = max(1, ceil(step / self.stable[number] * (1.0 - _ROUND_OFF)))
+        count = requested if step > 0.0 else 1
+        self.systems[number].substeps = count
+        return count
+
 
 # landing on a time may stretch or halve steps but never makes a sliver
 SLIVER = 1e-9
@@ -100,3 +169,90 @@ class TimeSteps:
         else:
             step = stable
         return step, time + step
+
+
+class StepAgreement:
+    """What all ranks agree on with one non-blocking minimum a step.
+
+    That is the stable step, requests of ranks (to stop, to write an output whose wall time is over) and whether systems
+    and interactions have found that lists are used up. A step is negative when any rank has found its state unsound.
+
+    unsound: whether a system or interaction of this rank has lost its state; nothing but a failed run follows.
+    """
+
+    def __init__(
+        self,
+        comm: Any,
+        systems: Sequence[ParticleSystem],
+        interactions: Sequence[Interaction],
+        subcycling: Subcycling,
+        requests: int = 0,
+    ) -> None:
+        """requests: how many are agreed on."""
+        self.systems, self.interactions, self.subcycling = systems, interactions, subcycling
+        self.unsound = False
+        self._parts: list[ParticleSystem | Interaction] = [*systems, *interactions]
+        self._reported: list[float] = []
+        self._requests = [0.0] * requests
+        self._resumed = False
+        self._reporters = {id(system): partial(self._report, system) for system in systems}
+        self._minimum = MinimumAhead(comm, 2 + requests + len(self._parts) + subcycling.extra)
+
+    def stable_step(self) -> float:
+        """Largest step [s] of this rank's particles in the current state."""
+        own = [system.stable_step() for system in self.systems]
+        return _combined(self.subcycling.common(min(own), own), self._allowed())
+
+    def resume(self, stable: float) -> None:
+        """Begin the reduction for a state whose step [s] is known; interactions are taken into account in it."""
+        self.begin_step()
+        self._resumed = True
+        self._begin([stable], inf, self.subcycling.stable)
+
+    def start(self) -> None:
+        """Begin the reduction for a state of which nothing is known yet."""
+        self.begin_step()
+        stable = [system.stable_step() for system in self.systems]
+        self._begin(stable, self._allowed(), stable)
+
+    def begin_step(self, requests: Sequence[float] = ()) -> None:
+        """Before systems advance; requests: 1.0 where this rank has one."""
+        self._reported.clear()
+        self._requests = [-request for request in requests] or [0.0] * len(self._requests)
+
+    def reporter(self, system: ParticleSystem) -> Callable[[bool, float], None]:
+        """What a system calls within its step with (whether its state is sound, its next stable step [s])."""
+        return self._reporters[id(system)]
+
+    def _report(self, system: ParticleSystem, sound: bool, stable: float) -> None:
+        sound = sound and not self.unsound and isfinite(stable)
+        self._reported.append(stable if sound or system.owned == 0 else -1.0)
+        if len(self._reported) == len(self.systems):
+            self._begin(self._reported, self._allowed(), self._reported)
+
+    def _begin(self, stable: Sequence[float], allowed: float, of_systems: Sequence[float]) -> None:
+        rebuilds = [-1.0 if part.rebuild_needed else 0.0 for part in self._parts]
+        of_subcycling = self.subcycling.to_agree(of_systems)
+        self._minimum.begin((min(stable), allowed, *self._requests, *rebuilds, *of_subcycling))
+
+    def result(self) -> tuple[float, list[bool]]:
+        """The step [s] that all ranks agree on, which requests any rank had; sets `rebuild_anywhere`. Collective."""
+        stable, allowed, *rest = self._minimum.result()
+        first, last = len(self._requests), len(self._requests) + len(self._parts)
+        for part, rebuild in zip(self._parts, rest[first:last]):
+            part.rebuild_anywhere = rebuild < 0.0
+        if not self._resumed:
+            stable = self.subcycling.agreed(stable, rest[last:])
+        self._resumed = False
+        return _combined(stable, allowed), [request < 0.0 for request in rest[:first]]
+
+    def _allowed(self) -> float:
+        """Step [s] that interactions allow on this rank where nothing else acts."""
+        if not any(system.bounded for system in self.systems):
+            return inf
+        return min([interaction.stable_step() for interaction in self.interactions], default=inf)
+
+
+def _combined(stable: float, allowed: float) -> float:
+    """Step [s] of a motion with the squares of two frequencies added, whose steps alone are these."""
+    return stable if stable <= 0.0 or allowed == inf else stable / sqrt(1.0 + (stable / allowed) ** 2)

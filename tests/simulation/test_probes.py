@@ -12,7 +12,7 @@ from parsolid.observables import declared
 from parsolid.observables.declared import Observables
 from parsolid.observables.samplers import MethodQuantity
 from parsolid.scene import SceneError, observed, parse_scene
-from parsolid.simulation.probes import Probes
+from parsolid.simulation.history import Probes
 
 SPEED = 200.0
 # of the spinning square [kg]

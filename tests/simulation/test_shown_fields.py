@@ -14,7 +14,7 @@ from parsolid.output.run_folder import RunFolder
 from parsolid.particles.declaration import Field
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.field_output import FieldOutput
-from parsolid.simulation.probes import Probes
+from parsolid.simulation.history import Probes
 
 USUAL = ["displacement", "velocity", "pressure", "von_mises_stress", "jacobian"]
 

@@ -11,7 +11,7 @@ from solids import ONE_BRANCH, RUBBER, assert_same_fields, column, evolved, punc
 
 from parsolid.observables.declared import Observables
 from parsolid.scene.observation import ENERGIES, INTERNAL_ENERGY
-from parsolid.simulation.probes import Probes
+from parsolid.simulation.history import Probes
 
 AGREEMENT = 1e-9
 STEPS = 60
