@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.api.arguments import require_part, require_whole_number
-from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.api.scenes import AnyScene, read_scene, require_part, require_whole_number, scene_on_all_ranks
 from parsolid.collective import SolverError, maximum
 from parsolid.output.errors import OutputError, together
 from parsolid.output.fields import FieldSeries

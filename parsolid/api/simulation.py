@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.api.arguments import require_whole_number
-from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.api.scenes import AnyScene, read_scene, require_whole_number, scene_on_all_ranks
 from parsolid.collective import SolverError
 from parsolid.observables.declared import Observables
 from parsolid.output.checkpoint import find_checkpoint

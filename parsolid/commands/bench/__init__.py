@@ -10,9 +10,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from parsolid.commands.arguments import whole_number
+from parsolid.commands.arguments import show_table, whole_number
 from parsolid.commands.bench.timing import Steps, best_time
-from parsolid.commands.console_table import show_table
 from parsolid.simulation.warmup import wait_quietly
 
 METHODS = ("tlsph", "peridynamics", "mpm", "ulsph")

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from parsolid.output.errors import OutputError, words
@@ -36,8 +35,7 @@ def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:
     _branches(panels[1, 1], columns)
     _waves(panels[1, 2], columns)
     try:
-        canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(str(path))
+        figure.savefig(path)
     except OSError as error:
         raise OutputError(f"cannot write {path}: {words(error)}") from error
 

@@ -10,8 +10,7 @@ import numpy as np
 from parsolid.materials.registry import law_at_origin
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
-from parsolid.point.choice import point_law
-from parsolid.point.driver import integrate, tabulate
+from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import MaterialPoint, load_point
 
