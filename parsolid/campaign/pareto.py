@@ -365,7 +365,15 @@ def report(search: SuccessiveHalving, folder: Path, command: str) -> None:
     refused = "\n".join(f"- not for this scene: {reason}" for reason in plan.refused)
     text = "\n\n".join([*lines, "\n".join(f"- {line}" for line in words), table, refused])
     (folder / "pareto.md").write_text(text.rstrip() + "\n", encoding="utf-8")
-    write_csv(folder / "pareto.csv", plan)
+    # one row a run
+    on = {(id(one), level) for _, _, one, level in envelope(plan)}
+    with open((folder / "pareto.csv"), "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["choice", "lattice", "ratio", "particles", "steps", "processor_seconds", "error", "envelope"])
+        for one in plan.configurations:
+            for level, (run, error) in enumerate(zip(one.runs, one.errors)):
+                row = [one.option.name, run.variant.lattices, run.ratio, run.record.particles, run.record.steps]
+                writer.writerow([*row, run.seconds, error, int((id(one), level) in on)])
     print("\n" + table, flush=True)
     for line in words:
         search.say(f"pareto: {line}")
@@ -399,15 +407,3 @@ def _order_of(one: Configuration) -> str:
     if len(one.errors) < 2 or min(one.errors[-2:]) <= 0.0:
         return ""
     return f"{math.log(one.errors[-2] / one.errors[-1]) / math.log(one.runs[-2].ratio / one.runs[-1].ratio):.1f}"
-
-
-def write_csv(path: Path, plan: Plan) -> None:
-    """One row a run."""
-    on = {(id(one), level) for _, _, one, level in envelope(plan)}
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["choice", "lattice", "ratio", "particles", "steps", "processor_seconds", "error", "envelope"])
-        for one in plan.configurations:
-            for level, (run, error) in enumerate(zip(one.runs, one.errors)):
-                row = [one.option.name, run.variant.lattices, run.ratio, run.record.particles, run.record.steps]
-                writer.writerow([*row, run.seconds, error, int((id(one), level) in on)])

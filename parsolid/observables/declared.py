@@ -34,7 +34,10 @@ class Rows:
     def __call__(self, name: str) -> np.ndarray:
         """(n,), (n, d) or (n, 3, 3); raises KeyError for a name that neither the method nor this room knows."""
         if name not in self._found:
-            self._found[name] = self._find(name)
+            values = self.of_method(name)
+            if values is None:
+                values = FIELDS[name](self) if name in FIELDS else self._component(name)
+            self._found[name] = values
         return self._found[name]
 
     def of_method(self, name: str) -> np.ndarray | None:
@@ -48,12 +51,6 @@ class Rows:
             values = np.zeros((len(rows), 3, 3))
             values[:, :d, :d] = rows.reshape(len(rows), d, d)
         return values
-
-    def _find(self, name: str) -> np.ndarray:
-        values = self.of_method(name)
-        if values is not None:
-            return values
-        return FIELDS[name](self) if name in FIELDS else self._component(name)
 
     def _component(self, name: str) -> np.ndarray:
         """(n,) of a vector or tensor, by its name in the history."""

@@ -31,25 +31,18 @@ def sums_path(path: Path) -> Path:
     return path.with_suffix(".sums")
 
 
-def append_sums(path: Path, step: int, time: float, sums: dict[str, int]) -> None:
-    """Add a step at a time [s] to those of a file of fields, in which steps before may be without; for one rank alone.
-
-    Raises OSError.
+def write_sums(path: Path, step: int, time: float, sums: dict[str, int]) -> None:
+    """Keep a step at a time [s] beside those before it, of which some may be without, in place of those from it on,
+    which are written anew; for one rank alone. Raises OSError.
     """
-    if len(_lines(path) or ()) != step:
-        return
-    with open(sums_path(path), "a", encoding="utf-8") as file:
-        file.write(json.dumps({"time": time, "sums": sums}) + "\n")
-
-
-def keep_sums(path: Path, count: int) -> None:
-    """Drop the steps from a number on, which are written anew; for one rank alone. Raises OSError."""
-    lines = _lines(path)
-    if lines is None or len(lines) <= count:
-        return
-    partial = sums_path(path).with_name(sums_path(path).name + ".partial")
-    partial.write_text("".join(f"{line}\n" for line in lines[:count]), encoding="utf-8")
-    os.replace(partial, sums_path(path))
+    lines = _lines(path) or []
+    if len(lines) > step:
+        partial = sums_path(path).with_name(sums_path(path).name + ".partial")
+        partial.write_text("".join(f"{line}\n" for line in lines[:step]), encoding="utf-8")
+        os.replace(partial, sums_path(path))
+    if len(lines) >= step:
+        with open(sums_path(path), "a", encoding="utf-8") as file:
+            file.write(json.dumps({"time": time, "sums": sums}) + "\n")
 
 
 def check_step(path: Path, step: int, count: int) -> None:
@@ -67,12 +60,6 @@ def check_step(path: Path, step: int, count: int) -> None:
                 rows_of_step(file, path, name, step, count, constant=True)
     except (OSError, ValueError, KeyError) as error:
         raise OutputError(f"{path}: damaged: {words(error)}") from error
-
-
-def move_sums(path: Path, new: Path) -> None:
-    """Let the checksums follow a file of fields that is renamed; for one rank alone. Raises OSError."""
-    if sums_path(path).exists():
-        sums_path(path).rename(sums_path(new))
 
 
 def rows_of_step(file: Any, path: Path, name: str, step: int, count: int, constant: bool = False) -> np.ndarray:
@@ -212,8 +199,7 @@ class FieldSeries:
         with together(self._comm, f"cannot write {sums_path(self.path)}"):
             if self._comm.rank == 0:
                 # before the step is shown: a step that is, has its checksums
-                keep_sums(self.path, len(self._times))
-                append_sums(self.path, len(self._times), time, sums)
+                write_sums(self.path, len(self._times), time, sums)
         self._publish(np.append(self._times, time))
 
     def _write_rows(
@@ -310,7 +296,8 @@ class FieldSeries:
                 if self.path.exists():
                     aside = next_free(self.path)
                     self.path.rename(aside)
-                    move_sums(self.path, aside)
+                    if sums_path(self.path).exists():
+                        sums_path(self.path).rename(sums_path(aside))
                 sums_path(self.path).unlink(missing_ok=True)
                 partial.rename(self.path)
         self._places = self._comm.bcast(laid)

@@ -145,7 +145,8 @@ class RunFolder:
         directory = Path(directory)
         self.moved: list[Path] = []
         # a checkpoint from elsewhere starts a folder of its own; one that is a link is where the link is, too
-        self.continued = restart is not None and directory.resolve() in _folders_of(restart)
+        places = [] if restart is None else [restart.parent.resolve(), restart.resolve().parent]
+        self.continued = directory.resolve() in places
         self._lock = lock if anywhere(comm, lock is not None) else occupy(comm, directory)
         try:
             self.directory = prepare(comm, directory, self.continued, inputs, self.moved.append)
@@ -161,8 +162,3 @@ class RunFolder:
         """Give the folder back, on each rank for itself; nothing is written after it."""
         if self._lock is not None:
             self._lock.release()
-
-
-def _folders_of(path: Path) -> tuple[Path, Path]:
-    """Where a file is, by its name and by what it is a link to."""
-    return path.parent.resolve(), path.resolve().parent

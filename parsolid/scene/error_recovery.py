@@ -152,7 +152,12 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
         elif top == "bodies" and len(place) > 1:
             _repair_body(tables["bodies"], item, repairs, context)
         elif top == "regions" and len(place) > 1:
-            _repair_region(tables["regions"], int(place[1]))
+            # a region of the same name stands for one at fault
+            number, regions = int(place[1]), tables["regions"]
+            stated = regions[number].get("name") if isinstance(regions[number], dict) else None
+            name = stated if isinstance(stated, str) else f"region {number}"
+            plain = name.replace(".", " ").replace(",", " ").strip()
+            regions[number] = {"name": plain or "region", "plane": "X = 0"}
         elif top in (None, "method", "methods"):
             _repair_method(tables, item, repairs)
         elif top == "end_time":
@@ -181,13 +186,6 @@ def _table_at(tables: Any, place: tuple[Any, ...]) -> Any:
             return None
         tables = tables[key]
     return tables
-
-
-def _repair_region(regions: list[Any], number: int) -> None:
-    """A region of the same name stands for one at fault."""
-    named = isinstance(regions[number], dict) and isinstance(regions[number].get("name"), str)
-    name = regions[number]["name"] if named else f"region {number}"
-    regions[number] = {"name": name.replace(".", " ").replace(",", " ").strip() or "region", "plane": "X = 0"}
 
 
 def _repair_method(tables: dict[str, Any], item: ErrorDetails, repairs: Repairs) -> None:

@@ -134,7 +134,15 @@ class ElasticPlasticTable(DeclaredModel):
             if self.parts["melting"] is None and getattr(getattr(part, "declared", None), "needs_melting", False):
                 details.append((("melting",), f"a table, needed by the {key.replace('_', ' ')} {part.kind!r}", NOTHING))
         if getattr(getattr(self.parts["flow_stress"], "declared", None), "flows_in_volume", False):
-            details += self._not_beside_flow_in_volume()
+            # parts that do not go with a flow that changes the volume
+            kind = self.parts["flow_stress"].kind
+            for key, usual in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
+                part = self.parts[key]
+                if part is not None and part.kind != usual:
+                    details.append(((key, "kind"), f"{usual!r} with the flow stress {kind!r}", part.kind))
+            if self.parts["kinematic_hardening"] is not None:
+                expected = f"no such key with the flow stress {kind!r}"
+                details.append((("kinematic_hardening",), expected, Phrase("it")))
         heat, slope = self.parts["specific_heat"], self.parts["specific_heat_slope"]
         if heat is not None and not heat > slope * self.parts["reference_temperature"]:
             details.append((("specific_heat_slope",), "a specific heat that is positive at 0 K", slope))
@@ -150,18 +158,6 @@ class ElasticPlasticTable(DeclaredModel):
             details += stated.failure.faults(melts=self.parts["melting"] is not None)
         reject(*details)
         return self
-
-    def _not_beside_flow_in_volume(self) -> list[Any]:
-        """(location, expected, found) of parts that do not go with a flow stress whose flow changes the volume."""
-        kind = self.parts["flow_stress"].kind
-        details: list[Any] = []
-        for key, needed in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
-            part = self.parts[key]
-            if part is not None and part.kind != needed:
-                details.append(((key, "kind"), f"{needed!r} with the flow stress {kind!r}", part.kind))
-        if self.parts["kinematic_hardening"] is not None:
-            details.append((("kinematic_hardening",), f"no such key with the flow stress {kind!r}", Phrase("it")))
-        return details
 
     @property
     def ledger_terms(self) -> dict[str, int]:

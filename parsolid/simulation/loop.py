@@ -175,16 +175,14 @@ class Simulation:
         started = len(self.stage_steps) - 1
         if started == len(self.scene.stages) or self.clock.time < self.scene.stages[started].start or result[0] < 0.0:
             return result
-        self._begin_stage()
-        return self.agreement.result()[0], result[1]
-
-    def _begin_stage(self) -> None:
-        """Let systems go on with the settings of the stage that begins now, and begin to agree on its first step."""
+        # let systems go on with the settings of the stage that begins now, and begin to agree on its first
+        # step
         for system, ledger in zip(self.systems, self._ledgers):
             system.begin_stage(self.clock.time, ledger)
         self.stage_steps.append(self.clock.step)
         self.time_steps.take_limits(self.systems)
         self.agreement.start()
+        return self.agreement.result()[0], result[1]
 
     def _write(self, outputs: Outputs, over: Sequence[bool]) -> None:
         began = clock.perf_counter()

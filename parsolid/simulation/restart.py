@@ -151,16 +151,15 @@ class Restart:
         for interaction, state in zip(simulation.interactions, header["interactions"]):
             interaction.set_state(state)
         if self.allowed:
-            self._take_jump(simulation)
-
-    def _take_jump(self, simulation: "Simulation") -> None:
-        """Count what allowed changes did to the energy of the state as energy of the start; collective."""
-        jump = simulation.ledger.row(self.comm, *simulation.energies())["energy_error"] - self.header["energy_error"]
-        assert simulation.ledger.initial is not None
-        simulation.ledger.initial += jump
-        if jump:
-            text = f"the energy of the state changes by {jump:.4g} J with what was allowed to change"
-            self.notes.append(Note("restart-energy", text))
+            # count what allowed changes did to the energy of the state as energy of the start; collective
+            jump = (
+                simulation.ledger.row(self.comm, *simulation.energies())["energy_error"] - self.header["energy_error"]
+            )
+            assert simulation.ledger.initial is not None
+            simulation.ledger.initial += jump
+            if jump:
+                text = f"the energy of the state changes by {jump:.4g} J with what was allowed to change"
+                self.notes.append(Note("restart-energy", text))
 
 
 def _offer(comm: Any, path: Path) -> str:

@@ -109,7 +109,11 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     rows = -(-len(panels) // columns)
     figure = _figure(size or (columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
     grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-    largest = _largest_of_fields(panels, history)
+    # field -> the largest magnitude of all its panels
+    largest: dict[str, float] = {}
+    for panel, names in panels.items():
+        field = panel.partition(".")[2]
+        largest[field] = max([largest.get(field, 0.0), *(_largest(history[name]) for name in names)])
     for axes, (panel, names) in zip(grid, panels.items()):
         probe, _, field = panel.partition(".")
         # the same unit in all panels of a field
@@ -158,15 +162,6 @@ def _told_apart(names: list[str], history: dict[str, np.ndarray]) -> list[str]:
         if _largest(values) > _NOTHING * largest and not same:
             kept.append(name)
     return _most(kept, history) or names[:1]
-
-
-def _largest_of_fields(panels: dict[str, list[str]], history: dict[str, np.ndarray]) -> dict[str, float]:
-    """Field -> the largest magnitude of all its panels."""
-    found: dict[str, float] = {}
-    for panel, names in panels.items():
-        field = panel.partition(".")[2]
-        found[field] = max([found.get(field, 0.0), *(_largest(history[name]) for name in names)])
-    return found
 
 
 def _probe_panels(columns: list[str]) -> dict[str, list[str]]:

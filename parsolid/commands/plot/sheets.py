@@ -174,7 +174,18 @@ class Sheet:
             figure.text(x, y, self.labels[number], ha="center", va="top", fontsize=11)
         if self.look.title:
             figure.text(0.5, 1.0 - _MARGIN / size[1], self.look.title, ha="center", va="top", fontsize=13)
-        self._add_bar(figure, size)
+        scale = self.scale
+        room = size[1] - 2 * _MARGIN - MARKS
+        height = max(40, min(room, max(240, int(0.6 * size[1]))))
+        bottom = MARKS + 0.5 * (size[1] - MARKS - height)
+        axes = figure.add_axes(((size[0] - _BAR + 10) / size[0], bottom / size[1], 16 / size[0], height / size[1]))
+        limits = Normalize(scale.lower / scale.factor, scale.upper / scale.factor)
+        colours = ScalarMappable(limits, matplotlib.colormaps[scale.colours])
+        bar = figure.colorbar(colours, cax=axes, extend=scale.extend)
+        bar.set_label(scale.label, fontsize=11)
+        bar.ax.tick_params(labelsize=10)
+        bar.locator = matplotlib.ticker.MaxNLocator(7, steps=[1, 2, 5, 10])
+        bar.update_ticks()
         add_marks(figure, size[0] - _BAR, size, self.view.directions, self.view.pixels_of_a_metre(*panels[0][2:]))
         return figure
 
@@ -235,20 +246,6 @@ class Sheet:
                 self.skins, self.volume, self.view, self.scale, pixels, self.cut, self.look.mirror
             )
         return self._renderers[pixels]
-
-    def _add_bar(self, figure: Figure, size: tuple[int, int]) -> None:
-        scale = self.scale
-        room = size[1] - 2 * _MARGIN - MARKS
-        height = max(40, min(room, max(240, int(0.6 * size[1]))))
-        bottom = MARKS + 0.5 * (size[1] - MARKS - height)
-        axes = figure.add_axes(((size[0] - _BAR + 10) / size[0], bottom / size[1], 16 / size[0], height / size[1]))
-        limits = Normalize(scale.lower / scale.factor, scale.upper / scale.factor)
-        colours = ScalarMappable(limits, matplotlib.colormaps[scale.colours])
-        bar = figure.colorbar(colours, cax=axes, extend=scale.extend)
-        bar.set_label(scale.label, fontsize=11)
-        bar.ax.tick_params(labelsize=10)
-        bar.locator = matplotlib.ticker.MaxNLocator(7, steps=[1, 2, 5, 10])
-        bar.update_ticks()
 
 
 def _mirrored(frame: Frame, axes: tuple[int, ...], cut: int | None) -> Frame:
