@@ -12,8 +12,7 @@ from parsolid.particles.meshes.slices import MeshSlices, part_of_body, whole_mes
 from parsolid.scene import Scene
 from parsolid.scene.codes import Note
 from parsolid.scene.previous_results import methods_of
-from parsolid.scene.stages import settings_of_stages
-from parsolid.scene.systems import notes_of
+from parsolid.scene.systems import notes_of, settings_of_stages
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.representation import layers, thinnest
 

@@ -27,8 +27,7 @@ from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
 from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
-from parsolid.scene.stages import stage_faults
-from parsolid.scene.systems import carriers_of, faults_of_systems
+from parsolid.scene.systems import carriers_of, faults_of_systems, stage_faults
 from parsolid.scene.tools import still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, Fault, suggestion
 

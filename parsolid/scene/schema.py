@@ -17,8 +17,7 @@ from parsolid.scene.methods import Method
 from parsolid.scene.named_regions import Region, all_regions, uses_of_regions
 from parsolid.scene.observation import ErrorBars, Output, Reference, RunTargets
 from parsolid.scene.probes import Probe
-from parsolid.scene.stages import Stage
-from parsolid.scene.systems import SystemOfScene, part_of, systems_of
+from parsolid.scene.systems import Stage, SystemOfScene, part_of, systems_of
 from parsolid.scene.tools import Tool
 from parsolid.scene.validation_errors import NOTHING
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from parsolid.collective import maximum
 from parsolid.output.summary import peak_memory_bytes
-from parsolid.scene.stages import settings_of_stages
-from parsolid.scene.systems import qualify_keys
+from parsolid.scene.systems import qualify_keys, settings_of_stages
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.phases import of_all_ranks
 

@@ -41,7 +41,7 @@ from parsolid.particles.law_values import declare_law_values, rows_of_laws
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.contact import tied_pairs
 from parsolid.scene.method_settings import STAGE_CHANGE
-from parsolid.scene.stages import settings_of_stages
+from parsolid.scene.systems import settings_of_stages
 
 # energy that the balance has the round-off of, over modulus times volume: 1e-12 of it, see `energy_check`, is four to
 # five times what one bit of J is worth in the particles' strain energy

@@ -8,6 +8,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.base_model import Detail, Name, Plane, Point, SceneModel, check_kind, kinds_of, method_of, reject
 from parsolid.scene.formulas import Formula, FormulaVector
+from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.scene.regions import Named, OnPlane
 from parsolid.scene.validation_errors import NOTHING
 
@@ -57,6 +58,12 @@ class Condition(SceneModel):
         stated = {key: getattr(self, key) for key in type(self).model_fields}
         vectors = {key: FormulaVector((one,)) if isinstance(one, Formula) else one for key, one in stated.items()}
         return {key: one for key, one in vectors.items() if isinstance(one, FormulaVector)}
+
+    @property
+    def prescribed(self) -> Any:
+        """The values in time of the only formulas, a `LoadHistory`; a `RigidMotion` of a rotation."""
+        (formulas,) = self.formulas.values()
+        return LoadHistory(formulas, self if isinstance(self, Timed) else None)
 
 
 class Reporting(SceneModel):

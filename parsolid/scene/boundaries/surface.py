@@ -7,8 +7,8 @@ from pydantic import Field, ValidationInfo, model_validator
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Name, NotNegative, Plane, method_of, reject
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
-from parsolid.scene.formulas import FormulaVector, Scalar
-from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.formulas import Scalar
+from parsolid.scene.load_histories import Timed
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.regions import InBall, InBox, Region
 from parsolid.scene.shapes import Box, Sphere
@@ -57,11 +57,6 @@ class Pressure(OnSurface, Timed):
         if self.ball is not None:
             return InBall(self.ball.centre, self.ball.radius)
         return super().region
-
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The pressure in time."""
-        return LoadHistory(FormulaVector((self.pressure,)), self)
 
 
 @boundary_kind

@@ -7,8 +7,7 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Name, Plane, reject
 from parsolid.scene.boundaries.condition import Condition, boundary_kind
-from parsolid.scene.formulas import FormulaVector, Scalar
-from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.formulas import Scalar
 
 
 class OnHeatedPlane(Condition):
@@ -32,11 +31,6 @@ class PrescribedTemperature(OnHeatedPlane):
             reject((("temperature",), "an absolute temperature", self.temperature.source))
         return self
 
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The temperature in time."""
-        return LoadHistory(FormulaVector((self.temperature,)))
-
 
 @boundary_kind
 class HeatFlux(OnHeatedPlane):
@@ -44,8 +38,3 @@ class HeatFlux(OnHeatedPlane):
 
     kind: Literal["heat-flux"]
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
-
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The heat flux in time."""
-        return LoadHistory(FormulaVector((self.heat_flux,)))

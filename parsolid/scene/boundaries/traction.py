@@ -7,7 +7,7 @@ from pydantic import Field
 from parsolid.scene.boundaries.condition import boundary_kind
 from parsolid.scene.boundaries.surface import OnSurface
 from parsolid.scene.formulas import Vector
-from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.load_histories import Timed
 
 
 @boundary_kind
@@ -16,8 +16,3 @@ class Traction(OnSurface, Timed):
 
     kind: Literal["traction"]
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
-
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The traction in time."""
-        return LoadHistory(self.traction, self)
