@@ -15,6 +15,7 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
 from parsolid.scene.codes import Warned
 from parsolid.scene.formulas import NOT_FINITE
+from parsolid.simulation.agreement import StepAgreement
 from parsolid.simulation.diagnosis import describe_failure, describe_meetings, meetings_in_words
 from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits
 from parsolid.simulation.ledger import ledger_of, names_of_terms, viscous_terms_of
@@ -25,7 +26,7 @@ from parsolid.simulation.representation import representation
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
-from parsolid.simulation.time_step import StepAgreement, Subcycling, TimeSteps
+from parsolid.simulation.time_step import Subcycling, TimeSteps
 
 FINISHED, STOPPED, INTERRUPTED = "finished", "stopped", "interrupted"
 
