@@ -244,7 +244,7 @@ def _add_parts(scene: Scene, name: str, bar: Bar, times: np.ndarray, runs: list[
             bar.error = bar.error + SAFETY_NO_ORDER * part
 
 
-def shown_columns(table: ErrorTable, scene: Scene) -> list[str]:
+def shown_columns(table: ErrorTable) -> list[str]:
     """The columns of the last lines: of probes and reactions but for rounding, or the energies where there are none."""
     known = [name for name in table.bars if "." in name]
     if not known:
@@ -267,7 +267,7 @@ def lines(table: ErrorTable, scene: Scene, extra: float | None) -> Iterator[str]
     if table.without:
         yield f"error bars: none: {table.without}"
         return
-    for name in shown_columns(table, scene):
+    for name in shown_columns(table):
         yield in_words(table, name)
     if not any("." in name for name in table.bars):
         yield "error bars: the scene has no probe: bars are of its energies"

@@ -183,7 +183,7 @@ def _error_with_order(case: Case, name: str) -> str:
     return f"{value:.2e}" + (f" ({case.orders[name]:.1f})" if name in case.orders else "")
 
 
-def write_study_csv(path: Path, study: Study, cases: list[Case]) -> None:
+def write_study_csv(path: Path, cases: list[Case]) -> None:
     """One row a run: labels, how it ended, measures, errors, observed orders."""
     done = [case for case in cases if case.record is not None]
     axes = list(dict.fromkeys(axis for case in done for axis in case.labels))

@@ -112,7 +112,7 @@ def report(console: Console, planned: Planned, pictures: bool = True) -> list[Ro
         return []
     tables += [comparison_table("compared with what is published", rows)] if rows else []
     print_tables(console, tables)
-    write_study_csv(folder / "study.csv", study, cases)
+    write_study_csv(folder / "study.csv", cases)
     loads = [min(case.record.ending["load"]) for case in cases if case.record is not None]
     span = f"{min(loads):.1f} to {max(loads):.1f}"
     remark = f"Load average of the machine when the runs began: {span} on {cores_in_words()}."

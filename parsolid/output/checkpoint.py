@@ -219,22 +219,22 @@ def _count_systems(file: h5py.File) -> int:
     return count
 
 
-def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None, name: str = DEFAULT_NAME) -> Path:
+def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None) -> Path:
     """The newest whole checkpoint of a directory. With comm collective, else for one rank alone.
 
     Raises OutputError (on all ranks) that says of each candidate why it will not do, or that there is none yet.
     """
     if comm is None:
-        return _find(Path(directory), name)
+        return _find(Path(directory))
     found = Path()
     with together(comm, f"cannot look for a checkpoint in {directory}"):
         if comm.rank == 0:
-            found = _find(Path(directory), name)
+            found = _find(Path(directory))
     return Path(comm.bcast(found))
 
 
-def _find(directory: Path, name: str) -> Path:
-    path = directory / name
+def _find(directory: Path) -> Path:
+    path = directory / DEFAULT_NAME
     candidates, reasons = (partial_name(path), path, previous_name(path)), []
     if not any(candidate.exists() for candidate in candidates):
         found = "the run there ended before its first, or has none" if directory.is_dir() else "there is no such folder"

@@ -254,7 +254,7 @@ class Laws:
         if not isinstance(value, dict):
             return value if isinstance(value, DeclaredModel) else handler(value)
         if "law" in value:
-            return _law_of_file(value, self.roles, self._taken(info), info)
+            return _law_of_file(value, self._taken(info), info)
         every, taken = (
             [kind for role in roles for kind in registry.kinds(role)] for roles in (self.roles, self._taken(info))
         )
@@ -276,7 +276,7 @@ def _stated(table: DeclaredModel, info: Any) -> dict[str, Any]:
     return {key: value for key, value in stated.items() if value != inf}
 
 
-def _law_of_file(value: dict[str, Any], roles: tuple[str, ...], taken: list[str], info: ValidationInfo) -> Any:
+def _law_of_file(value: dict[str, Any], taken: list[str], info: ValidationInfo) -> Any:
     """The table of a law of one's own, whose file is run if that is allowed."""
     stated, context = value["law"], info.context or {}
     if "kind" in value:

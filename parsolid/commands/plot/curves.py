@@ -48,7 +48,7 @@ _REFERENCE = {"linestyle": (0, (4, 3)), "linewidth": 1.2, "color": "black", "alp
 _PANEL = (460, 330)
 
 
-def write_energies(results: Results, path: Path, size: tuple[int, int] | None = None) -> None:
+def write_energies(results: Results, path: Path) -> None:
     """Energies, dissipations and the energy error over time, side by side."""
     history = results.columns
     time, factor = _time_axis(history["time"])
@@ -56,7 +56,7 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     terms = {name: history[name] for name in ENERGIES if name in history} | _method_terms(history)
     largest = max((np.nanmax(np.abs(values)) for values in terms.values() if len(values)), default=0.0)
     unit, prefix = prefixed("J", largest)
-    figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
+    figure = _figure((3 * _PANEL[0], _PANEL[1] + 30), results.title)
     energies, dissipations, error = figure.subplots(1, 3)
     told = [name for name, values in terms.items() if _largest(values) > _NOTHING * largest]
     for name in ("kinetic", stored, "external_work"):
@@ -84,7 +84,7 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     energies.set_ylabel(f"energy [{prefix}]")
     dissipations.set_ylabel(f"dissipated [{prefix}]")
     error.set_ylabel("energy error / largest energy")
-    _finish(figure, (energies, dissipations, error), prefixed("s", _last(history["time"]))[1])
+    _finish((energies, dissipations, error), prefixed("s", _last(history["time"]))[1])
     error.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
     figure.savefig(path, dpi=DOTS_PER_INCH)
 
@@ -96,7 +96,7 @@ def _method_terms(history: dict[str, Any]) -> dict[str, Any]:
     return {name: history[name] for name in columns[first:last]}
 
 
-def write_probes(results: Results, path: Path, size: tuple[int, int] | None = None) -> bool:
+def write_probes(results: Results, path: Path) -> bool:
     """One panel for each field of each probe; False, and no file, when the scene has none."""
     history = results.columns
     idle = {name for name in history if name.endswith(".work") and _largest(history[name]) == 0.0}
@@ -107,7 +107,7 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     # four are a square
     columns = 2 if len(panels) == 4 else min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    figure = _figure(size or (columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
+    figure = _figure((columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
     grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     # field -> the largest magnitude of all its panels
     largest: dict[str, float] = {}
@@ -130,7 +130,7 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
         axes.set_ylabel(labelled(words_of(field), label and f"{label}{per}"))
     for axes in grid[len(panels) :]:
         axes.set_visible(False)
-    _finish(figure, grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
+    _finish(grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return True
 
@@ -217,7 +217,7 @@ def _figure(size: tuple[int, int], title: str) -> Figure:
     return figure
 
 
-def _finish(figure: Figure, panels: Any, unit: str) -> None:
+def _finish(panels: Any, unit: str) -> None:
     for axes in panels:
         axes.set_xlabel(f"time [{unit}]")
         axes.margins(x=0.0)
