@@ -2,6 +2,11 @@
 
 Rows are ordered by the particles' identifiers, so that a particle keeps its row from step to step and the file does
 not depend on the number of ranks. To that end ranks exchange rows; none ever has more than its even share.
+
+Checksums of a step's data sets are in fields.sums beside it, a line a step: a damaged number is found where it is read,
+by results and pictures, and by a run that starts from them. Of several systems each has a file, and one shows them all
+as the blocks of a temporal collection (VTKHDF specification, version 2.2, "Partitioned dataset collection"); readers
+take the times from the first block, which is therefore written last.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The folder of a run's results, locked for it, with the names of its files."""
+"""The folder of a run's results, locked for it: made if need be, and never at the cost of results that are there."""
 
 import itertools
 import os

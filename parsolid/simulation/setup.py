@@ -1,4 +1,7 @@
-"""The systems of a scene: each body's particles go to the method that has the body."""
+"""The systems of a scene: each body's particles go to the method that has the body.
+
+States at time 0 that no run should start from are refused: matter inside out, a deformation gradient of another motion.
+"""
 
 import dataclasses
 from collections.abc import Iterator

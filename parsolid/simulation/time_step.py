@@ -23,7 +23,11 @@ _ROUND_OFF = 1e-9
 
 
 class Subcycling:
-    """How many steps each system takes in a common one; nothing where all take one.
+    """How many steps each system takes in a common one, where its own is shorter than that of the others; nothing where
+    all take one.
+
+    Impulses of contact, ties and tools are given at the common step alone (Strang's splitting; r-RESPA of Tuckerman,
+    Berne, Martyna, J. Chem. Phys. 97 (1992) 1990), so within it systems do not know of one another.
 
     stable: largest steps [s] of all systems, agreed on by all ranks, where any system takes several.
     """
