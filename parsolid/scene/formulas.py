@@ -399,13 +399,12 @@ class FormulaVector(tuple[Any, ...]):
         """Those times, and those at which they make its rate jump."""
         return {time for component in self if component is not None for time in component.corners}
 
-    def evaluate(self, points: np.ndarray, time: float = 0.0, out: np.ndarray | None = None) -> np.ndarray:
-        """Values (n, components) at points (n, d) [m] and a time [s]; 0 for free components. `out` is
-        written if given.
-        """
-        result = np.zeros((len(points), len(self))) if out is None else out
+    def evaluate(self, points: np.ndarray, time: float = 0.0) -> np.ndarray:
+        """Values (n, components) at points (n, d) [m] and a time [s]; 0 for free components."""
+        result = np.zeros((len(points), len(self)))
         for i, component in enumerate(self):
-            result[:, i] = 0.0 if component is None else component.evaluate(points, time)
+            if component is not None:
+                result[:, i] = component.evaluate(points, time)
         return result
 
     @property
