@@ -198,7 +198,15 @@ def judge(study: Study, cases: list[Case]) -> None:
     """Fill in `orders` and `faults` of all cases that have a record."""
     for line in lines_of(cases).values():
         for coarse, fine in pairwise(line):
-            fine.orders = observed_orders(coarse, fine)
+            # log(error ratio) / log(spacing ratio) of two runs, by the error's name
+            spacings: Any = coarse.spacing, fine.spacing
+            ratio = math.log(spacings[0] / spacings[1])
+            before, after = coarse.measures["errors"], fine.measures["errors"]
+            fine.orders = {
+                name: math.log(before[name] / after[name]) / ratio
+                for name in after
+                if ratio > 0.0 and before.get(name) and after[name]
+            }
     for case in cases:
         if case.record is not None:
             case.faults = [*_ending_faults(case.record, case.expect), *_number_faults(study, case)]
@@ -214,18 +222,6 @@ def _by_line(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
     for case in cases:
         lines.setdefault(case.line, []).append(case)
     return {name: sorted(line, key=lambda case: -(case.spacing or 0.0)) for name, line in lines.items()}
-
-
-def observed_orders(coarse: Case, fine: Case) -> dict[str, float]:
-    """log(error ratio) / log(spacing ratio) of two runs, by the error's name."""
-    spacings: Any = coarse.spacing, fine.spacing
-    ratio = math.log(spacings[0] / spacings[1])
-    before, after = coarse.measures["errors"], fine.measures["errors"]
-    return {
-        name: math.log(before[name] / after[name]) / ratio
-        for name in after
-        if ratio > 0.0 and before.get(name) and after[name]
-    }
 
 
 def _ending_faults(record: Record, expect: str | None) -> list[str]:

@@ -79,7 +79,13 @@ def prepare(
             # by name: a link to nowhere is not there for glob
             names = sorted(name for name in os.listdir(directory) if any(fnmatchcase(name, one) for one in RESULTS))
             results = [directory / name for name in names]
-            _refuse_inputs(results, inputs, continuing)
+            read = {Path(path).resolve() for path in inputs}
+            for path in results:
+                # a continued run reads a checkpoint here, maybe a whole one not renamed yet, and does not lose it
+                if path.resolve() in read and not (continuing and ".h5" in path.suffixes):
+                    raise OutputError(
+                        f"{path} is read by this run and would be overwritten: choose another output directory"
+                    )
             if continuing:
                 # take links away that bear the names of files being written: what they point to would be
                 # written over
@@ -87,7 +93,16 @@ def prepare(
                     if path.suffix == ".partial" and path.is_symlink():
                         path.unlink()
             elif results:
-                aside = _move_aside(directory, results)
+                number = 1
+                while True:
+                    aside = directory / f"previous-{number}"
+                    try:
+                        aside.mkdir()
+                        break
+                    except FileExistsError:
+                        number += 1
+                for result in results:
+                    result.rename(aside / result.name)
                 if moved is not None:
                     moved(aside)
             if (told := directory / TRACEBACK).exists():
@@ -96,32 +111,10 @@ def prepare(
     return directory
 
 
-def _refuse_inputs(results: list[Path], inputs: Iterable[Path | str], continuing: bool) -> None:
-    read = {Path(path).resolve() for path in inputs}
-    for path in results:
-        # a continued run reads a checkpoint here, maybe a whole one not renamed yet, and does not lose it
-        if path.resolve() in read and not (continuing and ".h5" in path.suffixes):
-            raise OutputError(f"{path} is read by this run and would be overwritten: choose another output directory")
-
-
 def next_free(path: Path) -> Path:
     """fields.vtkhdf -> fields.1.vtkhdf, or the first number that is free."""
     names = (path.with_name(f"{path.stem}.{number}{path.suffix}") for number in itertools.count(1))
     return next(name for name in names if not name.exists())
-
-
-def _move_aside(directory: Path, results: list[Path]) -> Path:
-    number = 1
-    while True:
-        aside = directory / f"previous-{number}"
-        try:
-            aside.mkdir()
-            break
-        except FileExistsError:
-            number += 1
-    for path in results:
-        path.rename(aside / path.name)
-    return aside
 
 
 class RunFolder:

@@ -160,10 +160,7 @@ class Renderer:
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=window, lighting="none", border=False)
         self._plotter = plotter
         plotter.background_color = "white"
-        self._light()
-
-    def _light(self) -> None:
-        """A main light from the upper left of the viewer, a weak one from the right."""
+        # a main light from the upper left of the viewer, a weak one from the right
         camera = self.camera
         upper_left, right = camera.towards + 0.6 * camera.up - 0.5 * camera.right, camera.towards + camera.right
         for direction, intensity in ((upper_left, 0.72), (right, 0.3)):
@@ -180,7 +177,16 @@ class Renderer:
         bodies = len(self.skins) // images
         for body in range(bodies):
             self._add_body(frame, [self.skins[body + image * bodies] for image in range(images)])
-        self._point(number)
+        camera, plotter = self.camera, self._plotter
+        middle = camera.middles[number]
+        distance = 2.0 * camera.depth + max(camera.span)
+        plotter.camera.position = middle + distance * camera.towards
+        plotter.camera.focal_point = middle
+        plotter.camera.up = camera.up
+        plotter.camera.parallel_projection = True
+        aspect = self.size[0] / self.size[1]
+        plotter.camera.parallel_scale = 0.5 * max(camera.span[1], camera.span[0] / aspect)
+        plotter.camera.clipping_range = (1e-3 * distance, 2.0 * distance + camera.depth)
         plotter.render()
         image = plotter.screenshot(return_img=True)
         return _reduced(image, self.size)
@@ -241,18 +247,6 @@ class Renderer:
         """Whether the faces are large enough for their edges to be told apart."""
         pixels = self.size[1] / self.camera.span[1]
         return bool(np.sqrt(mesh.area / max(mesh.n_cells, 1)) * pixels > 5.0)
-
-    def _point(self, number: int) -> None:
-        camera, plotter = self.camera, self._plotter
-        middle = camera.middles[number]
-        distance = 2.0 * camera.depth + max(camera.span)
-        plotter.camera.position = middle + distance * camera.towards
-        plotter.camera.focal_point = middle
-        plotter.camera.up = camera.up
-        plotter.camera.parallel_projection = True
-        aspect = self.size[0] / self.size[1]
-        plotter.camera.parallel_scale = 0.5 * max(camera.span[1], camera.span[0] / aspect)
-        plotter.camera.clipping_range = (1e-3 * distance, 2.0 * distance + camera.depth)
 
 
 def _reduced(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
