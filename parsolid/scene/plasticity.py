@@ -204,6 +204,9 @@ class ElasticPlasticTable(DeclaredModel):
             if self.parts["kinematic_hardening"] is not None:
                 expected = f"no such key with the flow stress {kind!r}"
                 details.append((("kinematic_hardening",), expected, Phrase("it")))
+        if stated.heat_capacity is not None:
+            given = [key for key in ("specific_heat", "specific_heat_slope") if getattr(stated, key) is not None]
+            details += [((key,), "no such key with heat_capacity", getattr(stated, key)) for key in given]
         heat, slope = self.parts["specific_heat"], self.parts["specific_heat_slope"]
         if heat is not None and not heat > slope * self.parts["reference_temperature"]:
             details.append((("specific_heat_slope",), "a specific heat that is positive at 0 K", slope))
