@@ -56,7 +56,7 @@ class Implicit:
     def __init__(self, system: Any) -> None:
         """system: `system.TotalLagrangianSPH` with its `statics`, whose tangent, loads and preconditioner are used."""
         self.system, self.statics, self.comm = system, system.statics, system.comm
-        self.tangent, self.free = self.statics.tangent, self.statics.free
+        self.tangent, self.free = self.statics.tangent, self.statics.tangent.free
         self.preconditioner = self.statics.preconditioner
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         system.particles.declare(Field("mean_acceleration", system.dimension, "m/s^2", **kept))

@@ -42,12 +42,14 @@ class StaticPreconditioner:
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
         system, d = self.system, self.system.dimension
         of = system.particles.owned_rows
-        self.lame, self.shear = moduli_of_rows(tangent.laws, system.owned)
+        lame, self.shear = moduli_of_rows(tangent.laws, system.owned)
+        # what pressures take is not in the tangent of displacements
+        self.lame = lame if system.pressures is None else np.where(system.pressures.free, 0.0, lame)
         self.volume = np.array(of("volume"))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
         self.diagonal = self._scaled_diagonal()
-        size = self.volume[:, None] ** (1.0 / d)
+        size = (self.volume ** (1.0 / d) * (lame + 2.0 * self.shear) / (self.lame + 2.0 * self.shear))[:, None]
         self.rounding = _BITS * float(np.sqrt(sums(self.comm, [np.sum((self.diagonal * size) ** 2)])[0]))
 
     def _scaled_diagonal(self) -> np.ndarray:
@@ -57,6 +59,8 @@ class StaticPreconditioner:
         tangent.share_moves(signs)
         trial = np.where(tangent.free, signs, 0.0)
         tangent.linearise()
+        if self.system.pressures is not None:
+            self.system.pressures.linearise(tangent.moduli, tangent.index)
         return scaled_diagonal(self.comm, estimate, trial, tangent.product(trial))
 
     def build(self) -> None:

@@ -20,6 +20,7 @@ from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattic
 from parsolid.methods.tlsph.leapfrog import Leapfrog, slowing_of
 from parsolid.methods.tlsph.output import Reports
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT, PlasticBlock
+from parsolid.methods.tlsph.pressures import pressures_of
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
 from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
 from parsolid.methods.tlsph.static import Static
@@ -131,6 +132,7 @@ class TotalLagrangianSPH(Reports):
         self.meshes = mesh_bodies_of(self, scene, particle_set)
         if self.meshes is not None and self.leapfrog is not None:
             self.leapfrog.kicks.shared = self.meshes.shared
+        self.pressures = pressures_of(self) if "static" in kinds else None
         self.sweeps = [one for one in (self.lists, self.meshes, self.boxes) if one is not None]
         self.fixed_walls = None if self.lists is None else fixed_walls_of(self, self.lists)
         fixed = self.settings.reference == "fixed"
@@ -270,6 +272,8 @@ class TotalLagrangianSPH(Reports):
             self.statics.begin()
             ledger.add_term(STAGE_CHANGE, kinetic)
         else:
+            if self.pressures is not None:
+                self.pressures.hold()
             self.integrator.begin()
             self.conditions.impose(time)
             ledger.add(1.0, 0.0, 0.0, self.energies()[0] - kinetic)
