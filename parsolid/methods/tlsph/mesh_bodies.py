@@ -304,7 +304,6 @@ class MeshBodies(ListBodies):
             stretch += np.bincount(row, weight, near.rows) + np.bincount(pairs.neighbour, weight, near.rows)
         for block in self.blocks:
             own, (shear, lame) = slice(block.first, block.last), elastic_moduli(block.law)
-            lame *= not block.has_pressures
             result[:, own] += (shear + (lame + shear) / d) * stretch[own]
 
     def displacement_gradient(self, result: np.ndarray) -> None:

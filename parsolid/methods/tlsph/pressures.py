@@ -1,8 +1,8 @@
 """Pressures of nearly incompressible bodies from meshes, as unknowns of equilibria beside the displacement.
 
-A pressure at every node that follows from its own volume has too many waves: those from node to node resist motions that
-change no volume of the elements. With the pressures p of particles as unknowns, j = J - 1, and C, which takes from a
-pressure its means over elements, equilibrium is where
+A pressure at every node that follows from its own volume has too many waves: those from node to node resist motions
+that change no volume of the elements. With the pressures p of particles as unknowns, j = J - 1, and C, which takes from
+a pressure its means over elements, equilibrium is where
 
     E(u, p) = sum_a V_a [W(F_a) - k j_a^2/2 + p_a j_a - p_a^2/(2 k)] - p.C p/2
 
@@ -20,9 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.reduction import sums
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.tangent import Volumes
 from parsolid.particles.declaration import Columns, Field
+from parsolid.solvers.conjugate_gradients import conjugate_gradients
 
 # p [Pa], and k [Pa] that the law does without: what a tile adds to P is (p - k (J - 1)) H
 FIELDS = ("pressure_unknown", "released_modulus")
@@ -31,6 +33,9 @@ _REST = "pressure_energy"
 # Poisson's ratio beyond which pressures are unknowns, and its ratio of Lame's first to the shear modulus
 STIFF = 0.45
 _RATIO = 2.0 * STIFF / (1.0 - 2.0 * STIFF) * (1.0 + 1e-9)
+
+# of what is not balanced, what is left where pressures follow from a deformation
+_BALANCED = 1e-13
 
 
 def nearly_incompressible(law: Any) -> bool:
@@ -56,9 +61,8 @@ class Pressures:
         self.lame, shear = np.zeros(system.owned), np.ones(system.owned)
         for block in system.meshes.blocks:
             own = slice(block.first, block.last)
-            block.has_pressures = nearly_incompressible(block.law)
-            self.free[own] = block.has_pressures
-            if block.has_pressures:
+            self.free[own] = nearly_incompressible(block.law)
+            if self.free[block.first]:
                 shear[own], self.lame[own] = elastic_moduli(block.law)
         role: dict[str, Any] = {"checkpointed": True, "layout": Columns()}
         for name in (*FIELDS, _REST):
@@ -77,12 +81,6 @@ class Pressures:
         values, row, column = (np.concatenate(one) for one in zip(*entries))
         self._C = sparse.coo_array((values, (row, column)), (near.rows, near.rows)).tocsr()[: near.owned]
 
-    def smoothed(self, p: np.ndarray) -> np.ndarray:
-        """C p (owned,) [m^3] of pressures (owned,) [Pa]."""
-        result = np.zeros_like(p)
-        result[: self._C.shape[0]] = self._C @ self._halo.with_ghosts(p[: self._C.shape[0]])
-        return result
-
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """About what lengths (owned,) [m] balance a residual (owned,) [N]."""
         return np.divide(residual, self.diagonal, out=np.zeros(len(residual)), where=self.free)
@@ -95,14 +93,21 @@ class Pressures:
         """Take pressures for the next deformation."""
         self._of(FIELDS[0])[:] = self.scale * unknowns
 
-    def residual(self) -> np.ndarray:
-        """-dE/dp (owned,) [N], over lengths, of the present deformation; also finds the energy."""
-        p, j = self._of(FIELDS[0]), self._of("jacobian") - 1.0
-        smoothed = self.smoothed(p)
-        own = self.volume * self.compliance * p
-        rest = np.divide(-0.5 * p * (own + smoothed), self.volume, out=np.zeros(len(p)), where=self.free)
+    def complied(self, p: np.ndarray) -> np.ndarray:
+        """V p/k + C p (owned,) [m^3] of pressures (owned,) [Pa]; collective."""
+        result = self.volume * self.compliance * p
+        result[: self._C.shape[0]] += self._C @ self._halo.with_ghosts(p[: self._C.shape[0]])
+        return result
+
+    def residual(self, unknowns: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+        """-dE/dp (owned,) [N], over lengths, of unknowns (owned,) [m] and J (owned,)."""
+        return -self.scale * (self.volume * (jacobian - 1.0) - self.complied(self.scale * unknowns))
+
+    def settle(self) -> None:
+        """Find the energy of the present state."""
+        p = self._of(FIELDS[0])
+        rest = np.divide(-0.5 * p * self.complied(p), self.volume, out=np.zeros(len(p)), where=self.free)
         self._of(_REST)[:] = rest
-        return -self.scale * (self.volume * j - own - smoothed)
 
     def energy(self) -> float:
         """That of E [J] of this rank's particles beside W."""
@@ -110,11 +115,30 @@ class Pressures:
         j = self._of("jacobian") - 1.0
         return float(self.volume @ (p * j - 0.5 * k * j * j + rest))
 
-    def release(self) -> None:
-        """Pressures of the present deformation become unknowns."""
-        j = self._of("jacobian") - 1.0
-        self._of(FIELDS[0])[:] += (self.lame - self._of(FIELDS[1])) * j
+    def release(self, balance: bool) -> float:
+        """Pressures of the present deformation become unknowns; the energy [J] that this rank's lose. balance: whether
+        they are to be those of this deformation at once, as where it goes on to move. Collective."""
+        before, p, j = self.energy(), self._of(FIELDS[0]), self._of("jacobian") - 1.0
+        p += (self.lame - self._of(FIELDS[1])) * j
         self._of(FIELDS[1])[:] = self.lame
+        if balance:
+            p += self._balanced(self.volume * j - self.complied(p))
+        self.settle()
+        return before - self.energy()
+
+    def _balanced(self, volumes: np.ndarray) -> np.ndarray:
+        """Pressures (owned,) [Pa] that comply by volumes (owned,) [m^3]; collective."""
+        diagonal = self.volume * self.compliance + np.pad(self._C.diagonal(), (0, len(volumes) - self._C.shape[0]))
+        over = np.divide(1.0, diagonal, out=np.zeros(len(volumes)), where=self.free)[:, None]
+
+        def product(p: np.ndarray, out: np.ndarray) -> None:
+            out[:, 0] = self.complied(p[:, 0])
+
+        target = _BALANCED * float(np.sqrt(sums(self.system.comm, [np.vdot(volumes, volumes)])[0]))
+        found = conjugate_gradients(
+            self.system.comm, product, volumes[:, None], target, precondition=lambda r: over * r
+        )
+        return found.value[:, 0]
 
     def hold(self) -> None:
         """What pressures have beyond those of the law becomes a part of it."""
@@ -152,8 +176,7 @@ class Pressures:
         p = self.scale * change[:, -1]
         volumes = Volumes(self._H, p, np.zeros(len(p)))
         force = tangent.product(np.ascontiguousarray(change[:, :-1]), None, volumes)
-        own = self.volume * (volumes.strain - self.compliance * p) - self.smoothed(p)
-        return np.column_stack((force, self.scale * own))
+        return np.column_stack((force, self.scale * (self.volume * volumes.strain - self.complied(p))))
 
     def _of(self, name: str) -> np.ndarray:
         """A field (owned,)."""

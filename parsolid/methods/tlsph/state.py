@@ -66,12 +66,10 @@ class LawBlock:
     """Particles first .. last - 1 of a rank, which share one law; its branches, and tiles for its kernels.
 
     law: with all its parts; solid: without branches, as kernels take it. A, branch_sum: tiles, None without branches;
-    push: a tile of an updated reference; sound: whether the law holds in all states of the last step; has_pressures:
-    whether pressures are unknowns of equilibria.
+    push: a tile of an updated reference; sound: whether the law holds in all states of the last step.
     """
 
     sound = True
-    has_pressures = False
 
     def __init__(
         self, particles: Particles, first: int, last: int, law: Any, rows_of_values: slice | None = None

@@ -120,7 +120,7 @@ class Static:
         for `implicit.Implicit`; tied: numbers of bodies that ties join. Raises SolverError on all ranks where nothing
         holds a body. Collective."""
         self.system, self.comm, self.conditions = system, system.comm, system.conditions
-        self.pressures, self.tangent = system.pressures, Tangent(system, flows=True)
+        self.pressures, self.tangent = system.pressures, Tangent(system, True, system.pressures)
         self.free = self.tangent.free
         if self.pressures is not None:
             self.free = np.column_stack((self.free, self.pressures.free))
@@ -200,6 +200,8 @@ class Static:
         for bodies in system.sweeps:
             bodies.find_forces()
         self._rest("velocity", "dissipative_force", RIEMANN_HEAT)
+        if self.pressures is not None:
+            self.pressures.settle()
         self.stabilise()
         self._joining[:] = 0.0
         for one in system.interactions:
@@ -236,7 +238,10 @@ class Static:
         """Internal forces [N] of the unknowns evaluated last, on this side of mirror planes; collective."""
         force = self.system.particles.owned_rows("stress_force") * self.system.share[:, None]
         force -= self._stabilising + self._joining
-        return force if self.pressures is None else np.column_stack((force, self.pressures.residual()))
+        if self.pressures is None:
+            return force
+        present = self.pressures.unknowns(), self.system.particles.owned_rows("jacobian")
+        return np.column_stack((force, self.pressures.residual(*present)))
 
     def stabiliser_energy(self) -> float:
         """Energy [J] of what resists rough displacements of this rank's boxes, in the state evaluated last."""
@@ -266,8 +271,6 @@ class Static:
     def linearise(self) -> None:
         """See `Problem`."""
         self.tangent.linearise(self.history)
-        if self.pressures is not None:
-            self.pressures.linearise(self.tangent.moduli, self.tangent.index)
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """See `Problem`."""
@@ -279,7 +282,7 @@ class Static:
     def solve(self, load: np.ndarray, target: float) -> Solution:
         """See `Problem`; the preconditioner is made anew at the present shape once it takes much more products."""
         size = float(np.sqrt(sums(self.comm, [np.vdot(load * self.free, load)])[0]))
-        solver = self._symmetric_solver if self.dead else gmres
+        solver = self.symmetric_solver if self.dead else gmres
         precondition = self.precondition if self.dead or self.sprung else self._solve_roughly
         solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, precondition)
         self.products += solution.iterations
@@ -289,7 +292,7 @@ class Static:
         return solution
 
     @property
-    def _symmetric_solver(self) -> Any:
+    def symmetric_solver(self) -> Any:
         """That of tangents without changes of loads."""
         return conjugate_gradients if self.pressures is None else minres
 
@@ -299,14 +302,14 @@ class Static:
         target = _ROUGH * float(np.sqrt(sums(self.comm, [np.vdot(residual, residual)])[0]))
 
         def product(change: np.ndarray, out: np.ndarray) -> None:
-            out[:] = self._stiffness(change)
+            out[:] = self.stiffness(change)
 
         settings = target, self.free, _PRODUCTS, self.precondition
-        found = self._symmetric_solver(self.comm, product, residual, *settings)
+        found = self.symmetric_solver(self.comm, product, residual, *settings)
         self.products += found.iterations
         return found.value if found.converged else self.precondition(residual)
 
-    def _stiffness(self, change: np.ndarray) -> np.ndarray:
+    def stiffness(self, change: np.ndarray) -> np.ndarray:
         """K times a change [m] of the unknowns [N]."""
         if self.pressures is None:
             return self.tangent.product(change)
@@ -314,7 +317,7 @@ class Static:
 
     def _product(self, change: np.ndarray, out: np.ndarray) -> None:
         """(K - dL/du) times a change [m] of the unknowns into out [N]."""
-        out[:] = self._stiffness(change)
+        out[:] = self.stiffness(change)
         if not self.dead:
             out[:, : self.system.dimension] -= self.change_of_loads(change[:, : self.system.dimension])
 
@@ -339,8 +342,6 @@ class Static:
     def begin(self) -> None:
         """Take the displacement of the start, of which no path is known, and no velocity."""
         self._rest("velocity", "dissipative_force", RIEMANN_HEAT, "displacement_rate", "displacement_curvature")
-        if self.pressures is not None:
-            self.pressures.release()
         self.follow_motion()
         self.stabilise()
 
@@ -506,7 +507,7 @@ class Static:
         if not solution.converged:
             return Failed(f"along the load, {solution.reason}", solution.iterations < _PRODUCTS)
         change += solution.value
-        return Tangential(change, self._stiffness(change))
+        return Tangential(change, self.stiffness(change))
 
     def _scale(self, taken: Taken) -> float:
         """Energy [J] beside which what is missing counts."""
@@ -553,8 +554,9 @@ class Static:
         loads, change = self._loads(time, step, 1.0), last.unknowns - first.unknowns
         both = self._loads(time, step, 0.0) + loads
         places, reaction = self.system.particles.owned_rows("position").T, -self.internal_force() - loads
-        told = (one[:, : self.system.dimension] for one in (change, reaction, work - 0.5 * both * change))
-        report_equilibrium(self.conditions, places, *told, time, step)
+        of_motion = slice(0, self.system.dimension)
+        change, reaction, held = (one[:, of_motion] for one in (change, reaction, work - 0.5 * both * change))
+        report_equilibrium(self.conditions, places, change, reaction, held, time, step)
 
     # --- what is asked of it -----------------------------------------------------------------------------------
 

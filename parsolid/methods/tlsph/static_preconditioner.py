@@ -48,19 +48,19 @@ class StaticPreconditioner:
         self.volume = np.array(of("volume"))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
-        self.diagonal = self._scaled_diagonal()
-        size = (self.volume ** (1.0 / d) * (lame + 2.0 * self.shear) / (self.lame + 2.0 * self.shear))[:, None]
+        softer = ((d + 1.0) * self.shear + self.lame) / ((d + 1.0) * self.shear + lame)
+        self.diagonal = self._scaled_diagonal(softer)
+        size = (self.volume ** (1.0 / d) / softer)[:, None]
         self.rounding = _BITS * float(np.sqrt(sums(self.comm, [np.sum((self.diagonal * size) ** 2)])[0]))
 
-    def _scaled_diagonal(self) -> np.ndarray:
-        """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest."""
-        tangent, estimate = self.tangent, self.tangent.diagonal()
+    def _scaled_diagonal(self, softer: np.ndarray) -> np.ndarray:
+        """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest; softer
+        (owned,): a factor on the estimate, where pressures are unknowns."""
+        tangent, estimate = self.tangent, self.tangent.diagonal() * softer[:, None]
         signs = np.sign(start_vector(self.system.particles.owned_rows("identifier"), self.system.dimension))
         tangent.share_moves(signs)
         trial = np.where(tangent.free, signs, 0.0)
         tangent.linearise()
-        if self.system.pressures is not None:
-            self.system.pressures.linearise(tangent.moduli, tangent.index)
         return scaled_diagonal(self.comm, estimate, trial, tangent.product(trial))
 
     def build(self) -> None:

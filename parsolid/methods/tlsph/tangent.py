@@ -158,9 +158,10 @@ class Tangent:
     the parts; stabiliser: `BoxStabiliser`, None without boxes.
     """
 
-    def __init__(self, system: Any, flows: bool = False) -> None:
-        """system: `system.TotalLagrangianSPH`, set up; flows: whether elastic-plastic bodies may flow."""
-        self.system, self.comm, d = system, system.comm, system.dimension
+    def __init__(self, system: Any, flows: bool = False, pressures: Any = None) -> None:
+        """system: `system.TotalLagrangianSPH`, set up; flows: whether elastic-plastic bodies may flow; pressures: those
+        that are unknowns, of which K is for the displacement alone."""
+        self.system, self.comm, self.pressures, d = system, system.comm, pressures, system.dimension
         constrained = system.conditions.constrained
         self.free = np.ones((system.owned, d), bool) if constrained is None else ~constrained
         self.stabiliser = None if system.boxes is None else system.boxes.stabiliser(flows)
@@ -189,6 +190,8 @@ class Tangent:
             added = getattr(bodies, "added_stress", "initial_stress")
             if added in system.particles:
                 self._add_stress(system.particles.owned_rows(added), bodies.blocks)
+        if self.pressures is not None:
+            self.pressures.linearise(self.moduli, self.index)
 
     def force_of(self, stress: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Forces (owned, d) [N] of first Piola-Kirchhoff stresses (owned, d d) [Pa], and those of the stabilisers at a
