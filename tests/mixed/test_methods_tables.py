@@ -5,7 +5,7 @@ import pickle
 from pathlib import Path
 
 import pytest
-from bodies_apart import COPPER, METHODS, RUBBER, mixed, tables
+from mixed.bodies_apart import COPPER, METHODS, RUBBER, mixed, tables
 from mpi4py import MPI
 
 from parsolid.api.check_advice import scene_advice

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from points import COPPER, scene, taylor_bar
+from mpm.points import COPPER, scene, taylor_bar
 from solids import Record, StepsToEnd, follow, simulation
 
 from parsolid.materials.plastic.elastic_plastic import of_material

@@ -4,7 +4,7 @@ are refused.
 
 import numpy as np
 import pytest
-from points import SOFT, crossing, scene, taylor_bar
+from mpm.points import SOFT, crossing, scene, taylor_bar
 from solids import Record, follow, run_to_end, simulation
 
 from parsolid.collective import SolverError
