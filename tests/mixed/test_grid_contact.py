@@ -8,7 +8,7 @@ from mpi4py import MPI
 from solids import Record, follow
 
 from parsolid.methods.mpm.nodal_contact import FieldPair
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
 
 GRID = {"bodies": ["a", "b"], "model": "grid"}
@@ -114,23 +114,6 @@ def test_blocks_off_their_centres_keep_their_momentum_in_space():
     assert found["contact_dissipation"][-1] > 0.02 * found["kinetic"][0] and found["friction_dissipation"][-1] > 0.0
     meeting = sim.interactions[-1].pairs[0]
     assert meeting.active.any() and (meeting.normal[meeting.active][:, 0] > 0.7).all()
-
-
-@pytest.mark.parametrize(
-    ("second", "contact", "method", "message"),
-    [
-        ("sph", {}, {}, "contact.0.bodies: expected bodies of one method of kind 'mpm'"),
-        ("points", {"radius": 3.0}, {}, "contact.0.radius: expected no such key with model = 'grid'"),
-        # also the value that it has where it means something
-        ("points", {"stiffness": 1.0}, {}, "contact.0.stiffness: expected no such key with model = 'grid'"),
-        ("points", {}, {"order": "usl"}, "methods.0.order: expected 'musl' with a contact on the grid"),
-    ],
-)
-def test_what_no_grid_knows_is_refused(second, contact, method, message):
-    data = bars("points", second, contact=[GRID | contact])
-    data["methods"][0] |= method
-    with pytest.raises(SceneError, match=message):
-        parse_scene(data)
 
 
 def test_what_friction_holds_sticks_and_what_it_does_not_slides():

@@ -85,28 +85,6 @@ def test_a_script_may_go_on_after_any_step(comm):
     assert stopping.time == whole.time and stopping.energies() == whole.energies()
 
 
-@pytest.mark.parametrize(
-    ("change", "wanted"),
-    [
-        (lambda methods: methods.append(methods.pop(1) | {"substeps": 0}), "methods.1.substeps"),
-        (
-            lambda methods: [one.update(substeps=2) for one in methods],
-            "methods.0.substeps: expected 1 or 'auto' for one",
-        ),
-        (
-            lambda methods: methods[0].update(kind="peridynamics", substeps=2, damage={"fracture_energy": 8}),
-            "methods.0.substeps: expected no such key with bonds that break",
-        ),
-    ],
-)
-def test_what_means_nothing_is_refused(change, wanted):
-    data = tables(None)
-    change(data["methods"])
-    with pytest.raises(SceneError) as error:
-        parse_scene(data)
-    assert any(text.startswith(wanted) for text in error.value.faults), error.value.faults
-
-
 def test_one_method_has_no_common_step():
     data = tables(None)
     del data["tie"], data["bodies"][1], data["methods"][1], data["bodies"][0]["method"]

@@ -89,21 +89,6 @@ def test_check_names_tied_bodies_and_refuses_what_cannot_be_tied():
         Simulation(MPI.COMM_SELF, parse_scene(far))
 
 
-@pytest.mark.parametrize(
-    ("change", "wanted"),
-    [
-        ({"tie": [{"bodies": ["a", "c"]}]}, "tie.0.bodies: expected the name of a body"),
-        ({"tie": [{"bodies": ["a", "a"]}]}, "tie.0.bodies: expected two bodies"),
-        ({"contact": [{"bodies": ["a", "b"]}]}, "tie.0.bodies: expected a pair without contact"),
-        ({"tie": [{"bodies": ["a", "b"]}, {"bodies": ["b", "a"]}]}, "tie.1.bodies: expected a pair that no other"),
-    ],
-)
-def test_what_is_refused_is_named_by_its_key(change, wanted):
-    with pytest.raises(SceneError) as error:
-        parse_scene(blocks("sph", "bonds", **change))
-    assert any(text.startswith(wanted) for text in error.value.faults), error.value.faults
-
-
 def test_bodies_of_one_method_need_no_tie_and_equilibrium_knows_none():
     with pytest.raises(SceneError, match="tie.0.bodies: expected bodies of two methods"):
         parse_scene(blocks("bonds", "bonds"))

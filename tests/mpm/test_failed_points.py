@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from mpm.points import COPPER, SOFT, scene
+from mpm.points import COPPER, scene
 from solids import gathered, run_steps
-
-from parsolid.scene import SceneError, parse_scene
 
 CRITERIA = [{"kind": "maximum-tension", "strength": 1.5e9}]
 SPREAD = {"modulus": 10.0, "seed": 3}
@@ -52,39 +50,6 @@ def test_momentum_is_that_of_what_is_left_and_of_what_was_deleted(method):
     total = 8930.0 * 16e-6 * np.array([300.0, 50.0])
     assert np.abs(gone).max() > 0.1 * total[0]
     assert left + gone == pytest.approx(total, abs=1e-9 * total[0])
-
-
-@pytest.mark.parametrize(
-    "changes, words",
-    [
-        ({"failure": {"criteria": []}}, "failure.criteria: expected"),
-        ({"failure": {"criteria": [{"kind": "johnson-cook", "library": "gold"}]}}, "library: expected one of 'OFHC"),
-        (
-            {"failure": {"criteria": [{"kind": "johnson-cook", "library": "OFHC copper, Johnson-Cook"}]}},
-            "failure.criteria.0: expected a table melting of the material",
-        ),
-        ({"failure": {"criteria": [{"kind": "maximum-tension", "strength": -1.0}]}}, "strength: expected"),
-        ({"failure": {"criteria": CRITERIA, "after": "nothing"}}, "failure.after: expected"),
-        ({"failure": {"criteria": CRITERIA, "scatter": {"modulus": 0.0}}}, "scatter.modulus: expected"),
-    ],
-)
-def test_what_is_no_failure_is_refused(changes, words):
-    data = torn()
-    data["bodies"][0]["material"] |= changes
-    with pytest.raises(SceneError, match=words):
-        parse_scene(data)
-
-
-def test_failure_is_refused_where_it_makes_no_sense():
-    failure = {"criteria": CRITERIA}
-    box = ([0.0, 0.0], [0.4, 0.3], 0.05, 0.1)
-    for material in (SOFT, {"kind": "mooney-rivlin", "density": 1e3, "youngs_modulus": 1e7, "poissons_ratio": 0.3}):
-        with pytest.raises(SceneError, match="material.failure: expected no such key: failure is of plastic flow"):
-            parse_scene(scene(*box, material=material | {"failure": failure}))
-    for name, words in (("failed_mass", "a body with failure"), ("deleted_mass", 'after = "delete"')):
-        data = scene(*box, material=COPPER, probes=[{"name": "a", "quantity": name}])
-        with pytest.raises(SceneError, match=words):
-            parse_scene(data)
 
 
 def test_a_scene_without_failure_has_nothing_of_it():

@@ -5,8 +5,6 @@ import pytest
 from peridynamics.bonds_of_bodies import random_field, scene
 from solids import run_steps, simulation
 
-from parsolid.scene import SceneError
-
 TERMS = [{"ratio": 2.0, "tau": 0.3}]
 BASES = {"neo-hookean": {"base": "neo-hookean"}, "mooney-rivlin": {"base": "mooney-rivlin", "area_share": 0.4}}
 every_base = pytest.mark.parametrize("base", BASES)
@@ -115,21 +113,6 @@ def test_a_small_strain_is_that_of_the_linear_solid(comm):
     for name in ("kinetic", "strain_energy", "material_dissipation"):
         largest = runs[1]["kinetic"].max()
         np.testing.assert_allclose(runs[0][name], runs[1][name], atol=1e-3 * largest)
-
-
-REFUSED = {
-    "no such key but with strain = 'finite'": {"strain": "small"},
-    "no such key but with base = 'mooney-rivlin'": {"base": None, "area_share": 0.1},
-    "terms, without which this is": {"terms": []},
-    "area_share with base = 'mooney-rivlin' alone": {"base": "mooney-rivlin"},
-}
-
-
-@pytest.mark.parametrize("message, change", REFUSED.items(), ids=REFUSED)
-def test_what_is_no_such_solid_is_refused(message, change):
-    law = {key: value for key, value in {**series("neo-hookean"), **change}.items() if value is not None}
-    with pytest.raises(SceneError, match=message):
-        simulation(scene(2, material=law))
 
 
 def test_plane_stress_is_refused(comm):
