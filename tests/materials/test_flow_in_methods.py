@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from solids import LINEAR_COPPER, gathered, run_steps, supports, tables
 
+from parsolid.observables.declared import Observables
 from parsolid.scene import SceneError, parse_scene
-from parsolid.simulation.observables import Observables
 
 TURNING = LINEAR_COPPER | {
     "flow_stress": {"kind": "linear-hardening", "yield_stress": 200e6},
