@@ -175,6 +175,14 @@ def run_alone_and_on_all(data: dict, comm, names=("time", "kinetic", "strain_ene
     return alone
 
 
+def run_through_and_in_two(folder, comm, scene, first: int, steps: int | None = None) -> tuple[Job, Job]:
+    """A run of so many steps, or to its end, and another that stops after its first ones and is restarted."""
+    through = run_into(folder / "through", comm, scene, steps)
+    run_into(folder / "pieces", comm, scene, first)
+    restart = Restart(comm, folder / "pieces" / "checkpoint.h5")
+    return through, run_into(folder / "pieces", comm, scene, steps and steps - first, restart)
+
+
 CONSTANT = ("identifier", "body", "reference_position", "volume", "spacing", "axes", "area")
 
 
