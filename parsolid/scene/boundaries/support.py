@@ -1,18 +1,18 @@
 """Supports: planes of symmetry, rest and antisymmetry."""
 
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Name, Plane, reject
-from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
+from parsolid.scene.base_model import reject
+from parsolid.scene.boundaries.condition import boundary_kind
+from parsolid.scene.boundaries.surface import OnSurface
 from parsolid.scene.formulas import VectorOrFree
-from parsolid.scene.named_regions import RegionName
 
 
 @boundary_kind
-class Support(Condition, Reporting):
+class Support(OnSurface):
     """A support on a plane that bounds the body, or in a region with a name.
 
     fixed          no velocity
@@ -27,12 +27,7 @@ class Support(Condition, Reporting):
     present place of the plane and move with v' = Q v + 2 w, which is exact for a linear velocity.
     """
 
-    exactly_one: ClassVar = (("plane", "where"),)
-    needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["fixed", "roller", "antisymmetric"]
-    plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     mirror: bool = Field(
         True, description="particles have images beyond the plane; without them those on the plane are clamped only"
     )
