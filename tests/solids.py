@@ -14,6 +14,7 @@ from parsolid.scene import parse_scene
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import Limits, Simulation
 from parsolid.simulation.outputs import Cadence, Output
+from parsolid.simulation.restart import Restart
 from parsolid.simulation.time_step import TimeSteps
 from parsolid.solvers.runge_kutta import Stage
 
