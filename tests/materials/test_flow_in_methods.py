@@ -52,7 +52,7 @@ def test_flow_only_dissipates(kind, law):
     work, stored = one["plastic_work"], one.get("back_stress_energy", np.zeros(1))
     assert 0.0 <= stored[-1] < 0.5 * work[-1] and work[-1] > 0.1 * energy
     assert np.diff(work - stored).min() >= -1e-12 * energy and (stored[-1] > 0.0) == (law == "back-stress")
-    bound = {"tlsph": 1e-13, "peridynamics": 1e-9, "mpm": 5e-4, "ulsph": 1e-3}[kind]
+    bound = {"tlsph": 1e-13, "peridynamics": 1e-9, "mpm": 5e-4, "ulsph": 1e-2}[kind]
     assert np.abs(one["energy_error"]).max() < bound * energy
     shown = Observables(single.systems).field
     if law == "soil":

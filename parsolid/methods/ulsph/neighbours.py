@@ -133,9 +133,6 @@ class Neighbours:
         Q, R, D = (array[images.code, :d] for array in (codes.signs, codes.reflections, codes.drifts))
         self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
         self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, D
-        # for the viscosity images move as their places: it takes of a pair what it takes of the image of the pair
-        self._forces_factor, self._forces_shift = self._motion_factor.copy(), np.ones((m, 8))
-        self._forces_factor[:, :d], self._forces_shift[:, :d] = D, D < 0.0
         self._carried = (R - D) * self._reference_place()[images.source] if codes.carried else 0.0
         self._code = images.code
         self._shift_images()
@@ -203,7 +200,7 @@ class Neighbours:
             drift_ghosts()
             self._fill(owned, known, self._motion, motion)
             self._fill(owned, known, self._flux, flux)
-            self._mirror_motion(True)
+            self._mirror_motion()
 
         def add(pairs: Pairs, both: bool) -> None:
             for part, between, _ in self._parts[id(pairs)]:
@@ -218,7 +215,7 @@ class Neighbours:
         owned, known = self.particles.owned, self.particles.owned + self.particles.ghosts
         motion, record, flux = self._rows_of_motion, self._rows_of_record, self._rows_of_flux
         self._fill(0, known, self._motion, motion)
-        self._mirror_motion(False)
+        self._mirror_motion()
         self._fill(0, owned, self._record, record)
         self._find_tension(0, owned, True)
         self._forces[:], self._heating[:], self.slopes[:] = 0.0, 0.0, 0.0
@@ -274,16 +271,13 @@ class Neighbours:
             # a pair and its image have the same weight
             self._tension[known:] = self._tension_factor * self._tension[images.source]
 
-    def _mirror_motion(self, in_rates: bool) -> None:
-        """Rows of motion and fluxes of mirror images; in_rates: as rates see them, else as forces do."""
+    def _mirror_motion(self) -> None:
+        """Rows of motion and fluxes of mirror images."""
         if self.pairs.images is not None:
             first, source = self.particles.owned + self.particles.ghosts, self.pairs.images.source
             if self.pairs.codes.moving:
                 self._shift_images()
-            factor, shift = self._motion_factor, self._shift
-            if not in_rates:
-                factor, shift = self._forces_factor, self._forces_shift * shift
-            self._rows_of_motion[first:] = factor * self._rows_of_motion[source] + shift
+            self._rows_of_motion[first:] = self._motion_factor * self._rows_of_motion[source] + self._shift
             if self._rows_of_flux is not None:
                 self._rows_of_flux[first:] = self._flux_factor * self._rows_of_flux[source]
 
