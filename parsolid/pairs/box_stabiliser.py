@@ -66,6 +66,7 @@ class BoxStabiliser:
         motion, found = [], []
         for one in boxes:
             for link in links_of(one.parts, comm.rank, one.nodes.shape):
+                assert one.box is not None
                 of_axis = slice(one.nodes.axes[link.axis], None, d)
                 motion.append(box_transfer(one.box.motion, link, self.motion, slice(None), 2))
                 found.append(box_transfer(one.box.motion, link, self.found, of_axis, 2))

@@ -72,7 +72,7 @@ class BoxSweeps:
             for one, part, bound in zip(boxes, own, bounds)
         ]
         self._inner = {box.first: _inner_planes(box) if in_turn else (0, 0) for box in parts if box is not None}
-        in_ring = max([0, *(box.nodes for box in parts if box is not None and self._has_inner(box))])
+        in_ring = max([0, *(box.nodes for box in parts if box is not None and self.inner(box))])
         self.in_turn = in_ring > 0
         self.boxes: list[Box | None] = []
         at, of_stresses, of_pairs = 0, STRESS_WINDOW * in_ring, PAIR_WINDOW * in_ring
@@ -94,37 +94,32 @@ class BoxSweeps:
         self._scratch = {box.first: plane_scratch(box, d) for box in self.here}
         self._motion, self._stress = self._exchanges(comm, boxes, d)
 
-    def _has_inner(self, box: Box) -> bool:
-        first, last = self._inner[box.first]
-        return first < last
-
     def _window(self, box: Box, kept: int, reach: int, ring: int) -> Window:
         """That keeps the planes that edges reach and those of ghosts, from a place on."""
-        if not self._has_inner(box):
-            return box.motion._replace(kept=kept)
-        first, last = self._inner[box.first]
-        low = first + reach if first > 0 else 0
-        high = last - reach if last < box.planes else box.planes
-        if low >= high:
-            return box.motion._replace(kept=kept)
-        return Window(kept, box.planes, box.nodes, low, high, ring)
+        for first, last in self.inner(box):
+            low, high = first + reach if first > 0 else 0, last - reach if last < box.planes else box.planes
+            if low < high:
+                return Window(kept, box.planes, box.nodes, low, high, ring)
+        return box.motion._replace(kept=kept)
 
     def inner(self, box: Box) -> list[tuple[int, int]]:
         """First plane, and the one after the last, of the inner planes of a box, if there are any."""
-        return [self._inner[box.first]] if self._has_inner(box) else []
+        first, last = self._inner[box.first]
+        return [(first, last)] if first < last else []
 
     def edges(self, box: Box) -> list[tuple[int, int]]:
         """The same of its other planes, on either side."""
-        if not self._has_inner(box):
-            return [(box.first_plane, box.last_plane)]
-        first, last = self._inner[box.first]
-        return [one for one in ((box.first_plane, first), (last, box.last_plane)) if one[0] < one[1]]
+        own = box.first_plane, box.last_plane
+        for first, last in self.inner(box):
+            return [(a, b) for a, b in ((own[0], first), (last, own[1])) if a < b]
+        return [own]
 
     def _exchanges(self, comm: Any, boxes: Sequence[BoxOnRank], d: int) -> tuple[GhostExchange, GhostExchange]:
         """Of v two and x one plane deep; of the columns of P along the axis two deep, of those of G and of Z one."""
         motion, stress = [], []
         for one, box in zip(boxes, self.boxes):
             for link in links_of(one.parts, comm.rank, one.nodes.shape):
+                assert box is not None
                 of_axis = slice(one.nodes.axes[link.axis], None, d)
                 motion.append(box_transfer(box.motion, link, self.v, slice(None), 2))
                 stress.append(box_transfer(box.stresses, link, self.P, of_axis, 2))
@@ -172,7 +167,7 @@ class BoxSweeps:
         return G
 
     def divergence(self, force: np.ndarray, dissipation: np.ndarray, heat: np.ndarray | None = None) -> None:
-        """Put the forces of the stresses and of the dissipation [N] of the edges into fields (d, n) of the particles, and
+        """Put the forces [N] of the stresses and of the dissipation on edges into fields (d, n) of the particles, and
         what the latter takes [W] into heat (1, n)."""
         for box in self.here:
             arrays = self.P, self.v, self.x, self.G, self.Z
