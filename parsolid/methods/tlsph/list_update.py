@@ -11,6 +11,8 @@ from parsolid.methods.tlsph.tile_fields import (
     copy_branches_out,
     copy_in,
     copy_out,
+    energy_lost,
+    tiles_in,
 )
 from parsolid.pairs.list_sweeps import (
     divergence_in_plane,
@@ -140,6 +142,7 @@ def advance_step(
     """
     sound, dissipated, greatest, third = True, 0.0, 0.0, 0.0 if d == 2 else 1.0
     # out of their tuples once: each time costs a count of references
+    tiles = tiles_in(tiles)
     tensor, symmetric, F, J, G, P, Z, signal, lost, stress = (
         places.tensor, places.symmetric, tiles.F, tiles.J, tiles.G, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
         tiles.initial,
@@ -160,8 +163,7 @@ def advance_step(
         )  # fmt: skip
         if A is not None:
             copy_branches_out(field_A, i, n, A, symmetric)
-            for p in range(n):
-                dissipated += lost[p] * volume[i + p]
+            dissipated += energy_lost(n, lost, volume, i)
         if initial is not None:
             copy_in(stress, tensor, initial, i, n)
             add_initial_stress(F, stress, P)

@@ -57,8 +57,9 @@ class TotalLagrangianSPH(Reports):
     sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
     advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator
     of explicit motion, the other is None; statics: that of equilibria, None where no stage solves for displacements;
-    implicit: that of motion in long steps, or None; meshes_of_bodies: the key of the mesh whose weights each body has,
-    or None; settings: those of the present stage, see `begin_stage`; slowing: see `leapfrog.slowing_of`.
+    implicit: that of motion in long steps, or None; integrator: that of the present stage; meshes_of_bodies: the key of
+    the mesh whose weights each body has, or None; settings: those of the present stage, see `begin_stage`; slowing: see
+    `leapfrog.slowing_of`.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
@@ -165,6 +166,8 @@ class TotalLagrangianSPH(Reports):
 
     def _enter(self, number: int) -> None:
         self.stage, self.settings = number, self.stages[number]
+        of_kind = {"static": self.statics, "implicit": self.implicit}
+        self.integrator: Any = of_kind.get(self.settings.integrator, self.leapfrog or self.staged_step)
         if self.settings.integrator == "static":
             first = max(k for k in range(number + 1) if k == 0 or self.stages[k - 1].integrator != "static")
             self.statics.set_span(self.stage_times[first], *self.stage_times[number : number + 2], self.settings)
@@ -313,12 +316,6 @@ class TotalLagrangianSPH(Reports):
             self.leapfrog.forces_of = None
 
     # --- what the loop asks -----------------------------------------------------------------------------------
-
-    @property
-    def integrator(self) -> Any:
-        """Equilibria, steps of implicit dynamics, leapfrog or the stages of SSP-RK3."""
-        of_kind = {"static": self.statics, "implicit": self.implicit}
-        return of_kind.get(self.settings.integrator, self.leapfrog or self.staged_step)
 
     @property
     def reached(self) -> float | None:  # type: ignore[override]

@@ -16,7 +16,7 @@ from parsolid.kernels import inlined, kernel
 from parsolid.materials.hyperelastic.functions import elastic_moduli, stress
 from parsolid.methods.tlsph.list_update import find_gradients, store_stresses
 from parsolid.methods.tlsph.point_update import TILE, law_in, load, load_values, store
-from parsolid.methods.tlsph.tile_fields import copy_in, copy_out
+from parsolid.methods.tlsph.tile_fields import copy_in, copy_out, tiles_in
 from parsolid.pairs.box_planes import gradient_in_plane, place_of, stress_forces_in_plane
 from parsolid.pairs.box_weights import REACH
 from parsolid.tensors import cofactor, combine, determinant
@@ -65,6 +65,7 @@ def add_slopes(law, places, index, F, P, i, n, moduli, values):
 def find_moduli(law, first, last, tensor, index, gradient, tiles, moduli, values):
     """Moduli d2W/dF dF [Pa] (entries, particles), see `packed`, of particles first .. last - 1 with the deformation
     gradients (d d, particles); values: `ParticleValues` or None."""
+    tiles = tiles_in(tiles)
     F, P = tiles.F, tiles.P
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
@@ -98,6 +99,7 @@ def change_stresses(places, index, moduli, given, i, n, G, P):
 def change_records(d, first, last, places, index, moduli, given, pairs, motion, operator, record, tiles):
     """Records with the changes of stress of particles first .. last - 1 in a pair list, from rows of the motion that
     have du in place of the velocity; see `list_update.advance_step`."""
+    tiles = tiles_in(tiles)
     G, P, Z = tiles.G, tiles.P, tiles.impedance
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
@@ -110,6 +112,7 @@ def change_records(d, first, last, places, index, moduli, given, pairs, motion, 
 def change_box(box, scratch, begin, end, in_turn, places, index, moduli, given, v, G, P, tiles, force):
     """Changes of stress of the nodes of planes begin to end - 1 of a box from v, which is du; force (d, n) [N]: their
     forces, filled in turn; see `box_bodies.advance_box`."""
+    tiles = tiles_in(tiles)
     row, tile_G, tile_P = box.first + (begin - box.first_plane) * (box.last_node - box.first_node), tiles.G, tiles.P
     for i in range(begin, end):
         of_pairs, of_stresses = place_of(box.pairs, i), place_of(box.stresses, i)

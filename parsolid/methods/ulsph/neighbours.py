@@ -79,7 +79,8 @@ class Neighbours:
         numbers = ("density", "sound_speed", "micro_rate", "temperature")
         stress: Places = [("pair_stress", d * j, d, stride * j) for j in range(d)]
         self._record = self._there([*stress, *((name, 0, 1, stride * d + k) for k, name in enumerate(numbers))])
-        self._flux = self._there([("pair_micro_flux", 0, d, 0), ("pair_heat_flux", 0, d, stride)])
+        fluxes = ("pair_micro_flux", 0), ("pair_heat_flux", 1)
+        self._flux = self._there([(name, c, 1, 2 * c + first) for name, first in fluxes for c in range(d)])
 
     def _there(self, places: Places) -> tuple[list[str], np.ndarray]:
         """Fields that ghosts know, and the columns of rows that they fill, as `fill_rows` takes them."""
@@ -127,7 +128,7 @@ class Neighbours:
         self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
         for j in range(d):
             self._record_factor[:, stride * j : stride * j + d] = sign * Q[:, j : j + 1] * Q
-        self._flux_factor[:, :d] = self._flux_factor[:, stride : stride + d] = R
+        self._flux_factor[:, : 2 * d] = np.repeat(R, 2, axis=1)
 
     def _reference(self, images: Any, codes: Any) -> tuple[np.ndarray, np.ndarray]:
         """Reference positions (rows, d) [m] and smoothing lengths (rows,) [m] of all rows."""
