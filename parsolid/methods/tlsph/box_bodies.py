@@ -142,7 +142,13 @@ class BoxBodies(StepBound):
         self.sweeps.divergence(stored("stress_force"), stored("dissipative_force"), self._heat)
 
     def change_forces(
-        self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any], given: np.ndarray | None = None
+        self,
+        change: np.ndarray,
+        index: Any,
+        moduli: Any,
+        fields: tuple[Any, Any],
+        given: np.ndarray | None = None,
+        volumes: Any = None,
     ) -> None:
         """See `ListBodies.change_forces`."""
         stored, sweeps = self.particles.storage, self.sweeps
@@ -153,8 +159,8 @@ class BoxBodies(StepBound):
             for box, block in self.parts:
                 for planes in planes_of(box):
                     change_box(
-                        box, sweeps.scratch(box), *planes, in_turn, block.places, index, moduli, given, sweeps.v,
-                        sweeps.G, sweeps.P, block.tiles, fields[0],
+                        box, sweeps.scratch(box), *planes, in_turn, block.places, index, moduli, given, volumes,
+                        sweeps.v, sweeps.G, sweeps.P, block.tiles, fields[0],
                     )  # fmt: skip
             if not in_turn:
                 self._reduce_edges()
