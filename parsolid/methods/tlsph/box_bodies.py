@@ -138,7 +138,13 @@ class BoxBodies(StepBound):
         self.sweeps.divergence(stored("stress_force"), stored("dissipative_force"), self._heat)
 
     def change_forces(
-        self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any], given: np.ndarray | None = None
+        self,
+        change: np.ndarray,
+        index: Any,
+        moduli: Any,
+        fields: tuple[Any, Any],
+        given: np.ndarray | None = None,
+        volumes: Any = None,
     ) -> None:
         """See `ListBodies.change_forces`."""
         stored, sweeps = self.particles.storage, self.sweeps
@@ -147,8 +153,8 @@ class BoxBodies(StepBound):
         sweeps.exchange_motion(motion, stored("position"))
         for box, block in self.parts:
             change_box(
-                box, sweeps.scratch(box), block.places, index, moduli, given, sweeps.v, sweeps.G, sweeps.P, block.tiles,
-                fields[0] if sweeps.in_turn else None,
+                box, sweeps.scratch(box), block.places, index, moduli, given, volumes, sweeps.v, sweeps.G, sweeps.P,
+                block.tiles, fields[0] if sweeps.in_turn else None,
             )  # fmt: skip
         self._reduce_edges()
         if not sweeps.in_turn:
