@@ -88,9 +88,9 @@ class StepAgreement:
 
     def _allowed(self) -> float:
         """Step [s] that interactions allow on this rank where nothing else acts."""
-        if not any(system.bounded for system in self.systems):
+        if not self.interactions or not any(system.bounded for system in self.systems):
             return inf
-        return min([interaction.stable_step() for interaction in self.interactions], default=inf)
+        return min(interaction.stable_step() for interaction in self.interactions)
 
 
 def _combined(stable: float, allowed: float) -> float:

@@ -2,10 +2,20 @@
 
 import numpy as np
 import pytest
-from solids import evolved, gathered, run_alone_and_on_all, run_through_and_in_two, run_to_end, simulation
+from solids import (
+    Record,
+    evolved,
+    follow,
+    gathered,
+    run_alone_and_on_all,
+    run_through_and_in_two,
+    run_to_end,
+    simulation,
+)
 from test_static import box, static
 
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.time_step import TimeSteps
 
 E, NU, YIELD, SLOPE = 200.0, 0.3, 0.4, 2.0
 METAL = {
@@ -109,6 +119,36 @@ def test_relaxation(comm):
         expected = expected + beta * mu * (F @ A - inverse.T)
     np.testing.assert_allclose(P, expected, rtol=0.0, atol=1e-8)
     assert abs(rows["energy_error"][-1]) < 1e-4 * rows["strain_energy"].max()
+
+
+def crept(lame, shear, tau, t):
+    """Strain over stress of a small strip in plane strain under a load at once, whose shear modulus relaxes from twice
+    its value: the inverse of Laplace's transform of (lambda + 2 G)/(4 G (lambda + G)), G = shear (1 + 2 s)/(1 + s)."""
+    below = np.polynomial.Polynomial([1.0, tau])
+    above = shear * np.polynomial.Polynomial([1.0, 2.0 * tau])
+    numerator, denominator = below * (lame * below + 2.0 * above), 4.0 * above * (lame * below + above)
+    parts = [numerator(r) / (r * denominator.deriv()(r)) * np.exp(r * t) for r in denominator.roots()]
+    return numerator(0.0) / denominator(0.0) + sum(parts)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.4999])
+def test_creep(shared_path, comm, ratio):
+    """A plate under a load at once goes on to strain; of second order in the load step."""
+    shear, tau = 3.0 / (2.0 + 2.0 * ratio), 0.3
+    lame = 2.0 * shear * ratio / (1.0 - 2.0 * ratio)
+    law = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": ratio}
+    held = [{"plane": f"{axis} = 0", "kind": "roller"} for axis in "XY"]
+    load = {"plane": "X = 1", "kind": "traction", "traction": ["1e-5", "0"]}
+    errors = []
+    for step in (0.125, 0.0625):
+        body = {"material": law | {"branches": [{"beta": 1.0, "tau": tau}]}}
+        data = static(shared_path, method={"maximum_step": step}, body=body, boundaries=[*held, load])
+        sim = simulation(data, comm)
+        follow(sim, Record(), policy=TimeSteps)
+        X, u = gathered(sim, "reference_position", "displacement")
+        errors.append(u[X[:, 0] == 1.0, 0] / (1e-5 * crept(lame, shear, tau, 1.0)) - 1.0)
+    assert np.abs(errors[0]).max() < 1e-3
+    assert np.abs(errors[1]).max() < 0.3 * np.abs(errors[0]).max()
 
 
 def pulled(folder, material):

@@ -14,7 +14,15 @@ from parsolid.methods.tlsph.mesh_bodies import stabilising_modulus
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
 from parsolid.methods.tlsph.tangent import change_box
-from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, store_waves
+from parsolid.methods.tlsph.tile_fields import (
+    copy_branches_in,
+    copy_branches_out,
+    copy_in,
+    copy_out,
+    energy_lost,
+    store_waves,
+    tiles_in,
+)
 from parsolid.pairs.box_on_rank import BoxOnRank
 from parsolid.pairs.box_planes import (
     dissipative_forces_in_plane,
@@ -130,7 +138,13 @@ class BoxBodies(StepBound):
         self.sweeps.divergence(stored("stress_force"), stored("dissipative_force"), self._heat)
 
     def change_forces(
-        self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any], given: np.ndarray | None = None
+        self,
+        change: np.ndarray,
+        index: Any,
+        moduli: Any,
+        fields: tuple[Any, Any],
+        given: np.ndarray | None = None,
+        volumes: Any = None,
     ) -> None:
         """See `ListBodies.change_forces`."""
         stored, sweeps = self.particles.storage, self.sweeps
@@ -139,8 +153,8 @@ class BoxBodies(StepBound):
         sweeps.exchange_motion(motion, stored("position"))
         for box, block in self.parts:
             change_box(
-                box, sweeps.scratch(box), block.places, index, moduli, given, sweeps.v, sweeps.G, sweeps.P, block.tiles,
-                fields[0] if sweeps.in_turn else None,
+                box, sweeps.scratch(box), block.places, index, moduli, given, volumes, sweeps.v, sweeps.G, sweeps.P,
+                block.tiles, fields[0] if sweeps.in_turn else None,
             )  # fmt: skip
         self._reduce_edges()
         if not sweeps.in_turn:
@@ -234,14 +248,6 @@ def take_extremes(n, J, signal, least, most):
 
 
 @kernel
-def add_losses(n, total, lost, volume, row):
-    """total (n,) += lost volume, of volumes from a row on."""
-    first = np.uintp(row)
-    for p in range(np.uintp(n)):
-        total[p] += lost[p] * volume[first + p]
-
-
-@kernel
 def store_numbers(field, row, n, numbers):
     """Numbers of a tile into a field (n,) from a row on."""
     first = np.uintp(row)
@@ -263,8 +269,9 @@ def advance_box(
     `list_update.advance_step`, as is what is returned.
     """
     values = scratch.values
-    row, least, most, dissipated = box.first, np.ones(TILE), np.zeros(TILE), np.zeros(TILE)
+    row, least, most, dissipated = box.first, np.ones(TILE), np.zeros(TILE), 0.0
     # out of their tuples once: each time costs a count of references
+    tiles = tiles_in(tiles)
     tensor, symmetric, tile_F, tile_G, tile_P, tile_J, tile_Z = (
         places.tensor, places.symmetric, tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
     )  # fmt: skip
@@ -294,7 +301,7 @@ def advance_box(
                 store_waves(Z, place, n, tile_Z, slow_Z, 1)
             if A is not None:
                 copy_branches_out(field_A, row, n, A, symmetric)
-                add_losses(n, dissipated, lost, volume, row)
+                dissipated += energy_lost(n, lost, volume, row)
             store_numbers(jacobian, row, n, tile_J)
             take_extremes(n, tile_J, signal, least, most)
             row += n
@@ -308,10 +315,9 @@ def advance_box(
             dissipative_forces_in_plane(box, scratch, box.last_plane - 1, v, x, G, Z, None, dissipation, heat)
         for i in range(max(0, box.last_plane - REACH), box.last_plane):
             stress_forces_in_plane(box, i, P, values, force)
-    sound, lost_energy, greatest = True, 0.0, 0.0
+    sound, greatest = True, 0.0
     for p in range(TILE):
         sound = sound and least[p] > 0.0
-        lost_energy += dissipated[p]
         # max gives its second argument where either is not a number
         greatest = max(greatest, most[p])
-    return sound, lost_energy, greatest
+    return sound, dissipated, greatest
