@@ -3,7 +3,7 @@
 import copy
 
 import numpy as np
-from points import COPPER, scene
+from mpm.points import COPPER, scene
 from solids import SOFT, tables
 
 from parsolid.particles.container import Particles
