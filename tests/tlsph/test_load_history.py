@@ -2,17 +2,8 @@
 
 import numpy as np
 import pytest
-from solids import (
-    Record,
-    evolved,
-    follow,
-    gathered,
-    run_alone_and_on_all,
-    run_through_and_in_two,
-    run_to_end,
-    simulation,
-)
-from test_static import box, static
+from solids import Record, follow, gathered, run_to_end, simulation
+from tlsph.test_static import box, static
 
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.time_step import TimeSteps
@@ -181,26 +172,6 @@ def test_tangent(shared_path, comm, material):
     # that of flow lacks what is not symmetric, stresses beside moduli
     part = 1e-6 if material is VISCOUS else 5e-3
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=part * np.abs(expected).max())
-
-
-@pytest.mark.ranks(1, 2, 3)
-@pytest.mark.parametrize("material", [METAL, VISCOUS], ids=["flow", "relaxation"])
-def test_ranks(shared_path, comm, material):
-    lost = "plastic_work" if material is METAL else "material_dissipation"
-    rows = run_alone_and_on_all(pulled(shared_path, material), comm, names=("time", "external_work", lost))
-    assert np.abs(rows["energy_error"]).max() < 1e-4 * rows["external_work"][-1]
-    assert rows[lost][-1] > 0.01 * rows["external_work"][-1]
-
-
-@pytest.mark.ranks(1, 2)
-@pytest.mark.parametrize("material", [KINEMATIC, VISCOUS], ids=["flow", "relaxation"])
-def test_restart(shared_path, comm, material):
-    """A restart after three load steps goes on with the same bits."""
-    scene = parse_scene(pulled(shared_path, material))
-    through, pieces = run_through_and_in_two(shared_path, comm, scene, 3)
-    names = evolved(through.simulation.systems[0].particles)
-    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in (through, pieces))):
-        assert np.array_equal(*both), name
 
 
 FAILURE = {"failure": {"criteria": [{"kind": "plastic-strain", "strain": 0.1}]}}

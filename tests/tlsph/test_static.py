@@ -6,16 +6,14 @@ import tomli_w
 from grouped_meshes import ring
 from scipy.optimize import brentq
 from solids import (
-    evolved,
     gathered,
     run_alone_and_on_all,
-    run_through_and_in_two,
     run_to_end,
     simulation,
     tables,
 )
-from test_mesh_weights import RUBBER, linear, of_mesh, write
-from test_shared_nodes import scene_of, two_groups
+from tlsph.test_mesh_weights import RUBBER, linear, of_mesh, write
+from tlsph.test_shared_nodes import scene_of, two_groups
 
 from parsolid.collective import SolverError
 from parsolid.commands.cli import main
@@ -156,16 +154,6 @@ def test_pressure_against_springs(shared_path, comm):
     found = np.einsum("ni,ni->n", X, u) / radius
     np.testing.assert_allclose(found, A * radius + B / radius, rtol=0.03)
     assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-4)
-
-
-@pytest.mark.ranks(1, 2)
-def test_restart(shared_path, comm):
-    """A restart after three load steps goes on with the same bits."""
-    through, pieces = run_through_and_in_two(shared_path, comm, parse_scene(sagging(shared_path)), 3)
-    names = evolved(through.simulation.systems[0].particles)
-    both = [gathered(job.simulation, *names) for job in (through, pieces)]
-    for name, whole, resumed in zip(names, *both):
-        assert np.array_equal(whole, resumed), name
 
 
 @pytest.mark.ranks(1, 2)
