@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import inf, isfinite, sqrt
+from math import hypot, inf, isfinite
 from typing import Any
 
 from decomposition.reduction import MinimumAhead
@@ -95,4 +95,4 @@ class StepAgreement:
 
 def _combined(stable: float, allowed: float) -> float:
     """Step [s] of a motion with the squares of two frequencies added, whose steps alone are these."""
-    return stable if stable <= 0.0 or allowed == inf else stable / sqrt(1.0 + (stable / allowed) ** 2)
+    return stable if stable <= 0.0 or allowed == inf else stable / hypot(1.0, stable / allowed)

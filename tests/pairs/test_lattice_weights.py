@@ -16,6 +16,7 @@ from solids import (
 )
 
 from parsolid.collective import SolverError
+from parsolid.pairs.box_planes import divergence_pass
 from parsolid.scene import SceneError, parse_scene
 
 HOLES = {
@@ -79,7 +80,10 @@ def forces_of(sim, stress) -> np.ndarray:
         sweeps.exchange_motion(stored("velocity"), stored("position"))
         # of all planes, whether they have places of their own or take turns
         sweeps.P[:] = stress.reshape(-1, 1)
-        sweeps.divergence(stored("stress_force"), stored("dissipative_force"))
+        forces = stored("stress_force"), stored("dissipative_force"), None
+        for box in sweeps.here:
+            planes, arrays = (box.first_plane, box.last_plane), (sweeps.P, sweeps.v, sweeps.x, sweeps.G, sweeps.Z)
+            divergence_pass(box, sweeps.scratch(box), *planes, *arrays, sweeps.directional, *forces)
         return np.array(method.particles.owned_rows("stress_force"))
     owned, width, record = method.owned, {2: 2, 3: 4}[d], method.lists.record
     L = method.lists.corrections

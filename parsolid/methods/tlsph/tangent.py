@@ -123,12 +123,12 @@ def change_records(d, first, last, places, index, moduli, given, volumes, pairs,
 
 
 @kernel
-def change_box(box, scratch, places, index, moduli, given, volumes, v, G, P, tiles, force):
-    """Changes of stress of the nodes of a box from v, which is du; force (d, n) [N]: their forces, filled while the
-    stresses are in the cache, or None; see `box_bodies.advance_box`."""
+def change_box(box, scratch, begin, end, in_turn, places, index, moduli, given, volumes, v, G, P, tiles, force):
+    """Changes of stress of the nodes of planes begin to end - 1 of a box from v, which is du; force (d, n) [N]: their
+    forces, filled in turn; see `box_bodies.advance_box`."""
     tiles = tiles_in(tiles)
-    row, tile_G, tile_P = box.first, tiles.G, tiles.P
-    for i in range(box.first_plane, box.last_plane):
+    row, tile_G, tile_P = box.first + (begin - box.first_plane) * (box.last_node - box.first_node), tiles.G, tiles.P
+    for i in range(begin, end):
         of_pairs, of_stresses = place_of(box.pairs, i), place_of(box.stresses, i)
         gradient_in_plane(box, i, v, scratch.values, G, of_pairs + box.first_node)
         for a in range(box.first_node, box.last_node, TILE):
@@ -137,10 +137,10 @@ def change_box(box, scratch, places, index, moduli, given, volumes, v, G, P, til
             change_stresses(places.tensor, index, moduli, given, volumes, row, n, tile_G, tile_P)
             copy_out(P, of_stresses + a, n, tile_P, places.tensor)
             row += n
-        if force is not None and i >= REACH:
+        if in_turn and i - REACH >= begin:
             stress_forces_in_plane(box, i - REACH, P, scratch.values, force)
-    if force is not None:
-        for i in range(max(0, box.last_plane - REACH), box.last_plane):
+    if in_turn:
+        for i in range(max(begin, end - REACH), end):
             stress_forces_in_plane(box, i, P, scratch.values, force)
 
 
