@@ -75,7 +75,7 @@ class FilledShape(SceneModel):
     placement: Placement | None = Field(
         None,
         description='"vertices": on the boundary too, with trapezoid volumes (of a perforated box at corners of its '
-        'cells); "cells": in the middle of equal cells',
+        'cells); "cells": in the middle of equal cells, of mpm and ulsph the only one',
     )
     jitter: float = Field(
         0.0,

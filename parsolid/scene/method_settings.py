@@ -49,7 +49,8 @@ class MethodSettings(SceneModel):
     the state that another run may go on from; state_of_particles: those that only the very same particles may take;
     state_forces: what these, if they are all, take besides, and what others find anew; contact_variables: what contact
     and tools keep with particles, which the same particles take where results have it; stage_keys: what the stages of
-    a run may have otherwise, see `scene.stages`.
+    a run may have otherwise, see `scene.stages`; in_cells: whether
+    lattices of particles are in the middle of cells, never on the surface.
     """
 
     system: ClassVar[str]
@@ -83,6 +84,7 @@ class MethodSettings(SceneModel):
     ledger_terms: ClassVar[dict[str, int]] = {}
     viscous_terms: ClassVar[tuple[str, ...]] = ()
     graded_bodies: ClassVar[bool] = False
+    in_cells: ClassVar[bool] = False
     on_restart: ClassVar = {
         **dict.fromkeys(("maximum_step", "minimum_step", "substeps", "dissipation_warning"), OnRestart.FREE),
         **dict.fromkeys(("balance_warning", "balance_limit", "cfl", "safety", "rebalance"), OnRestart.FREE),

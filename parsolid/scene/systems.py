@@ -102,11 +102,13 @@ def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
 
 
 def resolve_defaults(scene: "Scene") -> "Scene":
-    """The scene whose methods have values of keys that it leaves out, where those depend on what is asked of their
-    bodies."""
-    changes: dict[str, Any] = {}
-    methods = list(scene.methods or ())
+    """The scene whose methods and bodies have values of keys that it leaves out, where those depend on each other."""
+    bodies, methods = list(scene.bodies), list(scene.methods or ())
+    changes: dict[str, Any] = {"bodies": bodies}
     for system in systems_of(scene):
+        for i in system.bodies:
+            if _wants_cells(system, bodies[i]) and bodies[i].placement is None:
+                bodies[i] = bodies[i].model_copy(update={"placement": "cells"})
         settings = system.settings.with_defaults(system.settings.defaults_for(scene, system.bodies))
         if scene.methods is None:
             changes["method"] = settings
@@ -115,6 +117,11 @@ def resolve_defaults(scene: "Scene") -> "Scene":
             methods[number] = settings
             changes["methods"] = methods
     return scene.model_copy(update=changes)
+
+
+def _wants_cells(system: SystemOfScene, body: Any) -> bool:
+    """Whether a body's lattice is on the corners of cells, and its method takes their middles alone."""
+    return system.settings.in_cells and body.shape.kind != "mesh" and body.placed_on == "vertices"
 
 
 def fields_of(scene: "Scene", bodies: tuple[int, ...]) -> list[tuple[int, ...]]:
@@ -219,6 +226,8 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
         refused = system.settings.contact_refused(part) if _touching(scene, system) else None
         if refused is not None:
             details.append((("contact",), f"no such table {refused}", _touching(scene, system)))
+        on_corners = [i for i in system.bodies if _wants_cells(system, scene.bodies[i])]
+        details += [(("bodies", i, "placement"), "'cells' with this method", "vertices") for i in on_corners]
         for place, expected, found in system.settings.scene_faults(part):
             if place[0] in ("probes", "output"):
                 doubted.setdefault(place, []).append((place, expected, found))

@@ -227,16 +227,15 @@ def test_prescribed_motion(comm):
     assert velocity[~is_driven] == pytest.approx(np.full((~is_driven).sum(), 0.4))
 
 
-def test_the_last_boundary_holds(comm):
+def test_conditions_that_overlap_and_agree_have_one_entry_a_component(comm):
     first = {"kind": "displacement", "plane": "X = 1", "displacement": [1.0, 1.0]}
-    # on one plane they would contradict one another, and are refused
     end = {"lower": [0.95, -9.0], "upper": [1.05, 9.0]}
-    last = {"kind": "displacement", "box": end, "displacement": [2.0, "free"]}
+    last = {"kind": "displacement", "box": end, "displacement": [1.0, "free"]}
     body = Body(comm, 2, boundaries=[first, last])
     u = np.zeros(body.operator.free.shape)
     body.conditions.motion.displace(0.0, 0.0, u.T)
     at_end = body.particle_set.position[:, 0] > 0.9
-    assert (u[at_end] == [2.0, 1.0]).all() and len(body.conditions.motion.rows) == 2 * at_end.sum()
+    assert (u[at_end] == [1.0, 1.0]).all() and len(body.conditions.motion.rows) == 2 * at_end.sum()
 
 
 ALL_AROUND = {"kind": "pressure", "pressure": "2e4*(t < 5)", "jumps": [5.0]}

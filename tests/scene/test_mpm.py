@@ -49,6 +49,18 @@ def test_sound_scene_and_back(tables, tmp_path):
     np.testing.assert_allclose(temperature, [300.0, 310.0])
 
 
+def test_particles_are_in_cells_where_the_method_takes_no_others(tables):
+    tables["methods"] = [tables.pop("method") | {"name": "grid"}, {"kind": "tlsph", "name": "other"}]
+    del tables["loads"], tables["reference"], tables["boundaries"]
+    del tables["bodies"][0]["placement"], tables["bodies"][0]["temperature"]
+    other = copy.deepcopy(tables["bodies"][0]) | {"method": "other"}
+    other["shape"]["box"] = {"lower": [3.0, 0.0], "upper": [4.0, 1.0]}
+    tables["bodies"] = [tables["bodies"][0] | {"method": "grid"}, other]
+    scene = parse_scene(tables)
+    assert [one.placed_on for one in scene.bodies] == ["cells", "vertices"]
+    assert parse_scene(scene.resolved()) == scene
+
+
 RUNS = Path(__file__).parents[2] / "runs" / "mpm"
 
 

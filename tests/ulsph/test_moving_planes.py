@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 import tomli_w
-from solids import COPPER, Record, follow, simulation
+from solids import COPPER, Record, follow, gathered, simulation
 from ulsph.plates import block, scene
-from ulsph.test_ulsph_ranks import gathered
 
 from parsolid.commands.cli import main
 from parsolid.scene import SceneError, parse_scene
@@ -38,10 +37,10 @@ def layer(boundaries, velocity, **keys) -> dict:
 def test_walls_that_slide_keep_shear_uniform(comm):
     """To a shear of 2 %: S_xy = mu gamma of every particle, beside walls and free sides alike, and the walls' work."""
     sim = simulation(layer(SHEARED, [f"{RATE}*Y", 0.0], end_time=1e-6), comm)
-    rows, system = follow(sim, Record()), sim.systems[0]
+    rows = follow(sim, Record())
     strain = RATE * rows["time"][-1]
-    np.testing.assert_allclose(gathered(comm, system, "deviator")[:, 3], 47.7e9 * strain, rtol=0.02)
-    v, x = gathered(comm, system, "velocity"), gathered(comm, system, "position")
+    S, v, x = gathered(sim, "deviator", "velocity", "position")
+    np.testing.assert_allclose(S[:, 3], 47.7e9 * strain, rtol=0.02)
     assert np.abs(v[:, 0] - RATE * x[:, 1]).max() < 0.02 * RATE * 1e-3
     # the area is .7 mm^2
     assert rows["external_work"][-1] == pytest.approx(0.5 * 47.7e9 * strain**2 * 0.7e-6, rel=0.02)
@@ -52,9 +51,8 @@ def test_a_piston_compresses_uniformly(comm):
     """Exact density of every particle, the piston where it has gone to, its work that which the matter has."""
     sim = simulation(layer(PRESSED, [f"-{RATE}*X", 0.0], end_time=1e-6), comm)
     rows, system = follow(sim, Record()), sim.systems[0]
-    # the speed of the piston is constant, so that matter is faster than its place asks for
     stretch = 1.0 - RATE * rows["time"][-1]
-    density = gathered(comm, system, "density")
+    (density,) = gathered(sim, "density")
     assert np.ptp(density) < 1e-6 * density[0]
     np.testing.assert_allclose(density * stretch, 8930.0, rtol=1e-4)
     np.testing.assert_allclose(system.planes.travelled, [-RATE * 0.7e-3 * rows["time"][-1]], rtol=1e-12)

@@ -75,3 +75,16 @@ def test_a_free_bar_swings_as_long_as_it_should(comm):
     assert sim.energy_row()["kinetic"] > 0.9 * began
     place, velocity = rows("position")[:, 0], rows("velocity")[:, 0]
     assert comm.allreduce(float((np.sign(place - 0.6) * velocity).sum())) < 0.0
+
+
+@pytest.mark.parametrize("smoothing, told", [(1.3, True), (1.6, False)])
+def test_elastic_matter_that_tears_is_told(smoothing, told, comm):
+    """All of it is driven to a stretch of 1.9, at which neighbours across a diagonal of wider kernels still reach one
+    another."""
+    data = pulled((8, 4), (1.0, 0.5), 200.0, 0.9, {"smoothing": smoothing})
+    everywhere = {"lower": [-1.0, -1.0], "upper": [2.0, 2.0]}
+    data["boundaries"] = [{"kind": "velocity", "box": everywhere, "velocity": ["200*X", "0"]}]
+    sim = simulation(data, comm)
+    assert sim.systems[0].validity_warning() is None
+    sim.run()
+    assert (sim.systems[0].validity_warning() is not None) == told

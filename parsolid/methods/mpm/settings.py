@@ -33,6 +33,7 @@ class MaterialPoint(MethodSettings):
 
     system: ClassVar = "parsolid.methods.mpm.system:MaterialPoint"
     shared_field: ClassVar = True
+    in_cells: ClassVar = True
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
     boundaries: ClassVar = ("fixed", "roller", "velocity", "wall", "temperature", "heat-flux", *_LOADS)
     reactions: ClassVar = ("velocity", "wall", *_LOADS)
@@ -193,13 +194,11 @@ class MaterialPoint(MethodSettings):
         return [Note("transfer-in-contact", text)] if names else []
 
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
-        """Particles on the surface; Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
+        """Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
         body has.
         """
         details: list[Any] = []
         for i, body in enumerate(scene.bodies):
-            if body.shape.kind != "mesh" and body.placed_on == "vertices":
-                details.append((("bodies", i, "placement"), "'cells' with this method", "vertices"))
             if getattr(body.material, "branch_moduli", None):
                 details.append((("bodies", i, "material", "branches"), "none with this method", body.material.branches))
             lower = getattr(body.shape.model, "lower", None)

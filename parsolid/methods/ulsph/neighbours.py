@@ -18,6 +18,10 @@ from parsolid.particles.container import Particles
 
 # which components of a field stand in which columns of a row: name, first component, components, column
 Places = list[tuple[str, int, int, int]]
+# neighbours on a square lattice are nearer than so many spacings
+_DIAGONAL = 1.45
+# of the support: where the weight that pairs in tension keep begins to go, see `sweeps.held_weight`
+_LETTING_GO = 0.8
 # rows that stay in the fastest cache while their columns are filled
 _TOGETHER = 64
 
@@ -51,9 +55,13 @@ class Neighbours:
     stride: from a vector to the next one in a row; rates, flows, slopes: what was found last. Forces are fields.
     plane_forces (codes, 2, d): of stresses and of the viscosity, of images by each code on the particles [N], where
     planes move.
+
+    torn: whether neighbours of this rank on the lattice, neither of which has flowed or failed, have come so far apart
+    that the weight which they keep in tension is about to go.
     """
 
     plane_forces: np.ndarray
+    torn = False
 
     def __init__(
         self,
@@ -116,6 +124,8 @@ class Neighbours:
         lists = ((pairs.inner, n), (pairs.outer, known), (pairs.mirror, rows))
         reference = self._reference(pairs.images, pairs.codes) if self._corrected else None
         self._parts = {id(one): self._by_bodies(one, read, reference) for one, read in lists if one is not None}
+        if reference is not None:
+            self.torn = self.torn or self._has_torn(reference[0])
         if pairs.images is not None and pairs.mirror is not None and pairs.codes.moving:
             code = pairs.images.code[pairs.mirror.neighbour - known]
             every = [(pairs.mirror.where(code == one), one) for one in range(len(pairs.codes.planes))]
@@ -160,6 +170,21 @@ class Neighbours:
             place = np.concatenate((place, R * place[images.source] + T))
             length = np.concatenate((length, length[images.source]))
         return np.ascontiguousarray(place), np.ascontiguousarray(length)
+
+    def _has_torn(self, place: np.ndarray) -> bool:
+        """Whether `torn` becomes true; reference positions (rows, d) [m]."""
+        of, inner = self.particles, self.pairs.inner
+        sound = of.owned_rows("plastic_strain") == 0.0
+        if "damage" in of:
+            sound &= of.owned_rows("damage") == 0.0
+        chosen = sound[inner.particle] & sound[inner.neighbour]
+        a, b = inner.particle[chosen], inner.neighbour[chosen]
+        spacing = np.prod(of.owned_rows("spacing"), axis=1) ** (1.0 / self.dimension)
+        near = np.linalg.norm(place[b] - place[a], axis=1) < _DIAGONAL * np.minimum(spacing[a], spacing[b])
+        near &= of.owned_rows("body")[a] == of.owned_rows("body")[b]
+        a, b, x, h = a[near], b[near], of.owned_rows("position"), of.owned_rows("smoothing_length")
+        apart = np.linalg.norm(x[b] - x[a], axis=1)
+        return bool((apart > _LETTING_GO * self.smoothing.support * 0.5 * (h[a] + h[b])).any())
 
     def _by_bodies(self, pairs: Pairs, rows: int, reference: Any) -> list[tuple[NearPairs, bool, int | None]]:
         """A list, which reads the first rows, as that of pairs within bodies and that of pairs between two, with

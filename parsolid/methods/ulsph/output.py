@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.collective import maximum, minimum
+from parsolid.collective import anywhere, maximum, minimum
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
@@ -48,6 +48,15 @@ class Reports(ParticleSystem):
                     text += f", where the kernel reaches {needed[axis]:.0f}: strain beside them is uneven"
                     found.append(Warned("thin-driven-layer", text))
         return found
+
+    def validity_warning(self) -> str | None:
+        """Neighbours that nothing has parted but their stretch."""
+        if not anywhere(self.comm, self.neighbours.torn):
+            return None
+        return (
+            "neighbours that have neither flowed nor failed are nearly as far apart as the kernel reaches, so that "
+            f"matter tears; method.smoothing larger than {self.settings.smoothing:g} bears larger stretches"
+        )
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Cauchy stress (n, 3, 3) [Pa], Jacobian rho_0/rho (n,), internal energy per reference volume (n,) [J/m^3] of

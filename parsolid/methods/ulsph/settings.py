@@ -37,6 +37,7 @@ class UpdatedLagrangianSPH(MethodSettings):
     """Updated-Lagrangian SPH with rebuilt neighbours (Rahaman et al., mended)."""
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
+    in_cells: ClassVar = True
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "traction", "spring")
     boundaries: ClassVar = (*reactions, "antisymmetric", "micro-hard", "temperature")
@@ -144,11 +145,9 @@ class UpdatedLagrangianSPH(MethodSettings):
         return None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
-        """Particles on the surface; what has no effect: contact of one body, heat of no viscosity."""
+        """What has no effect: contact of one body, heat of no viscosity."""
         details: list[Detail] = []
         for i, body in enumerate(scene.bodies):
-            if body.shape.kind != "mesh" and body.placed_on == "vertices":
-                details.append((("bodies", i, "placement"), "'cells' with this method", "vertices"))
             parts = getattr(body.material, "parts", {})
             here, other = ("bodies", i, "material"), [key for key in _OF_THE_GRID if parts.get(key)]
             details += [((*here, key), "no such key with this method", parts[key]) for key in other]

@@ -253,12 +253,13 @@ class UpdatedLagrangianSPH(Reports):
         kept = {"pairs": self.pairs.state(), "time": self.time, "rebuild_needed": rebuild_needed, "viscous_heat": heat}
         if self.planes is not None:
             kept["plane_forces"] = PerRank(*self.neighbours.plane_forces.ravel())
+        kept["torn"] = anywhere(self.comm, self.neighbours.torn)
         return kept | {"last_step": self.kicks.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.checkpoint, self.time, self.rebuild_needed = state, state["time"], state["rebuild_needed"]
-        self.kicks.leapfrog.last_step = state["last_step"]
+        self.kicks.leapfrog.last_step, self.neighbours.torn = state["last_step"], state["torn"]
         self.kicks.viscous_heat.set_state(self.comm, state["viscous_heat"])
         if self.planes is not None:
             forces = np.array(own_share(self.comm, state["plane_forces"]))
