@@ -196,8 +196,8 @@ class Tangent:
                         self.moduli[self.index[d * i + J, d * i + L], own] += added[own, d * L + J]
 
     def product(self, change: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
-        """K du (owned, d) [N] of a change du (owned, d) [m], all of whose components count, less the forces of stresses
-        given (d d, owned) [Pa]."""
+        """K du (owned, d) [N] of a change du (owned, d) [m], all of whose components count, that of contact and ties
+        included; or, where stresses are given (d d, owned) [Pa], without these and less the forces of the stresses."""
         force, scratch = self._fields
         for bodies in self.system.sweeps:
             bodies.change_forces(change, self.index, self.moduli, (force, scratch), given)
@@ -205,8 +205,8 @@ class Tangent:
         result = np.ascontiguousarray(-force[:, : self.system.owned].T) * self.system.share[:, None]
         if self.stabiliser is not None:
             self.stabiliser.add_product(change, result)
-        for one in self.system.interactions:
-            one.add_product(change, result)
+        for one in self.system.interactions if given is None else ():
+            result -= one.change_along(change, 0.0)[0]
         return result
 
     def share(self, force: np.ndarray) -> None:
