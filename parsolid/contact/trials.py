@@ -9,7 +9,7 @@ from parsolid.collective import maximum
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 
-# of a spacing, by what differences move particles, and by what they count as deeper then, or less deep, see `Interaction`
+# of a spacing, by what differences move particles, and by what they count as deeper then, see `Interaction.closes`
 _PART, _DEEPER = 1e-7, 2e-7
 
 

@@ -225,7 +225,7 @@ class RigidTools(TriedContact):
     def find(self, over: float, still: bool, mean: bool) -> None:
         """See `TriedContact`."""
         for tool, kept in zip(self.tools, self._kept):
-            if self._posed != (over, self.later):
+            if isinstance(tool.body, GuidedBody) and self._posed != (over, self.later):
                 tool.body.set_state(kept)
                 tool.body.drift(self._time, over)
                 # velocities may jump where a step begins or ends

@@ -97,8 +97,8 @@ class Implicit:
         return State(displacement, residual, self.norm, np.nan, 0.0, bool(lost == 0.0 and np.isfinite(square)))
 
     def _meet(self, displacement: np.ndarray, over: float) -> np.ndarray:
-        """Forces of contact and ties (owned, d) [N] at a displacement a time over [s] after the start of the step, twice
-        their mean over it less those of the start."""
+        """Forces of contact and ties (owned, d) [N] at a displacement a time over [s] after the start of the step:
+        twice their mean over it less those of the start."""
         particles = self.system.particles
         if EXTERNAL_FORCE not in particles:
             return np.zeros_like(displacement)

@@ -126,8 +126,8 @@ class Static:
 
     def __init__(self, system: Any, equilibria: bool, tied: list[tuple[int, int]], touched: set[int]) -> None:
         """system: `system.TotalLagrangianSPH` with its sweeps; equilibria: whether any stage has them, else these are
-        for `implicit.Implicit`; tied: numbers of bodies that ties join; touched: those in contact. Raises SolverError on all ranks where nothing
-        holds a body. Collective."""
+        for `implicit.Implicit`; tied: numbers of bodies that ties join; touched: those in contact. Raises SolverError
+        on all ranks where nothing holds a body. Collective."""
         self.system, self.comm, self.conditions = system, system.comm, system.conditions
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         system.particles.declare(Field("displacement", system.dimension, "m", **kept))
@@ -218,8 +218,9 @@ class Static:
         for one in interactions:
             one.try_forces(self._kept_at, self._over, still)
         self._meeting = force.copy()
-        self._met = sum(one.energies()[1] for one in interactions), *(
-            sum(values) for values in ([one.lost() for one in interactions], [one.power() for one in interactions])
+        self._met = (
+            sum(one.energies()[1] for one in interactions),
+            *(sum(values) for values in ([one.lost() for one in interactions], [one.power() for one in interactions])),
         )
 
     @property
