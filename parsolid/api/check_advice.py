@@ -10,11 +10,9 @@ import numpy as np
 from parsolid.particles.meshes.quality import quality_of
 from parsolid.particles.meshes.slices import MeshSlices, part_of_body, whole_mesh
 from parsolid.scene import Scene
-from parsolid.scene.bodies import Body
+from parsolid.scene.codes import Note
 from parsolid.scene.previous_results import methods_of
-from parsolid.scene.stages import settings_of_stages
-from parsolid.scene.systems import notes_of
-from parsolid.scene.warned import Note
+from parsolid.scene.systems import notes_of, settings_of_stages
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.representation import layers, thinnest
 
@@ -49,7 +47,8 @@ def scene_advice(scene: Scene) -> list[Note]:
         (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "vertices")
         for system in scene.systems
         for i in system.bodies
-        if getattr(system.settings, "pair_weights", "") == "kernel" and _uneven(scene.bodies[i])
+        if getattr(system.settings, "pair_weights", "") == "kernel"
+        and bool(scene.bodies[i].jitter > 0.0 or scene.bodies[i].shape.kind == "mesh")
     ]
     for weights, of_meshes in (("mesh", True), ("closure", False)):
         if names := ", ".join(f"bodies.{i}" for i, of_mesh in uneven if of_mesh == of_meshes):
@@ -89,10 +88,6 @@ def _of_other_methods(scene: Scene) -> Iterator[Note]:
             takers = " and ".join(sorted(own))
             found = f"initial.{i}: results of {' and '.join(known)}, of which {takers} takes {names} alone"
             yield Note("other-method", f"{found}; what else that run had is not there")
-
-
-def _uneven(body: Body) -> bool:
-    return bool(body.jitter > 0.0 or body.shape.kind == "mesh")
 
 
 def advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None = None) -> list[Note]:

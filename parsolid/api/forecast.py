@@ -12,12 +12,10 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.observables.declared import field_of
-from parsolid.observables.in_region import OfRegion
+from parsolid.observables.declared import Observables, OfRegion, field_of
 from parsolid.output.fields import bytes_of_rows, exact_names
 from parsolid.scene import Scene
 from parsolid.scene.previous_results import STATE
-from parsolid.simulation.observables import Observables
 
 # particles of all ranks that stand for the others
 SAMPLE = 40_000

@@ -8,12 +8,10 @@ from pydantic import ValidationError
 
 from parsolid.materials.hyperelastic import acoustics, evaluation
 from parsolid.materials.registry import law_at_origin
-from parsolid.point.choice import point_law
-from parsolid.point.driver import integrate, tabulate
+from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.schema import MaterialPoint
-from parsolid.scene.base_model import SceneModel
+from parsolid.scene.base_model import SceneModel, faults_of_errors
 from parsolid.scene.materials import HyperelasticSolid, Material, ValueFault
-from parsolid.scene.model_faults import faults_of_errors
 from parsolid.scene.validation_errors import SceneError
 
 

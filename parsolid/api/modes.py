@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.api.arguments import require_part, require_whole_number
-from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.api.scenes import AnyScene, read_scene, require_part, require_whole_number, scene_on_all_ranks
 from parsolid.collective import SolverError, maximum
 from parsolid.output.errors import OutputError, together
 from parsolid.output.fields import FieldSeries
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.summary import provenance, write_summary
 from parsolid.scene import Scene, dump_scene
-from parsolid.scene.warned import Note
+from parsolid.scene.codes import Note
 from parsolid.simulation.vibrations import VibratingBodies, Vibrations
 
 # residuals that are small enough, so that frequencies are exact to some 1e-9 where modes are apart; iterations
@@ -142,11 +141,7 @@ def _write(comm: Any, bodies: VibratingBodies, found: Vibrations, result: ModesF
             counts = {name: getattr(result, name) for name in ("particles", "rigid", "iterations", "products")}
             entries = {"title": bodies.scene.title, **counts, "converged": result.converged, "modes": rows}
             write_summary(folder.directory / "modes.json", entries | provenance())
-    _write_shapes(comm, bodies, found, folder)
-
-
-def _write_shapes(comm: Any, bodies: VibratingBodies, found: Vibrations, folder: RunFolder) -> None:
-    """One step of the fields a mode, at its number as the time."""
+    # one step of the fields a mode, at its number as the time
     particles, places = bodies.system.particles, bodies.places
     series = FieldSeries(comm, folder.fields, max(1, len(found.shapes)))
     numbers = np.asarray(bodies.system.bodies, np.int32)[particles.owned_rows("body")]

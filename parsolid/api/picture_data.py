@@ -13,8 +13,8 @@ from parsolid.particles.skins import Skin, skins_of
 from parsolid.particles.touching import TOUCHING, close_pairs, homes, within_touch
 from parsolid.scene import Scene
 from parsolid.scene.base_model import AXES
-from parsolid.scene.bond import ALL
 from parsolid.scene.boundaries.condition import Condition
+from parsolid.scene.contact import ALL
 
 # instants of a run at which loads that vary are looked at for the largest
 _INSTANTS = 9
@@ -68,7 +68,11 @@ def picture_data(comm: MPI.Comm, scene: Scene, meshes: dict[Any, Any] | None = N
     whole: list[Any] = [None if each[0] is None else np.concatenate(each)[order] for each in zip(*pieces)][1:]
     position, spacing, body, area, regions = whole[:5]
     rows = [np.flatnonzero(mask) for mask in whole[5:-1]]
-    marks = [] if regions is None else _regions(scene, regions)
+    marks = (
+        []
+        if regions is None
+        else [Mark("region", name, np.flatnonzero(regions[:, i])) for i, name in enumerate(scene.named_regions)]
+    )
     marks += [_condition(scene, one, here, position, area) for one, here in zip(held, rows)]
     marks += _interfaces(scene, position, spacing, body)
     walls = [
@@ -92,10 +96,6 @@ def _label(one: Condition) -> str:
     name = getattr(one, "name", None)
     label = f"{one.kind} {name!r}" if name else one.kind
     return label if place is None else f"{label}, {place}"
-
-
-def _regions(scene: Scene, regions: np.ndarray) -> list[Mark]:
-    return [Mark("region", name, np.flatnonzero(regions[:, i])) for i, name in enumerate(scene.named_regions)]
 
 
 def _condition(scene: Scene, one: Condition, rows: np.ndarray, position: np.ndarray, area: np.ndarray) -> Mark:

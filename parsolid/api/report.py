@@ -1,7 +1,10 @@
 """What `check` says: the field table, and the cost of a scene in memory, messages and time."""
 
+import os
+import signal
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,22 +12,65 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.api.arguments import require_whole_number
-from parsolid.api.busy_cores import busy_cores, cores_with_room
 from parsolid.api.check_advice import advice
 from parsolid.api.forecast import BESIDES, bytes_on_disk, load_on, memory_on, seconds_a_step
 from parsolid.api.pictures import missing
-from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.api.scenes import AnyScene, read_scene, require_whole_number, scene_on_all_ranks
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.contact.report import describe_contacts
-from parsolid.machine import cores
+from parsolid.machine import cores, free_bytes
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.scene import Scene
-from parsolid.scene.warned import Note, Warned
+from parsolid.scene.codes import Note, Warned
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.warmup import load_kernels, warm_up
+
+# of the memory that is free, what copies may take
+_SHARE = 0.5
+
+
+def cores_with_room(each: float) -> int:
+    """How many cores this process and copies of it may keep busy, which write to so many bytes each."""
+    left = free_bytes()
+    # where nothing tells there are no copies
+    room = _SHARE * left / max(each, 1.0) if left < float("inf") else 0.0
+    return min(cores(), 1 + int(room))
+
+
+@contextmanager
+def busy_cores(count: int, work: Callable[[], object]) -> Iterator[None]:
+    """Have so many cores busy, this one among them: copies of this process repeat `work` until the context is left.
+
+    They are copies as they are at the beginning, whose memory is shared until it is written to. No message of several
+    ranks may be in `work`.
+    """
+    copies: list[int] = []
+    parent = os.getpid()
+    try:
+        for _ in range(count - 1):
+            copy = os.fork()
+            if copy == 0:
+                # work until the process that this one is a copy of, the parent, ends it, or is no more; leave
+                # nothing behind
+                try:
+                    # a word from a copy would be one too many
+                    null = os.open(os.devnull, os.O_WRONLY)
+                    for stream in (1, 2):
+                        os.dup2(null, stream)
+                    while os.getppid() == parent:
+                        work()
+                finally:
+                    # without the ends of libraries, which are the parent's to make
+                    os._exit(0)
+            copies.append(copy)
+        yield
+    finally:
+        for copy in copies:
+            os.kill(copy, signal.SIGKILL)
+            os.waitpid(copy, 0)
+
 
 # steps that are measured, at least and at most, and for how long [s]
 _STEPS, _SECONDS = (3, 200), 2.0

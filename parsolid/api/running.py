@@ -4,18 +4,24 @@ import subprocess
 import tempfile
 import time as clock
 import warnings
-from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
-from parsolid.api.arguments import require_seconds, require_texts, require_whole_number
 from parsolid.api.check_advice import cost_advice, scene_advice, size_advice, thin_advice
 from parsolid.api.pictures import draw_at_end
-from parsolid.api.profiling import profiled
-from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.api.scenes import (
+    AnyScene,
+    read_scene,
+    require_seconds,
+    require_texts,
+    require_whole_number,
+    scene_on_all_ranks,
+)
 from parsolid.collective import SolverError, anywhere
 from parsolid.contact.report import describe_contacts
 from parsolid.exit_status import BAD_INPUT, DONE, NOT_REACHED, TO_BE_CONTINUED, WENT_WRONG
@@ -23,21 +29,53 @@ from parsolid.kernel_cache import cache_folder, wanted_folder
 from parsolid.kernels import on_compile
 from parsolid.launcher import start, stop
 from parsolid.output.checkpoint import find_checkpoint
-from parsolid.output.directory import occupy
-from parsolid.output.errors import OutputError
+from parsolid.output.errors import OutputError, together
 from parsolid.output.log import LOG, print_line
 from parsolid.output.progress import NORMAL, QUIET, Compilations, Progress
 from parsolid.output.results import Results, load
-from parsolid.output.run_folder import RunFolder
+from parsolid.output.run_folder import RunFolder, occupy
 from parsolid.scene import Scene, dump_scene
+from parsolid.scene.codes import Note
 from parsolid.scene.declared import law_files
 from parsolid.scene.shapes import MeshFile
-from parsolid.scene.warned import Note
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import FINISHED, INTERRUPTED, Limits, RunFailed, Simulation
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import warm_up
+
+# functions of a table
+SHOWN = 60
+
+
+@contextmanager
+def profiled(comm: Any, folder: Path | None) -> Iterator[None]:
+    """Write DIR/profile-RANK.txt, one file a rank, of what is done meanwhile; None: nothing is watched. Collective.
+
+    Time in a compiled kernel counts as own time of the function that calls it. Raises OutputError on all ranks when a
+    file cannot be written.
+    """
+    if folder is None:
+        yield
+        return
+    import cProfile
+    import io
+    import pstats
+
+    profile = cProfile.Profile()
+    profile.enable()
+    try:
+        yield
+    finally:
+        profile.disable()
+    path = folder / f"profile-{comm.rank}.txt"
+    with together(comm, f"cannot write {path}"):
+        text = io.StringIO()
+        for order, meaning in (("tottime", "own time"), ("cumulative", "time with what they call")):
+            text.write(f"rank {comm.rank} of {comm.size}: functions by {meaning}\n")
+            pstats.Stats(profile, stream=text).strip_dirs().sort_stats(order).print_stats(SHOWN)
+        path.write_text(text.getvalue(), encoding="utf-8")
+
 
 # a restart from the newest checkpoint of the folder
 NEWEST = ""

@@ -2,13 +2,40 @@
 
 import copy
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
+from parsolid.collective import SolverError
 from parsolid.scene import Scene as SceneModel
 from parsolid.scene import SceneError, load_scene, parse_scene
 from parsolid.scene.raw_tables import apply_override
+
+
+def require_whole_number(name: str, value: Any) -> None:
+    """Raise SolverError for what is no whole number of at least 1."""
+    if isinstance(value, bool) or not (isinstance(value, Integral) and int(value) >= 1):
+        raise SolverError(f"{name}: expected a whole number of at least 1, found {value!r}")
+
+
+def require_seconds(name: str, value: Any) -> None:
+    """Raise SolverError for what is no positive number of seconds."""
+    if isinstance(value, bool) or not (isinstance(value, Real) and 0.0 < float(value) < float("inf")):
+        raise SolverError(f"{name}: expected a positive number of seconds, found {value!r}")
+
+
+def require_part(name: str, value: Any) -> None:
+    """Raise SolverError for what is no number between 0 and 1."""
+    if isinstance(value, bool) or not (isinstance(value, Real) and 0.0 < float(value) < 1.0):
+        raise SolverError(f"{name}: expected a number between 0 and 1, found {value!r}")
+
+
+def require_texts(name: str, value: Any) -> None:
+    """Raise SolverError for what is no list of texts."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise SolverError(f"{name}: expected a list of texts, found {value!r}")
+
 
 Table = Mapping[str, Any]
 Tables = Sequence[Table]

@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.api.arguments import require_whole_number
-from parsolid.api.scenes import AnyScene, read_scene, scene_on_all_ranks
+from parsolid.api.scenes import AnyScene, read_scene, require_whole_number, scene_on_all_ranks
 from parsolid.collective import SolverError
+from parsolid.observables.declared import Observables
 from parsolid.output.checkpoint import find_checkpoint
 from parsolid.output.run_folder import RunFolder
 from parsolid.scene.observed import FIELDS
+from parsolid.simulation.history import Probes
 from parsolid.simulation.job import FAILED, Job
 from parsolid.simulation.loop import FINISHED, STOPPED, Limits, RunFailed
 from parsolid.simulation.loop import Simulation as Core
-from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Cadence, Callback, EnergyCheckOutput, Output
-from parsolid.simulation.probes import Probes
 from parsolid.simulation.restart import Restart
 
 

@@ -18,9 +18,8 @@ from parsolid.particles.selection import Selection
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.surface import Pressure, Spring
 from parsolid.scene.boundaries.traction import Traction
-from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.load_histories import LoadHistory, SpaceTimeFunction
 from parsolid.scene.schema import Scene
-from parsolid.scene.space_time import SpaceTimeFunction
 
 # rows of some particles, or all of them
 Rows = np.ndarray | slice

@@ -68,7 +68,7 @@ class Loads:
         self._jumps = {*scene.loads.jump_times}
         for _, one in self.all:
             if getattr(one, "quantity", "") == "displacement":
-                self._jumps.update(one.prescribed.jump_times)  # type: ignore[attr-defined]
+                self._jumps.update(one.prescribed.jump_times)
         for key, one in self.all:
             make = None if isinstance(one, others) else surface_load(one)
             if make is not None:

@@ -13,10 +13,8 @@ from parsolid.particles.regions import selected
 from parsolid.particles.selection import Selection
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.prescribed import MotionCondition
-from parsolid.scene.load_histories import LoadHistory
-from parsolid.scene.rigid_motion import RigidMotion
+from parsolid.scene.load_histories import LoadHistory, RigidMotion, Separated
 from parsolid.scene.schema import Scene
-from parsolid.scene.space_time import Separated
 
 # of so many times factors are kept: start, middle and end of a step
 _KEPT = 3

@@ -151,7 +151,12 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
         if "cell" in method:
             method["cell"] *= ratio
     if lattices and not any("cell" in method for method in methods_of(tables)):
-        actual = _mean_ratio(lattices, new)
+        # the geometric mean over directions, long ones counting more
+        pairs = [(a, b) for one, now in zip(lattices, new) for a, b in zip(one.intervals, now)]
+        weights = sum(a - 1 for a, _ in pairs)
+        if not weights:
+            raise NotCoarsened("every body has a single particle along each direction")
+        actual = math.exp(sum((a - 1) * math.log(a / b) for a, b in pairs) / weights)
     for mesh in _meshes(tables):
         mesh["size_factor"] = mesh.get("size_factor", 1.0) * actual
     words = [" x ".join(map(str, tables["bodies"][one.number]["particles"])) for one in lattices]
@@ -172,15 +177,6 @@ def parsed(tables: dict[str, Any], trust_code: bool, ratio: float) -> Scene:
     """The scene of tables that another scene has been resolved to; ratio: of its spacing. Raises SceneError."""
     scene = parse_scene(tables, trust_code=trust_code)
     return CoarserScene.model_construct(**dict(scene)) if ratio > 1.0 else scene
-
-
-def _mean_ratio(lattices: list[BodyLattice], new: list[tuple[int, ...]]) -> float:
-    """The geometric mean over directions, long ones counting more."""
-    pairs = [(a, b) for one, now in zip(lattices, new) for a, b in zip(one.intervals, now)]
-    weights = sum(a - 1 for a, _ in pairs)
-    if not weights:
-        raise NotCoarsened("every body has a single particle along each direction")
-    return math.exp(sum((a - 1) * math.log(a / b) for a, b in pairs) / weights)
 
 
 def _best_ratio(scene: Scene, lattices: list[BodyLattice], requested: float, more_than: float) -> float:

@@ -140,18 +140,14 @@ def write_error_bars(
     bars = summary_of_bars(table, scene, runs, refused) | {"extra_time": extra}
     write_summary(folder / "summary.json", summary | {"error_bars": bars})
     if table.bars:
-        write_error_columns(folder / NAME, table)
+        # a row for each row of the history: step, time and the bar of every column that has one
+        file = HistoryFile(folder / NAME, ["step", "time", *(f"{name}_error" for name in table.bars)])
+        steps = table.steps if table.steps is not None else np.arange(len(table.times))
+        for row, (step, time) in enumerate(zip(steps, table.times)):
+            errors = [float(bar.error[row]) for bar in table.bars.values()]
+            file.append([int(step), float(time), *(None if np.isnan(error) else error for error in errors)])
+        file.close()
     return table, extra
-
-
-def write_error_columns(path: Path, table: ErrorTable) -> None:
-    """One row a row of the history: step, time and the bar of every column that has one. Raises OutputError."""
-    file = HistoryFile(path, ["step", "time", *(f"{name}_error" for name in table.bars)])
-    steps = table.steps if table.steps is not None else np.arange(len(table.times))
-    for row, (step, time) in enumerate(zip(steps, table.times)):
-        errors = [float(bar.error[row]) for bar in table.bars.values()]
-        file.append([int(step), float(time), *(None if np.isnan(error) else error for error in errors)])
-    file.close()
 
 
 def error_table(
@@ -248,7 +244,7 @@ def _add_parts(scene: Scene, name: str, bar: Bar, times: np.ndarray, runs: list[
             bar.error = bar.error + SAFETY_NO_ORDER * part
 
 
-def shown_columns(table: ErrorTable, scene: Scene) -> list[str]:
+def shown_columns(table: ErrorTable) -> list[str]:
     """The columns of the last lines: of probes and reactions but for rounding, or the energies where there are none."""
     known = [name for name in table.bars if "." in name]
     if not known:
@@ -271,7 +267,7 @@ def lines(table: ErrorTable, scene: Scene, extra: float | None) -> Iterator[str]
     if table.without:
         yield f"error bars: none: {table.without}"
         return
-    for name in shown_columns(table, scene):
+    for name in shown_columns(table):
         yield in_words(table, name)
     if not any("." in name for name in table.bars):
         yield "error bars: the scene has no probe: bars are of its energies"
@@ -291,13 +287,10 @@ def in_words(table: ErrorTable, name: str) -> str:
     if not math.isfinite(error):
         mean = f", mean over time {bar.mean:.4g} +- {bar.mean_error:.2g}" if bar.mean_error is not None else ""
         return f"{name} {value:.4g}: no bar, {bar.verdict}{mean}"
-    percent = f" ({percentage(share)} % of its largest)" if math.isfinite(share) else ""
+    # two digits, but never a power of ten
+    digits = f"{100.0 * share:.0f}" if share >= 1.0 else f"{100.0 * share:.2g}"
+    percent = f" ({digits} % of its largest)" if math.isfinite(share) else ""
     return f"{name} {in_digits_of(value, error)} +- {error:.2g}{percent}, {bar.verdict}"
-
-
-def percentage(share: float) -> str:
-    """A share in percent, to two digits but never with a power of ten."""
-    return f"{100.0 * share:.0f}" if share >= 1.0 else f"{100.0 * share:.2g}"
 
 
 def in_digits_of(value: float, error: float) -> str:

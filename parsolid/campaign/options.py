@@ -96,10 +96,8 @@ class Option:
 def _in_words(value: Any) -> str:
     if isinstance(value, dict):
         return " ".join(str(v) if k == "kind" else f"{k} {v:g}" for k, v in value.items())
-    return {True: "on", False: "off"}.get(value, str(value)) if isinstance(value, bool) else _short(value)
-
-
-def _short(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

@@ -7,7 +7,7 @@ motion less smooth, or a value that of the particle nearest to a point, lowers t
 from typing import Any
 
 from parsolid.scene.observation import ENERGIES
-from parsolid.scene.stages import settings_of_stages
+from parsolid.scene.systems import settings_of_stages
 from parsolid.simulation.ledger import terms_of
 
 ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION, MICRO = (

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.campaign.cases import Case
+from parsolid.campaign.cases import Case, Study
 from parsolid.campaign.comparison import SHARE, Row
-from parsolid.campaign.halving import Configuration, Plan
+from parsolid.campaign.pareto import Configuration, Plan
 from parsolid.campaign.reference import Reference
 from parsolid.campaign.report import shown_errors
 from parsolid.campaign.study import lines_of
-from parsolid.campaign.study_file import Study
-from parsolid.observables.words import words_of
+from parsolid.output.words import words_of
 
 MARKERS = "osD^vPX*<>hd"
 # of a panel
@@ -62,19 +61,15 @@ def draw_study(study: Study, cases: list[Case], folder: Path) -> list[Path]:
 
 
 def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: Abscissa, folder: Path) -> Path:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib.figure import Figure
 
     names = shown_errors(study, [case for line in lines.values() for case in line])
     panels = _panels(list(lines.values()), names)
     looks = _looks([curve for _, curves in panels for curve in curves])
     columns = min(2, max(1, len(panels)))
     rows = max(1, -(-len(panels) // columns))
-    figure, axes = pyplot.subplots(
-        rows, columns, figsize=(5.2 * columns, 3.9 * rows), squeeze=False, layout="constrained"
-    )
+    figure = Figure(figsize=(5.2 * columns, 3.9 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
     for place in axes.flat[len(panels) :]:
         place.set_visible(False)
     for (title, curves), place in zip(panels, axes.flat):
@@ -90,7 +85,6 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
     figure.suptitle(study.title, fontsize=11)
     path = folder / f"error_against_{abscissa.name}.png"
     figure.savefig(path, dpi=_DOTS_PER_INCH)
-    pyplot.close(figure)
     return path
 
 
@@ -201,12 +195,10 @@ def draw_pareto(plan: Plan, reference: Reference, edge: list[Any], path: Path) -
 
     Raises ModuleNotFoundError without matplotlib.
     """
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(figsize=(9.0, 5.2), layout="constrained")
+    figure = Figure(figsize=(9.0, 5.2), layout="constrained")
+    axes = figure.subplots()
     axes.plot([point[0] for point in edge], [point[1] for point in edge], label="lower envelope", **_ENVELOPE)
     shown, others = _labelled(plan, edge)
     for number, one in enumerate(shown):
@@ -225,7 +217,6 @@ def draw_pareto(plan: Plan, reference: Reference, edge: list[Any], path: Path) -
     axes.grid(True, which="both", alpha=0.25)
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     figure.savefig(path, dpi=90)
-    pyplot.close(figure)
     return path
 
 
@@ -244,17 +235,15 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
     Rows without a published number that is not 0, or without a computed one, are left out.
     Raises ModuleNotFoundError without matplotlib.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib.figure import Figure
 
     shown = [row for row in rows if row.reference and row.computed is not None]
     methods = list(dict.fromkeys(row.method for row in shown))
     names = [f"{row.case}: {row.quantity}" for row in shown]
     places = {name: number for number, name in enumerate(dict.fromkeys(names))}
     size = (9.0, 1.6 + 0.32 * len(places) + 0.08 * len(methods))
-    figure, axes = pyplot.subplots(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots()
     axes.axvspan(1.0 - SHARE, 1.0 + SHARE, color="0.94", zorder=-2)
     axes.axvline(1.0, color="0.6", linewidth=0.8, zorder=-1)
     for row, name in zip(shown, names):
@@ -277,7 +266,6 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
     axes.grid(True, axis="x", alpha=0.25)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     figure.savefig(path, dpi=_DOTS_PER_INCH)
-    pyplot.close(figure)
     return path
 
 
@@ -285,10 +273,7 @@ def draw_costs(rows: list[Row], path: Path) -> Path:
     """Errors against processor seconds: a panel a case with published numbers, or a line of runs with errors; a curve a
     row of two resolutions or more. Raises ModuleNotFoundError without matplotlib.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib.figure import Figure
 
     panels: dict[str, list[tuple[str, list[tuple[float, float]]]]] = {}
     for row in rows:
@@ -298,9 +283,8 @@ def draw_costs(rows: list[Row], path: Path) -> Path:
             text = f"{row.line}: {row.quantity}" if published else row.quantity
             panels.setdefault(row.case if published else row.line, []).append((text, points))
     columns, lines = 3, max(1, -(-len(panels) // 3))
-    figure, axes = pyplot.subplots(
-        lines, columns, figsize=(4.6 * columns, 3.6 * lines), squeeze=False, layout="constrained"
-    )
+    figure = Figure(figsize=(4.6 * columns, 3.6 * lines), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False)
     for place in axes.flat[len(panels) :]:
         place.set_visible(False)
     for (title, curves), place in zip(panels.items(), axes.flat):
@@ -313,5 +297,4 @@ def draw_costs(rows: list[Row], path: Path) -> Path:
         place.legend(fontsize=6.5)
         label_decades(place.xaxis)
     figure.savefig(path, dpi=_DOTS_PER_INCH)
-    pyplot.close(figure)
     return path

@@ -9,11 +9,10 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from parsolid.campaign.cases import Case
+from parsolid.campaign.cases import Case, Study
 from parsolid.campaign.comparison import Row
 from parsolid.campaign.error_bars import in_digits_of
-from parsolid.campaign.measures import MEASURES
-from parsolid.campaign.study_file import Study
+from parsolid.campaign.runner import MEASURES
 from parsolid.simulation.job import FAILED
 from parsolid.simulation.loop import FINISHED
 
@@ -51,10 +50,14 @@ def tables_of(study: Study, cases: list[Case]) -> list[ResultTable]:
     out.
     """
     done = [case for case in cases if case.record is not None]
+    groups = {case.series.name: [other for other in done if other.series is case.series] for case in done}
     if study.report == "stability":
-        return [_stability_table(study, done)] if done else []
-    series = {case.series.name: [other for other in done if other.series is case.series] for case in done}
-    return [_accuracy_table(study, name, group) for name, group in series.items()]
+        groups = {study.title: done} if done else {}
+    result = []
+    for name, group in groups.items():
+        result.append((_stability_table if study.report == "stability" else _accuracy_table)(study, name, group))
+        result[-1].notes = [f"{case.title}: {fault}" for case in group for fault in case.faults]
+    return result
 
 
 def comparison_table(title: str, rows: list[Row], with_case: bool = False) -> ResultTable:
@@ -121,12 +124,11 @@ def _accuracy_table(study: Study, name: str, cases: list[Case]) -> ResultTable:
             ratios = case.other_code_ratios
             time = ratios.pop("processor_seconds", None)
             row += [f"{ratio:.2f}" if ratio is not None else "" for ratio in (max(ratios.values(), default=None), time)]
-        table.rows.append([*row, _verdict(case)])
-    table.notes = _notes(cases)
+        table.rows.append([*row, "no" if case.faults else "yes"])
     return table
 
 
-def _stability_table(study: Study, cases: list[Case]) -> ResultTable:
+def _stability_table(study: Study, name: str, cases: list[Case]) -> ResultTable:
     measured = [
         "particles",
         "steps",
@@ -137,19 +139,15 @@ def _stability_table(study: Study, cases: list[Case]) -> ResultTable:
         "largest_fall",
     ]
     headings = ["run", "must show", "ended", *(MEASURES[key][0] for key in measured), "ranks", "as stated"]
-    table = ResultTable(study.title, headings, 3)
+    table = ResultTable(name, headings, 3)
     for case in cases:
         shows = case.shows or {"failure": "a clean failure", "refused": "refused"}.get(case.expect or "", "stable")
-        bounds = [f"{MEASURES.get(name, (name,))[0]} <= {bound:g}" for name, bound in _asked(case).items()]
+        # of a run that is to finish
+        asked = case.bounds if case.expect in (None, "stable") else {}
+        bounds = [f"{MEASURES.get(name, (name,))[0]} <= {bound:g}" for name, bound in asked.items()]
         row = [case.title, ", ".join([shows, *bounds]), _ending(case), *(describe(case, key) for key in measured)]
-        table.rows.append([*row, str(case.ranks), _verdict(case)])
-    table.notes = _notes(cases)
+        table.rows.append([*row, str(case.ranks), "no" if case.faults else "yes"])
     return table
-
-
-def _asked(case: Case) -> dict[str, float]:
-    """The bounds of a run that is to finish."""
-    return case.bounds if case.expect in (None, "stable") else {}
 
 
 def _ending(case: Case) -> str:
@@ -185,15 +183,7 @@ def _error_with_order(case: Case, name: str) -> str:
     return f"{value:.2e}" + (f" ({case.orders[name]:.1f})" if name in case.orders else "")
 
 
-def _verdict(case: Case) -> str:
-    return "no" if case.faults else "yes"
-
-
-def _notes(cases: list[Case]) -> list[str]:
-    return [f"{case.title}: {fault}" for case in cases for fault in case.faults]
-
-
-def write_study_csv(path: Path, study: Study, cases: list[Case]) -> None:
+def write_study_csv(path: Path, cases: list[Case]) -> None:
     """One row a run: labels, how it ended, measures, errors, observed orders."""
     done = [case for case in cases if case.record is not None]
     axes = list(dict.fromkeys(axis for case in done for axis in case.labels))
@@ -211,7 +201,7 @@ def write_study_csv(path: Path, study: Study, cases: list[Case]) -> None:
             row += [
                 record.status,
                 record.ending["exit_status"],
-                _verdict(case),
+                "no" if case.faults else "yes",
                 *(case.measures.get(name) for name in MEASURES),
             ]
             row += [found.get(name) for name in errors] + [case.orders.get(name) for name in errors]

@@ -32,6 +32,7 @@ from parsolid.output.history import read_history
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.summary import read_summary, write_summary
 from parsolid.scene import Scene, SceneError
+from parsolid.scene.observation import stored_energy
 from parsolid.simulation.job import FAILED, Job
 from parsolid.simulation.loop import FINISHED, Limits, RunFailed, Simulation
 from parsolid.simulation.restart import Restart
@@ -41,6 +42,7 @@ History = dict[str, np.ndarray]
 REFUSED, TIMED_OUT, CRASHED = "refused", "timed out", "crashed"
 # a run that ended so ends so again
 LASTING = (FINISHED, FAILED, REFUSED)
+_MESSAGES = {FINISHED: 0, FAILED: 1, REFUSED: 1}
 _ENDINGS = {DONE: FINISHED, WENT_WRONG: FAILED, BAD_INPUT: REFUSED}
 # seconds between the signal that a run catches and the one that it cannot; where the study itself is ended, whose
 # unfinished runs are begun anew, no more than a launcher takes to end its ranks
@@ -251,14 +253,18 @@ class Launched:
         summary, history = read_files(folder)
         record = Record(status, history, summary)
         if status != FINISHED:
-            record.message = f"ended after {self.timeout:g} s" if status == TIMED_OUT else _last_words(text)
+            # its last words where it has said why it ended
+            found = text.find("parsolid: ")
+            words = text[found + len("parsolid: ") :] if found >= 0 else "\n".join(text.splitlines()[-3:])
+            record.message = f"ended after {self.timeout:g} s" if status == TIMED_OUT else words.strip()[:2000]
         if summary:
             wall, processor = seconds_of(summary)
             record.loop_seconds, record.processor_seconds = [wall], [processor]
         record.ending = {
             "title": self.title,
             "exit_status": exit_status,
-            "clean": _is_clean(text, status),
+            # silently, or with one message and no traceback
+            "clean": text.count("parsolid: ") == _MESSAGES.get(status) and "Traceback" not in text,
             "not_finite": not_finite(folder),
             "seconds": clock.perf_counter() - began,
             "load": [load],
@@ -343,19 +349,6 @@ def _end(job: subprocess.Popen[Any], grace: float) -> None:
                 continue
 
 
-def _last_words(log: str) -> str:
-    """What a run said of its end."""
-    found = log.find("parsolid: ")
-    text = log[found + len("parsolid: ") :] if found >= 0 else "\n".join(log.splitlines()[-3:])
-    return text.strip()[:2000]
-
-
-def _is_clean(log: str, status: str) -> bool:
-    """Whether a run ended as it should: silently, or with one message and no traceback."""
-    messages = {FINISHED: 0, FAILED: 1, REFUSED: 1}.get(status)
-    return log.count("parsolid: ") == messages and "Traceback" not in log
-
-
 def not_finite(folder: Path) -> list[str]:
     """Names of the files of a run, and where in them, that hold a number that is not finite.
 
@@ -372,3 +365,98 @@ def not_finite(folder: Path) -> list[str]:
 
             file.visititems(look)
     return faults
+
+
+# name -> (heading in a table, format, what it is)
+MEASURES = {
+    "particles": ("particles", ",d", "particles"),
+    "steps": ("steps", ",d", "time steps"),
+    "particle_steps": ("particle-steps", ".3g", "particles times steps"),
+    "iterations_per_step": ("iterations a step", ".1f", "force evaluations of a quasi-static step, on average"),
+    "core_seconds": ("core-s", ".3g", "seconds of the time loop times ranks, kernels being loaded, at the least"),
+    "processor_seconds": ("CPU s", ".3g", "seconds of all ranks' processors in the time loop, at the least"),
+    "wall_seconds": ("wall s", ".3g", "wall time of the run with set-up and output [s]"),
+    "particle_steps_per_core_second": ("particle-steps / core-s", ".3g", "speed"),
+    "mean_step": ("mean dt [s]", ".3g", "simulated time over steps [s]"),
+    "smallest_step": ("least dt [s]", ".3g", "smallest step at a row of the history [s]"),
+    "peak_memory_bytes_per_rank": ("MiB a rank", ".0f", "most memory a rank had [B]"),
+    "energy_drift": ("energy drift", ".1e", "largest |energy error| over the largest energy"),
+    "numerical_dissipation": ("D_num/E0", ".3g", "numerical dissipation at the end over the energy at the start"),
+    "material_dissipation": ("D_int/E0", ".3g", "dissipation of the material at the end over the energy at the start"),
+    "largest_fall": (
+        "largest fall of D/E0",
+        ".1e",
+        "most that a dissipation fell between rows of the history, over E0",
+    ),
+    "momentum_drift": ("momentum drift", ".1e", "largest change of a probed linear momentum over its largest size"),
+    "smallest_jacobian": ("least J", ".3g", "smallest Jacobian that a probe saw"),
+}
+
+
+# of the momentum that all mass has with its kinetic energy: what is less is none
+_NONE = 1e-9
+
+
+def measures_of(record: Record) -> dict[str, Any]:
+    """Measures and errors (under "errors") of a run; empty where there is no summary. A failed run has those that its
+    files give.
+    """
+    summary = record.summary
+    if not summary or not record.loop_seconds:
+        return {}
+    steps, particles, core_seconds = record.steps, record.particles, record.core_seconds
+    measures = {
+        "particles": particles,
+        "steps": steps,
+        "particle_steps": particles * steps,
+        "iterations_per_step": summary.get("iterations_per_step"),
+        "core_seconds": core_seconds,
+        "processor_seconds": record.seconds,
+        "wall_seconds": summary["wall_seconds"],
+        "particle_steps_per_core_second": particles * steps / core_seconds if core_seconds else None,
+        "mean_step": summary["end_time"] / steps if steps else None,
+        "peak_memory_bytes_per_rank": summary["peak_memory_bytes_per_rank"],
+        "errors": summary["errors"],
+    }
+    return measures | energies_of(record.history) | momentum_of(record.history, summary.get("mass"))
+
+
+def energies_of(history: dict[str, np.ndarray]) -> dict[str, Any]:
+    """What the ledger's columns (rows,) [J] say: drift, dissipations over the energy at the start, and their falls."""
+    if not len(history.get("time", ())):
+        return {}
+    energy = np.abs([history[name] for name in ("kinetic", stored_energy(history), "external_work")])
+    largest, start = energy.max(), energy[:, 0].sum()
+    # a body at rest at the start has the largest energy for a scale
+    scale = start or largest
+    falls = [np.max(-np.diff(history[name]), initial=0.0) for name in ("material_dissipation", "numerical_dissipation")]
+    steps = history["dt"][history["step"] > 0]
+    result = {
+        "smallest_step": float(steps.min()) if len(steps) else None,
+        "energy_drift": _over(np.abs(history["energy_error"]).max(), largest),
+        "numerical_dissipation": _over(history["numerical_dissipation"][-1], scale),
+        "material_dissipation": _over(history["material_dissipation"][-1], scale),
+        "largest_fall": _over(max(falls), scale),
+    }
+    jacobians = [values.min() for name, values in history.items() if name.endswith(".minimum_jacobian")]
+    return result | ({"smallest_jacobian": float(min(jacobians))} if jacobians else {})
+
+
+def momentum_of(history: dict[str, np.ndarray], mass: float | None = None) -> dict[str, Any]:
+    """Drift of the probed linear momentum; empty without such a probe.
+
+    Over its largest size or, where momentum is zero but for rounding, over that of the mass [kg] with the largest
+    kinetic energy.
+    """
+    names = [name for name in history if ".linear_momentum_" in name]
+    if not names or not len(history.get("time", ())):
+        return {}
+    momentum = np.stack([history[name] for name in names], axis=1)
+    drift = np.abs(momentum - momentum[0]).max()
+    largest = float(np.abs(momentum).max())
+    possible = float(np.sqrt(2.0 * max(mass or 0.0, 0.0) * history["kinetic"].max())) if "kinetic" in history else 0.0
+    return {"momentum_drift": _over(drift, largest if largest > _NONE * possible else possible)}
+
+
+def _over(value: float, scale: float) -> float | None:
+    return float(value / scale) if scale > 0.0 else None

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
-from parsolid.campaign.cases import Case, cases_of
+from parsolid.campaign.cases import Case, Study, cases_of, load_study
 from parsolid.campaign.comparison import AS_STATED, NOT_AS_STATED, Resolution, Row, rows_of_comparison
-from parsolid.campaign.measures import MEASURES, measures_of
 from parsolid.campaign.report import (
     comparison_table,
     print_tables,
@@ -25,8 +24,7 @@ from parsolid.campaign.report import (
     write_study_csv,
     write_study_markdown,
 )
-from parsolid.campaign.runner import LASTING, REFUSED, Record, read_record, run_beside
-from parsolid.campaign.study_file import Study, load_study
+from parsolid.campaign.runner import LASTING, MEASURES, REFUSED, Record, measures_of, read_record, run_beside
 from parsolid.exit_status import DONE, TO_BE_CONTINUED, WENT_WRONG
 from parsolid.machine import cores_in_words
 from parsolid.output.summary import provenance, write_summary
@@ -82,7 +80,12 @@ def run_study(
     chosen = _chosen(planned.cases, only)
     console = new_console()
     if dry_run:
-        _list(console, chosen, repetitions)
+        for case in chosen:
+            state = case.record.status if case.record is not None and not _lacking(case, repetitions) else "to do"
+            console.print(f"{state:<10} {case.title}: {case.particles} particles, {case.ranks} ranks", markup=False)
+            command = shlex.join(["parsolid", *case.arguments(Path(case.folder_name))])
+            console.print(f"           {command}", markup=False, style="dim", soft_wrap=True)
+        console.print(f"{len(chosen)} runs, {sum(_lacking(case, repetitions) for case in chosen)} to do")
         return DONE
     status = make_runs(console, [(planned, case) for case in chosen], repetitions, jobs)
     # who ends it waits for it
@@ -100,13 +103,20 @@ def report(console: Console, planned: Planned, pictures: bool = True) -> list[Ro
     for case in cases:
         _measure(case)
     judge(study, cases)
-    tables, rows = tables_of(study, cases), compared_rows(study, cases)
+    tables = tables_of(study, cases)
+    # comparisons are of lines of cases whose finest has been run
+    lines = _by_line(cases).values()
+    made = [[case for case in line if case.record is not None] for line in lines if line[-1].record is not None]
+    rows = [row for one in study.compared for row in rows_of_comparison(study.title, one, made)]
     if not tables:
         return []
     tables += [comparison_table("compared with what is published", rows)] if rows else []
     print_tables(console, tables)
-    write_study_csv(folder / "study.csv", study, cases)
-    write_study_markdown(folder / "study.md", study, f"parsolid study {path}", _load_remark(cases), tables)
+    write_study_csv(folder / "study.csv", cases)
+    loads = [min(case.record.ending["load"]) for case in cases if case.record is not None]
+    span = f"{min(loads):.1f} to {max(loads):.1f}"
+    remark = f"Load average of the machine when the runs began: {span} on {cores_in_words()}."
+    write_study_markdown(folder / "study.md", study, f"parsolid study {path}", remark, tables)
     write_summary(folder / "summary.json", summary_of_study(planned, rows + error_rows(study, cases)))
     written = [folder / "study.csv", folder / "study.md", folder / "summary.json"]
     if pictures and study.report == "accuracy":
@@ -121,13 +131,6 @@ def report(console: Console, planned: Planned, pictures: bool = True) -> list[Ro
     console.print(f"{done} of {len(cases)} runs made, {done - wrong} as stated, {wrong} not")
     console.print(f"written: {', '.join(map(str, written))}", soft_wrap=True)
     return rows
-
-
-def compared_rows(study: Study, cases: list[Case]) -> list[Row]:
-    """Rows of the comparisons that a study states, of lines of cases whose finest has been run."""
-    lines = _by_line(cases).values()
-    made = [[case for case in line if case.record is not None] for line in lines if line[-1].record is not None]
-    return [row for one in study.compared for row in rows_of_comparison(study.title, one, made)]
 
 
 def error_rows(study: Study, cases: list[Case]) -> list[Row]:
@@ -145,15 +148,10 @@ def error_rows(study: Study, cases: list[Case]) -> list[Row]:
             rows[-1].verdict = NOT_AS_STATED if case.faults else AS_STATED
             rows[-1].reason = "; ".join(case.faults)
             continue
-        for name in (*(case.measures.get("errors") or ()), *_bounded_measures(case)):
+        for name in dict.fromkeys((*(case.measures.get("errors") or ()), *case.bounds)):
             rows.append(_error_row(study, case, name))
             rows[-1].levels = [Resolution.of(one, one.value(name)) for one in finest.get(id(case), ())]
     return [row for row in rows if row.agrees is not None] if study.compared else rows
-
-
-def _bounded_measures(case: Case) -> list[str]:
-    """Names of bounds that are no errors."""
-    return [name for name in case.bounds if name not in (case.measures.get("errors") or {})]
 
 
 def _error_row(study: Study, case: Case, name: str) -> Row:
@@ -178,6 +176,7 @@ def summary_of_study(planned: Planned, rows: list[Row]) -> dict[str, Any]:
     """What summary.json says of a study: rows, costs, and where and when it was run."""
     _, _, study, cases = planned
     records = [case.record for case in cases if case.record is not None]
+    newest = max((one.summary for one in records), key=lambda one: str(one.get("written_at", "")))
     return {
         "study": study.title,
         "group": study.group,
@@ -191,20 +190,23 @@ def summary_of_study(planned: Planned, rows: list[Row]) -> dict[str, Any]:
         "processor_seconds": sum(record.seconds for record in records),
         "cores": cores_in_words(),
         # of the runs, which may have been made before
-        **provenance() | max(map(_provenance, records), key=lambda one: str(one.get("written_at", ""))),
+        **{key: newest.get(key, value) for key, value in provenance().items()},
     }
-
-
-def _provenance(record: Record) -> dict[str, Any]:
-    """Where and when a run was made, and by what."""
-    return {key: record.summary[key] for key in provenance() if key in record.summary}
 
 
 def judge(study: Study, cases: list[Case]) -> None:
     """Fill in `orders` and `faults` of all cases that have a record."""
     for line in lines_of(cases).values():
         for coarse, fine in pairwise(line):
-            fine.orders = observed_orders(coarse, fine)
+            # log(error ratio) / log(spacing ratio) of two runs, by the error's name
+            spacings: Any = coarse.spacing, fine.spacing
+            ratio = math.log(spacings[0] / spacings[1])
+            before, after = coarse.measures["errors"], fine.measures["errors"]
+            fine.orders = {
+                name: math.log(before[name] / after[name]) / ratio
+                for name in after
+                if ratio > 0.0 and before.get(name) and after[name]
+            }
     for case in cases:
         if case.record is not None:
             case.faults = [*_ending_faults(case.record, case.expect), *_number_faults(study, case)]
@@ -220,18 +222,6 @@ def _by_line(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
     for case in cases:
         lines.setdefault(case.line, []).append(case)
     return {name: sorted(line, key=lambda case: -(case.spacing or 0.0)) for name, line in lines.items()}
-
-
-def observed_orders(coarse: Case, fine: Case) -> dict[str, float]:
-    """log(error ratio) / log(spacing ratio) of two runs, by the error's name."""
-    spacings: Any = coarse.spacing, fine.spacing
-    ratio = math.log(spacings[0] / spacings[1])
-    before, after = coarse.measures["errors"], fine.measures["errors"]
-    return {
-        name: math.log(before[name] / after[name]) / ratio
-        for name in after
-        if ratio > 0.0 and before.get(name) and after[name]
-    }
 
 
 def _ending_faults(record: Record, expect: str | None) -> list[str]:
@@ -290,15 +280,6 @@ def _lacking(case: Case, repetitions: int) -> bool:
     if record is None or record.status not in LASTING:
         return True
     return record.status == FINISHED and len(record.loop_seconds) < repetitions
-
-
-def _list(console: Console, cases: list[Case], repetitions: int) -> None:
-    for case in cases:
-        state = case.record.status if case.record is not None and not _lacking(case, repetitions) else "to do"
-        console.print(f"{state:<10} {case.title}: {case.particles} particles, {case.ranks} ranks", markup=False)
-        command = shlex.join(["parsolid", *case.arguments(Path(case.folder_name))])
-        console.print(f"           {command}", markup=False, style="dim", soft_wrap=True)
-    console.print(f"{len(cases)} runs, {sum(_lacking(case, repetitions) for case in cases)} to do")
 
 
 def make_runs(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, jobs: int) -> int:
@@ -363,13 +344,6 @@ def _duration(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-def _load_remark(cases: list[Case]) -> str:
-    """In what company the times were taken."""
-    loads = [min(case.record.ending["load"]) for case in cases if case.record is not None]
-    span = f"{min(loads):.1f} to {max(loads):.1f}"
-    return f"Load average of the machine when the runs began: {span} on {cores_in_words()}."
 
 
 @contextmanager

@@ -66,17 +66,13 @@ class Variant:
         return digest_of(self.scene)
 
 
-def files_of(scene: Scene) -> list[str]:
-    """Files that a scene reads."""
-    series = [scene.reference.series] if scene.reference is not None and scene.reference.series is not None else []
-    meshes = [body.shape.mesh.file for body in scene.bodies if body.shape.mesh is not None]
-    return series + law_files(scene) + meshes
-
-
 def digest_of(scene: Scene, ranks: int | None = None) -> str:
     """Twelve hexadecimal digits of a scene, the contents of the files it reads, the sources and the ranks."""
     text = json.dumps([scene.resolved(), ranks, source_digest()], sort_keys=True)
-    files = files_of(scene)
+    # files that a scene reads
+    series = [scene.reference.series] if scene.reference is not None and scene.reference.series is not None else []
+    meshes = [body.shape.mesh.file for body in scene.bodies if body.shape.mesh is not None]
+    files = series + law_files(scene) + meshes
     for file in files:
         # the folder a file lies in does not matter, what it says does
         text = text.replace(json.dumps(str(file))[1:-1], os.path.basename(file))

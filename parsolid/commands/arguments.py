@@ -4,8 +4,22 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from parsolid.scene.codes import CODES
 from parsolid.scene.validation_errors import SceneError, suggestion
-from parsolid.scene.warned import CODES
+
+
+def show_table(title: str, names: list[str], rows: list[list[Any]]) -> None:
+    """Print a table with right-aligned columns."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for name in names:
+        table.add_column(name, justify="right")
+    for row in rows:
+        table.add_row(*map(str, row))
+    Console(width=110).print(table)
+
 
 TRUST_CODE = "run the Python files of laws that the scene names"
 OVERRIDE = "override a key of the scene; KEY.PATH= takes it out; may be repeated"

@@ -118,16 +118,12 @@ def main(arguments: list[str] | None = None) -> int:
         return UNREAD
     finally:
         LOG.close()
-        _drop_unread()
-
-
-def _drop_unread() -> None:
-    """Let nothing of what nobody reads be written again, and complained of, when the program ends."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        # let nothing of what nobody reads be written again, and complained of, when the program ends
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except BrokenPipeError:
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _status(comm: MPI.Intracomm, arguments: list[str]) -> int:

@@ -69,19 +69,14 @@ def run_fit(comm: Any, options: Any) -> int:
     )
     if options.output:
         try:
-            _write_curves(options.output, tests, found.curves)
+            with Path(options.output).open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file)
+                writer.writerow(["kind", "stretch", "stress", "fitted"])
+                for one, curve in zip(tests, found.curves):
+                    writer.writerows([one.kind, a, s, f"{c:.6g}"] for a, s, c in zip(one.stretch, one.stress, curve))
         except OSError as error:
             raise SolverError(f"-o: expected a file that can be written, found {error}") from error
     return DONE
-
-
-def _write_curves(path: str, tests: list[Any], curves: list[Any]) -> None:
-    """The points of tests, and the stress of the law beside each."""
-    with Path(path).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["kind", "stretch", "stress", "fitted"])
-        for one, curve in zip(tests, curves):
-            writer.writerows([one.kind, a, s, f"{c:.6g}"] for a, s, c in zip(one.stretch, one.stress, curve))
 
 
 def read_tests(path: str) -> list[Any]:

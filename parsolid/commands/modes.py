@@ -62,7 +62,7 @@ def _draw(comm: Any, folder: Path, found: Any) -> None:
 
 def _show(rows: list[dict[str, Any]], dimension: int) -> None:
     """The table of modes."""
-    from parsolid.commands.console_table import show_table
+    from parsolid.commands.arguments import show_table
 
     axes = "xyz"[:dimension]
     shown = [

@@ -10,9 +10,8 @@ from decomposition.pair_search import close_boxes
 from parsolid.contact.broad_phase import body_motions, meetings
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
-from parsolid.scene.contact import BodyPairs
-from parsolid.scene.tie import tied_pairs
-from parsolid.scene.warned import Note, Warned
+from parsolid.scene.codes import Note, Warned
+from parsolid.scene.contact import BodyPairs, tied_pairs
 
 # bodies closer than so many of the larger spacing touch
 _TOUCHING = 1.5

@@ -23,7 +23,7 @@ from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field
 from parsolid.particles.generated import cell_volumes
 from parsolid.scene import Scene
-from parsolid.scene.tie import TIE_TERMS, tied_pairs
+from parsolid.scene.contact import TIE_TERMS, tied_pairs
 
 # of the limit of the springs' frequency
 _SAFETY = 0.8

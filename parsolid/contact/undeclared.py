@@ -13,8 +13,7 @@ from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.pairs.displacement import body_bounds
 from parsolid.particles.touching import ClosePairs, close_pairs, homes, touch, within_touch
 from parsolid.scene import Scene
-from parsolid.scene.contact import BodyPairs
-from parsolid.scene.tie import tied_pairs
+from parsolid.scene.contact import BodyPairs, tied_pairs
 
 # steps between looks at where bodies are: of bodies that are far apart, and at most of those that are near
 _FAR_STEPS, _NEAR_STEPS = 64, 8

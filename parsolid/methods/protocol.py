@@ -14,7 +14,7 @@ from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.distribution import sort_for_speed
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
-from parsolid.scene.warned import Note, Warned
+from parsolid.scene.codes import Note, Warned
 
 # what a file of fields has in any case
 ALWAYS_WRITTEN = ("identifier", "body", "volume")

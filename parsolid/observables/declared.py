@@ -1,41 +1,15 @@
-"""What computes the fields and quantities that `scene.observed` names."""
+"""What computes the fields and quantities that `scene.observed` names, and all systems of a run as these see them."""
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
-
-class System(Protocol):
-    """What is asked of a system of particles on one rank; see `methods.protocol.ParticleSystem`."""
-
-    comm: Any
-    dimension: int
-    settings: Any
-    indicated: np.ndarray | None
-
-    @property
-    def mass(self) -> np.ndarray:
-        """Mass (owned,) [kg]."""
-
-    @property
-    def share(self) -> np.ndarray:
-        """The part (owned,) of a particle on this side of mirror planes."""
-
-    @property
-    def owned(self) -> int:
-        """Number of particles of this rank."""
-
-    @property
-    def particles(self) -> Any:
-        """Their declared fields."""
-
-    def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
-        """A field that the method computes itself."""
-
-    def measure(self, name: str) -> tuple[str, np.ndarray]:
-        """A quantity that the method computes itself."""
-
+from parsolid.methods.previous_state import state_rows, state_variable_names
+from parsolid.methods.protocol import ALWAYS_WRITTEN, ParticleSystem
+from parsolid.scene import observed
+from parsolid.scene.observed import USUAL_FIELDS
+from parsolid.scene.previous_results import STATE
 
 Compute = Callable[["Rows"], np.ndarray]
 
@@ -53,14 +27,17 @@ def field(compute: Compute) -> Compute:
 class Rows:
     """Fields by name of particles first..last-1 of a rank's part of a system; each is computed once."""
 
-    def __init__(self, system: System, first: int, last: int):
+    def __init__(self, system: ParticleSystem, first: int, last: int):
         self.system, self.first, self.last = system, first, last
         self._found: dict[str, np.ndarray] = {}
 
     def __call__(self, name: str) -> np.ndarray:
         """(n,), (n, d) or (n, 3, 3); raises KeyError for a name that neither the method nor this room knows."""
         if name not in self._found:
-            self._found[name] = self._find(name)
+            values = self.of_method(name)
+            if values is None:
+                values = FIELDS[name](self) if name in FIELDS else self._component(name)
+            self._found[name] = values
         return self._found[name]
 
     def of_method(self, name: str) -> np.ndarray | None:
@@ -75,12 +52,6 @@ class Rows:
             values[:, :d, :d] = rows.reshape(len(rows), d, d)
         return values
 
-    def _find(self, name: str) -> np.ndarray:
-        values = self.of_method(name)
-        if values is not None:
-            return values
-        return FIELDS[name](self) if name in FIELDS else self._component(name)
-
     def _component(self, name: str) -> np.ndarray:
         """(n,) of a vector or tensor, by its name in the history."""
         field, _, axes = name.rpartition("_")
@@ -92,7 +63,7 @@ class Rows:
         return np.asarray(values[:, place[0]] if len(place) == 1 else values[:, place[0], place[1]])
 
 
-def field_of(system: System, name: str, first: int = 0, last: int | None = None) -> np.ndarray | None:
+def field_of(system: ParticleSystem, name: str, first: int = 0, last: int | None = None) -> np.ndarray | None:
     """A field of particles first..last-1 (all of this rank by default), (n,), (n, d) or (n, 3, 3).
 
     None where there is none.
@@ -103,33 +74,105 @@ def field_of(system: System, name: str, first: int = 0, last: int | None = None)
         return None
 
 
-class Watched(Protocol):
-    """What a sampler sees: all systems of a run on this rank; see `simulation.observables.Observables`."""
+class Observables:
+    """Fields by name of this rank's particles, those of one system after those of another.
 
-    systems: list[Any]
-    dimension: int
+    Every field is an array (n,), (n, d) or (n, 3, 3): those that systems declare, and those of this folder.
+    """
+
+    def __init__(self, systems: Sequence[ParticleSystem]):
+        self.systems = list(systems)
+        self.dimension = systems[0].dimension
 
     @property
     def layout(self) -> tuple[int, ...]:
         """Changes when particles are re-ordered, come or go."""
+        return tuple(system.particles.layout for system in self.systems)
 
     @property
     def tributary_mass(self) -> np.ndarray:
-        """Mass (n,) [kg] of this rank's particles on this side of mirror planes."""
+        """Mass (n,) [kg] on this side of mirror planes."""
+        return self._joined([system.mass[: system.owned] * system.share[: system.owned] for system in self.systems])
+
+    @property
+    def tributary_volume(self) -> np.ndarray:
+        """Reference volume (n,) [m^3] on this side of mirror planes."""
+        volumes = [system.particles.owned_rows("volume") for system in self.systems]
+        return self._joined([one * system.share[: system.owned] for one, system in zip(volumes, self.systems)])
 
     @property
     def body(self) -> np.ndarray:
         """Number (n,) of each particle's body in the scene."""
-
-    @property
-    def tributary_volume(self) -> np.ndarray:
-        """Reference volume (n,) [m^3] of this rank's particles on this side of mirror planes."""
-
-    def field(self, name: str) -> np.ndarray:
-        """A field of this rank's particles."""
+        own = [system.particles.owned_rows("body") for system in self.systems]
+        return self._joined([np.asarray(system.bodies, np.int32)[body] for system, body in zip(self.systems, own)])
 
     def rows(self, name: str) -> np.ndarray:
-        """A declared field of this rank's particles."""
+        """A declared field that all systems have."""
+        return self._joined([system.particles.owned_rows(name) for system in self.systems])
+
+    def field(self, name: str) -> np.ndarray:
+        """Values of all particles of this rank, not numbers where a method has no such field.
+
+        Raises KeyError if none has it.
+        """
+        find = state_rows if name.startswith(STATE) else field_of
+        pieces = [find(system, name) for system in self.systems]
+        shape = next((piece.shape[1:] for piece in pieces if piece is not None), None)
+        if shape is None:
+            raise KeyError(name)
+        return self._joined(
+            [
+                np.full((system.owned, *shape), np.nan) if piece is None else piece
+                for system, piece in zip(self.systems, pieces)
+            ]
+        )
+
+    def prepare(self, names: Iterable[str], time: float) -> None:
+        """Let systems exchange what fields of these names need in the state at a time [s]; collective."""
+        for system in self.systems:
+            system.prepare_fields(names, time)
+
+    def has(self, name: str) -> bool:
+        """Whether any system has such a field."""
+        if name.startswith(STATE):
+            return any(state_rows(system, name) is not None for system in self.systems)
+        return any(field_of(system, name, 0, 0) is not None for system in self.systems)
+
+    def written(self, chosen: list[str] | None) -> list[str]:
+        """Names of the fields to write that some system has; chosen: of a scene, the usual ones unless given."""
+        names = self.usual_fields() if chosen is None else list(chosen)
+        if "state" in names:
+            names.remove("state")
+            for system in self.systems:
+                system.bring_state_up_to_date()
+                names += ["displacement", "velocity", *(STATE + name for name in state_variable_names(system))]
+        return [name for name in dict.fromkeys(names) if self.has(name)]
+
+    def _joined(self, pieces: list[np.ndarray]) -> np.ndarray:
+        """Arrays of the systems one after the other; of one it is the array itself."""
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+    def usual_fields(self) -> list[str]:
+        """What is written unless the scene chooses: fields declared as shown, and the usual ones of all methods."""
+        declared = [
+            name
+            for system in self.systems
+            for name, field in system.particles.fields.items()
+            if field.shown and name not in observed.FIELDS and name not in ALWAYS_WRITTEN
+        ]
+        own = [name for system in self.systems for name in system.usual_fields]
+        return [*dict.fromkeys(declared), *USUAL_FIELDS, *dict.fromkeys(own)]
+
+
+class OfRegion(Observables):
+    """The particles of a region, as samplers look at all of them; number: of the region among those with a name."""
+
+    def __init__(self, whole: Observables, number: int):
+        super().__init__(whole.systems)
+        self._here = whole.rows("regions")[:, number] == 1
+
+    def _joined(self, pieces: list[np.ndarray]) -> np.ndarray:
+        return super()._joined(pieces)[self._here]
 
 
 class Sampler:
@@ -144,7 +187,7 @@ class Sampler:
     def __init__(self, name: str, columns: list[str]):
         self.name, self.columns = name, columns
 
-    def part(self, watched: Watched) -> np.ndarray:
+    def part(self, watched: Observables) -> np.ndarray:
         """This rank's numbers, as many on every rank."""
         raise NotImplementedError
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.observables.declared import Sampler, Watched, particle_sampler
-from parsolid.observables.particle_field import Place
+from parsolid.observables.declared import Observables, Sampler, particle_sampler
+from parsolid.observables.samplers import Place
 
 
 @particle_sampler("twist")
@@ -25,7 +25,7 @@ class Twist(Sampler):
         self.angle = 0.0
         self.direction: float | None = None
 
-    def part(self, watched: Watched) -> np.ndarray:
+    def part(self, watched: Observables) -> np.ndarray:
         """The direction [rad] of the particle from the axis, on its rank."""
         found = self.place.find(watched)
         if found is None:
@@ -38,7 +38,6 @@ class Twist(Sampler):
         return np.array([np.arctan2(x[third], x[second])])
 
     def values(self, joined: np.ndarray) -> np.ndarray:
-        """The angle since the first sample."""
         direction = float(joined[0])
         if self.direction is not None:
             self.angle += (direction - self.direction + np.pi) % (2.0 * np.pi) - np.pi
@@ -46,9 +45,7 @@ class Twist(Sampler):
         return np.array([self.angle])
 
     def state(self) -> tuple[float, float | None]:
-        """The angle and the last direction."""
         return self.angle, self.direction
 
     def restore(self, state: Any) -> None:
-        """Go on from there."""
         self.angle, self.direction = state

@@ -22,9 +22,65 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.checksums import added, digest, sum_of_rows
-from parsolid.output.checksums import check_shapes, compare, sound_header, stated_sums
 from parsolid.output.errors import OutputError, together, words
 from parsolid.output.slabs import CHECKED_VERSIONS, SlabWriter, create_slab, flush_to_disk, open_serial, places, probe
+
+
+def stated_sums(file: h5py.File) -> dict[str, Any]:
+    """What a file says of its data sets. Raises OutputError when that itself is damaged."""
+    try:
+        own, _, text = file["checksums"][()].partition(b"\n")
+        if digest(text).encode() == own:
+            stated: dict[str, Any] = json.loads(text)
+            return stated
+    except Exception as error:  # what h5py raises depends on where the file is torn
+        raise damaged(file, "checksums", words(error)) from error
+    raise damaged(file, "checksums")
+
+
+def sound_header(file: h5py.File, stated: dict[str, Any]) -> dict[str, Any]:
+    """The header that was written. Raises OutputError when it is another."""
+    try:
+        text = file["header"][()]
+        if digest(text) == stated["header"]:
+            header: dict[str, Any] = json.loads(text)
+            return header
+    except Exception as error:  # what h5py raises depends on where the file is torn
+        raise damaged(file, "header", words(error)) from error
+    raise damaged(file, "header")
+
+
+def check_shapes(file: h5py.File, stated: dict[str, Any]) -> None:
+    """Raise OutputError unless a file has the data sets, shapes and types that it had when it was written."""
+    found: dict[str, Any] = {}
+
+    def note(name: str, item: object) -> None:
+        if isinstance(item, h5py.Dataset):
+            found[name] = [list(item.shape), item.dtype.str]
+
+    file.visititems(note)
+    wanted = {name: entry[:2] for name, entry in stated.items() if name != "header"}
+    for name in sorted({*wanted, *found} - {"header", "checksums"}):
+        if wanted.get(name) != found.get(name):
+            told = f"expected {_kind(wanted.get(name))}, found {_kind(found.get(name))}"
+            raise damaged(file, name, told)
+
+
+def _kind(entry: list[Any] | None) -> str:
+    return "none" if entry is None else f"{entry[1]} {tuple(entry[0])}"
+
+
+def compare(stated: dict[str, Any], found: dict[str, int], path: Path | str) -> None:
+    """Raise OutputError unless the checksums of what was read are those that a file states."""
+    wrong = [name for name in sorted(found) if stated[name][2] != found[name]]
+    if wrong:
+        raise OutputError(f"{Path(path).name}: damaged: {', '.join(wrong)} not as written (checksums differ)")
+
+
+def damaged(file: h5py.File, name: str, told: str = "not as written (checksums differ)") -> OutputError:
+    """The error of a data set that is not as it was written."""
+    return OutputError(f"{Path(file.filename).name}: damaged: {name}: {told}")
+
 
 FORMAT = "parsolid checkpoint"
 VERSION = 4
@@ -163,22 +219,22 @@ def _count_systems(file: h5py.File) -> int:
     return count
 
 
-def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None, name: str = DEFAULT_NAME) -> Path:
+def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None) -> Path:
     """The newest whole checkpoint of a directory. With comm collective, else for one rank alone.
 
     Raises OutputError (on all ranks) that says of each candidate why it will not do, or that there is none yet.
     """
     if comm is None:
-        return _find(Path(directory), name)
+        return _find(Path(directory))
     found = Path()
     with together(comm, f"cannot look for a checkpoint in {directory}"):
         if comm.rank == 0:
-            found = _find(Path(directory), name)
+            found = _find(Path(directory))
     return Path(comm.bcast(found))
 
 
-def _find(directory: Path, name: str) -> Path:
-    path = directory / name
+def _find(directory: Path) -> Path:
+    path = directory / DEFAULT_NAME
     candidates, reasons = (partial_name(path), path, previous_name(path)), []
     if not any(candidate.exists() for candidate in candidates):
         found = "the run there ended before its first, or has none" if directory.is_dir() else "there is no such folder"

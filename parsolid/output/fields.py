@@ -2,25 +2,118 @@
 
 Rows are ordered by the particles' identifiers, so that a particle keeps its row from step to step and the file does
 not depend on the number of ranks. To that end ranks exchange rows; none ever has more than its even share.
+
+Checksums of a step's data sets are in fields.sums beside it, a line a step: a damaged number is found where it is read,
+by results and pictures, and by a run that starts from them. Of several systems each has a file, and one shows them all
+as the blocks of a temporal collection (VTKHDF specification, version 2.2, "Partitioned dataset collection"); readers
+take the times from the first block, which is therefore written last.
 """
 
+import json
+import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from mpi4py import MPI
 
 from decomposition.migration import migrate
+from decomposition.reduction import sums
 from parsolid.checksums import added, sum_of_rows
+from parsolid.collective import maximum, minimum
 from parsolid.output import vtkhdf
-from parsolid.output.directory import next_free
-from parsolid.output.errors import OutputError, agree, together
-from parsolid.output.field_sums import append_sums, keep_sums, move_sums, sums_path
+from parsolid.output.errors import OutputError, agree, together, words
+from parsolid.output.run_folder import next_free
 from parsolid.output.slabs import DataSet, SlabWriter, open_serial, places, probe
 from parsolid.scene.previous_results import STATE
 
-DEFAULT_NAME = "fields.vtkhdf"
+
+def sums_path(path: Path) -> Path:
+    """Of a file of fields."""
+    return path.with_suffix(".sums")
+
+
+def write_sums(path: Path, step: int, time: float, sums: dict[str, int]) -> None:
+    """Keep a step at a time [s] beside those before it, of which some may be without, in place of those from it on,
+    which are written anew; for one rank alone. Raises OSError.
+    """
+    lines = _lines(path) or []
+    if len(lines) > step:
+        partial = sums_path(path).with_name(sums_path(path).name + ".partial")
+        partial.write_text("".join(f"{line}\n" for line in lines[:step]), encoding="utf-8")
+        os.replace(partial, sums_path(path))
+    if len(lines) >= step:
+        with open(sums_path(path), "a", encoding="utf-8") as file:
+            file.write(json.dumps({"time": time, "sums": sums}) + "\n")
+
+
+def check_step(path: Path, step: int, count: int) -> None:
+    """Compare all of a step of a file of fields, count rows a data set, with its checksums; for one rank alone.
+
+    Raises OutputError where it is damaged.
+    """
+    lines = _lines(path) or []
+    try:
+        names = [json.loads(line)["sums"] for line in (*lines[:1], *lines[step : step + 1])]
+        with h5py.File(path, "r", locking=False) as file:
+            for name in names[-1] if names else ():
+                rows_of_step(file, path, name, step, count)
+            for name in set(names[0]) - set(names[-1]) if names else ():
+                rows_of_step(file, path, name, step, count, constant=True)
+    except (OSError, ValueError, KeyError) as error:
+        raise OutputError(f"{path}: damaged: {words(error)}") from error
+
+
+def rows_of_step(file: Any, path: Path, name: str, step: int, count: int, constant: bool = False) -> np.ndarray:
+    """Rows (count, ...) of a data set of an open file of fields, "VTKHDF/Points" and the like, at a step; constant: the
+    same at every step. Raises OutputError where they are not as they were written.
+    """
+    first = 0 if constant else step * count
+    try:
+        rows: np.ndarray = file[name][first : first + count]
+    except OSError as error:
+        raise OutputError(f"{path}: damaged: {name}: {words(error)}") from error
+    lines = _lines(path)
+    if lines is None or (0 if constant else step) >= len(lines):
+        return rows
+    try:
+        stated = json.loads(lines[0 if constant else step])["sums"].get(name)
+    except (ValueError, KeyError, AttributeError, TypeError) as error:
+        raise OutputError(f"{sums_path(path)}: damaged: line {step + 1} is no checksum") from error
+    if stated is not None and stated != sum_of_rows(rows, 0):
+        raise OutputError(f"{path}: damaged: {name} at step {step} is not as it was written (checksums differ)")
+    return rows
+
+
+def _lines(path: Path) -> list[str] | None:
+    """The whole lines of the checksums; None without any."""
+    try:
+        text = sums_path(path).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
+    return text[: text.rfind("\n") + 1].splitlines()
+
+
+def numbers_of(comm: MPI.Intracomm, identifier: np.ndarray) -> np.ndarray:
+    """0 to m - 1 (k,) for m particles of all ranks, rising with their identifiers (k,); collective."""
+    largest = np.array(identifier.max(initial=-1), np.int64)
+    comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+    owner = identifier * comm.size // (int(largest) + 1) if largest >= 0 else identifier
+    mine = np.arange(len(identifier))
+    there = migrate(comm, owner, {"identifier": identifier, "rank": np.full(len(mine), comm.rank), "row": mine})
+    order = np.argsort(there["identifier"], kind="stable")
+    first = comm.exscan(len(order)) or 0
+    numbers = np.empty(len(order), np.int64)
+    numbers[order] = first + np.arange(len(order))
+    back = migrate(comm, there["rank"], {"row": there["row"], "number": numbers})
+    result = np.empty(len(mine), np.int64)
+    result[back["row"]] = back["number"]
+    return result
+
+
 Fields = dict[str, np.ndarray]
 
 
@@ -111,8 +204,7 @@ class FieldSeries:
         with together(self._comm, f"cannot write {sums_path(self.path)}"):
             if self._comm.rank == 0:
                 # before the step is shown: a step that is, has its checksums
-                keep_sums(self.path, len(self._times))
-                append_sums(self.path, len(self._times), time, sums)
+                write_sums(self.path, len(self._times), time, sums)
         self._publish(np.append(self._times, time))
 
     def _write_rows(
@@ -209,7 +301,8 @@ class FieldSeries:
                 if self.path.exists():
                     aside = next_free(self.path)
                     self.path.rename(aside)
-                    move_sums(self.path, aside)
+                    if sums_path(self.path).exists():
+                        sums_path(self.path).rename(sums_path(aside))
                 sums_path(self.path).unlink(missing_ok=True)
                 partial.rename(self.path)
         self._places = self._comm.bcast(laid)
@@ -284,3 +377,53 @@ def _in_space(values: np.ndarray) -> np.ndarray:
         missing = 3 - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing), (0, missing))).reshape(-1, 9)
     return values
+
+
+class FieldBlocks:
+    """Writes steps of several blocks; each has a `FieldSeries` of its own beside the file at `path`."""
+
+    def __init__(self, comm: Any, path: Path, names: list[str], capacity: int, resume_at: float | None = None):
+        """names: of the blocks, each with another; the rest as in `FieldSeries`."""
+        self._comm, self.path = comm, path
+        self._files = {_plain(name): path.with_name(f"{path.stem}_{_plain(name)}{path.suffix}") for name in names}
+        self.series = [
+            FieldSeries(comm, file, capacity, resume_at, index=number)
+            for number, file in enumerate(self._files.values())
+        ]
+        # of each block the first identifier of every body and its row, found at the first write
+        self._firsts: list[tuple[np.ndarray, np.ndarray] | None] = [None] * len(names)
+
+    def write(self, time: float, number: int, position: np.ndarray, varying: Fields, constant: Fields) -> None:
+        """Add a step [s] of one block; constant: "identifier" (n,), those of a body in one piece, "body" (n,) and more.
+
+        Collective; raises OutputError on all ranks.
+        """
+        series, identifier, body = self.series[number], constant["identifier"], constant["body"]
+        firsts = self._firsts[number] or self._first_of_bodies(identifier, body)
+        self._firsts[number] = firsts
+        series.write(time, identifier - firsts[0][body] + firsts[1][body], position, varying, constant)
+
+    def collect(self) -> None:
+        """Write the file that shows the blocks, once they are there; collective."""
+        with together(self._comm, f"cannot write {self.path}"):
+            if self._comm.rank == 0 and (not self.path.exists() or vtkhdf.collected(self.path) != self._files):
+                partial = self.path.with_name(self.path.name + ".partial")
+                vtkhdf.collect(partial, self._files)
+                partial.replace(self.path)
+
+    def _first_of_bodies(self, identifier: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First identifier and first row of every body; collective."""
+        count = maximum(self._comm, int(body.max(initial=-1))) + 1
+        least = np.full(count, np.iinfo(np.int64).max)
+        np.minimum.at(least, body, identifier)
+        first = minimum(self._comm, least)
+        sizes = sums(self._comm, np.bincount(body, minlength=count))
+        order = np.argsort(first, kind="stable")
+        rows = np.zeros(count, np.int64)
+        rows[order[1:]] = np.cumsum(sizes[order])[:-1]
+        return first, rows
+
+
+def _plain(name: str) -> str:
+    """A name that files and groups may have."""
+    return re.sub(r"[^A-Za-z0-9_-]", "_", name)

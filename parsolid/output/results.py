@@ -13,17 +13,16 @@ import numpy as np
 
 from parsolid.checksums import matches_checksum
 from parsolid.output.errors import OutputError, words
-from parsolid.output.field_sums import rows_of_step
-from parsolid.output.fields import DEFAULT_NAME
+from parsolid.output.fields import rows_of_step
 from parsolid.output.history import read_history
+from parsolid.output.run_folder import FIELDS
 from parsolid.output.summary import read_summary
 from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
 from parsolid.scene.error_recovery import Repairs, validate_with_recovery
 from parsolid.scene.methods import context_of
 from parsolid.scene.observation import DISSIPATIONS, HISTORY_COLUMNS
-from parsolid.scene.renamed import RENAMED
-from parsolid.scene.validation_errors import describe, suggestion
+from parsolid.scene.validation_errors import RENAMED, describe, suggestion
 
 _COMPONENTS = {"x": 0, "y": 1, "z": 2}
 _TENSOR = [f"{row}{column}" for row in "xyz" for column in "xyz"]
@@ -57,7 +56,7 @@ class Results:
     def __init__(self, directory: Path | str) -> None:
         """Raises SceneError when the folder holds no run."""
         self.directory = Path(directory)
-        self.fields_path = self.directory / DEFAULT_NAME
+        self.fields_path = self.directory / FIELDS
         scene = self.directory / "scene.toml"
         try:
             text = scene.read_text(encoding="utf-8")

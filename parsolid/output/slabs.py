@@ -48,11 +48,6 @@ class DataSet(NamedTuple):
     dtype: str
 
 
-def default_method() -> str:
-    """ "mpio" where h5py was built on parallel HDF5, else "offsets"."""
-    return "mpio" if h5py.get_config().mpi else "offsets"
-
-
 def open_serial(path: Path | str, mode: str, versions: tuple[str, str] = LIBRARY_VERSIONS) -> h5py.File:
     """Open a file on one rank, without HDF5's file lock: a user may look at the file while the run goes on."""
     return h5py.File(path, mode, libver=versions, locking=False)
@@ -134,7 +129,7 @@ class SlabWriter:
         self._piece_bytes = piece_bytes
         self._error: Exception | None = None
         self._file: Any = None
-        method = method or default_method()
+        method = method or ("mpio" if h5py.get_config().mpi else "offsets")
         if method not in METHODS:
             raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
         if method == "mpio" and not h5py.get_config().mpi:

@@ -8,7 +8,6 @@ from mpi4py import MPI
 from decomposition.pair_search import close_boxes
 from parsolid.materials.declaration import Phrase
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.inside import INSIDE
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import fault
 
@@ -26,15 +25,15 @@ def overlap_faults(scene: Scene, fillings: list[Any], particle_set: ParticleSet,
     pairs = sorted([*close, *((j, i) for i, j in close)])
     counts = np.zeros(len(pairs), np.int64)
     for number, (outer, inner) in enumerate(pairs):
-        inside = INSIDE.get(scene.bodies[outer].shape.kind)
+        shape: Any = scene.bodies[outer].shape
         places = particle_set.position[particle_set.body == inner]
         moved = scene.bodies[outer].jitter or scene.bodies[inner].jitter
         margin = (_JITTER if moved else _ROUND_OFF) * max(fillings[outer].coarsest, fillings[inner].coarsest)
-        if inside is None:
-            # a mesh: collective
+        if shape.kind == "mesh":
+            # collective
             counts[number] = fillings[outer].inside(places, margin)
         elif len(places):
-            counts[number] = np.count_nonzero(inside(scene.bodies[outer].shape.model, places, margin))
+            counts[number] = np.count_nonzero(shape.model.inside(places, margin))
     comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.SUM)
     return [
         fault(

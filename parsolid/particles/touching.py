@@ -10,11 +10,9 @@ from decomposition.migration import migrate
 from decomposition.pair_search import close_boxes, within_reach
 from parsolid.collective import maximum
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.bond import ALL
-from parsolid.scene.contact import BodyPairs
+from parsolid.scene.contact import ALL, BodyPairs, tied_pairs
 from parsolid.scene.schema import Scene
 from parsolid.scene.shapes import of_one_mesh
-from parsolid.scene.tie import tied_pairs
 from parsolid.scene.validation_errors import Fault
 
 # bodies of different methods touch where they are closer than so many spacings, those of one at least there

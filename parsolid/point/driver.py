@@ -11,9 +11,30 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.point.laws import PathLost, PointLaw
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
+from parsolid.materials.plastic.micro_inertia import MicroInertia
+from parsolid.materials.viscoelastic.prony import Prony
+from parsolid.point.laws import MaxwellPoint, PathLost, PointLaw
+from parsolid.point.micro_inertia import MicroInertiaPoint
 from parsolid.point.paths import Path
+from parsolid.point.plastic import PlasticPoint
+from parsolid.point.viscoelastic import PronyPoint
 from parsolid.scene.probes import component_names
+
+POINT_LAWS = {
+    ElasticPlastic: PlasticPoint,
+    MicroInertia: MicroInertiaPoint,
+    Prony: PronyPoint,
+}
+
+
+def point_law(parameters: Any, **conditions: Any) -> PointLaw:
+    """The law of a material point with the given parameters, hyperelastic if of no other kind; conditions are keywords
+    of its class.
+    """
+    chosen = next((POINT_LAWS[kind] for kind in type(parameters).__mro__ if kind in POINT_LAWS), MaxwellPoint)
+    return chosen(parameters, **conditions)
+
 
 # Gauss-Lobatto points of a step, from its start to its end
 NODES = 0.5 + 0.5 * np.array([-1.0, -np.sqrt(3.0 / 7.0), 0.0, np.sqrt(3.0 / 7.0), 1.0])

@@ -104,7 +104,10 @@ class PlasticPoint(PointLaw):
         pressure = plastic_evaluation.pressure(law, J, energy, volumes[0])
         if len(damage) and damage[0] >= 1.0:
             pressure = np.maximum(pressure, 0.0)
-        deviator, R = rows[update.DEVIATOR : update.DEVIATOR + 6, 0].copy(), self._rotation()
+        deviator, R = (
+            rows[update.DEVIATOR : update.DEVIATOR + 6, 0].copy(),
+            rows[update.ROTATION : update.ROTATION + 9, 0].reshape(3, 3),
+        )
         stress = R @ symmetric_tensors(deviator) @ R.T - pressure * np.eye(3)
         ep = rows[update.PLASTIC_STRAIN, 0]
         flow = (ep, (ep - state.plastic_strain) / step, energy, temperature, stress)
@@ -112,10 +115,6 @@ class PlasticPoint(PointLaw):
         return PlasticState(
             F, deviator, back, volumes, *flow, state.plastic_work + work + released, state.heat + heat, damage
         )
-
-    def _rotation(self) -> np.ndarray:
-        rows = self.tile.reshape(-1, TILE)
-        return rows[update.ROTATION : update.ROTATION + 9, 0].reshape(3, 3)
 
     def stress(self, state: PlasticState) -> np.ndarray:
         return np.linalg.det(state.F) * state.stress @ np.linalg.inv(state.F).T

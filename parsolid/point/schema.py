@@ -9,9 +9,8 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.point.paths import AnyPath
-from parsolid.scene.base_model import Positive, SceneModel, reject
+from parsolid.scene.base_model import Positive, SceneModel, faults_of_errors, reject
 from parsolid.scene.materials import Material, ValueFault
-from parsolid.scene.model_faults import faults_of_errors
 from parsolid.scene.raw_tables import apply_override, read_tables
 from parsolid.scene.validation_errors import SceneError
 

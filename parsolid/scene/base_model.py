@@ -1,18 +1,19 @@
 """What all tables of a scene share: strictness, exclusive keys, a kind that chooses the model, points and planes."""
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations
 from math import isfinite
 from typing import Annotated, Any, ClassVar, get_args
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.renamed import RENAMED
-from parsolid.scene.validation_errors import NOTHING, describe, suggestion
+from parsolid.scene.validation_errors import NOTHING, RENAMED, Fault, describe, key_path, suggestion
 
 AXES = ("X", "Y", "Z")
 
@@ -95,12 +96,6 @@ class SceneModel(BaseModel):
     on_restart: ClassVar[dict[str, OnRestart]] = {}
 
     @classmethod
-    def rule_on_restart(cls, key: str) -> OnRestart | None:
-        """What is said of a key, by this table or one that it is derived from."""
-        owners = (vars(owner).get("on_restart", {}) for owner in cls.__mro__)
-        return next((rules[key] for rules in owners if key in rules), None)
-
-    @classmethod
     def _conflicts(cls, table: dict[str, Any]) -> list[InitErrorDetails]:
         details: list[Any] = []
         for group in cls.exactly_one + cls.at_most_one:
@@ -129,31 +124,20 @@ class SceneModel(BaseModel):
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
         made: dict[str, Any] = handler.resolve_ref_schema(handler(schema))
-        made["description"] = meaning_of(cls)
+        made["description"] = " ".join((cls.__doc__ or "").split("\n\n")[0].split())
         for name, key in made.get("properties", {}).items():
             # where a table changes a default of its base, the meaning stays
             fields = (owner.model_fields.get(name) for owner in cls.__mro__ if issubclass(owner, SceneModel))
             if meaning := next((one.description for one in fields if one is not None and one.description), None):
                 key.setdefault("description", meaning)
-        if rules := rules_of_keys(cls, made):
-            made["allOf"] = rules
-        return made
-
-
-def meaning_of(model: type[BaseModel]) -> str:
-    """What a table is, the first sentences of its docstring."""
-    return " ".join((model.__doc__ or "").split("\n\n")[0].split())
-
-
-def rules_of_keys(model: type[SceneModel], schema: dict[str, Any]) -> list[dict[str, Any]]:
-    """Rules of a JSON Schema about which keys are there, in place of its list of those that are needed."""
-    if "library" in model.model_fields:
-        # an entry of a library has all that is needed
-        return [{"anyOf": [{"required": schema.pop("required", [])}, {"required": ["kind", "library"]}]}]
-    rules: list[dict[str, Any]] = [{"oneOf": [{"required": [key]} for key in group]} for group in model.exactly_one]
-    for group in model.at_most_one:
-        rules += [{"not": {"required": list(pair)}} for pair in combinations(group, 2)]
-    return rules
+        # which keys are there, in place of a list of those that are needed
+        rules: list[dict[str, Any]] = [{"oneOf": [{"required": [key]} for key in group]} for group in cls.exactly_one]
+        for group in cls.at_most_one:
+            rules += [{"not": {"required": list(pair)}} for pair in combinations(group, 2)]
+        if "library" in cls.model_fields:
+            # an entry of a library has all that is needed
+            rules = [{"anyOf": [{"required": made.pop("required", [])}, {"required": ["kind", "library"]}]}]
+        return made | ({"allOf": rules} if rules else {})
 
 
 def kinds_of(model: type[SceneModel]) -> tuple[str, ...]:
@@ -266,24 +250,19 @@ OnePerDimension = AfterValidator(_components)
 Point = Annotated[list[float], OnePerDimension]
 
 
+@dataclass(frozen=True)
 class Plane:
     """An axis-aligned plane, "Y = 0": `axis` (0, 1, 2) and `offset` [m]."""
 
-    def __init__(self, axis: int, offset: float) -> None:
-        self.axis = axis
-        self.offset = offset
+    axis: int
+    offset: float
 
     def __str__(self) -> str:
         return f"{AXES[self.axis]} = {self.offset!r}"
 
-    def __repr__(self) -> str:
-        return f"Plane({str(self)!r})"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Plane) and (self.axis, self.offset) == (other.axis, other.offset)
-
-    def __hash__(self) -> int:
-        return hash((self.axis, self.offset))
+    def height(self, places: np.ndarray) -> np.ndarray:
+        """Distances (n,) [m] of places (n, d), positive beyond it along its axis."""
+        return np.asarray(places[:, self.axis] - self.offset)
 
     @classmethod
     def parse(cls, text: object, dimension: int | None = 3) -> "Plane":
@@ -313,3 +292,32 @@ class Plane:
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
         return {"type": "string", "pattern": r"^\s*[XYZ]\s*=", "title": "a plane such as 'Y = 0'"}
+
+
+def faults_of_errors(error: ValidationError) -> list[Fault]:
+    """The faults of the raw tables of a `SceneModel`."""
+    return [fault_of_error(item, item["loc"]) for item in error.errors(include_url=False)]
+
+
+def fault_of_error(error: Any, place: tuple[Any, ...]) -> Fault:
+    """One of pydantic's errors as a fault at a place."""
+    parts = error["ctx"]
+    return Fault(parts["code"], key_path(place), parts["expected"], parts["found"], parts["suggestion"])
+
+
+def on_restart(place: tuple[Any, ...], data: Any, model: type[SceneModel]) -> OnRestart | None:
+    """What a continued run may do with a key of a model's tables: what is said of it, or of the tables it is in."""
+    rule: OnRestart | None = None
+    section: type[SceneModel] | None = model
+    tables: dict[str, type[SceneModel]] = {}
+    for depth, key in enumerate(place):
+        if isinstance(key, str):
+            # said by the table or one that it is derived from
+            owners = [vars(owner).get("on_restart", {}) for owner in section.__mro__] if section is not None else []
+            rule = next((rules[key] for rules in owners if key in rules), rule)
+            tables = tables_of(section.model_fields[key]) if section is not None and key in section.model_fields else {}
+        if depth < len(place) - 1:
+            data = data[key]
+            kind = data.get("kind") if isinstance(data, dict) else None
+            section = tables.get("") or tables.get(str(kind))
+    return rule

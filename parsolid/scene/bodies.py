@@ -1,5 +1,6 @@
 """Bodies of a scene: a shape filled with particles, its material, its initial state."""
 
+from functools import lru_cache
 from math import prod
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -9,7 +10,6 @@ from pydantic import Field, ValidationInfo, WrapValidator, field_validator, mode
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Name, OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
-from parsolid.scene.grading import graded_shares
 from parsolid.scene.materials import Material
 from parsolid.scene.shapes import BodyShape
 from parsolid.scene.validation_errors import NOTHING
@@ -26,6 +26,23 @@ MOST_PARTICLES = 10**12
 _CUT = ("cylinder", "sphere", "perforated_box")
 # of these, shapes whose cells are not scaled, so that their corners can carry the particles
 _WITH_CORNERS = ("perforated_box",)
+
+
+@lru_cache(maxsize=64)
+def graded_shares(count: int, grading: tuple[float, ...]) -> np.ndarray:
+    """Places (count,) of nodes on a line from 0 to 1, which they meet exactly.
+
+    grading: what spacings at equal parts of the node numbers, the first and the last among them, are to one another;
+    between them the logarithm of the spacing is a parabola of the node number, or linear.
+    """
+    knots = np.linspace(0.0, 1.0, len(grading))
+    logarithms = np.polynomial.Polynomial.fit(knots, np.log(grading), len(grading) - 1)
+    spacings = np.exp(logarithms((np.arange(count - 1) + 0.5) / (count - 1)))
+    places = np.concatenate(([0.0], np.cumsum(spacings)))
+    result: np.ndarray = places / places[-1]
+    # every caller has the same array
+    result.flags.writeable = False
+    return result
 
 
 class Extent(NamedTuple):
@@ -74,20 +91,13 @@ class FilledShape(SceneModel):
     def _as_list(cls, value: Any) -> Any:
         return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
 
-    @field_validator("particles")
+    @field_validator("particles", "spacing")
     @classmethod
-    def _one_each(cls, value: list[int] | None, info: ValidationInfo) -> list[int] | None:
-        dimension = dimension_of(info)
-        if value is not None and dimension is not None and len(value) != dimension:
-            raise mismatch(f"{dimension} numbers (one per direction)", value, "length")
-        return value
-
-    @field_validator("spacing")
-    @classmethod
-    def _one_or_all(cls, value: list[float] | None, info: ValidationInfo) -> list[float] | None:
-        dimension = dimension_of(info)
-        if value is not None and dimension is not None and len(value) not in (1, dimension):
-            raise mismatch(f"one number or {dimension} (one per direction)", value, "length")
+    def _one_each(cls, value: list[Any] | None, info: ValidationInfo) -> list[Any] | None:
+        """A spacing alone is that of all directions."""
+        dimension, alone = dimension_of(info), info.field_name == "spacing"
+        if value is not None and len(value) not in (dimension or len(value), 1 if alone else dimension):
+            raise mismatch(f"{'one number or ' * alone}{dimension} numbers (one per direction)", value, "length")
         return value
 
     @model_validator(mode="after")
@@ -130,10 +140,7 @@ class FilledShape(SceneModel):
     def extent(self) -> Extent:
         """How far it reaches, unless it is a mesh."""
         lower, upper = map(np.array, self.shape.model.bounds())
-        return Extent(lower, upper, self._largest_spacing())
-
-    def _largest_spacing(self) -> float:
-        """Largest distance [m] of neighbours in its lattice; the whole length of a lone particle."""
+        # the whole length of a lone particle
         shape, numbers = self.shape.model, self.numbers()
         intervals = [n - 1 if ends and n > 1 else n for n, ends in zip(numbers, self._on_ends())]
         spacings = [length / number for length, number in zip(shape.lengths(), intervals)]
@@ -144,7 +151,7 @@ class FilledShape(SceneModel):
             if len(grading) > 1:
                 steps = np.diff(graded_shares(numbers[axis], tuple(grading)))
                 spacings[axis] *= float(steps.max()) * intervals[axis]
-        return max(spacings)
+        return Extent(lower, upper, max(spacings))
 
     def lattice_faults(self) -> list[tuple[str, object]]:
         """Why no particles can be made of it, too many or fewer than two: (expected, found)."""
@@ -222,25 +229,19 @@ class Body(FilledShape):
         return value
 
     @model_validator(mode="after")
-    def _graded_nodes_of_boxes(self) -> "Body":
+    def _keys_of_others(self) -> "Body":
+        details: list[Any] = []
         even = self.shape.kind != "box" or self.placed_on != "vertices" or self.jitter > 0.0
         if self.grading is not None and even:
-            reject((("grading",), 'no such key but for a box with placement = "vertices" and no jitter', self.grading))
-        return self
-
-    @model_validator(mode="after")
-    def _heated_from_somewhere(self) -> "Body":
+            expected = 'no such key but for a box with placement = "vertices" and no jitter'
+            details.append((("grading",), expected, self.grading))
         if self.thermal_reference is not None and (self.temperature is None or self.material.kind != "elastic-plastic"):
-            reject(
-                (
-                    ("thermal_reference",),
-                    "no such key but for an elastic-plastic body with a temperature",
-                    self.thermal_reference,
-                )
-            )
+            expected = "no such key but for an elastic-plastic body with a temperature"
+            details.append((("thermal_reference",), expected, self.thermal_reference))
         if self.micro_rate is not None and not getattr(self.material, "inertia_length", None):
-            found = self.micro_rate.source
-            reject((("micro_rate",), "no such key but for a body of micro-inertia with an inertia_length", found))
+            expected = "no such key but for a body of micro-inertia with an inertia_length"
+            details.append((("micro_rate",), expected, self.micro_rate.source))
+        reject(*details)
         return self
 
 

@@ -6,17 +6,19 @@ import numpy as np
 
 from parsolid.scene.base_model import FaultDetail, Plane
 from parsolid.scene.bodies import Extent
-from parsolid.scene.bond import bond_faults
 from parsolid.scene.boundaries.condition import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
     CONTACT_TERMS,
     FRICTION_HEAT,
     GRID_TERMS,
+    TIE_TERMS,
     TOOL_TERMS,
+    bond_faults,
     contact_faults,
     energy_terms,
     grid_faults,
     of_model,
+    tie_faults,
 )
 from parsolid.scene.error_recovery import Repairs
 from parsolid.scene.initial_state import initial_details
@@ -25,10 +27,7 @@ from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
 from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
-from parsolid.scene.stages import stage_faults
-from parsolid.scene.substeps import substep_faults
-from parsolid.scene.systems import carriers_of, faults_of_systems
-from parsolid.scene.tie import TIE_TERMS, tie_faults
+from parsolid.scene.systems import carriers_of, faults_of_systems, stage_faults
 from parsolid.scene.tools import still_faults, tool_faults
 from parsolid.scene.validation_errors import NOTHING, Fault, suggestion
 
@@ -42,49 +41,52 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
     What depends on a method or a material that is itself at fault is not checked.
     """
     repairs = Repairs.none(scene.resolved()) if repairs is None else repairs
-    extents = _extents(scene, repairs)
-    details = _unfilled_bodies(scene, repairs)
+    # bodies that are where the file would have them, but for meshes, which are not read here
+    placed = {
+        i: body for i, body in enumerate(scene.bodies) if body.shape.kind != "mesh" and i not in repairs.misplaced
+    }
+    extents = {i: body.extent() for i, body in placed.items()}
+    details: list[FaultDetail] = [(("bodies", i), *one) for i, body in placed.items() for one in body.lattice_faults()]
     details += _repeated_names("bodies", scene.bodies, repairs) + _repeated_names("probes", scene.probes, repairs)
-    details += [] if repairs.incomplete else _contact_fields(scene)
-    details += _boundary_details(scene, extents, repairs)
+    if not repairs.incomplete and not of_model(scene.contact, "kernel"):
+        known = with_components(FIELDS_OF_CONTACT, scene.dimension)
+        expected = "a field of a scene with [[contact]] of model 'kernel'"
+        details += [(place, expected, name) for place, name in named_observables(scene) if name in known]
+    for i, boundary in enumerate(scene.boundaries):
+        if boundary.body is not None and repairs.body_names is not None and boundary.body not in repairs.body_names:
+            expected = f"the name of a body{suggestion(boundary.body, repairs.body_names)}"
+            details.append((("boundaries", i, "body"), expected, boundary.body, "unknown-name"))
+        else:
+            details += unbounded_plane(i, boundary, scene.bodies, extents)
     details += clashes(scene.boundaries)
     if len(extents) == len(scene.bodies):
-        details += _distant_probes(scene, extents)
+        details += _misplaced_probes(scene, extents, repairs.models_known)
     details += contact_faults(scene.contact, repairs.body_names) + tool_faults(scene, repairs.body_names)
-    details += region_details(scene, repairs.regions, repairs.shape_unknown) + _loads_details(scene, repairs.incomplete)
+    details += region_details(scene, repairs.regions, repairs.shape_unknown)
+    exact = None if scene.reference is None else scene.reference.exact
+    if scene.loads.manufactured and exact not in MANUFACTURED and not (scene.reference is None and repairs.incomplete):
+        expected = f"reference.exact = {' or '.join(map(repr, MANUFACTURED))}"
+        details.append((("loads", "manufactured"), expected, NOTHING if exact is None else exact))
     if repairs.end_known:
-        details += _output_details(scene)
+        for key, most in MOST_OUTPUTS.items():
+            interval, least = getattr(scene.output, key), scene.end_time / most
+            if interval and interval < least:
+                details.append((("output", key), f"at least end_time/{most:g} = {least:g} s", interval))
         details += stage_faults(scene) if repairs.systems_known else []
     if repairs.models_known:
-        if len(extents) == len(scene.bodies):
-            details += _fields_elsewhere(scene, extents)
         if repairs.systems_known:
-            details += faults_of_systems(scene) + still_faults(scene) + substep_faults(scene)
+            details += faults_of_systems(scene) + still_faults(scene)
         if repairs.systems_known and repairs.body_names is not None:
             details += tie_faults(scene) + bond_faults(scene)
         details += grid_faults(scene) + ([] if repairs.body_names is None else initial_details(scene))
         names = [probe.name for probe in scene.probes]
         details += reaction_details(scene.boundaries, names, carriers_of(scene))
-        details += _solution_details(scene) + _reference_details(scene, repairs.incomplete)
+        if exact is not None and len(scene.methods or ()) > 1:
+            details.append((("reference", "exact"), "no such key with several methods", exact))
+        elif exact is not None:
+            details += solution_faults(exact, scene.bodies[0].material)
+        details += _reference_details(scene, repairs.incomplete)
     return list(dict.fromkeys(repairs.faults(details)))
-
-
-def _extents(scene: Scene, repairs: Repairs) -> dict[int, Extent]:
-    """How far bodies reach that are where the file would have them, but for meshes, which are not read here."""
-    return {
-        i: body.extent()
-        for i, body in enumerate(scene.bodies)
-        if body.shape.kind != "mesh" and i not in repairs.misplaced
-    }
-
-
-def _unfilled_bodies(scene: Scene, repairs: Repairs) -> list[FaultDetail]:
-    """Bodies of which no particles can be made."""
-    details: list[FaultDetail] = []
-    for i, body in enumerate(scene.bodies):
-        if body.shape.kind != "mesh" and i not in repairs.misplaced:
-            details += [(("bodies", i), expected, found) for expected, found in body.lattice_faults()]
-    return details
 
 
 def _repeated_names(key: str, entries: list[Any], repairs: Repairs) -> list[FaultDetail]:
@@ -107,17 +109,6 @@ def plane_side(plane: Plane, extent: Extent) -> int:
     return 1 if abs(plane.offset - upper) <= tolerance else 0
 
 
-def _boundary_details(scene: Scene, extents: dict[int, Extent], repairs: Repairs) -> list[FaultDetail]:
-    details: list[FaultDetail] = []
-    for i, boundary in enumerate(scene.boundaries):
-        if boundary.body is not None and repairs.body_names is not None and boundary.body not in repairs.body_names:
-            expected = f"the name of a body{suggestion(boundary.body, repairs.body_names)}"
-            details.append((("boundaries", i, "body"), expected, boundary.body, "unknown-name"))
-        else:
-            details += unbounded_plane(i, boundary, scene.bodies, extents)
-    return details
-
-
 def unbounded_plane(place: int, boundary: Any, bodies: list[Any], extents: dict[int, Extent]) -> list[FaultDetail]:
     """The fault of a support or traction whose plane bounds none of the bodies it is meant for; none where one of them
     is not known."""
@@ -137,65 +128,25 @@ def _away(extent: Extent, at: list[float]) -> float:
     return float(np.linalg.norm(np.maximum(0.0, np.maximum(extent.lower - at, at - extent.upper))))
 
 
-def _distant_probes(scene: Scene, extents: dict[int, Extent]) -> list[FaultDetail]:
+def _misplaced_probes(scene: Scene, extents: dict[int, Extent], models_known: bool) -> list[FaultDetail]:
+    """Probes at no body, and where methods are known their fields of bodies whose methods have no such field, where
+    other methods of the scene have it."""
     details: list[FaultDetail] = []
-    for i, probe in enumerate(scene.probes):
-        if probe.at is None:
-            continue
-        beyond = [_away(extent, probe.at) - extent.coarsest for extent in extents.values()]
-        if min(beyond) > 0.0:
-            details.append((("probes", i, "at"), "a point within one spacing of a body", probe.at, "elsewhere"))
-    return details
-
-
-def _fields_elsewhere(scene: Scene, extents: dict[int, Extent]) -> list[FaultDetail]:
-    """Fields of probes at bodies whose methods have no such field, where other methods of the scene have it."""
-    known = [with_components(one.settings.field_kinds(scene.dimension), scene.dimension) for one in scene.systems]
-    kinds = {body: known[number] for number, one in enumerate(scene.systems) for body in one.bodies}
-    details: list[FaultDetail] = []
+    systems = scene.systems if models_known else ()
+    known = [with_components(one.settings.field_kinds(scene.dimension), scene.dimension) for one in systems]
+    kinds = {body: known[number] for number, one in enumerate(systems) for body in one.bodies}
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
         distance = {body: _away(extent, probe.at) for body, extent in extents.items()}
+        if min(distance[body] - extent.coarsest for body, extent in extents.items()) > 0.0:
+            details.append((("probes", i, "at"), "a point within one spacing of a body", probe.at, "elsewhere"))
         near = [body for body, away in distance.items() if away == min(distance.values())]
-        for k, name in enumerate(probe.fields or ()):
+        for k, name in enumerate(probe.fields or () if models_known else ()):
             if any(name in each for each in kinds.values()) and not any(name in kinds[body] for body in near):
                 expected = f"a field that the method of bodies.{near[0]} knows"
                 details.append((("probes", i, "fields", k), expected, name))
     return details
-
-
-def _contact_fields(scene: Scene) -> list[FaultDetail]:
-    """Fields of contact that are asked for where there is none between particles."""
-    if of_model(scene.contact, "kernel"):
-        return []
-    known = with_components(FIELDS_OF_CONTACT, scene.dimension)
-    expected = "a field of a scene with [[contact]] of model 'kernel'"
-    return [(place, expected, name) for place, name in named_observables(scene) if name in known]
-
-
-def _loads_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:
-    exact = None if scene.reference is None else scene.reference.exact
-    if not scene.loads.manufactured or exact in MANUFACTURED or (scene.reference is None and incomplete):
-        return []
-    expected = f"reference.exact = {' or '.join(map(repr, MANUFACTURED))}"
-    return [(("loads", "manufactured"), expected, NOTHING if exact is None else exact)]
-
-
-def _solution_details(scene: Scene) -> list[FaultDetail]:
-    exact = None if scene.reference is None else scene.reference.exact
-    if exact is not None and len(scene.methods or ()) > 1:
-        return [(("reference", "exact"), "no such key with several methods", exact)]
-    return [] if exact is None else [*solution_faults(exact, scene.bodies[0].material)]
-
-
-def _output_details(scene: Scene) -> list[FaultDetail]:
-    stated = [(key, getattr(scene.output, key), most) for key, most in MOST_OUTPUTS.items()]
-    return [
-        (("output", key), f"at least end_time/{most:g} = {scene.end_time / most:g} s", interval)
-        for key, interval, most in stated
-        if interval and interval < scene.end_time / most
-    ]
 
 
 def _reference_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:

@@ -149,3 +149,28 @@ def page() -> str:
         lines += [f"## {title}", "", "| code | what it says | what to do |", "|---|---|---|"]
         lines += [f"| `{code}` | {one.says} | {one.remedy} |" for code, one in codes.items()] + [""]
     return "\n".join(lines)
+
+
+# every code that `--silence` takes
+CODES = WARNINGS | NOTES
+
+
+class Warned(NamedTuple):
+    """A code and words; inapplicable: whether the method cannot represent what is asked."""
+
+    code: str
+    text: str
+    inapplicable: bool = False
+
+    def __str__(self) -> str:
+        return f"warning: {self.text} [{self.code}]"
+
+
+class Note(NamedTuple):
+    """A code and words."""
+
+    code: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"note: {self.text} [{self.code}]"

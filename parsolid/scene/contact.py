@@ -1,14 +1,15 @@
-"""Contact between bodies, and within one, as a scene states it."""
+"""How bodies meet as a scene states it: contact between and within them, bonds and ties."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import combinations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from parsolid.scene.base_model import FaultDetail, NotNegative, SceneModel
+from parsolid.materials.declaration import Phrase
+from parsolid.scene.base_model import FaultDetail, NotNegative, SceneModel, mismatch
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.observation import holds_heat
 from parsolid.scene.validation_errors import suggestion
@@ -164,12 +165,6 @@ class BodyPairs:
         return result
 
 
-def pairs_in_contact(contacts: list[Contact], names: list[str | None]) -> BodyPairs | None:
-    """Bodies that a contact names together; None without any."""
-    found = BodyPairs.named([one.bodies for one in contacts], names)
-    return found if any(len(one.bodies) > 1 for one in contacts) and found.tables else None
-
-
 def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[FaultDetail]:
     """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
     faults, sizes, named = list[FaultDetail](), dict[int, int](), defaultdict[str, list[int]](list)
@@ -196,4 +191,142 @@ def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Fau
         sizes[i] = len(one.bodies)
         for name in one.bodies:
             named[name].append(i)
+    return faults
+
+
+ALL = ["all"]
+
+
+class Bond(SceneModel):
+    """Bodies that their method joins where they touch at the start, as if they were parts of one.
+
+    Those of `ulsph` press on one another or stick, as the key `contact` of the method says.
+
+    bodies   names of bodies of one method, every pair of them; or "all": every pair of bodies of one method that no
+             contact names
+    """
+
+    bodies: Annotated[list[str], Field(min_length=1)] = Field(
+        description="names of bodies of one method, or 'all'", json_schema_extra={"or": "string"}
+    )
+
+    @field_validator("bodies", mode="before")
+    @classmethod
+    def _as_list(cls, value: Any) -> Any:
+        return list(ALL) if value == "all" else value
+
+    @field_validator("bodies")
+    @classmethod
+    def _several(cls, value: list[str]) -> list[str]:
+        if len(value) == 1 and value != ALL:
+            raise mismatch("two names or more, or 'all'", value, "length")
+        return value
+
+
+def bonded_pairs(scene: Any) -> BodyPairs:
+    """Pairs of the scene's bodies that bonds name."""
+    names, contact = [body.name for body in scene.bodies], scene.in_contact
+    if all(one.bodies != ALL for one in scene.bond):
+        return BodyPairs.named([one.bodies for one in scene.bond], names)
+    groups: dict[Any, list[int]] = {}
+    for number, body in enumerate(scene.bodies):
+        groups.setdefault(body.method if len(scene.methods or ()) > 1 else None, []).append(number)
+    return BodyPairs(groups.values(), contact)
+
+
+def bond_faults(scene: Any) -> list[FaultDetail]:
+    """Bonds of bodies that are not there or of several methods, and pairs that another table names."""
+    names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
+    number = {name: k for k, name in enumerate(names) if name is not None}
+    several, contact = len(scene.methods or ()) > 1, {} if scene.in_contact is None else scene.in_contact.tables
+    earlier = defaultdict[int, set[int]](set)
+    for i, one in enumerate(scene.bond):
+        place = ("bond", i, "bodies")
+        if one.bodies == ALL:
+            if len(scene.bond) > 1:
+                faults.append((place, "'all' in the only bond", Phrase(f"{len(scene.bond)} bonds"), "repeated"))
+            continue
+        for name in one.bodies:
+            if name not in number:
+                faults.append((place, f"the name of a body{suggestion(name, number)}", name, "unknown-name"))
+        if len(set(one.bodies)) < len(one.bodies):
+            faults.append((place, "each body once", one.bodies, "repeated"))
+        known = {number[name]: name for name in one.bodies if name in number}
+        if several and len({scene.bodies[body].method for body in known}) > 1:
+            faults.append((place, "bodies of one method (a [[tie]] joins those of two)", list(known.values())))
+        if both := _named_by(contact, known):
+            faults.append((place, "pairs that no contact names", both))
+        if again := _named_by(earlier, known):
+            faults.append((place, "pairs that no other bond names", again, "repeated"))
+        for body in known:
+            earlier[body].add(i)
+    return faults
+
+
+def _named_by(tables: Mapping[int, set[int]], known: dict[int, str]) -> list[str]:
+    """Names of two of some bodies that one table names together, by the tables that name each; empty without any."""
+    first: dict[int, int] = {}
+    for body, name in known.items():
+        for table in tables.get(body, ()):
+            if first.setdefault(table, body) != body:
+                return [known[first[table]], name]
+    return []
+
+
+# what a tie adds to the ledger: a part of what is stored; signs as in `simulation.ledger`
+TIE_TERMS = {"tie_energy": 0}
+
+
+class Tie(SceneModel):
+    """Two bodies of different methods, or from meshes, whose faces touch at the start and stay together."""
+
+    bodies: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(description="names of two bodies")
+    stiffness: float = Field(
+        4.0,
+        gt=0.0,
+        le=1e4,
+        description="factor on the least M/h of the two bodies, M = lambda + 2 mu: the faces part by h/stiffness "
+        "times the strain of the softer one",
+    )
+
+
+def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:
+    """Numbers of the bodies of every tie, rising, and the tie."""
+    names = [body.name for body in scene.bodies]
+    result = []
+    for one in scene.tie:
+        first, second = sorted(names.index(name) for name in one.bodies)
+        result.append((first, second, one))
+    return result
+
+
+def tie_faults(scene: Any) -> list[FaultDetail]:
+    """Ties of bodies that are not there, that are bonded already, that are in contact, or whose method has no motion
+    that impulses could change."""
+    names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
+    for i, one in enumerate(scene.tie):
+        unknown = [name for name in one.bodies if name not in names]
+        for name in unknown:
+            hint = suggestion(name, [each for each in names if each])
+            faults.append((("tie", i, "bodies"), f"the name of a body{hint}", name, "unknown-name"))
+        if not unknown and len(set(one.bodies)) < 2:
+            faults.append((("tie", i, "bodies"), "two bodies", one.bodies))
+    if faults or not scene.tie:
+        return faults
+    contact, seen = scene.in_contact, set()
+    for i, (first, second, one) in enumerate(tied_pairs(scene)):
+        place = ("tie", i, "bodies")
+        if (first, second) in seen:
+            faults.append((place, "a pair that no other tie names", one.bodies))
+        seen.add((first, second))
+        if contact is not None and contact.has(first, second):
+            faults.append((place, "a pair without contact", one.bodies))
+        for system in scene.systems:
+            bonding = dict(zip(system.bodies, system.settings.bonding(scene, system.bodies)))
+            if {first, second} <= set(system.bodies) and bonding[first] and bonding[second]:
+                expected = "bodies of two methods (a [[bond]] joins those of one)"
+                faults.append((place, expected, one.bodies))
+            refused = system.settings.tie_refused(scene.part(system))
+            if refused is not None and {first, second} & set(system.bodies):
+                faults.append((("tie",), f"no such table {refused}", one.bodies))
     return faults

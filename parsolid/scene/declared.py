@@ -1,20 +1,33 @@
 """Tables of laws, made from what the laws declare (`materials.declaration`): a law's file is all that it takes."""
 
 import os
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from math import inf
+from pathlib import Path
 from types import FunctionType
-from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
-from pydantic import Field, ValidationInfo, create_model, model_validator
+import numpy as np
+from pydantic import (
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    ValidationInfo,
+    WithJsonSchema,
+    create_model,
+    model_validator,
+)
 from pydantic_core import core_schema
 
 from parsolid.materials import registry
 from parsolid.materials.declaration import (
     NEEDED,
+    BandWidth,
     Declared,
+    Direction,
     OfMaterial,
     OfParticle,
     Parameter,
@@ -24,8 +37,66 @@ from parsolid.materials.declaration import (
 )
 from parsolid.materials.registry import LawError
 from parsolid.scene.base_model import SceneModel, check_kind, method_of, reject
-from parsolid.scene.of_particles import field_of_particles
-from parsolid.scene.validation_errors import NOTHING
+from parsolid.scene.formulas import InitialDirection, InitialScalar, formula_of_place
+from parsolid.scene.validation_errors import NOTHING, suggestion
+
+
+class OfCells(SceneModel):
+    """Values that the elements of the body's mesh have in its file."""
+
+    cell_data: Annotated[str, Field(min_length=1)] = Field(description="the name of the data in the mesh file")
+
+
+class StatedDirection(SceneModel):
+    """A direction at each particle; its length is of no matter."""
+
+    exactly_one: ClassVar = (("angle", "vector", "cell_data"),)
+    angle: InitialScalar | None = Field(None, description="angle [rad] from X to Y, a formula of the reference place")
+    vector: InitialDirection | None = Field(None, description="components, formulas of the reference place")
+    cell_data: Annotated[str, Field(min_length=1)] | None = Field(
+        None, description="the name of a vector that elements have in the mesh file of the body"
+    )
+
+    def evaluate(self, points: np.ndarray) -> np.ndarray:
+        """Vectors (n, 3) at points (n, d) [m], of any length; not of cell data."""
+        result = np.zeros((len(points), 3))
+        if self.angle is not None:
+            angle = self.angle.evaluate(points)
+            result[:, 0], result[:, 1] = np.cos(angle), np.sin(angle)
+        else:
+            assert self.vector is not None
+            result[:, : len(self.vector)] = self.vector.evaluate(points)
+        return result
+
+
+def _number(value: Any, info: ValidationInfo) -> Any:
+    if isinstance(value, OfCells):
+        return value
+    if isinstance(value, dict):
+        return OfCells.model_validate(value, context=info.context)
+    return formula_of_place(value, info)
+
+
+# a formula, or a table with `cell_data`
+_NUMBER = WithJsonSchema({"type": ["string", "number", "object"], "title": "a formula or cell_data"}, mode="validation")
+StatedNumber: Any = Annotated[
+    Any,
+    PlainValidator(_number),
+    PlainSerializer(lambda value: value.model_dump() if isinstance(value, OfCells) else value.source),
+    _NUMBER,
+]
+
+
+def field_of_particles(note: Any) -> tuple[Any, Any]:
+    """Type and field of a table for a member that particles have values of, state variables apart."""
+    told = f"{note.description} [{note.unit}]" if note.unit != "1" else note.description
+    if isinstance(note, Direction):
+        needed: dict[str, Any] = {} if note.needed else {"default": None}
+        kind = StatedDirection if note.needed else StatedDirection | None
+        return kind, Field(**needed, description=f"a table: angle, vector or cell_data; the direction {told}".strip())
+    if isinstance(note, BandWidth):
+        return StatedNumber | None, Field(None, description=f"the width of the band of {told}; of the spacing if none")
+    return StatedNumber, Field(description=told or None)
 
 
 class DeclaredModel(SceneModel):
@@ -183,14 +254,19 @@ class Laws:
         if not isinstance(value, dict):
             return value if isinstance(value, DeclaredModel) else handler(value)
         if "law" in value:
-            return _law_of_file(value, self.roles, self._taken(info), info)
+            return _law_of_file(value, self._taken(info), info)
         every, taken = (
             [kind for role in roles for kind in registry.kinds(role)] for roles in (self.roles, self._taken(info))
         )
         check_kind(value, info, every, taken)
         for role in self.roles:
             if value["kind"] in registry.installed_kinds(role):
-                return _law_of_package(role, value, info)
+                # the table of a law of an installed package
+                try:
+                    law = registry.declared(role, value["kind"])
+                except LawError as error:
+                    reject((("kind",), str(error), value["kind"]))
+                return model_of(law).model_validate(value, context=info.context)
         return handler(value)
 
 
@@ -200,16 +276,7 @@ def _stated(table: DeclaredModel, info: Any) -> dict[str, Any]:
     return {key: value for key, value in stated.items() if value != inf}
 
 
-def _law_of_package(role: str, value: dict[str, Any], info: ValidationInfo) -> Any:
-    """The table of a law of an installed package."""
-    try:
-        law = registry.declared(role, value["kind"])
-    except LawError as error:
-        reject((("kind",), str(error), value["kind"]))
-    return model_of(law).model_validate(value, context=info.context)
-
-
-def _law_of_file(value: dict[str, Any], roles: tuple[str, ...], taken: list[str], info: ValidationInfo) -> Any:
+def _law_of_file(value: dict[str, Any], taken: list[str], info: ValidationInfo) -> Any:
     """The table of a law of one's own, whose file is run if that is allowed."""
     stated, context = value["law"], info.context or {}
     if "kind" in value:
@@ -238,3 +305,45 @@ def laws(*roles: str, of_method: bool = False) -> Any:
     models = [model_of(registry.declared(role, kind)) for role in roles for kind in registry.own_kinds(role)]
     told_apart = [Field(discriminator="kind")] if len(models) > 1 else []
     return Annotated[Union[tuple(models)], *told_apart, Laws(roles, of_method)]  # noqa: UP007
+
+
+Entry = TypeVar("Entry")
+
+
+@cache
+def stated_sets(path: Path) -> dict[str, dict[str, Any]]:
+    """Name -> what each set of a library's TOML file states, without where it was published."""
+    with open(path, "rb") as file:
+        tables = tomllib.load(file)
+    return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}
+
+
+def entry(name: object, known: Mapping[str, Entry]) -> Entry:
+    """The entry of a name; raises ValidationError at the key `library` for what is no name of one."""
+    if not isinstance(name, str) or name not in known:
+        expected = f"one of {', '.join(map(repr, known)) or 'none'}{suggestion(name, known)}"
+        reject((("library",), expected, name))
+    return known[str(name)]
+
+
+class LibraryTable(DeclaredModel):
+    """What is not given is that of the library, if one is named."""
+
+    @classmethod
+    def entries(cls) -> Mapping[str, dict[str, Any]]:
+        """The library."""
+        raise NotImplementedError
+
+    @classmethod
+    def taken(cls, known: dict[str, Any], stated: dict[str, Any]) -> dict[str, Any]:
+        """What is taken of an entry beside what the scene states: all of it."""
+        return known
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_library(cls, value: Any, handler: Any) -> Any:
+        name = value.get("library") if isinstance(value, dict) else None
+        if name is None:
+            return handler(value)
+        given = {key: stated for key, stated in value.items() if stated is not None}
+        return handler(cls.taken(entry(name, cls.entries()), given) | given)

@@ -11,10 +11,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from parsolid.materials.registry import declared
-from parsolid.scene.base_model import FaultDetail
+from parsolid.scene.base_model import FaultDetail, fault_of_error
 from parsolid.scene.declared import model_of
 from parsolid.scene.methods import SETTINGS, settings_class
-from parsolid.scene.model_faults import fault_of_error
 from parsolid.scene.raw_tables import numbers_out_of_range
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import Fault, fault
@@ -153,7 +152,12 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
         elif top == "bodies" and len(place) > 1:
             _repair_body(tables["bodies"], item, repairs, context)
         elif top == "regions" and len(place) > 1:
-            _repair_region(tables["regions"], int(place[1]))
+            # a region of the same name stands for one at fault
+            number, regions = int(place[1]), tables["regions"]
+            stated = regions[number].get("name") if isinstance(regions[number], dict) else None
+            name = stated if isinstance(stated, str) else f"region {number}"
+            plain = name.replace(".", " ").replace(",", " ").strip()
+            regions[number] = {"name": plain or "region", "plane": "X = 0"}
         elif top in (None, "method", "methods"):
             _repair_method(tables, item, repairs)
         elif top == "end_time":
@@ -166,7 +170,12 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
             tables.pop(top)
             repairs.incomplete = True
     for key, number in sorted(dropped, reverse=True):
-        _leave_out(tables, key, number, repairs)
+        # leave an entry of a list out; regions that it names are in use all the same
+        entry = tables[key].pop(number)
+        repairs.numbers[key].pop(number)
+        repairs.incomplete = True
+        if isinstance(entry, dict) and isinstance(entry.get("where"), str):
+            repairs.regions.add(entry["where"])
     return True
 
 
@@ -177,22 +186,6 @@ def _table_at(tables: Any, place: tuple[Any, ...]) -> Any:
             return None
         tables = tables[key]
     return tables
-
-
-def _leave_out(tables: dict[str, Any], key: str, number: int, repairs: Repairs) -> None:
-    """Leave an entry of a list out; regions that it names are in use all the same."""
-    entry = tables[key].pop(number)
-    repairs.numbers[key].pop(number)
-    repairs.incomplete = True
-    if isinstance(entry, dict) and isinstance(entry.get("where"), str):
-        repairs.regions.add(entry["where"])
-
-
-def _repair_region(regions: list[Any], number: int) -> None:
-    """A region of the same name stands for one at fault."""
-    named = isinstance(regions[number], dict) and isinstance(regions[number].get("name"), str)
-    name = regions[number]["name"] if named else f"region {number}"
-    regions[number] = {"name": name.replace(".", " ").replace(",", " ").strip() or "region", "plane": "X = 0"}
 
 
 def _repair_method(tables: dict[str, Any], item: ErrorDetails, repairs: Repairs) -> None:

@@ -60,15 +60,6 @@ def _depth(tree: ast.AST) -> int:
     return depth
 
 
-def _wrong_call(node: ast.Call) -> str | None:
-    """Why a call is refused; None when it is allowed."""
-    if not isinstance(node.func, ast.Name) or node.keywords:
-        return f"the call {ast.unparse(node)!r}"
-    if node.func.id not in _NAMED:
-        return f"the unknown function {node.func.id!r}{suggestion(node.func.id, _NAMED)}"
-    return _misuse(node, *_OWN[node.func.id]) if node.func.id in _OWN else None
-
-
 def _misuse(node: ast.Call, least: int, most: int, usage: str) -> str | None:
     """Why a call with these numbers of arguments is refused; of `table` the first and the third are texts."""
     texts = [isinstance(one, ast.Constant) and isinstance(one.value, str) for one in node.args]
@@ -83,7 +74,12 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
     if isinstance(node, ast.Compare) and len(node.ops) > 1:
         return "a chained comparison (write (a < b) & (b < c))"
     if isinstance(node, ast.Call):
-        return _wrong_call(node)
+        # why a call is refused; None when it is allowed
+        if not isinstance(node.func, ast.Name) or node.keywords:
+            return f"the call {ast.unparse(node)!r}"
+        if node.func.id not in _NAMED:
+            return f"the unknown function {node.func.id!r}{suggestion(node.func.id, _NAMED)}"
+        return _misuse(node, *_OWN[node.func.id]) if node.func.id in _OWN else None
     if isinstance(node, ast.Name):
         known = (*names, *CONSTANTS)
         if node.id not in known and node.id not in _NAMED:
@@ -403,13 +399,12 @@ class FormulaVector(tuple[Any, ...]):
         """Those times, and those at which they make its rate jump."""
         return {time for component in self if component is not None for time in component.corners}
 
-    def evaluate(self, points: np.ndarray, time: float = 0.0, out: np.ndarray | None = None) -> np.ndarray:
-        """Values (n, components) at points (n, d) [m] and a time [s]; 0 for free components. `out` is
-        written if given.
-        """
-        result = np.zeros((len(points), len(self))) if out is None else out
+    def evaluate(self, points: np.ndarray, time: float = 0.0) -> np.ndarray:
+        """Values (n, components) at points (n, d) [m] and a time [s]; 0 for free components."""
+        result = np.zeros((len(points), len(self)))
         for i, component in enumerate(self):
-            result[:, i] = 0.0 if component is None else component.evaluate(points, time)
+            if component is not None:
+                result[:, i] = component.evaluate(points, time)
         return result
 
     @property

@@ -1,20 +1,102 @@
-"""How loads go in time: formulas that may jump, and tables of factors."""
+"""How loads and prescribed motion go in time: formulas that may jump, tables of factors, rigid motion.
+
+Most are sums of products of a function of time and one of place, of which only the former are found anew.
+"""
 
 import itertools
+import math
 from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import NotNegative, SceneModel, reject
-from parsolid.scene.csv_table import read_csv_table
-from parsolid.scene.formulas import FormulaVector
+from parsolid.scene.base_model import NotNegative, SceneModel, method_of, reject
+from parsolid.scene.formula_terms import read_csv_table
+from parsolid.scene.formulas import Formula, FormulaVector, Scalar, Vector
 from parsolid.scene.shapes import ExistingFile
-from parsolid.scene.space_time import Mode, Separated, SeparatedFunction
+
+
+class SpaceTimeFunction:
+    """Values (components) at reference places and times."""
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether they change."""
+        return True
+
+    @property
+    def jump_times(self) -> Sequence[float]:
+        """Times [s] at which they jump."""
+        return ()
+
+    @property
+    def two_sided_times(self) -> frozenset[float]:
+        """Times [s] at which the values just before and just after differ."""
+        return frozenset(self.jump_times)
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        """Values (n, components) at points (n, d) [m] and a time [s]; where they jump just after, or just before it."""
+        raise NotImplementedError
+
+    def at(self, points: np.ndarray) -> Callable[[float, bool], Sequence[Any]]:
+        """The components at points (n, d) [m] as a function of `time` and `before`, see `evaluate`: (n,), or a number
+        where it is the same at all points. Warnings of numpy are the caller's to silence."""
+        return lambda time, before: list(self.evaluate(points, time, before).T)
+
+
+class Mode(NamedTuple):
+    """What a factor in time (by its number; None: 1) is multiplied by in one component: a number, or (n,)."""
+
+    component: int
+    factor: int | None
+    values: Any
+
+
+class Separated(NamedTuple):
+    """A function at some places: each component is the sum of its modes times their factors.
+
+    factors(time, before): at a time [s], see `SpaceTimeFunction.evaluate`; pointwise: whether each is (n,), of what is
+    no such product, else it is a number.
+    """
+
+    components: int
+    factors: Callable[[float, bool], Sequence[Any]]
+    pointwise: list[bool]
+    modes: list[Mode]
+
+    def values(self, time: float, before: bool) -> list[Any]:
+        """Of each component a number, where it is the same at all places, or (n,)."""
+        factors = self.factors(time, before)
+        result: list[Any] = [0.0] * self.components
+        for component, number, values in self.modes:
+            result[component] = result[component] + (values if number is None else factors[number] * values)
+        return result
+
+
+class SeparatedFunction(SpaceTimeFunction):
+    """A function that is known by its factors and modes."""
+
+    def separated(self, points: np.ndarray) -> Separated:
+        """The values at points (n, d) [m]."""
+        raise NotImplementedError
+
+    def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            values = self.separated(points).values(time, before)
+        result = np.empty((len(points), len(values)))
+        for i, one in enumerate(values):
+            result[:, i] = one
+        return result
+
+    def at(self, points: np.ndarray) -> Callable[[float, bool], Sequence[Any]]:
+        with np.errstate(all="ignore"):
+            return self.separated(points).values
+
 
 # just before and just after a jump, relative to its time [1] and absolute [s]
 NEAR = 1e-13
@@ -175,3 +257,99 @@ def corner_times(scene: Any) -> set[float]:
     loads = (scene.loads.body_force, scene.loads.acceleration, scene.loads.heat_source)
     stated = [formulas for boundary in scene.boundaries for formulas in boundary.formulas.values()]
     return {time for formulas in (*stated, *loads) if formulas is not None for time in formulas.corners}
+
+
+class Loads(Timed):
+    """Loads on all bodies: force [N/m^3] and heat [W/m^3] per reference volume, acceleration [m/s^2].
+
+    history and jumps are those of the force and the acceleration.
+    manufactured: also the body force under which the exact solution of the scene's reference holds.
+    """
+
+    body_force: Vector | None = Field(None, description="a formula for each component [N/m^3]")
+    acceleration: Vector | None = Field(None, description="a formula for each component [m/s^2]: gravity, say")
+    heat_source: Scalar | None = Field(None, description="a formula [W/m^3]")
+    manufactured: Literal[True] | None = Field(None, description="add the body force of the reference's solution")
+
+    @model_validator(mode="after")
+    def _known_to_method(self, info: ValidationInfo) -> "Loads":
+        method = method_of(info)
+        known: tuple[str, ...] = getattr(method, "loads", ())
+        stated = self.model_fields_set - Timed.model_fields.keys() if method else set()
+        unknown = [key for key in stated if key not in known]
+        reject(*(((key,), f"one of {', '.join(known)} with this method", key) for key in unknown))
+        return self
+
+
+class RigidMotion(SeparatedFunction):
+    """The displacement, or the velocity, of x = c + d(t) + R(angle(t)) (X - c).
+
+    jumps: times [s] at which a rate jumps.
+    """
+
+    def __init__(
+        self,
+        centre: Sequence[float],
+        axis: Sequence[float] | None,
+        angle: Formula,
+        displacement: FormulaVector | None,
+        quantity: str = "displacement",
+    ):
+        self.dimension = len(centre)
+        self.stated = centre, axis, angle, displacement
+        self.quantity = quantity
+        self.centre = np.array(centre)
+        direction = np.array([0.0, 0.0, 1.0] if axis is None else axis)
+        x, y, z = direction / np.linalg.norm(direction)
+        self.spin = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        moved = displacement if displacement is not None else [Formula(0.0)] * self.dimension
+        self.formulas = FormulaVector((angle, *moved))
+        self.rates = FormulaVector([one.rate() for one in self.formulas])
+        self.jumps = tuple(sorted(self.formulas.corners))
+
+    @property
+    def free(self) -> np.ndarray:
+        """No component is."""
+        return np.zeros(self.dimension, bool)
+
+    @property
+    def jump_times(self) -> list[float]:
+        """Times [s] at which the motion jumps."""
+        return sorted(self.formulas.jumps)
+
+    @property
+    def two_sided_times(self) -> frozenset[float]:
+        return frozenset(self.jumps)
+
+    def velocity(self) -> "RigidMotion":
+        """The velocity of the motion."""
+        return RigidMotion(*self.stated, "velocity")
+
+    def separated(self, points: np.ndarray) -> Separated:
+        d, origin, is_velocity = self.dimension, np.zeros((1, 3)), self.quantity == "velocity"
+        arm = (points - self.centre).T
+        # R - 1 = sin S + (1 - cos) S^2 with the spin S, and S^3 = -S; sums that are the same whatever the other points
+        turns = [sum(matrix[:d, j, None] * arm[j] for j in range(d)) for matrix in (self.spin, self.spin @ self.spin)]
+        modes = [Mode(c, i, turned[c]) for i, turned in enumerate(turns) for c in range(d)]
+        angle, *moved = [_alone(one, origin) for one in self.formulas]
+        rate, *speeds = [_alone(one, origin) for one in self.rates]
+        added = []
+        if not all(one.is_constant for one in self.formulas[1:]):
+            added, modes = speeds if is_velocity else moved, [*modes, *(Mode(c, 2 + c, 1.0) for c in range(d))]
+
+        def factors(time: float, before: bool) -> list[float]:
+            if time in self.jumps:
+                time += (-1.0 if before else 1.0) * NEAR * max(1.0, time)
+            turn = angle(time)
+            sin, cos = (math.sin(turn), math.cos(turn)) if math.isfinite(turn) else (math.nan, math.nan)
+            speed = rate(time) if is_velocity else 1.0
+            turning = [speed * cos, speed * sin] if is_velocity else [sin, 1.0 - cos]
+            return turning + [one(time) for one in added]
+
+        return Separated(d, factors, [False] * (2 + len(added)), modes)
+
+
+def _alone(formula: Formula, origin: np.ndarray) -> Callable[[float], float]:
+    """A formula in t alone as a function of time [s]."""
+    products = formula.products(origin)
+    return lambda time: sum(float(mode) * (1.0 if factor is None else factor(time)) for factor, mode, _ in products)

@@ -17,9 +17,9 @@ from parsolid.scene.systems import resolve_defaults
 from parsolid.scene.validation_errors import SceneError
 
 
-def packaged_scene(name: str = "twisting_column") -> Path:
-    """The path of a scene that comes with the package."""
-    return Path(str(files("parsolid") / "scenes" / f"{name}.toml"))
+def packaged_scene() -> Path:
+    """The path of the scene that comes with the package."""
+    return Path(str(files("parsolid") / "scenes" / "twisting_column.toml"))
 
 
 def load_scene(

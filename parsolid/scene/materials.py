@@ -3,18 +3,90 @@ user's.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import SOFTENING, BandWidth, Direction, Phrase, StateVariable, parameters_of
 from parsolid.materials.elastic_constants import ElasticConstants, elastic_constants
-from parsolid.scene import micro_inertia, plasticity, viscoelastic  # noqa: F401 (what tables of roles have in common)
-from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
-from parsolid.scene.declared import DeclaredModel, laws, table_of
+from parsolid.scene import plasticity  # noqa: F401 (what tables of its roles have in common)
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, dimension_of, reject
+from parsolid.scene.declared import DeclaredModel, LibraryTable, laws, stated_sets, table_of
 from parsolid.scene.validation_errors import place_in_words
+
+library_of_micro_inertia = partial(
+    stated_sets, Path(__file__).parents[1] / "materials" / "plastic" / "micro_inertia.toml"
+)
+_STATED = "parsolid.materials.plastic.micro_inertia"
+_ELASTIC = ("youngs_modulus", "poissons_ratio", "shear_modulus", "bulk_modulus")
+
+
+@table_of("micro-inertia")
+class MicroInertiaSolid(LibraryTable):
+    """What is not given is that of the library, if one is named; elastic constants are the library's all or none."""
+
+    library: str | None = Field(None, description="a material of the library")
+
+    @classmethod
+    def entries(cls) -> dict[str, dict[str, Any]]:
+        """Published sets."""
+        return library_of_micro_inertia()
+
+    @classmethod
+    def taken(cls, known: dict[str, Any], stated: dict[str, Any]) -> dict[str, Any]:
+        """Without its elastic constants where the scene states one."""
+        return {key: known[key] for key in known if key not in _ELASTIC} if {*_ELASTIC} & {*stated} else known
+
+    @model_validator(mode="after")
+    def _derived(self) -> "MicroInertiaSolid":
+        declared = type(self).declared
+        if not issubclass(declared, import_module(_STATED).StatedMicroInertia):
+            reject((("law",), "a class derived from StatedMicroInertia", declared.__name__))
+        return self
+
+    def build(self, state: str) -> Any:
+        """The law, the same in every state of strain."""
+        law: Any = self
+        return law.micro_inertia_law()
+
+
+@table_of("prony")
+class PronyTable(DeclaredModel):
+    """Linear viscoelastic and linear elastic solids."""
+
+    @model_validator(mode="after")
+    def _stable(self, info: ValidationInfo) -> "PronyTable":
+        stated: Any = self
+        reject(*stated.faults_in(dimension_of(info)))
+        return self
+
+    def build(self, state: str) -> Any:
+        """The law, made for the state of strain."""
+        stated: Any = self
+        name = "prony" if stated.base is None else "hyperelastic_series"
+        module = import_module(f"parsolid.materials.viscoelastic.{name}")
+        return module.of_material(self, state) if stated.base is None else module.of_material(self)
+
+
+@table_of("bond-based")
+class BondBasedTable(DeclaredModel):
+    """Poisson's ratio is 1/3 in plane stress, 1/4 in plane strain and in space."""
+
+    @property
+    def equilibrium(self) -> ElasticConstants:
+        """Elastic constants with the Poisson's ratio of space and plane strain."""
+        law = self.part_of()
+        return elastic_constants(law.youngs_modulus, None, 0.25, None)
+
+    instantaneous: ClassVar[Any] = equilibrium
+
+    def build(self, state: str) -> Any:
+        """The law, the same in every state of strain."""
+        return self.part_of()
 
 
 class ValueFault(ValueError):

@@ -7,8 +7,18 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Detail, Name, OnRestart, Positive, SceneModel, reject
-from parsolid.scene.warned import Note
+from parsolid.scene.base_model import Detail, Name, NotNegative, OnRestart, Positive, SceneModel, reject
+from parsolid.scene.codes import Note
+
+
+class ArtificialViscosity(SceneModel):
+    """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c) with the edge h of a cell or the
+    particle spacing; its work becomes internal energy.
+    """
+
+    linear: NotNegative = Field(0.2, description="factor of the sound speed")
+    quadratic: NotNegative = Field(2.0, description="factor of the velocity jump over a cell or spacing")
+
 
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"

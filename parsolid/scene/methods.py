@@ -45,40 +45,14 @@ class JoinedMethods:
     """What several methods know together, for tables that are for the bodies of all."""
 
     def __init__(self, classes: list[type[MethodSettings]]) -> None:
+        """dimensions: those that every method knows; else what any knows, in the order of the methods."""
         self.classes = classes
-
-    def _joined(self, attribute: str) -> tuple[Any, ...]:
-        return tuple(dict.fromkeys(one for each in self.classes for one in getattr(each, attribute)))
-
-    @property
-    def dimensions(self) -> tuple[int, ...]:
-        """Those that every method knows."""
-        return tuple(d for d in (1, 2, 3) if all(d in each.dimensions for each in self.classes))
-
-    @property
-    def boundaries(self) -> tuple[str, ...]:
-        """Kinds that any method knows."""
-        return self._joined("boundaries")
-
-    @property
-    def loads(self) -> tuple[str, ...]:
-        """Keys that any method knows."""
-        return self._joined("loads")
-
-    @property
-    def pictured_fields(self) -> tuple[str, ...]:
-        """What colours the bodies, the first that was written."""
-        return self._joined("pictured_fields")
-
-    @property
-    def ledger_terms(self) -> tuple[str, ...]:
-        """Names of the energy terms of all."""
-        return self._joined("ledger_terms")
-
-    @property
-    def extra_quantities(self) -> dict[str, str]:
-        """Name -> kind of the quantities that any method computes."""
-        return {name: kind for each in self.classes for name, kind in each.extra_quantities.items()}
+        self.dimensions = tuple(d for d in (1, 2, 3) if all(d in one.dimensions for one in classes))
+        self.boundaries, self.loads, self.pictured_fields, self.ledger_terms = (
+            tuple(dict.fromkeys(word for one in classes for word in getattr(one, attribute)))
+            for attribute in ("boundaries", "loads", "pictured_fields", "ledger_terms")
+        )
+        self.extra_quantities = {name: kind for one in classes for name, kind in one.extra_quantities.items()}
 
     def field_kinds(self, dimension: int | None) -> dict[str, str]:
         """Name -> kind of the fields that any method is known to have."""

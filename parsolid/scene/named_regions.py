@@ -9,7 +9,6 @@ from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo, fie
 
 from parsolid.scene.base_model import Name, Plane, Point, SceneModel, dimension_of, mismatch, reject
 from parsolid.scene.formulas import Formula, InitialScalar
-from parsolid.scene.inside import INSIDE
 from parsolid.scene.shapes import Shape
 from parsolid.scene.validation_errors import suggestion
 
@@ -95,8 +94,9 @@ class Region(SceneModel):
 
     @model_validator(mode="after")
     def _known_inside(self) -> "Region":
-        if self.shape is not None and self.shape.kind not in INSIDE:
-            reject((("shape",), f"one of {', '.join(INSIDE)} (the groups of a mesh have names)", self.shape.kind))
+        if self.shape is not None and self.shape.mesh is not None:
+            known = ", ".join(key for key in self.shape.exactly_one[0] if key != "mesh")
+            reject((("shape",), f"one of {known} (the groups of a mesh have names)", "mesh"))
         if self.side is not None and self.plane is None:
             reject((("side",), "no such key without plane", self.side))
         return self
@@ -113,12 +113,12 @@ class Region(SceneModel):
         if self.group is not None:
             return groups(self.group)
         if self.plane is not None:
-            height = self._height(places)
+            height = self.plane.height(places)
             if self.side in (None, "on"):
                 return np.asarray(np.abs(height) <= tolerance)
             return np.asarray((height if self.side == "above" else -height) >= -np.asarray(tolerance))
         if self.shape is not None:
-            return INSIDE[self.shape.kind](self.shape.model, places, -float(np.max(tolerance, initial=0.0)))
+            return np.asarray(self.shape.model.inside(places, -float(np.max(tolerance, initial=0.0))))
         if self.formula is not None:
             return np.asarray(self.formula.evaluate(np.ascontiguousarray(places)) != 0.0)
         parts = [known[name].contains(places, tolerance, known, groups) for name in self.parts]
@@ -126,12 +126,6 @@ class Region(SceneModel):
             return np.asarray(np.logical_and.reduce(parts))
         inside = np.asarray(np.logical_or.reduce(parts))
         return inside if self.any_of is not None else ~inside
-
-    def _height(self, places: np.ndarray) -> np.ndarray:
-        if isinstance(self.plane, Plane):
-            return np.asarray(places[:, self.plane.axis] - self.plane.offset)
-        assert self.plane is not None
-        return self.plane.height(places)
 
     def groups(self, known: Mapping[str, "Region"]) -> set[str]:
         """The groups of meshes that it, or what it is made of, speaks of."""

@@ -1,20 +1,98 @@
-"""Elastic-plastic solids as a scene states them: a law in parts, each with a `kind`."""
+"""Elastic-plastic solids as a scene states them: a law in parts, each with a `kind`, and their failure."""
 
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, FiniteFloat, model_validator
 
-from parsolid.materials.declaration import Phrase
+from parsolid.materials.declaration import Phrase, parameters_of
 from parsolid.materials.registry import declared
-from parsolid.scene.base_model import reject
-from parsolid.scene.declared import DeclaredModel, laws, model_of, table_of
-from parsolid.scene.failure import Failure
-from parsolid.scene.library import entry, stated_sets
+from parsolid.scene.base_model import OnRestart, Positive, SceneModel, reject
+from parsolid.scene.declared import DeclaredModel, LibraryTable, entry, laws, model_of, stated_sets, table_of
+from parsolid.scene.method_settings import named_observables
 from parsolid.scene.validation_errors import NOTHING
+
+library_of_criteria = partial(stated_sets, Path(__file__).parents[1] / "materials" / "failure" / "library.toml")
+# names that only a scene with failure, or with deletion, may ask for
+OF_FAILURE = ("damage", "maximum_damage", "failed_mass")
+OF_DELETION = ("deleted_mass", "deleted_momentum")
+QUANTITIES = {
+    "maximum_damage": "scalar",
+    "failed_mass": "scalar",
+    "deleted_mass": "scalar",
+    "deleted_momentum": "vector",
+}
+
+
+@table_of("failure")
+class CriterionTable(LibraryTable):
+    """What is not given is that of the library of criteria, if one is named."""
+
+    library: str | None = Field(None, description="a name of parsolid/materials/failure/library.toml")
+
+    @classmethod
+    def entries(cls) -> dict[str, dict[str, Any]]:
+        """Those of the criterion's kind."""
+        kind = getattr(cls.declared, "kind", None)
+        return {key: table for key, table in library_of_criteria().items() if table["kind"] == kind}
+
+
+Criterion: Any = laws("failure")
+
+
+class Scatter(SceneModel):
+    """Weibull's spread of the strengths of particles, of mean 1, drawn from their identifiers."""
+
+    on_restart: ClassVar = {"seed": OnRestart.FIXED}
+    modulus: Positive = Field(description="Weibull's modulus m: the higher, the less spread")
+    seed: int = Field(0, ge=0, description="of the draw")
+
+
+class Failure(SceneModel):
+    """Matter fails by the first of its criteria that is met."""
+
+    criteria: list[Criterion] = Field(min_length=1, description="tables with the key kind")
+    after: Literal["pressure", "delete"] = Field(
+        "pressure", description='failed matter bears pressure alone ("pressure"), or is taken away ("delete")'
+    )
+    scatter: Scatter | None = Field(None, description="of what particles withstand")
+
+    def build(self, density: float) -> Any:
+        """The NamedTuple in SI units."""
+        room = import_module("parsolid.materials.failure.failure")
+        spread = None if self.scatter is None else room.Scatter(float(self.scatter.modulus), int(self.scatter.seed))
+        criteria = [criterion.part_of(density=density) for criterion in self.criteria]
+        return room.Failure(room.chained(criteria), self.after == "delete", spread)
+
+    def faults(self, melts: bool) -> list[Any]:
+        """(location, expected, found) of criteria that need a melting temperature which the material has not."""
+        return [
+            (("failure", "criteria", i), "a table melting of the material, needed by this criterion", criterion.kind)
+            for i, criterion in enumerate(self.criteria)
+            if not melts and getattr(criterion.declared, "needs_melting", False) and getattr(criterion, "d5", 1.0)
+        ]
+
+    @property
+    def ledger_terms(self) -> dict[str, int]:
+        """See `simulation.ledger.Ledger`: released energy stays as heat, what is deleted leaves."""
+        deleted = {"deleted_kinetic": 1, "deleted_internal_energy": 1} if self.after == "delete" else {}
+        return {"failure_dissipation": 0} | deleted
+
+
+def faults_of_names(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
+    """What is to be shown of failure, or of deletion, that no body of a scene has."""
+    stated = [getattr(body.material, "failure", None) for body in scene.bodies]
+    lacking: dict[str, str] = {} if any(stated) else dict.fromkeys(OF_FAILURE, "a body with failure")
+    if any("damage" in parameters_of(type(body.material).declared) for body in scene.bodies):
+        # a state variable of that name
+        lacking.pop("damage", None)
+    if not any(failure.after == "delete" for failure in stated if failure):
+        lacking |= dict.fromkeys(OF_DELETION, 'a body whose failure has after = "delete"')
+    return [(place, lacking[name], name) for place, name in named_observables(scene) if name in lacking]
+
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "library.toml"
 
@@ -56,32 +134,30 @@ class ElasticPlasticTable(DeclaredModel):
             if self.parts["melting"] is None and getattr(getattr(part, "declared", None), "needs_melting", False):
                 details.append((("melting",), f"a table, needed by the {key.replace('_', ' ')} {part.kind!r}", NOTHING))
         if getattr(getattr(self.parts["flow_stress"], "declared", None), "flows_in_volume", False):
-            details += self._not_beside_flow_in_volume()
+            # parts that do not go with a flow that changes the volume
+            kind = self.parts["flow_stress"].kind
+            for key, usual in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
+                part = self.parts[key]
+                if part is not None and part.kind != usual:
+                    details.append(((key, "kind"), f"{usual!r} with the flow stress {kind!r}", part.kind))
+            if self.parts["kinematic_hardening"] is not None:
+                expected = f"no such key with the flow stress {kind!r}"
+                details.append((("kinematic_hardening",), expected, Phrase("it")))
         heat, slope = self.parts["specific_heat"], self.parts["specific_heat_slope"]
         if heat is not None and not heat > slope * self.parts["reference_temperature"]:
             details.append((("specific_heat_slope",), "a specific heat that is positive at 0 K", slope))
         tensor = stated.conductivity_tensor
         if tensor is not None and stated.conductivity is not None:
             details.append((("conductivity",), "no such key with conductivity_tensor", stated.conductivity))
-        if tensor is not None and not (len(tensor) == 6 and positive_definite(tensor)):
+        # xx yy zz xy xz yz as a matrix
+        rows = [[0, 3, 4], [3, 1, 5], [4, 5, 2]]
+        if tensor is not None and not (len(tensor) == 6 and np.linalg.eigvalsh(np.array(tensor)[rows])[0] > 0.0):
             expected = "six numbers xx yy zz xy xz yz of a positive definite tensor"
             details.append((("conductivity_tensor",), expected, tensor))
         if stated.failure is not None:
             details += stated.failure.faults(melts=self.parts["melting"] is not None)
         reject(*details)
         return self
-
-    def _not_beside_flow_in_volume(self) -> list[Any]:
-        """(location, expected, found) of parts that do not go with a flow stress whose flow changes the volume."""
-        kind = self.parts["flow_stress"].kind
-        details: list[Any] = []
-        for key, needed in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
-            part = self.parts[key]
-            if part is not None and part.kind != needed:
-                details.append(((key, "kind"), f"{needed!r} with the flow stress {kind!r}", part.kind))
-        if self.parts["kinematic_hardening"] is not None:
-            details.append((("kinematic_hardening",), f"no such key with the flow stress {kind!r}", Phrase("it")))
-        return details
 
     @property
     def ledger_terms(self) -> dict[str, int]:
@@ -131,12 +207,6 @@ _SHARED = (
     *("density", "specific_heat", "specific_heat_slope", "reference_temperature", "taylor_quinney"),
     *("conductivity", "conductivity_tensor"),
 )
-
-
-def positive_definite(components: list[float]) -> bool:
-    """Whether xx yy zz xy xz yz are those of a positive definite tensor."""
-    xx, yy, zz, xy, xz, yz = components
-    return bool(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] > 0.0)
 
 
 @cache

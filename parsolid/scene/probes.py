@@ -114,14 +114,9 @@ class Probe(SceneModel):
         elif dimension == 2 and self.axis in ("X", "Y"):
             details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
         reject(*details)
-        return self
-
-    @model_validator(mode="after")
-    def _find_kinds(self, info: ValidationInfo) -> "Probe":
         method: Any = method_of(info)
         if method is not None:
-            dimension = dimension_of(info)
-            known = with_components(probed_fields() | method.field_kinds(dimension), dimension or 3)
+            known = with_components(probed_fields() | method.field_kinds(dimension_of(info)), dimension_of(info) or 3)
             known = known if self.quantity is None else method.extra_quantities
             self._kinds.update({name: known[name] for name in self._watched() if name in known})
         return self

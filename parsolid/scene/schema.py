@@ -9,19 +9,15 @@ from pydantic_core import InitErrorDetails
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import OnRestart, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import OwnBody
-from parsolid.scene.bond import Bond, bonded_pairs
 from parsolid.scene.boundaries import Boundary
-from parsolid.scene.contact import BodyPairs, Contact, pairs_in_contact
-from parsolid.scene.error_bars import ErrorBars, RunTargets
+from parsolid.scene.contact import BodyPairs, Bond, Contact, Tie, bonded_pairs
 from parsolid.scene.initial_state import InitialState
-from parsolid.scene.loads import Loads
+from parsolid.scene.load_histories import Loads
 from parsolid.scene.methods import Method
 from parsolid.scene.named_regions import Region, all_regions, uses_of_regions
-from parsolid.scene.observation import Output, Reference
+from parsolid.scene.observation import ErrorBars, Output, Reference, RunTargets
 from parsolid.scene.probes import Probe
-from parsolid.scene.stages import Stage
-from parsolid.scene.systems import SystemOfScene, part_of, systems_of
-from parsolid.scene.tie import Tie
+from parsolid.scene.systems import Stage, SystemOfScene, part_of, systems_of
 from parsolid.scene.tools import Tool
 from parsolid.scene.validation_errors import NOTHING
 
@@ -104,7 +100,8 @@ class Scene(SceneModel):
     @property
     def in_contact(self) -> BodyPairs | None:
         """Bodies that a contact names together; None without any."""
-        return pairs_in_contact(self.contact, [body.name for body in self.bodies])
+        found = BodyPairs.named([one.bodies for one in self.contact], [body.name for body in self.bodies])
+        return found if any(len(one.bodies) > 1 for one in self.contact) and found.tables else None
 
     @property
     def unbonded(self) -> BodyPairs | None:

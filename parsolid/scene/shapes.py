@@ -4,6 +4,7 @@ import os
 from math import ceil, cos, floor, radians, sin
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from parsolid.scene.base_model import Point, Positive, SceneModel, dimension_of, mismatch, reject
@@ -54,6 +55,10 @@ class SolidShape(SceneModel):
         lower, upper = self.bounds()
         return [high - low for low, high in zip(lower, upper)]
 
+    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+        """Which places (n, d) [m] are in it, farther from its surface than a margin [m]; one below zero adds to it."""
+        raise NotImplementedError
+
 
 class Box(SolidShape):
     """An axis-aligned box (rectangle in 2-D) from `lower` to `upper`."""
@@ -73,8 +78,11 @@ class Box(SolidShape):
         return self
 
     def bounds(self) -> Bounds:
-        """Itself."""
         return [float(place) for place in self.lower], [float(place) for place in self.upper]
+
+    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+        within = (places > np.array(self.lower) + margin) & (places < np.array(self.upper) - margin)
+        return np.asarray(within.all(axis=1))
 
 
 class PerforatedBox(Box):
@@ -95,9 +103,8 @@ class PerforatedBox(Box):
                 least_loss = min(least_loss, squares[-1] - squares[-2])
         return sum(square >= self.radius**2 for square in (farthest, farthest - least_loss))
 
-
-# how many planes of symmetry through its axis bound what is kept of a cylinder
-_HALVINGS = {"whole": 0, "half": 1, "quarter": 2}
+    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+        return super().inside(places, margin) & (_distance(places, self.centre) > self.radius + margin)
 
 
 class Cylinder(SolidShape):
@@ -115,16 +122,26 @@ class Cylinder(SolidShape):
     @property
     def halved(self) -> list[int]:
         """Axes of which what is below the base is not kept."""
-        return [i for i in range(3) if i != "XYZ".index(self.axis)][: _HALVINGS[self.part]]
+        planes = {"whole": 0, "half": 1, "quarter": 2}[self.part]
+        return [i for i in range(3) if i != "XYZ".index(self.axis)][:planes]
 
     def bounds(self) -> Bounds:
-        """Around what is kept."""
         along, lower = "XYZ".index(self.axis), [place - self.radius for place in self.base]
         upper = [place + self.radius for place in self.base]
         lower[along], upper[along] = float(self.base[along]), self.base[along] + self.length
         for i in self.halved:
             lower[i] = float(self.base[i])
         return lower, upper
+
+    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+        axis = "XYZ".index(self.axis)
+        from_base = places - np.array(self.base)
+        across = [i for i in range(3) if i != axis]
+        inside = np.linalg.norm(from_base[:, across], axis=1) < self.radius - margin
+        inside &= (from_base[:, axis] > margin) & (from_base[:, axis] < self.length - margin)
+        for i in self.halved:
+            inside &= from_base[:, i] > margin
+        return np.asarray(inside)
 
 
 class CylindricalShell(SolidShape):
@@ -183,6 +200,19 @@ class CylindricalShell(SolidShape):
         axial = [] if self.length is None else [self.length]
         return [self.radius * radians(self.angles[1] - self.angles[0]), *axial, self.thickness]
 
+    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+        from_centre = places - np.array(self.origin)
+        first, second = from_centre[:, (self.normal + 1) % 3], from_centre[:, (self.normal + 2) % 3]
+        inside = np.abs(np.hypot(first, second) - self.radius) < 0.5 * self.thickness - margin
+        if self.length is not None:
+            inside &= (from_centre[:, self.normal] > margin) & (from_centre[:, self.normal] < self.length - margin)
+        if not self.closed:
+            begin, end = np.radians(self.angles)
+            turned = (np.arctan2(second, first) - begin) % (2.0 * np.pi)
+            slack = margin / self.radius
+            inside &= (turned > slack) & (turned < end - begin - slack)
+        return np.asarray(inside)
+
     @field_validator("angles")
     @classmethod
     def _span(cls, angles: list[float]) -> list[float]:
@@ -212,8 +242,14 @@ class Sphere(SolidShape):
     radius: Positive = Field(description="the radius [m]")
 
     def bounds(self) -> Bounds:
-        """The box that it touches."""
         return [place - self.radius for place in self.centre], [place + self.radius for place in self.centre]
+
+    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+        return _distance(places, self.centre) < self.radius - margin
+
+
+def _distance(places: np.ndarray, centre: list[float]) -> np.ndarray:
+    return np.asarray(np.linalg.norm(places - np.array(centre), axis=1))
 
 
 class MeshFile(SceneModel):

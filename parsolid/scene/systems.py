@@ -1,16 +1,69 @@
-"""A scene's systems: which method has which bodies, and the scene that each of them sees."""
+"""A scene's systems, which method has which bodies and the scene that each of them sees; and the stages of a run."""
 
 import re
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from parsolid.scene.base_model import Detail
+from pydantic import Field, ValidationError
+
+from parsolid.materials.declaration import Phrase
+from parsolid.scene.base_model import Detail, FaultDetail, OnRestart, Positive, SceneModel, faults_of_errors
+from parsolid.scene.codes import Note
 from parsolid.scene.contact import BodyPairs
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
-from parsolid.scene.warned import Note
 
 if TYPE_CHECKING:
     from parsolid.scene.schema import Scene
+
+
+class Stage(SceneModel):
+    """A part of a run that goes on from the state of the part before it with other settings of the method."""
+
+    on_restart: ClassVar = {"start": OnRestart.FIXED}
+    start: Positive = Field(description="the time [s] at which the stage begins, later than those before it")
+    method: dict[str, float | int | str | bool] = Field(
+        description="settings of the method in this stage: integrator, and the keys that go with it; others are those "
+        "of [method]"
+    )
+
+
+def settings_of_stages(scene: "Scene") -> list[Any]:
+    """Those of the scene's method from time 0 on, and those of every stage."""
+    return [scene.method, *(scene.method.in_stage(one.method) for one in scene.stages)]
+
+
+def stage_faults(scene: "Scene") -> list[FaultDetail]:
+    """Stages that do not follow one another, and settings that no stage may have."""
+    if not scene.stages:
+        return []
+    settings, faults, before = scene.method, list[FaultDetail](), 0.0
+    if settings is None or not settings.stage_keys:
+        found = Phrase("several methods" if settings is None else f"the method {settings.kind!r}")
+        return [(("stages",), "no such table but with the method 'tlsph' alone", found)]
+    for i, one in enumerate(scene.stages):
+        if not before < one.start < scene.end_time:
+            expected = f"a time between {before:g} s and the end, {scene.end_time:g} s"
+            faults.append((("stages", i, "start"), expected, one.start))
+        before = one.start
+        faults += _faults_of_settings(settings, one.method, ("stages", i, "method"))
+    return faults
+
+
+def _faults_of_settings(settings: MethodSettings, stated: dict[str, Any], place: tuple[Any, ...]) -> list[FaultDetail]:
+    unknown = stated.keys() - set(settings.stage_keys)
+    if unknown:
+        known = ", ".join(settings.stage_keys)
+        return [
+            ((*place, key), f"one of {known}", Phrase(f"the key {key!r}"), "unknown-key") for key in sorted(unknown)
+        ]
+    if "integrator" not in stated:
+        return [((*place, "integrator"), "what the stage is, as 'static' or 'leapfrog'", NOTHING, "missing")]
+    try:
+        settings.in_stage(stated)
+    except ValidationError as error:
+        return [((*place, one.key), one.expected, Phrase(one.found), one.code) for one in faults_of_errors(error)]
+    return []
+
 
 # of the size of a body
 _ROUND_OFF = 1e-9
@@ -102,20 +155,17 @@ def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:
     loads = scene.loads
     if loads.heat_source is not None and "heat_source" not in system.settings.loads:
         loads = loads.model_copy(update={"heat_source": None})
+    carried = [scene.boundaries[number] for number in boundaries_of(scene, system)]
+    # that of the only body is one of all, as conditions on a grid's nodes are
+    alone = system.settings.shared_field and len(system.bodies) == 1
     return {
         "method": system.settings.model_copy(update={"name": None}),
         "methods": None,
         "bodies": [scene.bodies[number] for number in system.bodies],
-        "boundaries": [_of_part(scene.boundaries[number], system) for number in boundaries_of(scene, system)],
+        "boundaries": [one.model_copy(update={"body": None}) if alone and one.body else one for one in carried],
         "regions": list(scene.named_regions.values()),
         "loads": loads,
     }
-
-
-def _of_part(boundary: Any, system: SystemOfScene) -> Any:
-    """A boundary as the system states it: that of its only body is one of all, as conditions on a grid's nodes are."""
-    alone = system.settings.shared_field and len(system.bodies) == 1
-    return boundary.model_copy(update={"body": None}) if alone and boundary.body is not None else boundary
 
 
 def boundaries_of(scene: "Scene", system: SystemOfScene) -> list[int]:
@@ -175,20 +225,28 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
             else:
                 details.append((_in_scene(scene, system, place), expected, found))
     for faults in doubted.values():
-        knowing = [one for one in systems if _knows(one.settings, faults[0][2], scene.dimension)]
-        if len(faults) >= len(knowing):
+        name = faults[0][2]
+        settings = [one.settings for one in systems]
+        if len(faults) >= sum(name in one.field_kinds(scene.dimension) | one.extra_quantities for one in settings):
             details.append(faults[0])
-    return details + (_uncarried(scene, systems) if len(systems) > 1 else []) + _faults_of_methods(scene)
+    details += _uncarried(scene, systems) if len(systems) > 1 else []
+    # methods that no body has, and one per radian of an axis beside one per metre of thickness
+    methods = scene.methods or ()
+    used = {body.method for body in scene.bodies}
+    for i, one in enumerate(methods):
+        if len(methods) > 1 and one.name not in used:
+            details.append((("methods", i, "name"), "the name of a method that a body has", one.name))
+    round_an_axis = [getattr(one, "geometry", None) == "axisymmetric" for one in methods]
+    if any(round_an_axis) and not all(round_an_axis):
+        place = ("methods", round_an_axis.index(True), "geometry")
+        details.append((place, "'axisymmetric' for all methods or for none", "axisymmetric"))
+    return details + _substep_faults(scene)
 
 
 def _touching(scene: "Scene", system: SystemOfScene) -> list[str]:
     """The bodies of the first contact that one of a system's is in."""
     own = {scene.bodies[number].name for number in system.bodies}
     return next((one.bodies for one in scene.contact if own.intersection(one.bodies)), [])
-
-
-def _knows(settings: MethodSettings, name: object, dimension: int) -> bool:
-    return name in settings.field_kinds(dimension) or name in settings.extra_quantities
 
 
 def _in_scene(scene: "Scene", system: SystemOfScene, place: tuple[str | int, ...]) -> tuple[str | int, ...]:
@@ -234,23 +292,6 @@ def _uncarried(scene: "Scene", systems: tuple[SystemOfScene, ...]) -> list[Detai
     return details
 
 
-def _faults_of_methods(scene: "Scene") -> list[Detail]:
-    """Methods that no body has, and one per radian of an axis beside one per metre of thickness."""
-    methods = scene.methods or ()
-    used = {body.method for body in scene.bodies}
-    wanted = "the name of a method that a body has"
-    details: list[Detail] = [
-        (("methods", i, "name"), wanted, one.name)
-        for i, one in enumerate(methods)
-        if len(methods) > 1 and one.name not in used
-    ]
-    round_an_axis = [getattr(one, "geometry", None) == "axisymmetric" for one in methods]
-    if any(round_an_axis) and not all(round_an_axis):
-        place = ("methods", round_an_axis.index(True), "geometry")
-        details.append((place, "'axisymmetric' for all methods or for none", "axisymmetric"))
-    return details
-
-
 def notes_of(scene: "Scene") -> list[Note]:
     """What bodies of several systems do not take part in, in words."""
     systems, notes = scene.systems, list[Note]()
@@ -262,3 +303,25 @@ def notes_of(scene: "Scene") -> list[Note]:
             text = f"boundaries.{i}: {names} know nothing of this {boundary.kind}, as their methods have none"
             notes.append(Note("boundary-without-effect", text))
     return notes
+
+
+def _substep_faults(scene: "Scene") -> list[Detail]:
+    """Of one system alone; of solvers of equilibrium, or that break bonds; where all take several."""
+    systems = scene.systems
+    stated = [system for system in systems if system.settings.substeps not in (None, 1)]
+    details: list[Detail] = []
+    for system in stated:
+        place, found = (*system.place, "substeps"), system.settings.substeps
+        if len(systems) == 1:
+            details.append((place, "no such key where no other system takes steps", found))
+        refused = system.settings.substeps_refused()
+        if refused is not None:
+            details.append((place, f"no such key {refused}", found))
+    timed = [system for system in systems if getattr(system.settings, "balance", "particles") == "measured"]
+    if len(systems) == 1:
+        details += [((*one.place, "balance"), "'particles' where there is one method", "measured") for one in timed]
+    whole = [system for system in stated if isinstance(system.settings.substeps, int)]
+    if len(systems) > 1 and len(whole) == len(systems):
+        expected = "1 or 'auto' for one method at least"
+        details.append(((*systems[0].place, "substeps"), expected, systems[0].settings.substeps))
+    return details

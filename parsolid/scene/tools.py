@@ -218,35 +218,24 @@ def still_faults(scene: Any) -> list[Detail]:
     """What tools want of the methods: motion that impulses change, and in axisymmetry nothing across the axis."""
     details: list[Detail] = []
     for system in scene.systems:
-        names = {scene.bodies[number].name for number in system.bodies}
-        meant = [tool for tool in scene.tools if tool.bodies is None or names.intersection(tool.bodies)]
-        details += _of_method(meant, system.settings)
+        names, method = {scene.bodies[number].name for number in system.bodies}, system.settings
+        tools = [(i, one) for i, one in enumerate(scene.tools) if one.bodies is None or names.intersection(one.bodies)]
+        if tools and getattr(getattr(method, "solution", None), "kind", None) == "quasi-static":
+            expected = 'method.solution.kind = "explicit" (equilibrium knows no impulses)'
+            details.append((("tools",), expected, len(tools)))
+        if tools and not getattr(method, "motion", True):
+            details.append((("tools",), "method.motion = true", len(tools)))
+        if getattr(method, "geometry", None) != "axisymmetric":
+            continue
+        for i, tool in tools:
+            motion = tool.motion
+            if motion is not None and motion.rate is not None:
+                details.append((("tools", i, "motion", "rate"), "no rotation in axisymmetry", motion.rate.source))
+            if motion is not None and motion.velocity is not None:
+                radial = motion.velocity[0]
+                if not radial.is_constant or radial.evaluate(np.zeros((1, 2)))[0] != 0.0:
+                    where = ("tools", i, "motion", "velocity", 0)
+                    details.append((where, "0 along X, which is the radius", radial.source))
+            if tool.mass is not None and tool.free != ["Y"]:
+                details.append((("tools", i, "free"), '["Y"] in axisymmetry', tool.free or NOTHING))
     return list({place: (place, expected, found) for place, expected, found in details}.values())
-
-
-def _of_method(tools: list[Tool], method: Any) -> list[Detail]:
-    details: list[Detail] = []
-    if tools and getattr(getattr(method, "solution", None), "kind", None) == "quasi-static":
-        details.append((("tools",), 'method.solution.kind = "explicit" (equilibrium knows no impulses)', len(tools)))
-    if tools and not getattr(method, "motion", True):
-        details.append((("tools",), "method.motion = true", len(tools)))
-    for i, tool in enumerate(tools):
-        if getattr(method, "geometry", None) == "axisymmetric":
-            details += _polar_faults(i, tool)
-    return details
-
-
-def _polar_faults(i: int, tool: Tool) -> list[Detail]:
-    """What moves a tool off the axis of axisymmetry."""
-    motion = tool.motion
-    details: list[Detail] = []
-    if motion is not None and motion.rate is not None:
-        details.append((("tools", i, "motion", "rate"), "no rotation in axisymmetry", motion.rate.source))
-    if motion is not None and motion.velocity is not None:
-        radial = motion.velocity[0]
-        if not radial.is_constant or radial.evaluate(np.zeros((1, 2)))[0] != 0.0:
-            where = ("tools", i, "motion", "velocity", 0)
-            details.append((where, "0 along X, which is the radius", radial.source))
-    if tool.mass is not None and tool.free != ["Y"]:
-        details.append((("tools", i, "free"), '["Y"] in axisymmetry', tool.free or NOTHING))
-    return details

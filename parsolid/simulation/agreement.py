@@ -8,7 +8,7 @@ from typing import Any
 from decomposition.reduction import MinimumAhead
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.simulation.subcycling import Subcycling
+from parsolid.simulation.time_step import Subcycling
 
 
 class StepAgreement:

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parsolid.scene.codes import Warned
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.observation import stored_energy
-from parsolid.scene.warned import Warned
 
 # of the largest energy, by how much leapfrog's kinetic energy may differ from the one that is conserved
 _OFFSET = 0.05

@@ -5,18 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.observables.in_region import OfRegion
-from parsolid.output.blocks import FieldBlocks
+from parsolid.observables.declared import Observables, OfRegion
 from parsolid.output.errors import together
-from parsolid.output.fields import Fields, FieldSeries
-from parsolid.output.numbering import numbers_of
-from parsolid.output.packing import pack
+from parsolid.output.fields import FieldBlocks, Fields, FieldSeries, numbers_of
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.summary import write_summary
+from parsolid.output.vtkhdf import pack
 from parsolid.scene.previous_results import TOOLS
 from parsolid.simulation import error_indicator
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Cadence, Output
 
 

@@ -10,13 +10,12 @@ from parsolid.output.progress import Progress
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.summary import provenance, write_summary
 from parsolid.scene import dump_scene
-from parsolid.simulation.checkpoints import CheckpointOutput
 from parsolid.simulation.field_output import FieldOutput
 from parsolid.simulation.history import HistoryOutput
 from parsolid.simulation.loop import Limits, RunFailed, Simulation
 from parsolid.simulation.outputs import Output
 from parsolid.simulation.reference import ReferenceErrors
-from parsolid.simulation.restart import Restart
+from parsolid.simulation.restart import CheckpointOutput, Restart
 from parsolid.simulation.run_summary import summary_of
 from parsolid.simulation.signals import StopRequest
 

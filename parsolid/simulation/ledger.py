@@ -7,9 +7,8 @@ import numpy as np
 
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene import Scene
-from parsolid.scene.contact import energy_terms
+from parsolid.scene.contact import TIE_TERMS, energy_terms
 from parsolid.scene.observation import STRAIN_ENERGY, stored_column
-from parsolid.scene.tie import TIE_TERMS
 
 ACCUMULATED = ("material_dissipation", "numerical_dissipation", "external_work")
 

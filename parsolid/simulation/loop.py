@@ -13,8 +13,8 @@ from parsolid.contact.interactions import build_interactions
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.scene import Scene
+from parsolid.scene.codes import Warned
 from parsolid.scene.formulas import NOT_FINITE
-from parsolid.scene.warned import Warned
 from parsolid.simulation.agreement import StepAgreement
 from parsolid.simulation.diagnosis import describe_failure, describe_meetings, meetings_in_words
 from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits
@@ -26,8 +26,7 @@ from parsolid.simulation.representation import representation
 from parsolid.simulation.restart import Restart
 from parsolid.simulation.setup import build_systems
 from parsolid.simulation.signals import StopRequest
-from parsolid.simulation.subcycling import Subcycling
-from parsolid.simulation.time_step import TimeSteps
+from parsolid.simulation.time_step import Subcycling, TimeSteps
 
 FINISHED, STOPPED, INTERRUPTED = "finished", "stopped", "interrupted"
 
@@ -177,16 +176,14 @@ class Simulation:
         started = len(self.stage_steps) - 1
         if started == len(self.scene.stages) or self.clock.time < self.scene.stages[started].start or result[0] < 0.0:
             return result
-        self._begin_stage()
-        return self.agreement.result()[0], result[1]
-
-    def _begin_stage(self) -> None:
-        """Let systems go on with the settings of the stage that begins now, and begin to agree on its first step."""
+        # let systems go on with the settings of the stage that begins now, and begin to agree on its first
+        # step
         for system, ledger in zip(self.systems, self._ledgers):
             system.begin_stage(self.clock.time, ledger)
         self.stage_steps.append(self.clock.step)
         self.time_steps.take_limits(self.systems)
         self.agreement.start()
+        return self.agreement.result()[0], result[1]
 
     def _write(self, outputs: Outputs, over: Sequence[bool]) -> None:
         began = clock.perf_counter()

@@ -7,9 +7,9 @@ import numpy as np
 
 from parsolid.methods.failure_fields import DELETED_KINETIC
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.observables.sums import AngularMomentum
+from parsolid.observables.declared import Observables
+from parsolid.observables.quantities import AngularMomentum
 from parsolid.scene import Scene
-from parsolid.simulation.observables import Observables
 
 # kinds of boundaries that exert no force
 _FORCELESS = ("temperature", "heat-flux", "micro-hard")

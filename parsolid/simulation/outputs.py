@@ -81,8 +81,7 @@ class Callback(Output):
 class EnergyCheckOutput(Output):
     """Checks the energy balance every so many steps, where no history does."""
 
-    def __init__(self, every: Cadence = Cadence(steps=32)):
-        self.every = every
+    every = Cadence(steps=32)
 
     def write(self, simulation: "Simulation") -> None:
         simulation.energy_row()

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from parsolid.collective import SolverError
+from parsolid.observables.declared import Observables
 from parsolid.scene import Scene
 from parsolid.scene.observation import HISTORY_COLUMNS
 from parsolid.simulation.history import HistoryOutput
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
 from parsolid.simulation.outputs import Output
 from parsolid.splines import cubic_spline
 

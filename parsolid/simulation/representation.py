@@ -13,9 +13,9 @@ from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.touching import TOUCHING
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
+from parsolid.scene.codes import Warned
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.systems import qualify_keys
-from parsolid.scene.warned import Warned
 
 # a part is bent rather than sheared where it is so many times as long as thick
 _SLENDER = 4.0

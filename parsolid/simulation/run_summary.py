@@ -1,16 +1,13 @@
 """What summary.json says of a run."""
 
 import time as clock
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from parsolid.collective import maximum
-from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
-from parsolid.scene.stages import settings_of_stages
-from parsolid.scene.systems import qualify_keys
+from parsolid.scene.systems import qualify_keys, settings_of_stages
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.phases import of_all_ranks
 
@@ -31,6 +28,13 @@ def summary_of(
     doubts = [
         qualify_keys(scene, plans[s.bodies], doubt) for s in systems if (doubt := s.validity_warning()) is not None
     ]
+    # without messages and the first step
+    worked = spent.loop_processor_seconds - spent.first_step_processor_seconds - simulation.phases.sent_processor
+    of_methods: dict[str, Any] = {}
+    for number, system in enumerate(systems):
+        # those of a further system of the same method with its number
+        found = system.summary()
+        of_methods |= {f"{name}_{number}" if name in of_methods else name: value for name, value in found.items()}
     momenta = (0.0, 0.0) if simulation.momenta is None else simulation.momenta.shares()
     return {
         "scene": scene.title,
@@ -52,33 +56,17 @@ def summary_of(
         "output_seconds": simulation.phases.output,
         "particle_steps_per_second_per_rank": simulation.particles * steps / slowest / ranks if steps else None,
         "nanoseconds_per_pair": slowest * ranks / (evaluated / 2) * 1e9 if evaluated else None,
-        **of_all_ranks(comm, mine, wall, _work_processor(simulation)),
+        **of_all_ranks(comm, mine, wall, max(0.0, worked)),
         "energy_error_share": None if energy_error is None else check.relative(energy_error, simulation.energy_scale),
         **check.verdict(simulation.energy_scale, doubts, momenta, simulation.warnings),
         "warnings": [{"code": one.code, "text": one.text} for one in simulation.warnings],
         "peak_memory_bytes_per_rank": maximum(comm, peak_memory_bytes()),
-        **_of_methods(systems),
+        **of_methods,
         **_of_several(simulation, steps),
         **_of_stages(simulation),
         "status": status,
         "errors": errors,
     }
-
-
-def _work_processor(simulation: Simulation) -> float:
-    """Seconds of this rank's processor in steps but the first, without messages."""
-    spent = simulation.clock
-    steps = spent.loop_processor_seconds - spent.first_step_processor_seconds
-    return max(0.0, steps - simulation.phases.sent_processor)
-
-
-def _of_methods(systems: Sequence[ParticleSystem]) -> dict[str, Any]:
-    """Entries of the methods, those of a further system of the same method with its number; collective."""
-    result: dict[str, Any] = {}
-    for number, system in enumerate(systems):
-        found = system.summary()
-        result |= {f"{name}_{number}" if name in result else name: value for name, value in found.items()}
-    return result
 
 
 def _of_stages(simulation: Simulation) -> dict[str, Any]:

@@ -16,11 +16,10 @@ from typing import Any, NamedTuple
 
 from parsolid.checksums import digest
 from parsolid.scene import Scene
-from parsolid.scene.base_model import OnRestart
+from parsolid.scene.base_model import OnRestart, on_restart
+from parsolid.scene.codes import Note
 from parsolid.scene.load_histories import FactorHistory
-from parsolid.scene.model_faults import on_restart
 from parsolid.scene.validation_errors import NOTHING, describe, key_path
-from parsolid.scene.warned import Note
 
 # keys that scenes may leave out, by the name and the kind of the table that they are in, with the values that hold
 # then: to state such a value is no change

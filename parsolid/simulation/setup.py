@@ -1,4 +1,7 @@
-"""The systems of a scene: each body's particles go to the method that has the body."""
+"""The systems of a scene: each body's particles go to the method that has the body.
+
+States at time 0 that no run should start from are refused: matter inside out, a deformation gradient of another motion.
+"""
 
 import dataclasses
 from collections.abc import Iterator
@@ -7,21 +10,138 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.collective import SolverError
+from parsolid.collective import SolverError, raise_together
 from parsolid.contact.interactions import declare_interactions
 from parsolid.methods import method_class
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.observables.declared import Observables
+from parsolid.output.errors import OutputError
+from parsolid.output.fields import check_step
 from parsolid.particles.distribution import distribute, take
 from parsolid.particles.generation import generate
+from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, taken_from_results
 from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.method_settings import named_observables
 from parsolid.scene.systems import SystemOfScene, qualify_keys
 from parsolid.scene.validation_errors import fault
-from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
-from parsolid.simulation.starting_state import refuse_damaged_results, refuse_unsound_start
+
+# of a spacing, for differences of the formulas; what they may be off by, over 1 + |grad u|
+_DIFFERENCE, _TOLERANCE = 1e-5, 1e-3
+# that counts as one
+_STRAIN = 1e-8
+
+
+def refuse_unsound_start(comm: Any, scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> None:
+    """scene, particle_set: of the system alone. Raises SolverError, on all ranks, which names the key; collective."""
+    raise_together(comm, _misfit(scene, system, particle_set))
+    raise_together(comm, _inside_out(scene, system))
+    raise_together(comm, _strained(scene, system, particle_set))
+
+
+def refuse_damaged_results(comm: Any, scene: Scene) -> None:
+    """Raises SolverError, on all ranks, where results that a start is taken from are not as they were written;
+    collective."""
+    fault = None
+    if comm.rank == 0:
+        taken = [one.steps for state in scene.initial if state.results for one in state.of_results]
+        try:
+            for step in {step.path: step for steps in taken for step in steps}.values():
+                check_step(step.path, step.first // max(1, step.count), step.count)
+        except OutputError as error:
+            fault = str(error)
+    raise_together(comm, fault)
+
+
+def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
+    found = system.first_invalid() if system.owned else None
+    if found is None:
+        return None
+    index, what = found
+    rows = system.particles.owned_rows
+    body = int(rows("body")[index])
+    place = _numbers(rows("reference_position")[index])
+    number = int(rows("identifier")[index])
+    stated = [key for key in ("deformation_gradient", "displacement") if getattr(scene.bodies[body], key) is not None]
+    key = ".".join(["bodies", str(system.bodies[body]), *stated[:1]])
+    expected = "a start that is not folded" if stated or scene.initial else "a start that the method can hold"
+    return f"{key}: expected {expected}, found particle {number} at X = ({place}): {what}"
+
+
+def _strained(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> str | None:
+    """The first particle that starts folded, or with a strain of which its law has no stress."""
+    place, body = particle_set.position, particle_set.body
+    if not len(particle_set) or initial_displacement(scene, body[:1], place[:1], _first(particle_set.regions)) is None:
+        return None
+    small = _DIFFERENCE * float(particle_set.spacing.min())
+    F = np.stack(
+        [_column(scene, particle_set, axis, step) for axis, step in enumerate(small * np.eye(len(place[0])))], 2
+    )
+    stated = ~taken_from_results(scene, body, particle_set.regions)
+    folded = stated & ~(np.linalg.det(F) > 0.0)
+    if folded.any():
+        return _start_of(system, particle_set, folded, "a start that is not folded")
+    carries = [(bool(system.settings.strained) and one.material.kind != "elastic-plastic") for one in scene.bodies]
+    strain = np.abs(F.swapaxes(1, 2) @ F - np.eye(len(place[0]))).max(axis=(1, 2))
+    # rounding of places far away is no strain
+    rounding = np.finfo(float).eps * (1.0 + np.abs(system.particles.owned_rows("position")).max(initial=0.0)) / small
+    lost = stated & (strain > _STRAIN + 10.0 * rounding) & ~np.array(carries)[body]
+    if not lost.any():
+        return None
+    return _start_of(system, particle_set, lost, "no strain (this law's stress is integrated in time, not of a strain)")
+
+
+def _first(regions: np.ndarray | None) -> np.ndarray | None:
+    return None if regions is None else regions[:1]
+
+
+def _start_of(system: ParticleSystem, particle_set: ParticleSet, bad: np.ndarray, expected: str) -> str:
+    index = int(np.argmax(bad))
+    key = f"bodies.{system.bodies[int(particle_set.body[index])]}.displacement"
+    return f"{key}: expected {expected}, found one at X = ({_numbers(particle_set.position[index])})"
+
+
+def _misfit(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> str | None:
+    """The first particle whose deformation gradient is neither 1 + grad u from one side nor from the other."""
+    given = initial_deformation_gradient(scene, particle_set.body, particle_set.position, particle_set.regions)
+    if given is None or not len(particle_set):
+        return None
+    stated, where = given
+    where = where & ~taken_from_results(scene, particle_set.body, particle_set.regions)
+    off = np.zeros(len(particle_set))
+    small = _DIFFERENCE * float(particle_set.spacing.min())
+    for axis, step in enumerate(small * np.eye(scene.dimension)):
+        # at a kink of the formula, either side will do
+        sides = [_column(scene, particle_set, axis, sign * step) for sign in (1.0, -1.0)]
+        misses = [np.abs(stated[:, :, axis] - side).max(axis=1) / (1.0 + np.abs(side).max(axis=1)) for side in sides]
+        off = np.maximum(off, np.minimum(*misses))
+    # what is not a number fits nothing
+    bad = where & ~(off <= _TOLERANCE)
+    if not bad.any():
+        return None
+    index = int(np.argmax(bad))
+    body = system.bodies[int(particle_set.body[index])]
+    return (
+        f"bodies.{body}.deformation_gradient: expected 1 + the gradient of bodies.{body}.displacement, found one that "
+        f"differs from it by {off[index]:.3g} of its size at X = ({_numbers(particle_set.position[index])})"
+    )
+
+
+def _column(scene: Scene, particle_set: ParticleSet, axis: int, step: np.ndarray) -> np.ndarray:
+    """Column (n, d) of 1 + grad u along an axis, by a difference to one side."""
+    place, body = particle_set.position, particle_set.body
+    result = np.zeros_like(place)
+    here, there = (initial_displacement(scene, body, at, particle_set.regions) for at in (place, place + step))
+    if here is not None and there is not None:
+        result = (there - here) / step[axis]
+    result[:, axis] += 1.0
+    return result
+
+
+def _numbers(values: np.ndarray) -> str:
+    return ", ".join(f"{value:.6g}" for value in values)
 
 
 def build_systems(
@@ -59,12 +179,8 @@ def build_systems(
         particle_set.meshes.clear()
     if restart:
         restart.apply_state(systems, orders)
-    refuse_absent_fields(scene, systems)
-    return systems, particle_sets
-
-
-def refuse_absent_fields(scene: Scene, systems: list[ParticleSystem]) -> None:
-    """Raise SceneError for fields that the scene names and its methods may have, but do not have with its options."""
+    # raise SceneError for fields that the scene names and its methods may have, but do not have with its
+    # options
     observables = Observables(systems)
     of_methods = {name for system in scene.systems for name in system.settings.field_kinds(scene.dimension)}
     faults = [
@@ -74,6 +190,7 @@ def refuse_absent_fields(scene: Scene, systems: list[ParticleSystem]) -> None:
     ]
     if faults:
         raise SceneError(faults)
+    return systems, particle_sets
 
 
 @contextmanager

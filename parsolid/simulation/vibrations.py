@@ -13,8 +13,8 @@ from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.small_motion import SmallMotion
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.scene import Scene, SceneError
+from parsolid.scene.codes import Note
 from parsolid.scene.validation_errors import fault
-from parsolid.scene.warned import Note
 from parsolid.simulation.setup import build_systems
 from parsolid.solvers import GridLevels, LowestModes, Modes, moduli_of_rows, rigid_modes, rigid_motions, start_vector
 

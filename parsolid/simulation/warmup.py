@@ -4,7 +4,6 @@ import hashlib
 import json
 import time
 from contextlib import suppress
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -31,7 +30,12 @@ def warm_up(comm: Any, scene: Scene) -> None:
         for table in tables:
             # an error of this rank alone would leave the others waiting; one of the scene's meets all ranks in a moment
             with suppress(Exception):
-                _compile_unless_marked(_mark(table), table)
+                text = loaded_texts() + json.dumps(table, sort_keys=True)
+                mark = cache_folder() / f"warm-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+                if not mark.exists():
+                    compile_kernels(table)
+                    mark.parent.mkdir(parents=True, exist_ok=True)
+                    mark.touch()
     wait_quietly(node)
     node.Free()
 
@@ -53,14 +57,6 @@ def load_kernels(scene: Scene) -> float:
     return idle
 
 
-def _compile_unless_marked(mark: Path, tables: Tables) -> None:
-    if mark.exists():
-        return
-    compile_kernels(tables)
-    mark.parent.mkdir(parents=True, exist_ok=True)
-    mark.touch()
-
-
 def wait_quietly(comm: Any) -> None:
     """A barrier that sleeps instead of spinning, so that waiting ranks leave the processor to the working ones."""
     request = comm.Ibarrier()
@@ -76,8 +72,3 @@ def compile_kernels(tables: Tables) -> Simulation:
         system.energies()
         field_of(system, "pressure")
     return simulation
-
-
-def _mark(tables: Tables) -> Path:
-    text = loaded_texts() + json.dumps(tables, sort_keys=True)
-    return cache_folder() / f"warm-{hashlib.sha256(text.encode()).hexdigest()[:16]}"

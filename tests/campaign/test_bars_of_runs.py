@@ -95,15 +95,15 @@ def test_coarse_runs_that_cannot_be_set_up_or_fail_are_told_and_left_out(comm, s
 # the command that kills its process when it has written its first checkpoint, so that no machine is too fast for it
 _KILLED = """
 import os, runpy, signal
-from parsolid.simulation import checkpoints
+from parsolid.simulation import restart
 
-write = checkpoints.write_checkpoint
+write = restart.write_checkpoint
 
 def write_and_die(*arguments):
     write(*arguments)
     os.kill(os.getpid(), signal.SIGKILL)
 
-checkpoints.write_checkpoint = write_and_die
+restart.write_checkpoint = write_and_die
 runpy.run_module("parsolid", run_name="__main__", alter_sys=True)
 """
 

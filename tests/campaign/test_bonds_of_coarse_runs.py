@@ -5,7 +5,7 @@ import pytest
 
 from parsolid.api.running import RunOptions, run_scene
 from parsolid.campaign.coarsening import parsed
-from parsolid.campaign.halving import plan_of
+from parsolid.campaign.pareto import plan_of
 from parsolid.campaign.variants import coarse_variants, level_of
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation

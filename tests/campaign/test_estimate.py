@@ -157,7 +157,7 @@ def test_components_that_are_rounding_are_not_told():
     values = {"tip.u_x": 1e-15, "tip.u_y": -2.0, "tip.u_z": 0.0, "all.stress_xx": 1e-15, "p.maximum_temperature": 3.0}
     columns = {name: np.array([0.0, value]) for name, value in values.items()}
     table = ErrorTable(np.arange(2.0), columns, dict.fromkeys(values))
-    assert shown_columns(table, None) == ["tip.u_y", "all.stress_xx", "p.maximum_temperature"]
+    assert shown_columns(table) == ["tip.u_y", "all.stress_xx", "p.maximum_temperature"]
 
 
 def test_a_lag_and_a_loss_are_told_apart():

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from parsolid.campaign.halving import Configuration, SuccessiveHalving, plan_of, time_to
 from parsolid.campaign.options import Option, options_of
-from parsolid.campaign.pareto import envelope, seconds_for
+from parsolid.campaign.pareto import Configuration, SuccessiveHalving, envelope, plan_of, seconds_for, time_to
 from parsolid.campaign.reference import observed_reference, series_of
 from parsolid.campaign.runner import Record, VariantRun
 from parsolid.campaign.variants import SPACING, Variant

@@ -13,7 +13,7 @@ from parsolid.campaign.pictures import MOST_CURVES, _labelled, _looks, _panels
 from parsolid.commands.plot.plane import _particles
 from parsolid.commands.plot.scales import scale_of
 from parsolid.commands.plot.sheets import _save
-from parsolid.observables.words import labelled, unit_of, words_of
+from parsolid.output.words import labelled, unit_of, words_of
 
 TIMES = ["velocity@0.1", "velocity@0.2"]
 PROBES = ["corner.displacement_x", "corner.displacement_y"]

@@ -11,11 +11,9 @@ import time
 import numpy as np
 import pytest
 
-from parsolid.campaign.cases import cases_of
-from parsolid.campaign.measures import energies_of, momentum_of
-from parsolid.campaign.runner import Record, not_finite, read_record, wait
+from parsolid.campaign.cases import cases_of, load_study
+from parsolid.campaign.runner import Record, energies_of, momentum_of, not_finite, read_record, wait
 from parsolid.campaign.study import error_rows, judge
-from parsolid.campaign.study_file import load_study
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.scene import SceneError

@@ -5,10 +5,9 @@ import shutil
 
 import pytest
 
-from parsolid.campaign.cases import cases_of
+from parsolid.campaign.cases import cases_of, load_study
 from parsolid.campaign.comparison import AS_STATED, INSIDE, NEAR, NOT_AS_STATED, OUTSIDE, Row
 from parsolid.campaign.runner import Launched, run_beside
-from parsolid.campaign.study_file import load_study
 from parsolid.campaign.verification import ASKED, build_report, folders_of, read_summaries, studies_of
 from parsolid.commands.cli import main
 from parsolid.output.errors import OutputError

@@ -11,7 +11,7 @@ from parsolid.api.check_advice import BENDING, advice, scene_advice, size_advice
 from parsolid.commands.cli import main
 from parsolid.methods.peridynamics import preconditioner
 from parsolid.scene import parse_scene
-from parsolid.scene.warned import CODES
+from parsolid.scene.codes import CODES
 
 METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio": 3}}
 

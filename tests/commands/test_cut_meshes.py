@@ -7,7 +7,7 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("pyvista")
 import meshio
 
-from parsolid.commands.plot.cuts import Cut, cut_body
+from parsolid.commands.plot.space import Cut, cut_body
 from parsolid.particles.skins import skins_of
 from parsolid.scene import parse_scene
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from parsolid.api.busy_cores import busy_cores, cores_with_room
 from parsolid.api.forecast import _bisected, bytes_on_disk, load_on, memory_on, seconds_a_step
-from parsolid.api.report import usual_mean
+from parsolid.api.report import busy_cores, cores_with_room, usual_mean
 from parsolid.machine import cores
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.run_folder import RunFolder

@@ -10,8 +10,7 @@ import pytest
 
 from parsolid.collective import SolverError
 from parsolid.commands.cli import main
-from parsolid.commands.keys.description import Table
-from parsolid.commands.keys.json_schema import scene_schema
+from parsolid.commands.keys.description import Table, scene_schema
 from parsolid.commands.keys.listing import listing
 from parsolid.commands.keys.starting import starting_scene
 from parsolid.scene import parse_scene

@@ -8,8 +8,7 @@ import pytest
 pytest.importorskip("matplotlib")
 from matplotlib.figure import Figure
 
-from parsolid.commands.plot.curves import write_energies, write_probes
-from parsolid.commands.plot.forces import pairs, write_forces
+from parsolid.commands.plot.curves import pairs, write_energies, write_forces, write_probes
 from parsolid.output.results import Results
 
 TOLD = {"kind": "velocity", "where": "top", "name": "pull", "reaction": True}

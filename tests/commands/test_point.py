@@ -16,8 +16,7 @@ from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.registry import law_of
 from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.output.errors import OutputError
-from parsolid.point.choice import point_law
-from parsolid.point.driver import integrate, tabulate
+from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.schema import load_point
 from parsolid.scene.validation_errors import SceneError
 from parsolid.simulation.loop import RunFailed

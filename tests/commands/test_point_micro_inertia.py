@@ -9,8 +9,7 @@ import pytest
 
 from parsolid.commands.cli import main
 from parsolid.materials.registry import law_of
-from parsolid.point.choice import point_law
-from parsolid.point.driver import integrate, tabulate
+from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import load_point
 from parsolid.scene.probes import component_names

@@ -9,8 +9,7 @@ import pytest
 
 from parsolid.commands.point.report import describe, summarise, tabulate
 from parsolid.materials.registry import law_of
-from parsolid.point.choice import point_law
-from parsolid.point.driver import integrate
+from parsolid.point.driver import integrate, point_law
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import load_point
 from parsolid.scene.validation_errors import SceneError

@@ -10,8 +10,7 @@ import pytest
 from parsolid.commands.point import add_arguments, run_point
 from parsolid.exact.prony import PronySeries
 from parsolid.materials.registry import law_of
-from parsolid.point.choice import point_law
-from parsolid.point.driver import integrate, tabulate
+from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.schema import MaterialPoint, load_point
 from parsolid.scene import SceneError
 

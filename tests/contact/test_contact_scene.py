@@ -10,10 +10,10 @@ from solids import Record
 
 from parsolid.contact.kernel import lattice_colour
 from parsolid.contact.report import describe_contacts
+from parsolid.observables.declared import Observables
 from parsolid.scene import SceneError, load_scene, parse_scene
+from parsolid.simulation.history import Probes
 from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.observables import Observables
-from parsolid.simulation.probes import Probes
 
 
 def faults(**change) -> str:

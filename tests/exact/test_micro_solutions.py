@@ -9,9 +9,9 @@ from parsolid.exact.delayed_heat import DelayedHeat
 from parsolid.exact.elastic_impact import ElasticImpact
 from parsolid.exact.micro_layer import MicroLayer, MicroWave
 from parsolid.materials.plastic.micro_inertia import StatedMicroInertia
-from parsolid.scene.micro_inertia import library
+from parsolid.scene.materials import library_of_micro_inertia
 
-STEEL = library()["4340 steel, Rahaman"]
+STEEL = library_of_micro_inertia()["4340 steel, Rahaman"]
 # heat waves of 1000 m/s
 DELAYED = SimpleNamespace(conductivity=3734910.0, density=7830.0, specific_heat=477.0, heat_relaxation_time=1e-6)
 

@@ -16,8 +16,7 @@ from parsolid.materials import registry
 from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.plastic import plastic_evaluation
 from parsolid.methods.small_scene import small_scene
-from parsolid.point.choice import point_law
-from parsolid.point.driver import integrate, tabulate
+from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.schema import load_point
 from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
 from parsolid.simulation.loop import Simulation

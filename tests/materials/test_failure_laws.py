@@ -22,7 +22,7 @@ from parsolid.materials.plastic.linear_hardening import LinearHardening
 from parsolid.materials.plastic.melting import ConstantMelting
 from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.methods.mpm.elastic_plastic import advance_deformation
-from parsolid.scene.failure import library
+from parsolid.scene.plasticity import library_of_criteria
 
 COPPER = ElasticPlastic(
     8930.0,
@@ -39,7 +39,7 @@ KINDS = registry.kinds("failure")
 
 
 def of_library(name: str) -> JohnsonCookDamage:
-    table = library()[name]
+    table = library_of_criteria()[name]
     return JohnsonCookDamage(*(table.get(key, default) for key, default in zip(JohnsonCookDamage._fields, DEFAULTS)))
 
 

@@ -281,7 +281,7 @@ import numpy as np
 from mpi4py import MPI
 from materials.test_fibres import SOFTENING, at_particle, after_step, arguments, parse_scene, scene, stress
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
+from parsolid.observables.declared import Observables
 F = np.array([[1.15, 0.1, -0.05], [0.08, 0.95, 0.02], [0.03, -0.04, 1.1]])
 displacement = ["%r*X + %r*Y + %r*Z" % tuple(row) for row in (F - np.eye(3)).tolist()]
 for method in ("tlsph", "peridynamics", "mpm"):

@@ -6,8 +6,8 @@ import pytest
 from mpi4py import MPI
 from solids import LINEAR_COPPER, assert_same_fields, gathered, run_into, run_steps, supports, tables
 
+from parsolid.observables.declared import Observables
 from parsolid.scene import SceneError, parse_scene
-from parsolid.simulation.observables import Observables
 from parsolid.simulation.restart import Restart
 
 TURNING = LINEAR_COPPER | {

@@ -13,7 +13,7 @@ from parsolid.materials.plastic import micro_inertia as laws
 from parsolid.materials.plastic.micro_inertia import in_numbers, returned_deviator
 from parsolid.materials.plastic.micro_inertia_solve import increments_of
 from parsolid.materials.plastic.tile_update import deviatoric_strain
-from parsolid.scene.micro_inertia import library
+from parsolid.scene.materials import library_of_micro_inertia
 from parsolid.tensors import combine_symmetric, congruence, contract_symmetric, spin_rotation, times_symmetric
 
 pytestmark = pytest.mark.serial
@@ -185,7 +185,7 @@ def test_the_library_states_table_1():
     assert (law.energetic_length, law.hardening_length, law.dissipative_length) == (5e-5, 1e-8, 1e-8)
     speeds = np.sqrt([(law.bulk_modulus + 4.0 / 3.0 * law.shear_modulus) / 7830.0, law.shear_modulus / 7830.0])
     assert speeds == pytest.approx([5785.5, 3146.5], rel=1e-5)
-    assert list(library()) == ["4340 steel, Rahaman"]
+    assert list(library_of_micro_inertia()) == ["4340 steel, Rahaman"]
     # the speed of the energetic micro wave, and that of heat
     energetic = in_numbers(STEEL._replace(energetic_length=5e-5))
     step = laws.micro_time_step(energetic, 1.0, 7830.0, laws.resistance(energetic, 0.0, 0.0, 0.0, 0.0, 298.0))

@@ -6,8 +6,8 @@ from points import SOFT, scene
 from solids import run_steps, run_to_end
 
 from parsolid.methods.mpm.transfer import particles_to_grid
-from parsolid.observables.sums import AngularMomentum
-from parsolid.simulation.observables import Observables
+from parsolid.observables.declared import Observables
+from parsolid.observables.quantities import AngularMomentum
 
 
 def told(sim) -> np.ndarray:

@@ -8,7 +8,7 @@ import pytest
 
 from parsolid.output import OutputError
 from parsolid.output.checkpoint import find_checkpoint, read_header, write_checkpoint
-from parsolid.output.directory import occupy, prepare
+from parsolid.output.run_folder import occupy, prepare
 
 
 def fill(comm, directory, names, text="old"):

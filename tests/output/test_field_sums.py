@@ -10,10 +10,9 @@ from flipped_bits import flip
 from test_fields import TIMES, Particles
 
 from parsolid.output import OutputError, vtkhdf
-from parsolid.output.field_sums import check_step, rows_of_step, sums_path
-from parsolid.output.fields import FieldSeries
-from parsolid.output.packing import pack
+from parsolid.output.fields import FieldSeries, check_step, rows_of_step, sums_path
 from parsolid.output.slabs import places
+from parsolid.output.vtkhdf import pack
 
 COUNT, CONSTANT = 29, ("VTKHDF/PointData/identifier", "VTKHDF/PointData/volume")
 

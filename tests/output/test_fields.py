@@ -11,8 +11,8 @@ from mpi4py import MPI
 
 from parsolid.output import OutputError, vtkhdf
 from parsolid.output.fields import FieldSeries, _ByIdentifier, bytes_of_rows
-from parsolid.output.packing import pack
 from parsolid.output.slabs import probe
+from parsolid.output.vtkhdf import pack
 
 TIMES = [0.0, 0.1, 0.1 + 0.2, 1.0]
 

@@ -13,8 +13,8 @@ import pytest
 from mpi_launch import clean_environment
 
 from parsolid.output import OutputError
-from parsolid.output.directory import occupy
 from parsolid.output.lock import NAME, FolderLock
+from parsolid.output.run_folder import occupy
 
 HOLDER = """
 import sys, time

@@ -4,13 +4,12 @@ import pytest
 import tomli_w
 from solids import SOFT, tables
 
-from parsolid.campaign.study_file import load_study
+from parsolid.campaign.cases import load_study
 from parsolid.campaign.targets import Target, columns_of
 from parsolid.commands.cli import main
 from parsolid.output.results import Results
 from parsolid.scene import SceneError, parse_scene
-from parsolid.scene.renamed import RENAMED
-from parsolid.scene.validation_errors import suggestion
+from parsolid.scene.validation_errors import RENAMED, suggestion
 
 pytestmark = pytest.mark.serial
 BOX = {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}}

@@ -4,8 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from parsolid.scene.contact import CONTACT_TERMS, TOOL_TERMS
-from parsolid.scene.tie import TIE_TERMS
+from parsolid.scene.contact import CONTACT_TERMS, TIE_TERMS, TOOL_TERMS
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
 
 

@@ -31,7 +31,7 @@ class Points:
 
 
 def momenta_of(monkeypatch, before, after, centre_moves=None):
-    monkeypatch.setattr("parsolid.observables.sums.AngularMomentum._own", staticmethod(lambda watched: 0.0))
+    monkeypatch.setattr("parsolid.observables.quantities.AngularMomentum._own", staticmethod(lambda watched: 0.0))
     system = Points(len(before[0]), *before[1])
     balance = MomentumBalance(MPI.COMM_SELF, [system])
     balance.check()

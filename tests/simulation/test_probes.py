@@ -9,10 +9,10 @@ from solids import Record, follow, punch, simulation
 
 from parsolid import observables
 from parsolid.observables import declared
-from parsolid.observables.method_quantity import MethodQuantity
+from parsolid.observables.declared import Observables
+from parsolid.observables.samplers import MethodQuantity
 from parsolid.scene import SceneError, observed, parse_scene
-from parsolid.simulation.observables import Observables
-from parsolid.simulation.probes import Probes
+from parsolid.simulation.history import Probes
 
 SPEED = 200.0
 # of the spinning square [kg]

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from solids import SOFT, run_into, simulation, tables
 
+from parsolid.observables.declared import Observables
 from parsolid.output.run_folder import RunFolder
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.field_output import FieldOutput
+from parsolid.simulation.history import Probes
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
-from parsolid.simulation.probes import Probes
 from parsolid.simulation.restart import Restart
 
 STRIP = {"name": "strip", "formula": "Y > 0.7"}

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from parsolid.observables.projected import Projected
+from parsolid.observables.samplers import Projected
 from parsolid.observables.twist import Twist
 
 pytestmark = pytest.mark.serial

@@ -9,13 +9,12 @@ from solids import simulation, tables
 from parsolid.api.report import report_of
 from parsolid.methods.tlsph import system
 from parsolid.methods.tlsph.settings import TotalLagrangianSPH
-from parsolid.observables.declared import field_of
+from parsolid.observables.declared import Observables, field_of
 from parsolid.output.run_folder import RunFolder
 from parsolid.particles.declaration import Field
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.field_output import FieldOutput
-from parsolid.simulation.observables import Observables
-from parsolid.simulation.probes import Probes
+from parsolid.simulation.history import Probes
 
 USUAL = ["displacement", "velocity", "pressure", "von_mises_stress", "jacobian"]
 

@@ -13,13 +13,13 @@ from systems import BONDS, SPH, STIFF, plate, raw, two_systems
 from parsolid.api.report import report_of
 from parsolid.collective import SolverError, minimum
 from parsolid.methods.interaction import Interaction
+from parsolid.observables.declared import Observables
 from parsolid.output.checkpoint import read_checkpoint
 from parsolid.output.history import read_history
 from parsolid.scene import parse_scene
 from parsolid.scene.observation import stored_energy
+from parsolid.simulation.history import Probes
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.observables import Observables
-from parsolid.simulation.probes import Probes
 from parsolid.simulation.restart import Restart
 
 LEFT, RIGHT = plate("left", 0.0), plate("right", 5.0, STIFF)

@@ -8,12 +8,11 @@ from parsolid.output.history import read_history
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.slabs import open_serial
 from parsolid.scene import parse_scene
-from parsolid.simulation.checkpoints import CheckpointOutput
 from parsolid.simulation.field_output import FieldOutput
 from parsolid.simulation.history import HistoryOutput
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import INTERRUPTED, Limits, Simulation, StopRequest
-from parsolid.simulation.restart import Restart
+from parsolid.simulation.restart import CheckpointOutput, Restart
 
 OUTPUT = {"history_steps": 1, "checkpoint_steps": 2, "fields_times": [1e-3, 2e-3, 3e-3]}
 # the call of an output's `write` in which the time ends

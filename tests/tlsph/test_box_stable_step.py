@@ -9,7 +9,7 @@ from graded_boxes import growth_rate
 from parsolid.pairs import box_stable_step
 from parsolid.pairs.box_stable_step import BoxWaves, chords
 from parsolid.pairs.box_weights import REACH, Axis, lengths_of, operator_of
-from parsolid.scene.grading import graded_shares
+from parsolid.scene.bodies import graded_shares
 
 FREE = ("", "")
 BOXES = {

@@ -7,10 +7,10 @@ from element_meshes import element_mesh
 from mpi4py import MPI
 from solids import LINEAR_COPPER, run_into, simulation
 
+from parsolid.observables.declared import Observables
 from parsolid.output.history import read_history
 from parsolid.output.results import Results
 from parsolid.scene import parse_scene
-from parsolid.simulation.observables import Observables
 
 YOUNG, NU = 1.0, 0.3
 SHEAR, KAPPA = YOUNG / (2.0 + 2.0 * NU), 3.0 - 4.0 * NU

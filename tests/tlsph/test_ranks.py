@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from solids import ONE_BRANCH, RUBBER, assert_same_fields, column, evolved, punch, run_steps, supports, tables
 
+from parsolid.observables.declared import Observables
 from parsolid.scene.observation import ENERGIES, INTERNAL_ENERGY
-from parsolid.simulation.observables import Observables
-from parsolid.simulation.probes import Probes
+from parsolid.simulation.history import Probes
 
 AGREEMENT = 1e-9
 STEPS = 60

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from solids import SOFT
 
-from parsolid.campaign.cases import cases_of
-from parsolid.campaign.study_file import load_study
+from parsolid.campaign.cases import cases_of, load_study
 from parsolid.campaign.variants import coarse_variants
 from parsolid.methods.tlsph.body_weights import weights_of_bodies
 from parsolid.scene import load_scene, parse_scene

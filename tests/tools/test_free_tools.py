@@ -8,9 +8,8 @@ from parsolid.output.checkpoint import write_checkpoint
 from parsolid.per_rank import split_per_rank
 from parsolid.scene import parse_scene
 from parsolid.scene.observation import stored_energy
-from parsolid.simulation.checkpoints import header_of
 from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.restart import Restart
+from parsolid.simulation.restart import Restart, header_of
 from parsolid.simulation.scene_changes import contents
 
 MASS, RADIUS = 120.0, 0.25

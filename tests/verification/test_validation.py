@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from parsolid.campaign.cases import cases_of
+from parsolid.campaign.cases import cases_of, load_study
 from parsolid.campaign.comparison import AGREES, Row
-from parsolid.campaign.study_file import load_study
 from parsolid.campaign.verification import studies_of
 from parsolid.commands.cli import main
 from parsolid.output.summary import read_summary

@@ -10,9 +10,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from parsolid.commands.arguments import whole_number
+from parsolid.commands.arguments import show_table, whole_number
 from parsolid.commands.bench.timing import Steps, best_time
-from parsolid.commands.console_table import show_table
 from parsolid.simulation.warmup import wait_quietly
 
 METHODS = ("tlsph", "peridynamics", "mpm", "ulsph")
@@ -35,23 +34,20 @@ def run_bench(comm: MPI.Comm, options: Any) -> int:
             show_table(*table)
     wait_quietly(comm)
     if options.scaling:
-        rows = _scaling_rows(comm, module.scaling_scene(options.scaling))
+        # whole steps on one rank while the others wait, then on all ranks
+        scene = module.scaling_scene(options.scaling)
+        alone = None
+        if comm.rank == 0:
+            run = Steps(MPI.COMM_SELF, scene, 3)
+            alone = best_time(run.advance) / run.steps
+            del run
+        wait_quietly(comm)
+        alone = comm.bcast(alone)
+        run = Steps(comm, scene, 3)
+        together = comm.allreduce(best_time(run.advance) / run.steps, MPI.MAX)
+        total = run.simulation.particles
+        speeds = [f"{total / alone:.3g}", f"{total / together / comm.size:.3g}"]
+        rows = [[1, total, speeds[0], 1.0], [comm.size, total, speeds[1], f"{alone / together:.2f}"]]
         if comm.rank == 0:
             show_table("Whole steps", ["ranks", "particles", "steps/s a rank", "speed-up"], rows)
     return 0
-
-
-def _scaling_rows(comm: MPI.Comm, scene: Any) -> list[list[Any]]:
-    """Whole steps on one rank while the others wait, then on all ranks."""
-    alone = None
-    if comm.rank == 0:
-        run = Steps(MPI.COMM_SELF, scene, 3)
-        alone = best_time(run.advance) / run.steps
-        del run
-    wait_quietly(comm)
-    alone = comm.bcast(alone)
-    run = Steps(comm, scene, 3)
-    together = comm.allreduce(best_time(run.advance) / run.steps, MPI.MAX)
-    total = run.simulation.particles
-    speeds = [f"{total / alone:.3g}", f"{total / together / comm.size:.3g}"]
-    return [[1, total, speeds[0], 1.0], [comm.size, total, speeds[1], f"{alone / together:.2f}"]]

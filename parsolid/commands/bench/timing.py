@@ -12,11 +12,11 @@ from parsolid.simulation.loop import Simulation
 REPETITIONS = 7
 
 
-def best_time(action: Any, repetitions: int = REPETITIONS, clock: Callable[[], float] = time.perf_counter) -> float:
+def best_time(action: Any, clock: Callable[[], float] = time.perf_counter) -> float:
     """Least time [s] of an action that has already run once, on the wall unless another clock is given."""
     action()
     best = np.inf
-    for _ in range(repetitions):
+    for _ in range(REPETITIONS):
         began = clock()
         action()
         best = min(best, clock() - began)

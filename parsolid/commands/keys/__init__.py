@@ -33,7 +33,7 @@ def run_keys(comm: Any, options: Any) -> int:
     elif options.json:
         import json
 
-        from parsolid.commands.keys.json_schema import scene_schema
+        from parsolid.commands.keys.description import scene_schema
 
         if comm.rank == 0:
             print(json.dumps(scene_schema(), indent=1), flush=True)

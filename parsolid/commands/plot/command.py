@@ -146,8 +146,7 @@ def _far(drawn: np.ndarray, time: float, end: float) -> bool:
 
 
 def _curves(results: Results, folder: Path) -> list[Path]:
-    from parsolid.commands.plot.curves import write_energies, write_probes
-    from parsolid.commands.plot.forces import write_forces
+    from parsolid.commands.plot.curves import write_energies, write_forces, write_probes
 
     write_energies(results, folder / "energies.png")
     more = ((write_probes, folder / "probes.png"), (write_forces, folder / "forces.png"))
@@ -160,7 +159,7 @@ def _draw_bodies(
     from parsolid.commands.plot.sheets import Look, Sheet, write_animation, write_sheet, write_singles
 
     if results.dimension == 1 or options.along:
-        from parsolid.commands.plot.line import write_lines
+        from parsolid.commands.plot.curves import write_lines
 
         path = output if output.suffix.lower() in _STILL else output / f"{field}.png"
         write_lines(results, field, steps, path, options.size, options.along[0] if options.along else 0)

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from parsolid.commands.plot.scales import prefixed
-from parsolid.observables.words import labelled, unit_of, words_of
+from parsolid.commands.plot.scales import prefixed, time_labels
 from parsolid.output.results import Results
+from parsolid.output.words import labelled, unit_of, words_of
 from parsolid.scene.observation import DISSIPATIONS, ENERGIES, stored_energy
 
 DOTS_PER_INCH = 100
@@ -48,7 +48,7 @@ _REFERENCE = {"linestyle": (0, (4, 3)), "linewidth": 1.2, "color": "black", "alp
 _PANEL = (460, 330)
 
 
-def write_energies(results: Results, path: Path, size: tuple[int, int] | None = None) -> None:
+def write_energies(results: Results, path: Path) -> None:
     """Energies, dissipations and the energy error over time, side by side."""
     history = results.columns
     time, factor = _time_axis(history["time"])
@@ -56,7 +56,7 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     terms = {name: history[name] for name in ENERGIES if name in history} | _method_terms(history)
     largest = max((np.nanmax(np.abs(values)) for values in terms.values() if len(values)), default=0.0)
     unit, prefix = prefixed("J", largest)
-    figure = _figure(size or (3 * _PANEL[0], _PANEL[1] + 30), results.title)
+    figure = _figure((3 * _PANEL[0], _PANEL[1] + 30), results.title)
     energies, dissipations, error = figure.subplots(1, 3)
     told = [name for name, values in terms.items() if _largest(values) > _NOTHING * largest]
     for name in ("kinetic", stored, "external_work"):
@@ -84,7 +84,7 @@ def write_energies(results: Results, path: Path, size: tuple[int, int] | None = 
     energies.set_ylabel(f"energy [{prefix}]")
     dissipations.set_ylabel(f"dissipated [{prefix}]")
     error.set_ylabel("energy error / largest energy")
-    _finish(figure, (energies, dissipations, error), prefixed("s", _last(history["time"]))[1])
+    _finish((energies, dissipations, error), prefixed("s", _last(history["time"]))[1])
     error.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
     figure.savefig(path, dpi=DOTS_PER_INCH)
 
@@ -96,7 +96,7 @@ def _method_terms(history: dict[str, Any]) -> dict[str, Any]:
     return {name: history[name] for name in columns[first:last]}
 
 
-def write_probes(results: Results, path: Path, size: tuple[int, int] | None = None) -> bool:
+def write_probes(results: Results, path: Path) -> bool:
     """One panel for each field of each probe; False, and no file, when the scene has none."""
     history = results.columns
     idle = {name for name in history if name.endswith(".work") and _largest(history[name]) == 0.0}
@@ -107,9 +107,13 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
     # four are a square
     columns = 2 if len(panels) == 4 else min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    figure = _figure(size or (columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
+    figure = _figure((columns * _PANEL[0], rows * (_PANEL[1] - 30) + 60), results.title)
     grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-    largest = _largest_of_fields(panels, history)
+    # field -> the largest magnitude of all its panels
+    largest: dict[str, float] = {}
+    for panel, names in panels.items():
+        field = panel.partition(".")[2]
+        largest[field] = max([largest.get(field, 0.0), *(_largest(history[name]) for name in names)])
     for axes, (panel, names) in zip(grid, panels.items()):
         probe, _, field = panel.partition(".")
         # the same unit in all panels of a field
@@ -126,7 +130,7 @@ def write_probes(results: Results, path: Path, size: tuple[int, int] | None = No
         axes.set_ylabel(labelled(words_of(field), label and f"{label}{per}"))
     for axes in grid[len(panels) :]:
         axes.set_visible(False)
-    _finish(figure, grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
+    _finish(grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return True
 
@@ -158,15 +162,6 @@ def _told_apart(names: list[str], history: dict[str, np.ndarray]) -> list[str]:
         if _largest(values) > _NOTHING * largest and not same:
             kept.append(name)
     return _most(kept, history) or names[:1]
-
-
-def _largest_of_fields(panels: dict[str, list[str]], history: dict[str, np.ndarray]) -> dict[str, float]:
-    """Field -> the largest magnitude of all its panels."""
-    found: dict[str, float] = {}
-    for panel, names in panels.items():
-        field = panel.partition(".")[2]
-        found[field] = max([found.get(field, 0.0), *(_largest(history[name]) for name in names)])
-    return found
 
 
 def _probe_panels(columns: list[str]) -> dict[str, list[str]]:
@@ -218,12 +213,11 @@ def _last(time: np.ndarray) -> float:
 
 def _figure(size: tuple[int, int], title: str) -> Figure:
     figure = Figure(figsize=(size[0] / DOTS_PER_INCH, size[1] / DOTS_PER_INCH), dpi=DOTS_PER_INCH, layout="constrained")
-    FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=12)
     return figure
 
 
-def _finish(figure: Figure, panels: Any, unit: str) -> None:
+def _finish(panels: Any, unit: str) -> None:
     for axes in panels:
         axes.set_xlabel(f"time [{unit}]")
         axes.margins(x=0.0)
@@ -232,3 +226,79 @@ def _finish(figure: Figure, panels: Any, unit: str) -> None:
         axes.tick_params(labelsize=9)
         if axes.get_legend_handles_labels()[0]:
             axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")
+
+
+_SIZE, _DOTS_PER_INCH = (640, 420), 100
+
+
+def write_lines(
+    results: Results, field: str, steps: list[int], path: Path, size: tuple[int, int] | None = None, axis: int = 0
+) -> None:
+    """Draw a field at some steps into one figure, over the present coordinate `axis` of all particles: curves of a bar,
+    points of bodies in the plane and in space, where many particles have the same coordinate.
+    """
+    look = {"linewidth": 1.1} if results.dimension == 1 else {"linestyle": "none", "marker": ".", "markersize": 3.0}
+    frames = list(results.frames(steps, field))
+    labels = time_labels([frame.time for frame in frames])
+    largest = max((np.nanmax(np.abs(frame.values)) for frame in frames), default=0.0)
+    unit, label = prefixed(unit_of(field), largest)
+    farthest = max((np.abs(frame.position[:, axis]).max() for frame in frames), default=0.0)
+    length, metres = prefixed("m", float(farthest))
+    width, height = size or _SIZE
+    figure = Figure(figsize=(width / _DOTS_PER_INCH, height / _DOTS_PER_INCH), layout="constrained")
+    axes = figure.subplots()
+    for number, (frame, text) in enumerate(zip(frames, labels)):
+        place = frame.position[:, axis]
+        order = np.argsort(place)
+        colour = colormaps["viridis"](0.9 * number / max(1, len(frames) - 1))
+        axes.plot(place[order] / length, frame.values[order] / unit, color=colour, label=text, **look)
+    axes.set_xlabel(labelled("xyz"[axis], metres))
+    axes.set_ylabel(labelled(words_of(field), label))
+    axes.set_title(results.title, fontsize=12)
+    axes.grid(alpha=0.25, linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize=9, frameon=False)
+    figure.savefig(path, dpi=_DOTS_PER_INCH)
+
+
+_OF_AXES = dict(zip("xyz", ("#1f77b4", "#d95f02", "#1b9e77")))
+
+
+def pairs(tables: dict[str, Any], columns: list[str]) -> dict[str, list[tuple[str, str]]]:
+    """Boundary -> columns (displacement, force) of each axis: of boundaries that tell their force, in a region whose
+    displacement a probe has."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for boundary in tables.get("boundaries", []):
+        if not boundary.get("reaction") or boundary.get("where") is None:
+            continue
+        for probe in tables.get("probes", []):
+            if probe.get("where") == boundary["where"] and "displacement" in (probe.get("fields") or ()):
+                names = [(f"{probe['name']}.displacement_{a}", f"{boundary['name']}.force_{a}") for a in "xyz"]
+                found.setdefault(boundary["name"], [one for one in names if set(one) <= set(columns)])
+    return {name: kept for name, kept in found.items() if kept}
+
+
+def write_forces(results: Results, path: Path) -> bool:
+    """One panel a boundary; False, and no file, where there is nothing to draw."""
+    history = results.columns
+    panels = pairs(results.scene, list(history))
+    if not panels:
+        return False
+    figure = Figure(figsize=(4.6 * len(panels), 3.6), dpi=100, layout="constrained")
+    figure.suptitle(results.title, fontsize=12)
+    for axes, (name, both) in zip(np.atleast_1d(figure.subplots(1, len(panels))).ravel(), panels.items()):
+        moved, force = ([np.abs(history[one[k]]).max(initial=0.0) for one in both] for k in (0, 1))
+        (length, metres), (unit, newtons) = prefixed("m", max(moved)), prefixed("N", max(force))
+        for (along, across), size in zip(both, moved):
+            # what does not move has no curve
+            if size > 1e-9 * max(moved):
+                axis = along[-1]
+                axes.plot(history[along] / length, history[across] / unit, color=_OF_AXES[axis], label=axis.upper())
+        axes.set_title(name, fontsize=10)
+        axes.set_xlabel(f"mean displacement [{metres}]")
+        axes.set_ylabel(f"force on the body [{newtons}{results.per(name)}]")
+        axes.grid(alpha=0.25, linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")
+    figure.savefig(path, dpi=figure.dpi)
+    return True

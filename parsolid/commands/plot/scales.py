@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parsolid.observables.words import labelled, unit_of, words_of
+from parsolid.output.words import labelled, unit_of, words_of
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 _PREFIXED = ("Pa", "m", "m/s", "J", "s", "W", "N", "N m")
@@ -74,7 +74,10 @@ def scale_of(
     least, most = float(values.min()), float(values.max())
     lower, upper = limits or map(float, np.percentile(values, (1.0, 99.0)))
     signed = lower < 0.0 < upper and min(-lower, upper) > 0.1 * max(-lower, upper)
-    chosen, from_zero = _convention(name)
+    # map of a quantity, or of one of its components, and whether it starts at 0; None where it has none
+    field, _, part = name.rpartition("_")
+    whole = name if name in _COLOURS or not set(part) <= set("xyz") else field
+    chosen, from_zero = _COLOURS.get(whole, (None, None))
     if limits is None:
         if signed or from_zero is False:
             upper = max(-lower, upper)
@@ -90,13 +93,6 @@ def scale_of(
     factor, unit = prefixed(unit_of(name), max(abs(lower), abs(upper)))
     label = labelled(words_of(name), unit)
     return Scale(lower, upper, label, factor, colours or chosen or (_SIGNED if signed else _UNSIGNED), extend)
-
-
-def _convention(name: str) -> tuple[str | None, bool | None]:
-    """Map of a quantity, or of one of its components, and whether it starts at 0; None where it has none."""
-    field, _, part = name.rpartition("_")
-    whole = name if name in _COLOURS or not set(part) <= set("xyz") else field
-    return _COLOURS.get(whole, (None, None))
 
 
 def time_labels(times: list[float]) -> list[str]:

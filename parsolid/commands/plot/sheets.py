@@ -16,13 +16,44 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from PIL import Image
 
-from parsolid.commands.plot.marks import HEIGHT as MARKS
-from parsolid.commands.plot.marks import add_marks
 from parsolid.commands.plot.plane import PlaneView, draw_plane
-from parsolid.commands.plot.scales import scale_of, time_labels
+from parsolid.commands.plot.scales import prefixed, scale_of, time_labels
 from parsolid.output.results import Frame, Results
 from parsolid.particles.skins import skins_of
 from parsolid.scene import SceneError
+
+# pixels from the bottom of a picture, and its width
+MARKS, _ARROW, _RULER = 84, 26.0, 84.0
+_INK = "#303030"
+
+
+def add_marks(figure: Any, left: float, size: tuple[int, int], directions: np.ndarray, pixels: float) -> None:
+    """Draw into the lower right corner, from a place `left` [pixels] on.
+
+    size: of the picture [pixels]; directions (d, 2): of the coordinates' axes in the picture; pixels: a metre's length.
+    """
+    axes = figure.add_axes((left / size[0], 0.0, 1.0 - left / size[0], MARKS / size[1]))
+    width = size[0] - left
+    axes.set(xlim=(0.0, width), ylim=(0.0, MARKS))
+    axes.set_axis_off()
+    middle = np.array([0.4 * width, 0.56 * MARKS])
+    for name, direction in zip("xyz", directions):
+        tip = middle + _ARROW * direction
+        if np.hypot(*direction) < 0.15:
+            continue  # along the line of sight
+        arrow = {"arrowstyle": "-|>", "color": _INK, "linewidth": 1.1, "shrinkA": 0.0, "shrinkB": 0.0}
+        axes.annotate("", tip, middle, arrowprops=arrow)
+        place = tip + 7.0 * direction / np.hypot(*direction)
+        axes.text(*place, name, ha="center", va="center", fontsize=9, color=_INK)
+    # the largest of 1, 2 and 5 times a power of ten below a length [m]
+    most = min(_RULER, width - 8.0) / pixels
+    power = 10.0 ** np.floor(np.log10(most))
+    length = float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most * (1.0 + 1e-9)))
+    first = 0.5 * (width - length * pixels)
+    axes.plot([first, first + length * pixels], [17.0, 17.0], color=_INK, linewidth=2.0, solid_capstyle="butt")
+    unit, label = prefixed("m", length)
+    axes.text(0.5 * width, 13.0, f"{length / unit:g} {label}", ha="center", va="top", fontsize=9, color=_INK)
+
 
 DOTS_PER_INCH = 100
 # pixels: outer margin, a time label, the colour bar with its numbers, a panel of a sheet left to itself
@@ -121,7 +152,7 @@ class Sheet:
     @cached_property
     def cut(self) -> Any:
         """The `cuts.Cut`, None where bodies are whole."""
-        from parsolid.commands.plot.cuts import Cut
+        from parsolid.commands.plot.space import Cut
 
         return Cut(*self.look.cut) if self.look.cut else None
 
@@ -136,7 +167,6 @@ class Sheet:
         """A figure of the frames with these numbers."""
         size, panels = self._layout(len(numbers))
         figure = Figure(figsize=(size[0] / DOTS_PER_INCH, size[1] / DOTS_PER_INCH), dpi=DOTS_PER_INCH)
-        FigureCanvasAgg(figure)
         for number, (left, top, width, height) in zip(numbers, panels):
             axes = figure.add_axes((left / size[0], 1.0 - (top + height) / size[1], width / size[0], height / size[1]))
             self._draw(axes, number, (width, height))
@@ -144,7 +174,18 @@ class Sheet:
             figure.text(x, y, self.labels[number], ha="center", va="top", fontsize=11)
         if self.look.title:
             figure.text(0.5, 1.0 - _MARGIN / size[1], self.look.title, ha="center", va="top", fontsize=13)
-        self._add_bar(figure, size)
+        scale = self.scale
+        room = size[1] - 2 * _MARGIN - MARKS
+        height = max(40, min(room, max(240, int(0.6 * size[1]))))
+        bottom = MARKS + 0.5 * (size[1] - MARKS - height)
+        axes = figure.add_axes(((size[0] - _BAR + 10) / size[0], bottom / size[1], 16 / size[0], height / size[1]))
+        limits = Normalize(scale.lower / scale.factor, scale.upper / scale.factor)
+        colours = ScalarMappable(limits, matplotlib.colormaps[scale.colours])
+        bar = figure.colorbar(colours, cax=axes, extend=scale.extend)
+        bar.set_label(scale.label, fontsize=11)
+        bar.ax.tick_params(labelsize=10)
+        bar.locator = matplotlib.ticker.MaxNLocator(7, steps=[1, 2, 5, 10])
+        bar.update_ticks()
         add_marks(figure, size[0] - _BAR, size, self.view.directions, self.view.pixels_of_a_metre(*panels[0][2:]))
         return figure
 
@@ -205,20 +246,6 @@ class Sheet:
                 self.skins, self.volume, self.view, self.scale, pixels, self.cut, self.look.mirror
             )
         return self._renderers[pixels]
-
-    def _add_bar(self, figure: Figure, size: tuple[int, int]) -> None:
-        scale = self.scale
-        room = size[1] - 2 * _MARGIN - MARKS
-        height = max(40, min(room, max(240, int(0.6 * size[1]))))
-        bottom = MARKS + 0.5 * (size[1] - MARKS - height)
-        axes = figure.add_axes(((size[0] - _BAR + 10) / size[0], bottom / size[1], 16 / size[0], height / size[1]))
-        limits = Normalize(scale.lower / scale.factor, scale.upper / scale.factor)
-        colours = ScalarMappable(limits, matplotlib.colormaps[scale.colours])
-        bar = figure.colorbar(colours, cax=axes, extend=scale.extend)
-        bar.set_label(scale.label, fontsize=11)
-        bar.ax.tick_params(labelsize=10)
-        bar.locator = matplotlib.ticker.MaxNLocator(7, steps=[1, 2, 5, 10])
-        bar.update_ticks()
 
 
 def _mirrored(frame: Frame, axes: tuple[int, ...], cut: int | None) -> Frame:
@@ -314,6 +341,6 @@ def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
 
 
 def _pixels(figure: Figure) -> np.ndarray:
-    canvas: Any = figure.canvas
+    canvas = FigureCanvasAgg(figure)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()

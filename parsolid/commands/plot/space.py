@@ -1,16 +1,72 @@
 """Pictures of three-dimensional bodies, drawn by VTK without a display."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyvista
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLogger
+from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
 
-from parsolid.commands.plot.cuts import Cut, cut_body
 from parsolid.commands.plot.scales import Scale
 from parsolid.output.results import Frame
 from parsolid.particles.skins import Skin
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Keeps what lies on one side of a plane across an axis (above: greater coordinates), or what lies in it (None).
+
+    present: the plane stands in the present configuration, else in the reference.
+    """
+
+    axis: int
+    value: float
+    above: bool | None
+    present: bool
+
+    def keeps(self, coordinate: np.ndarray, reach: np.ndarray) -> np.ndarray:
+        """Which particles (n,) at a coordinate (n,) [m] are shown; reach (n,) [m]: of a particle beyond its middle."""
+        if self.above is None:
+            return np.abs(coordinate - self.value) <= reach
+        return coordinate >= self.value if self.above else coordinate <= self.value
+
+
+def cut_body(skin: Skin, position: np.ndarray, values: np.ndarray, coordinate: np.ndarray, cut: Cut) -> Any:
+    """The cut surface of a body in space whose lattice or mesh is known, or None where nothing is left of it.
+
+    position (n, 3) [m], values (n,), coordinate (n,) [m] along the axis of the cut.
+    """
+    places, shown = skin.points(position, linear=True), skin.points(values, linear=False)
+    along = skin.points(coordinate, linear=True)
+    grid, rows = _of_elements(skin, places) if skin.lines is None else _of_lines(skin, places)
+    grid["shown"], grid["cut"] = shown[rows], along[rows]
+    if cut.above is None:
+        left = grid.contour([cut.value], scalars="cut")
+    else:
+        surface = vtkGeometryFilter()
+        surface.SetInputData(grid.clip_scalar(scalars="cut", value=cut.value, invert=not cut.above))
+        surface.Update()
+        left = pyvista.wrap(surface.GetOutput())
+    return left if left.n_cells else None
+
+
+def _of_lines(skin: Skin, places: np.ndarray) -> tuple[Any, np.ndarray]:
+    """The grid of a lattice with points at places (p, 3) [m], and which of these each of its points is."""
+    assert skin.lines is not None
+    number = np.arange(len(places)).reshape([count for count, _ in skin.lines])
+    for axis, (_, closed) in enumerate(skin.lines):
+        if closed:
+            number = np.concatenate([number, np.take(number, [0], axis)], axis=axis)
+    return pyvista.StructuredGrid(*(places[number, k] for k in range(3))), number.ravel(order="F")
+
+
+def _of_elements(skin: Skin, places: np.ndarray) -> tuple[Any, np.ndarray]:
+    """The same of a mesh."""
+    kinds = {getattr(pyvista.CellType, kind.upper()): cells for kind, cells in skin.elements or ()}
+    return pyvista.UnstructuredGrid(kinds, np.ascontiguousarray(places)), np.arange(len(places))
+
 
 # VTK tells of every way of drawing that it tries in vain
 vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
@@ -38,7 +94,13 @@ class Camera:
         """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
         particles; upright: the vertical axis.
         """
-        self.towards = _direction(view, upright)
+        direction = np.array(_DIRECTIONS[view] if isinstance(view, str) else view, float)
+        if isinstance(view, str) and upright == 1:
+            # the named views turn with the upright axis, from Z to Y
+            direction = np.array([direction[0], direction[2], -direction[1]])
+        elif isinstance(view, str) and upright == 0:
+            direction = np.array([direction[2], direction[0], direction[1]])
+        self.towards = direction / np.linalg.norm(direction)
         up = np.eye(3)[upright]
         if abs(self.towards @ up) > 0.99:
             up = np.eye(3)[1] if upright == 2 else -np.eye(3)[2]
@@ -77,16 +139,6 @@ def _bounds(points: Any) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _direction(view: Any, upright: int) -> np.ndarray:
-    direction = np.array(_DIRECTIONS[view] if isinstance(view, str) else view, float)
-    if isinstance(view, str) and upright == 1:
-        # the named views turn with the upright axis, from Z to Y
-        direction = np.array([direction[0], direction[2], -direction[1]])
-    elif isinstance(view, str) and upright == 0:
-        direction = np.array([direction[2], direction[0], direction[1]])
-    return direction / np.linalg.norm(direction)
-
-
 class Renderer:
     """Draws frames from one camera at one size in pixels."""
 
@@ -108,10 +160,7 @@ class Renderer:
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=window, lighting="none", border=False)
         self._plotter = plotter
         plotter.background_color = "white"
-        self._light()
-
-    def _light(self) -> None:
-        """A main light from the upper left of the viewer, a weak one from the right."""
+        # a main light from the upper left of the viewer, a weak one from the right
         camera = self.camera
         upper_left, right = camera.towards + 0.6 * camera.up - 0.5 * camera.right, camera.towards + camera.right
         for direction, intensity in ((upper_left, 0.72), (right, 0.3)):
@@ -128,7 +177,16 @@ class Renderer:
         bodies = len(self.skins) // images
         for body in range(bodies):
             self._add_body(frame, [self.skins[body + image * bodies] for image in range(images)])
-        self._point(number)
+        camera, plotter = self.camera, self._plotter
+        middle = camera.middles[number]
+        distance = 2.0 * camera.depth + max(camera.span)
+        plotter.camera.position = middle + distance * camera.towards
+        plotter.camera.focal_point = middle
+        plotter.camera.up = camera.up
+        plotter.camera.parallel_projection = True
+        aspect = self.size[0] / self.size[1]
+        plotter.camera.parallel_scale = 0.5 * max(camera.span[1], camera.span[0] / aspect)
+        plotter.camera.clipping_range = (1e-3 * distance, 2.0 * distance + camera.depth)
         plotter.render()
         image = plotter.screenshot(return_img=True)
         return _reduced(image, self.size)
@@ -189,18 +247,6 @@ class Renderer:
         """Whether the faces are large enough for their edges to be told apart."""
         pixels = self.size[1] / self.camera.span[1]
         return bool(np.sqrt(mesh.area / max(mesh.n_cells, 1)) * pixels > 5.0)
-
-    def _point(self, number: int) -> None:
-        camera, plotter = self.camera, self._plotter
-        middle = camera.middles[number]
-        distance = 2.0 * camera.depth + max(camera.span)
-        plotter.camera.position = middle + distance * camera.towards
-        plotter.camera.focal_point = middle
-        plotter.camera.up = camera.up
-        plotter.camera.parallel_projection = True
-        aspect = self.size[0] / self.size[1]
-        plotter.camera.parallel_scale = 0.5 * max(camera.span[1], camera.span[0] / aspect)
-        plotter.camera.clipping_range = (1e-3 * distance, 2.0 * distance + camera.depth)
 
 
 def _reduced(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:

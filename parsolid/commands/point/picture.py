@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from parsolid.observables.words import labelled, words_of
 from parsolid.output.errors import OutputError, words
+from parsolid.output.words import labelled, words_of
 from parsolid.scene.probes import component_names
 
 
@@ -24,13 +23,19 @@ def draw(path: Path, title: str, columns: dict[str, np.ndarray]) -> None:
         if name in columns:
             panels[0, 1].plot(columns["time"], columns[name], style, linewidth=1.0, label=words_of(name))
     panels[0, 1].legend(fontsize=7)
-    _loop(panels[0, 2], columns)
+    # stress over deformation, for the component of F that moves most
+    panel = panels[0, 2]
+    names = component_names("deformation_gradient", 3)
+    moved = max(names, key=lambda name: np.ptp(columns[name]))
+    stress = moved.replace("deformation_gradient", "first_piola_kirchhoff_stress")
+    panel.plot(columns[moved], columns[stress], linewidth=1.2)
+    panel.set_xlabel(words_of(moved))
+    panel.set_ylabel(labelled(words_of(stress), "Pa"))
     _series(panels[1, 0], columns, "energy density [J/m$^3$]", ("work", "strain_energy", "dissipation", "equilibrium"))
     _branches(panels[1, 1], columns)
     _waves(panels[1, 2], columns)
     try:
-        canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(str(path))
+        figure.savefig(path)
     except OSError as error:
         raise OutputError(f"cannot write {path}: {words(error)}") from error
 
@@ -66,16 +71,6 @@ def _waves(panel: Any, columns: dict[str, Any]) -> None:
     panel.set_xlabel("time [s]")
     panel.set_ylabel("wave speed [m/s]")
     panel.legend(fontsize=7)
-
-
-def _loop(panel: Any, columns: dict[str, Any]) -> None:
-    """Stress over deformation, for the component of F that moves most."""
-    names = component_names("deformation_gradient", 3)
-    moved = max(names, key=lambda name: np.ptp(columns[name]))
-    stress = moved.replace("deformation_gradient", "first_piola_kirchhoff_stress")
-    panel.plot(columns[moved], columns[stress], linewidth=1.2)
-    panel.set_xlabel(words_of(moved))
-    panel.set_ylabel(labelled(words_of(stress), "Pa"))
 
 
 def _branches(panel: Any, columns: dict[str, Any]) -> None:

@@ -10,8 +10,7 @@ import numpy as np
 from parsolid.materials.registry import law_at_origin
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
-from parsolid.point.choice import point_law
-from parsolid.point.driver import integrate, tabulate
+from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import MaterialPoint, load_point
 
@@ -39,7 +38,16 @@ def drive_and_report(options: Any) -> dict[str, Any]:
         raise RunFailed(str(error)) from None
     columns = tabulate(law, record, np.array(point.output.directions))
     summary = summarise(point, columns, clock.perf_counter() - began)
-    write_table(directory / TABLE, columns)
+    # write columns as CSV, with 17 digits, so that reading them gives the same bits. Raises OutputError
+    path = directory / TABLE
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with open(partial, "w", encoding="utf-8") as file:
+            file.write(",".join(columns) + "\n")
+            np.savetxt(file, np.column_stack(list(columns.values())), fmt="%.17g", delimiter=",")
+        os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {words(error)}") from error
     summary["picture"] = _picture(point, columns, directory)
     write_summary(directory / SUMMARY, summary | provenance())
     if not options.quiet:
@@ -114,18 +122,6 @@ def _plastic(summary: dict[str, Any]) -> list[str]:
             f" micro-stress {stress:.6g} Pa at the end"
         )
     return lines
-
-
-def write_table(path: Path, columns: dict[str, np.ndarray]) -> None:
-    """Write columns as CSV, with 17 digits, so that reading them gives the same bits. Raises OutputError."""
-    partial = path.with_name(path.name + ".partial")
-    try:
-        with open(partial, "w", encoding="utf-8") as file:
-            file.write(",".join(columns) + "\n")
-            np.savetxt(file, np.column_stack(list(columns.values())), fmt="%.17g", delimiter=",")
-        os.replace(partial, path)
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {words(error)}") from error
 
 
 def _prepared(directory: Path, point: MaterialPoint, source: str) -> Path:

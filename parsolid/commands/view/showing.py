@@ -121,7 +121,7 @@ def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray
 
 
 def _cut_piece(sheet: Sheet, skin: Any, position: np.ndarray, values: np.ndarray, along: np.ndarray) -> Iterator[Any]:
-    from parsolid.commands.plot.cuts import cut_body
+    from parsolid.commands.plot.space import cut_body
 
     left = cut_body(skin, position, values, along, sheet.cut)
     if left is not None:

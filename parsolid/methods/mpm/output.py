@@ -14,7 +14,7 @@ from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.scene.warned import Warned
+from parsolid.scene.codes import Warned
 
 # D in cells^2 by a particle's place in its cell, of which no spline but the hat function's depends on it
 _SPREADS = {

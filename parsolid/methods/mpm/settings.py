@@ -9,11 +9,10 @@ from pydantic import Field, ValidationInfo, model_validator
 from parsolid.methods.failure_fields import DAMAGE
 from parsolid.methods.plastic_fields import FLOW_FIELDS, PLASTIC_STATE, fields_of_no_body
 from parsolid.scene.base_model import Point, Positive, dimension_of, reject
+from parsolid.scene.codes import Note
 from parsolid.scene.contact import in_contact
-from parsolid.scene.failure import QUANTITIES, faults_of_names
-from parsolid.scene.method_settings import MethodSettings
-from parsolid.scene.viscosity import ArtificialViscosity
-from parsolid.scene.warned import Note
+from parsolid.scene.method_settings import ArtificialViscosity, MethodSettings
+from parsolid.scene.plasticity import QUANTITIES, faults_of_names
 
 Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
 

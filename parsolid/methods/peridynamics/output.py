@@ -17,7 +17,7 @@ from parsolid.methods.peridynamics.tangent import instantaneous_wave_modulus
 from parsolid.methods.plastic_fields import FLOW_FIELDS
 from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, shown_flow, take_heat
 from parsolid.methods.protocol import BrokenPairs, ParticleSystem
-from parsolid.scene.warned import Note, Warned
+from parsolid.scene.codes import Note, Warned
 
 # small strain takes a turn for a strain of half its square: 1 %; that of a few particles, of crumbs say, is no matter
 _TURN, _TURNED = 0.14, 0.05

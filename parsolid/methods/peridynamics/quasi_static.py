@@ -11,7 +11,7 @@ from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.methods.peridynamics.equilibrium import Equilibrium
 from parsolid.methods.peridynamics.tangent import Settled, Work
 from parsolid.particles.declaration import Columns, Field
-from parsolid.scene.warned import Note
+from parsolid.scene.codes import Note
 from parsolid.solvers import State
 
 

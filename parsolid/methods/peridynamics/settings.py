@@ -25,13 +25,12 @@ from parsolid.scene.base_model import (
     dimension_of,
     reject,
 )
+from parsolid.scene.codes import Note
 from parsolid.scene.contact import in_contact
-from parsolid.scene.failure import faults_of_names
 from parsolid.scene.materials import HyperelasticSolid
-from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.method_settings import ArtificialViscosity, MethodSettings
+from parsolid.scene.plasticity import faults_of_names
 from parsolid.scene.shapes import Box
-from parsolid.scene.viscosity import ArtificialViscosity
-from parsolid.scene.warned import Note
 
 Share = Annotated[float, Field(ge=0, le=1)]
 

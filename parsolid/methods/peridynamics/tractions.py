@@ -27,8 +27,8 @@ from parsolid.particles.regions import selected
 from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries.surface import Pressure
 from parsolid.scene.boundaries.traction import Traction
-from parsolid.scene.space_time import SpaceTimeFunction
-from parsolid.scene.warned import Warned
+from parsolid.scene.codes import Warned
+from parsolid.scene.load_histories import SpaceTimeFunction
 from parsolid.solvers import start_vector
 
 # of a face's particles, so many give the mean of its traction

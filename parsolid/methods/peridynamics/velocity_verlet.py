@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from parsolid.methods.leapfrog import Leapfrog, drift
+from parsolid.scene.codes import Note
 from parsolid.scene.method_settings import KINETIC_OFFSET
-from parsolid.scene.warned import Note
 from parsolid.solvers import largest_eigenvalue, start_vector
 
 # leapfrog likes steps of one length: the bound of stiffness is followed in stairs

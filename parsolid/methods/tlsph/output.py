@@ -14,8 +14,8 @@ from parsolid.methods.plastic_fields import FLOW_FIELDS
 from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, shown_flow, take_heat
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
+from parsolid.scene.codes import Note
 from parsolid.scene.observed import NODAL_STRESS, NODAL_VON_MISES
-from parsolid.scene.warned import Note
 
 
 class Reports(ParticleSystem):

@@ -27,12 +27,12 @@ from parsolid.methods.tlsph.body_weights import (
 )
 from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
+from parsolid.scene.codes import Note
 from parsolid.scene.contact import of_model
-from parsolid.scene.failure import faults_of_names
 from parsolid.scene.method_settings import KINETIC_OFFSET, STAGE_CHANGE, MethodSettings
 from parsolid.scene.observed import NODAL_VON_MISES
+from parsolid.scene.plasticity import faults_of_names
 from parsolid.scene.validation_errors import NOTHING
-from parsolid.scene.warned import Note
 
 # keys of which a scene that states one has chosen its weights
 _OF_WEIGHTS = {"kernel", "smoothing", "weights"}

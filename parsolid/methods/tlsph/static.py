@@ -33,8 +33,8 @@ from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
+from parsolid.scene.codes import Note
 from parsolid.scene.method_settings import STAGE_CHANGE
-from parsolid.scene.warned import Note
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.gmres import gmres
 from parsolid.solvers.grid_levels import SOFTEST

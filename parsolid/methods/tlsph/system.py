@@ -39,10 +39,9 @@ from parsolid.particles.generated import CELL_VOLUME
 from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.particles.law_values import declare_law_values, rows_of_laws
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.contact import bodies_in_contact
+from parsolid.scene.contact import bodies_in_contact, tied_pairs
 from parsolid.scene.method_settings import STAGE_CHANGE
-from parsolid.scene.stages import settings_of_stages
-from parsolid.scene.tie import tied_pairs
+from parsolid.scene.systems import settings_of_stages
 
 # energy that the balance has the round-off of, over modulus times volume: 1e-12 of it, see `energy_check`, is four to
 # five times what one bit of J is worth in the particles' strain energy

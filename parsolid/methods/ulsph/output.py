@@ -10,7 +10,7 @@ from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
 from parsolid.methods.protocol import ParticleSystem
-from parsolid.scene.warned import Warned
+from parsolid.scene.codes import Warned
 
 
 class Reports(ParticleSystem):

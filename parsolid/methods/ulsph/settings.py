@@ -10,8 +10,8 @@ from parsolid.methods.plastic_fields import FLOW_FIELDS, flow_fields_of_no_body
 from parsolid.methods.ulsph.state import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, mismatch
-from parsolid.scene.failure import QUANTITIES, faults_of_names
 from parsolid.scene.method_settings import MethodSettings, named_observables
+from parsolid.scene.plasticity import QUANTITIES, faults_of_names
 
 # what only one kind of material has
 _KIND_OF = {

@@ -7,8 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.bodies import FilledShape
-from parsolid.scene.grading import graded_shares
+from parsolid.scene.bodies import FilledShape, graded_shares
 
 
 class Filling(Protocol):

@@ -8,6 +8,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.base_model import Detail, Name, Plane, Point, SceneModel, check_kind, kinds_of, method_of, reject
 from parsolid.scene.formulas import Formula, FormulaVector
+from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.scene.regions import Named, OnPlane
 from parsolid.scene.validation_errors import NOTHING
 
@@ -57,6 +58,12 @@ class Condition(SceneModel):
         stated = {key: getattr(self, key) for key in type(self).model_fields}
         vectors = {key: FormulaVector((one,)) if isinstance(one, Formula) else one for key, one in stated.items()}
         return {key: one for key, one in vectors.items() if isinstance(one, FormulaVector)}
+
+    @property
+    def prescribed(self) -> Any:
+        """The values in time of the only formulas, a `LoadHistory`; a `RigidMotion` of a rotation."""
+        (formulas,) = self.formulas.values()
+        return LoadHistory(formulas, self if isinstance(self, Timed) else None)
 
 
 class Reporting(SceneModel):
@@ -116,11 +123,6 @@ _WHOLE_MOTION = ("fixed", "rotation")
 def clashes(conditions: list[Any]) -> list[Detail]:
     """Faults of conditions that contradict one another: on one plane, or on one region of whose motion two say the
     same part."""
-    return _contradictions(conditions) + _said_twice(conditions)
-
-
-def _contradictions(conditions: list[Any]) -> list[Detail]:
-    """Faults of conditions on one plane that hold its temperature or a component of its motion in different ways."""
     faults: list[Detail] = []
     for i, one in enumerate(conditions):
         for j, other in enumerate(conditions[:i]):
@@ -137,6 +139,22 @@ def _contradictions(conditions: list[Any]) -> list[Detail]:
                 expected = f"a plane whose {what} boundaries.{j} ({other.kind!r}) does not hold otherwise"
                 faults.append((("boundaries", i, "plane"), expected, str(one.plane)))
                 break
+    seen = dict[tuple[str, str | None], list[int]]()
+    for i, one in enumerate(conditions):
+        if one.region_name is None or one.kind not in (*_WHOLE_MOTION, "velocity", "displacement"):
+            continue
+        there = seen.setdefault((one.region_name, one.body), [])
+        for j in there:
+            pair = one, conditions[j]
+            kinds = {which.kind for which in pair}
+            # a motion holds before "fixed", which has the components that are free in it
+            left = any(formula.free.any() for which in pair for formula in which.formulas.values())
+            twice = _differ(_prescribed(one), _prescribed(conditions[j]))
+            if twice or "rotation" in kinds or ("fixed" in kinds and not left):
+                expected = f"a region whose motion boundaries.{j} ({conditions[j].kind!r}) does not say"
+                faults.append((("boundaries", i, "where"), expected, one.region_name))
+                break
+        there.append(i)
     return faults
 
 
@@ -170,28 +188,6 @@ def _is_zero(source: Any) -> bool:
         return float(source) == 0.0
     except ValueError:
         return False
-
-
-def _said_twice(conditions: list[Any]) -> list[Detail]:
-    """Faults of conditions on one region of which one says all of its motion, or a component, and another says it
-    again."""
-    faults, seen = list[Detail](), dict[tuple[str, str | None], list[int]]()
-    for i, one in enumerate(conditions):
-        if one.region_name is None or one.kind not in (*_WHOLE_MOTION, "velocity", "displacement"):
-            continue
-        there = seen.setdefault((one.region_name, one.body), [])
-        for j in there:
-            pair = one, conditions[j]
-            kinds = {which.kind for which in pair}
-            # a motion holds before "fixed", which has the components that are free in it
-            left = any(formula.free.any() for which in pair for formula in which.formulas.values())
-            twice = _differ(_prescribed(one), _prescribed(conditions[j]))
-            if twice or "rotation" in kinds or ("fixed" in kinds and not left):
-                expected = f"a region whose motion boundaries.{j} ({conditions[j].kind!r}) does not say"
-                faults.append((("boundaries", i, "where"), expected, one.region_name))
-                break
-        there.append(i)
-    return faults
 
 
 Kind = TypeVar("Kind", bound=Condition)

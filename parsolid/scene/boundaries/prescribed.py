@@ -10,7 +10,6 @@ from parsolid.scene.formulas import Formula, FormulaVector, VectorOrFree
 from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.regions import Beside, InBall, InBox, Named, NearestTo, OnPlane, Region
-from parsolid.scene.rigid_motion import RigidMotion
 from parsolid.scene.shapes import Box, Sphere
 
 
@@ -46,11 +45,6 @@ class MotionCondition(Condition):
 
     quantity: ClassVar[Literal["velocity", "displacement"]] = "displacement"
 
-    @property
-    def prescribed(self) -> LoadHistory | RigidMotion:
-        """The values in time."""
-        raise NotImplementedError
-
 
 @boundary_kind
 class PrescribedVelocity(RegionCondition, Reporting, MotionCondition):
@@ -60,11 +54,6 @@ class PrescribedVelocity(RegionCondition, Reporting, MotionCondition):
     kind: Literal["velocity"]
     velocity: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m/s]")
 
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The velocity in time."""
-        return LoadHistory(self.velocity)
-
 
 @boundary_kind
 class PrescribedDisplacement(RegionCondition, Timed, Reporting, MotionCondition):
@@ -72,11 +61,6 @@ class PrescribedDisplacement(RegionCondition, Timed, Reporting, MotionCondition)
 
     kind: Literal["displacement"]
     displacement: VectorOrFree = Field(description="a formula in X, Y, Z, t or 'free' for each component [m]")
-
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The displacement in time."""
-        return LoadHistory(self.displacement, self)
 
 
 @boundary_kind

@@ -9,7 +9,7 @@ from parsolid.scene.base_model import Point, dimension_of, reject
 from parsolid.scene.boundaries.condition import Reporting, boundary_kind
 from parsolid.scene.boundaries.prescribed import MotionCondition, RegionCondition
 from parsolid.scene.formulas import Formula, Scalar, Vector
-from parsolid.scene.rigid_motion import RigidMotion
+from parsolid.scene.load_histories import RigidMotion
 from parsolid.scene.validation_errors import NOTHING
 
 

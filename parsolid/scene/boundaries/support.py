@@ -1,16 +1,16 @@
 """Supports: planes of symmetry, rest and antisymmetry."""
 
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from parsolid.scene.base_model import Name, Plane, reject
-from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
-from parsolid.scene.named_regions import RegionName
+from parsolid.scene.base_model import reject
+from parsolid.scene.boundaries.condition import boundary_kind
+from parsolid.scene.boundaries.surface import OnSurface
 
 
 @boundary_kind
-class Support(Condition, Reporting):
+class Support(OnSurface):
     """A support on a plane that bounds the body, or in a region with a name.
 
     fixed          no velocity
@@ -22,12 +22,7 @@ class Support(Condition, Reporting):
     particles there, "roller" and "antisymmetric" those of the body's surface there, along and across its normal.
     """
 
-    exactly_one: ClassVar = (("plane", "where"),)
-    needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["fixed", "roller", "antisymmetric"]
-    plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     mirror: bool = Field(
         True, description="particles have images beyond the plane; without them those on the plane are clamped only"
     )

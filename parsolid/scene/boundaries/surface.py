@@ -7,8 +7,8 @@ from pydantic import Field, ValidationInfo, model_validator
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Name, NotNegative, Plane, method_of, reject
 from parsolid.scene.boundaries.condition import Condition, Reporting, boundary_kind
-from parsolid.scene.formulas import FormulaVector, Scalar
-from parsolid.scene.load_histories import LoadHistory, Timed
+from parsolid.scene.formulas import Scalar
+from parsolid.scene.load_histories import Timed
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.regions import InBall, InBox, Region
 from parsolid.scene.shapes import Box, Sphere
@@ -18,7 +18,7 @@ from parsolid.scene.validation_errors import NOTHING
 class OnSurface(Condition, Reporting):
     """A condition on a body's surface: on a plane that bounds it, or in a region with a name."""
 
-    exactly_one: ClassVar = (("plane", "where"),)
+    exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = (("plane", "where"),)
     needs_bounding_plane: ClassVar[bool] = True
     plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
     where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
@@ -26,7 +26,7 @@ class OnSurface(Condition, Reporting):
 
 
 @boundary_kind
-class Pressure(Condition, Timed, Reporting):
+class Pressure(OnSurface, Timed):
     """Pressure [Pa] on a body's surface: on a plane that bounds it, in a region with a name, in a box or a ball.
 
     On a plane and in a region it is on the deformed surface, against its present normal: -p da = -p cof(F) dA. In
@@ -35,13 +35,9 @@ class Pressure(Condition, Timed, Reporting):
     """
 
     exactly_one: ClassVar = (("plane", "where", "box", "ball"),)
-    needs_bounding_plane: ClassVar[bool] = True
     kind: Literal["pressure"]
-    plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
     box: Box | None = None
     ball: Sphere | None = None
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     pressure: Scalar = Field(description="a formula in X, Y, Z, t [Pa]")
 
     @model_validator(mode="after")
@@ -61,11 +57,6 @@ class Pressure(Condition, Timed, Reporting):
         if self.ball is not None:
             return InBall(self.ball.centre, self.ball.radius)
         return super().region
-
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The pressure in time."""
-        return LoadHistory(FormulaVector((self.pressure,)), self)
 
 
 @boundary_kind

@@ -7,18 +7,22 @@ from pydantic import Field, model_validator
 
 from parsolid.scene.base_model import Name, Plane, reject
 from parsolid.scene.boundaries.condition import Condition, boundary_kind
-from parsolid.scene.formulas import FormulaVector, Scalar
-from parsolid.scene.load_histories import LoadHistory
+from parsolid.scene.formulas import Scalar
+
+
+class OnHeatedPlane(Condition):
+    """A condition on the heat of bodies at a plane."""
+
+    on_particles: ClassVar[bool] = False
+    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
+    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
 
 
 @boundary_kind
-class PrescribedTemperature(Condition):
+class PrescribedTemperature(OnHeatedPlane):
     """Temperature [K] on a plane."""
 
-    on_particles: ClassVar[bool] = False
     kind: Literal["temperature"]
-    plane: Plane = Field(description="a plane such as 'Y = 0'")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     temperature: Scalar = Field(description="a formula in X, Y, Z, t [K]")
 
     @model_validator(mode="after")
@@ -27,23 +31,10 @@ class PrescribedTemperature(Condition):
             reject((("temperature",), "an absolute temperature", self.temperature.source))
         return self
 
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The temperature in time."""
-        return LoadHistory(FormulaVector((self.temperature,)))
-
 
 @boundary_kind
-class HeatFlux(Condition):
+class HeatFlux(OnHeatedPlane):
     """Heat [W/m^2] into a body through a plane that bounds it; planes without any condition are insulated."""
 
-    on_particles: ClassVar[bool] = False
     kind: Literal["heat-flux"]
-    plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
     heat_flux: Scalar = Field(description="a formula in X, Y, Z, t [W/m^2]")
-
-    @property
-    def prescribed(self) -> LoadHistory:
-        """The heat flux in time."""
-        return LoadHistory(FormulaVector((self.heat_flux,)))
