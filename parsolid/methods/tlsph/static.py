@@ -525,7 +525,8 @@ class Static:
         curved = (end.held - start.held) * (last.change - first.change) - du * (last.force - first.force)
         work, more = 0.5 * (start.held + end.held) * du, curved / 12.0
         of_tools, more_of_tools = 0.5 * ahead * (start.power + end.power), ahead * (first.power - last.power) / 12.0
-        if self.history is None:
+        # of tangents that are not symmetric the terms depend on how closely they are solved
+        if self.history is None and not self._rubs:
             work, more = work + more, 0.0 * more
             of_tools, more_of_tools = of_tools + more_of_tools, 0.0
         all_together = [work.sum() + of_tools, lost + rubbed, more.sum() + more_of_tools]
