@@ -76,7 +76,8 @@ _SINCE_0_2 = {
 
 def present_words(folder: Path, scene: str) -> list[str]:
     """Options of a command line that state a scene in the words of a checkout."""
-    present = (folder / "parsolid" / "scene" / "renamed.py").exists()
+    sources = (folder / "parsolid" / "scene").rglob("*.py")
+    present = any('"vertices"' in path.read_text() for path in sources)
     return [word for change in _SINCE_0_2.get(scene, []) if present for word in ("--set", change)]
 
 

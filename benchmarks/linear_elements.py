@@ -3,6 +3,7 @@ strain, and motions of the law of `runs/tlsph/reference/twist_by_elements.py` wi
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -122,10 +123,10 @@ class LinearElements:
 
     def motion(
         self, density: float, v: np.ndarray, free: np.ndarray, times: np.ndarray, part: float,
-        observed: Callable[[np.ndarray], float],
+        observed: Callable[[np.ndarray], float], weight: Any = 0.0,
     ) -> dict[str, np.ndarray]:  # fmt: skip
         """Kinetic and stored energy [J] and a number observed of u (n, d), at times [s] from 0 on, of bodies with
-        velocities v (n, d) [m/s]."""
+        velocities v (n, d) [m/s] under an acceleration (d,) [m/s^2]."""
         mass, u, t = (density * self.of_nodes)[:, None], np.zeros_like(v), 0.0
         v, longest = v * free, self.largest_step(density, part)
         force, energy = self.forces(u)
@@ -134,10 +135,10 @@ class LinearElements:
             count = int(np.ceil((time - t) / longest))
             for _ in range(count):
                 step = (time - t) / count
-                v += 0.5 * step * free * force / mass
+                v += 0.5 * step * free * (force / mass + weight)
                 u += step * v
                 force, energy = self.forces(u)
-                v += 0.5 * step * free * force / mass
+                v += 0.5 * step * free * (force / mass + weight)
             t = time
             rows.append((0.5 * float(np.sum(mass * v * v)), energy, observed(u)))
         return dict(zip(("K", "W", "observed"), np.array(rows).T))

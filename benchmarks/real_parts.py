@@ -23,7 +23,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 import parsolid
 from parsolid.simulation.history import HistoryOutput
 
-E, NU = 1.0, 0.3
+E, NU, SOFT = 1.0, 0.3, 0.4999
 PULL = 1e-6
 # removed when the program ends
 FOLDER = tempfile.TemporaryDirectory()
@@ -305,9 +305,171 @@ def cook(m: int, nu: float = 1.0 / 3.0) -> Row:
     return Row(len(mesh.X), {"rise": own / exact - 1}, {"rise": other / exact - 1}, part.seconds)
 
 
+def equilibrium(mesh: Mesh, boundaries: list[dict[str, Any]], nu: float, **rest: Any) -> tuple[Any, np.ndarray, float]:
+    """The system of a part in equilibrium, displacements (n, d) in the order of the mesh, core-seconds of the run."""
+    method = {"kind": "tlsph", "integrator": "static"}
+    simulation = parsolid.Simulation(scene(mesh, boundaries, nu, method=method, **rest))
+    began = time.process_time()
+    simulation.core.run(None, [])
+    system = simulation.core.systems[0]
+    of = system.particles.owned_rows
+    return system, of("displacement")[np.argsort(of("identifier"))], time.process_time() - began
+
+
 def soft_cook(m: int) -> Row:
-    """Cook's membrane, m x m squares halved, nu .4999: the tip's rise, against elements of second order."""
-    return cook(m, 0.4999)
+    """Cook's membrane, m x m squares halved, nu .4999, in equilibrium: the tip's rise, against elements of second
+    order."""
+    mesh, exact = trapezium(m), tip_of_second_order(SOFT)
+    fixed, load = {"kind": "fixed", "plane": "X = 0"}, f"{PULL / 16}*t"
+    u, seconds = equilibrium(mesh, [fixed, {"kind": "traction", "plane": "X = 48", "traction": ["0", load]}], SOFT)[1:]
+    tip = np.argmin(np.hypot(mesh.X[:, 0] - 48, mesh.X[:, 1] - 60))
+    of_elements = cook(m, SOFT)
+    return Row(
+        len(mesh.X),
+        {"rise": u[tip, 1] / exact - 1, "rise by volumes of nodes": of_elements.own["rise"]},
+        of_elements.elements,
+        (seconds, of_elements.seconds[1]),
+    )
+
+
+def soft_torsion(m: int) -> Row:
+    """Column 1 x 2 x 1, nu .4999, in equilibrium, one end turned: torque (Saint-Venant), m spacings a side."""
+
+    def draw(occ: Any) -> None:
+        # with a node in the middle of the end that stays
+        occ.fragment([(3, occ.addBox(-0.5, 0, -0.5, 1, 2, 1))], [(0, occ.addPoint(0, 0, 0))])
+
+    mesh, angle = meshed(draw, 3, 1.0 / m), 1e-6
+    (x, y, z), u = mesh.X.T, np.full(mesh.X.shape, np.nan)
+    exact = 0.1405770 * E / (2 + 2 * SOFT) * angle / 2.0
+    u[y < 1e-9, ::2], u[np.linalg.norm(mesh.X, axis=1) < 1e-9, 1] = 0.0, 0.0
+    end = y > 2 - 1e-9
+    u[end, 0], u[end, 2] = angle * z[end], -angle * x[end]
+    boundaries = [
+        {"kind": "displacement", "plane": "Y = 0", "displacement": ["0", "free", "0"]},
+        {"kind": "displacement", "where": "middle", "displacement": ["0", "0", "0"]},
+        {"kind": "displacement", "plane": "Y = 2", "displacement": [f"{angle}*t*Z", "free", f"-{angle}*t*X"]},
+    ]
+    regions = [{"name": "middle", "formula": "X**2 + Y**2 + Z**2 < 1e-18"}]
+    system, _, seconds = equilibrium(mesh, boundaries, SOFT, regions=regions)
+
+    def torque(force: np.ndarray) -> float:
+        return float(np.sum(z[end] * force[end, 0] - x[end] * force[end, 2])) / exact - 1
+
+    rows, began = np.argsort(system.particles.owned_rows("identifier")), time.process_time()
+    elements = LinearElements(*mesh, E, SOFT)
+    K, free = elements.stiffness(), np.isnan(u)
+    of_elements = (K @ at_rest(K, free, np.zeros_like(u), np.nan_to_num(u)).ravel()).reshape(u.shape)
+    both = seconds, time.process_time() - began
+    own = torque(-system.statics.internal_force()[rows])
+    return Row(len(mesh.X), {"torque": own}, {"torque": torque(of_elements)}, both)
+
+
+def bracket(m: int) -> Row:
+    """L-bracket, arms of 1 x 3 with a fillet of .5, one end held, the other under shear, m spacings a unit length: the
+    corner's fall and the largest stress along the fillet, against elements of second order."""
+    mesh = angle(m)
+    right = {"kind": "traction", "plane": "X = 3", "traction": ["0", f"{-PULL}"]}
+    part = Static(mesh, [{"kind": "fixed", "plane": "Y = 3"}, right])
+    corner, edge = np.argmin(np.hypot(mesh.X[:, 0] - 3, mesh.X[:, 1])), fillet(mesh.X)
+    fall, peak = bracket_of_second_order()
+
+    def errors(u: np.ndarray, stress: np.ndarray) -> dict[str, float]:
+        x, y = (mesh.X[edge] - 1.5).T / 0.5
+        T = np.stack([-y, x], axis=1)
+        along = np.einsum("ni,nij,nj->n", T, stress[edge, :2, :2], T)
+        return {"fall": u[corner, 1] / fall - 1, "peak": np.abs(along).max() / peak - 1}
+
+    return Row(len(mesh.X), errors(part.displacement(), part.stress()), errors(*part.by_elements()), part.seconds)
+
+
+def fillet(X: np.ndarray) -> np.ndarray:
+    """Whether places (n, 2) are on the bracket's fillet."""
+    return (np.abs(np.hypot(*(X - 1.5).T) - 0.5) < 1e-6) & (X < 1.5 + 1e-9).all(axis=1)
+
+
+def angle(m: int) -> Mesh:
+    """The bracket."""
+
+    def draw(occ: Any) -> None:
+        places = [(0, 0), (3, 0), (3, 1), (1.5, 1), (1, 1.5), (1, 3), (0, 3)]
+        points, middle = [occ.addPoint(*place, 0) for place in places], occ.addPoint(1.5, 1.5, 0)
+        lines = [occ.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]])]
+        lines[3] = occ.addCircleArc(points[3], middle, points[4])
+        occ.addPlaneSurface([occ.addCurveLoop(lines)])
+
+    return meshed(draw, 2, 1.0 / m)
+
+
+@cache
+def bracket_of_second_order() -> tuple[float, float]:
+    """Fall of the corner, and the largest stress along the fillet, by triangles of second order of 1/32."""
+    mesh = angle(32)
+    X, cells = second_order(*mesh)
+    load = load_of_end(X, cells, 3.0, -PULL)
+    u = at_rest(quadratic_stiffness(X, cells, E, NU), np.repeat(X[:, 1:] < 3 - 1e-9, 2, axis=1), load)
+    g, on = LinearElements(*mesh, E, NU), fillet(mesh.X)
+    peak = 0.0
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        for e in np.flatnonzero(on[mesh.cells[:, a]] & on[mesh.cells[:, b]]):
+            # in the middle of the side on the fillet
+            L = np.bincount([a, b], minlength=3) / 2.0
+            slope = np.zeros((6, 3))
+            slope[range(3), range(3)] = 4.0 * L - 1.0
+            for j, (c, d) in enumerate(((0, 1), (1, 2), (2, 0))):
+                slope[3 + j, [c, d]] = 4.0 * L[d], 4.0 * L[c]
+            H = np.einsum("ni,nk->ik", u[cells[e]], slope @ g.gradient[e])
+            sigma = g.shear * (H + H.T) + g.lame * np.trace(H) * np.eye(2)
+            T = np.diff(mesh.X[mesh.cells[e, [a, b]]], axis=0)[0]
+            peak = max(peak, abs(T @ sigma @ T) / (T @ T))
+    return float(u[np.argmin(np.hypot(X[:, 0] - 3, X[:, 1])), 1]), peak
+
+
+def flag(m: int) -> Row:
+    """Turek and Hron's CSM3, m spacings across the beam: vertical displacement of A, its mean -63.607 and amplitude
+    65.160 mm, horizontal amplitude 14.305 mm, 1.0995 Hz. The linear elements have another law (neo-Hookean)."""
+
+    def draw(occ: Any) -> None:
+        occ.cut([(2, occ.addRectangle(0.2, 0.19, 0, 0.4, 0.02))], [(2, occ.addDisk(0.2, 0.2, 0, 0.05, 0.05))])
+        occ.fragment([(2, 1)], [(0, occ.addPoint(0.6, 0.2, 0))])
+
+    mesh, end, law = meshed(draw, 2, 0.02 / m), 2.2, {"youngs_modulus": 1.4e6, "poissons_ratio": 0.4}
+    tables = scene(mesh, [{"kind": "fixed", "where": "round"}], end_time=end, loads={"acceleration": ["0", "-2"]})
+    tables["regions"] = [{"name": "round", "formula": "hypot(X - 0.2, Y - 0.2) < 0.05 + 1e-9"}]
+    tables["bodies"][0]["material"] = {"kind": "saint-venant-kirchhoff", "density": 1000.0, **law}
+    tables["probes"] = [{"name": "A", "at": [0.6, 0.2], "fields": ["displacement"]}]
+    tables["output"] = {"history_interval": 2e-3, "fields_times": [], "pictures": False}
+    began = time.process_time()
+    simulation = parsolid.Simulation(tables)
+    history = HistoryOutput(simulation.core)
+    simulation.core.run(None, [history])
+    seconds = time.process_time() - began
+
+    def errors(t: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        top = np.flatnonzero((v[1:-1] > v[:-2]) & (v[1:-1] >= v[2:])) + 1
+        # the first return to rest, and the next one
+        late = [float(np.interp(0.0, *_slope(t, v, i))) for i in top[v[top] > v.min() / 2] if t[i] > 0.2]
+        found = {"mean": (v.max() + v.min()) / 2 / -0.063607 - 1, "amplitude": (v.max() - v.min()) / 2 / 0.065160 - 1}
+        return found | {"frequency": len(late) / late[-1] / 1.0995 - 1}
+
+    series = {
+        key: np.array([row[key] for row in history.rows]) for key in ("time", "A.displacement_x", "A.displacement_y")
+    }
+    own = errors(series["time"], series["A.displacement_y"])
+    own["horizontal"] = np.ptp(series["A.displacement_x"]) / 2 / 0.014305 - 1
+    A = np.argmin(np.hypot(*(mesh.X - [0.6, 0.2]).T))
+    began, times = time.process_time(), series["time"]
+    elements = LinearElements(*mesh, *law.values())
+    free = np.hypot(*(mesh.X - 0.2).T)[:, None] > 0.05 + 1e-9
+    v = np.zeros_like(mesh.X)
+    other = elements.motion(1000.0, v, free, times, 0.8, lambda u: float(u[A, 1]), np.array([0.0, -2.0]))["observed"]
+    return Row(len(mesh.X), own, errors(times, other), (seconds, time.process_time() - began))
+
+
+def _slope(t: np.ndarray, v: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
+    """Speeds around a maximum i, falling, and their times."""
+    speed = np.diff(v[i - 1 : i + 2]) / np.diff(t[i - 1 : i + 2])
+    return speed[::-1], 0.5 * (t[i - 1 : i + 1] + t[i : i + 2])[::-1]
 
 
 def trapezium(m: int) -> Mesh:
@@ -325,16 +487,21 @@ def tip_of_second_order(nu: float) -> float:
     """The rise of Cook's tip by 64 x 64 squares halved of second order."""
     mesh = trapezium(64)
     X, cells = second_order(*mesh)
-    load = np.zeros_like(X)
-    # Simpson's rule on the edges of the end
-    for row in cells:
-        for a, b, c in ((0, 1, 3), (1, 2, 4), (2, 0, 5)):
-            if (X[row[[a, b]], 0] > 48 - 1e-9).all():
-                length = abs(X[row[a], 1] - X[row[b], 1])
-                load[row[[a, b, c]], 1] += PULL / 16 * length * np.array([1, 1, 4]) / 6
+    load = load_of_end(X, cells, 48.0, PULL / 16)
     free = np.repeat((X[:, :1] > 1e-9), 2, axis=1)
     u = at_rest(quadratic_stiffness(X, cells, E, nu), free, load)
     return float(u[np.argmin(np.hypot(X[:, 0] - 48, X[:, 1] - 60)), 1])
+
+
+def load_of_end(X: np.ndarray, cells: np.ndarray, end: float, traction: float) -> np.ndarray:
+    """Loads (n, 2) of a vertical traction at x = end, by Simpson's rule on the edges."""
+    load = np.zeros_like(X)
+    for row in cells:
+        for a, b, c in ((0, 1, 3), (1, 2, 4), (2, 0, 5)):
+            if (X[row[[a, b]], 0] > end - 1e-9).all():
+                length = abs(X[row[a], 1] - X[row[b], 1])
+                load[row[[a, b, c]], 1] += traction * length * np.array([1, 1, 4]) / 6
+    return load
 
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "tlsph" / "reference"
@@ -406,6 +573,9 @@ CASES: dict[str, tuple[Callable[[int], Row], tuple[int, ...]]] = {
     "bushing": (bushing, (4, 8, 16, 32)),
     "cook": (cook, (4, 8, 16, 32)),
     "soft-cook": (soft_cook, (4, 8, 16, 32)),
+    "soft-torsion": (soft_torsion, (3, 4, 6, 8)),
+    "bracket": (bracket, (4, 8, 16, 32)),
+    "flag": (flag, (2, 4, 8)),
     "torsion": (torsion, (3, 4, 5, 6)),
     "twist": (twist, (3, 4, 5, 6)),
 }

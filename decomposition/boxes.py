@@ -41,8 +41,8 @@ class _Part(NamedTuple):
         return int(np.prod(np.subtract(self.upper, self.lower)))
 
 
-# least planes of a part between two cuts: ghosts are two planes of one neighbour
-_INNER = 2
+# planes of ghosts behind a cut: of one neighbour, so that parts between two cuts have as many at least
+GHOST_PLANES = 2
 
 
 def cut_boxes(boxes: list[BoxOfNodes], ranks: int) -> np.ndarray:
@@ -127,8 +127,8 @@ def _cut_at(boxes: list[BoxOfNodes], parts: list[_Part], axis: int, place: float
 def _allowed_cut(box: BoxOfNodes, part: _Part, k: int, wanted: int) -> int:
     """Planes below the cut of a part next to a wanted number; all or none where it cannot be cut."""
     count = part.upper[k] - part.lower[k]
-    least = box.ends[k][0] if part.lower[k] == 0 else _INNER
-    most = count - (box.ends[k][1] if part.upper[k] == box.shape[k] else _INNER)
+    least = box.ends[k][0] if part.lower[k] == 0 else GHOST_PLANES
+    most = count - (box.ends[k][1] if part.upper[k] == box.shape[k] else GHOST_PLANES)
     # the fastest axis of all, which is the last one in space, is not cut
     if wanted <= 0 or (k < 2 and least <= most and wanted < least and 2 * wanted < least):
         return 0
@@ -168,8 +168,8 @@ def with_ghosts(parts: np.ndarray, rank: int, shape: tuple[int, ...]) -> np.ndar
     """First nodes (d,) of a rank's box arrays and those after the last (2, d): two ghosts behind each cut."""
     lower, upper = parts[rank].copy()
     for k in range(2):
-        lower[k] -= 2 if lower[k] > 0 else 0
-        upper[k] += 2 if upper[k] < shape[k] else 0
+        lower[k] -= GHOST_PLANES if lower[k] > 0 else 0
+        upper[k] += GHOST_PLANES if upper[k] < shape[k] else 0
     return np.array([lower, upper])
 
 

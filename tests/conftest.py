@@ -1,13 +1,11 @@
 """Tests on any number of ranks: `pytest`, or `mpirun -n 3 python -m pytest`; a failure on one rank is one on all.
 
-On one rank all tests run, on several those in which ranks talk to each other, which `-m mpi` selects too: the ones with
-a fixture of all ranks, `comm` or `shared_path`, and without the mark `serial`. What stands on the exchanges between
-ranks runs on two or on three, what makes them on both. A test with more than two parameter sets takes every other one
-there, as the black fields of a chessboard whose sides are its parameters; in the rooms that make the exchanges the
-black ones on two ranks and the white ones on three. Each value of each parameter runs on one rank at least. All ranks
-run their tests in step. After each phase of a test they tell each other how it went, so that a test that fails on one
-rank fails on all, and rank 0 reports it. A rank that fails while the others wait for it inside the test would leave
-them waiting for ever; then, after a grace, it shows its failure and ends the whole job.
+On one rank all tests run, on several those with the mark `mpi`, which all tests have that take a fixture of all ranks,
+`comm` or `shared_path`, but those with the mark `serial`; on three ranks only those of rooms that make or compare what
+ranks exchange, and those that ask for three. All ranks run their tests in step. After each phase of a test they tell
+each other how it went, so that a test that fails on one rank fails on all, and rank 0 reports it. A rank that fails
+while the others wait for it inside the test would leave them waiting for ever; then, after a grace, it shows its
+failure and ends the whole job.
 """
 
 import faulthandler
@@ -15,7 +13,7 @@ import os
 import shutil
 import time
 import zlib
-from collections import Counter, defaultdict
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -27,7 +25,6 @@ os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "256"
 if os.path.isdir("/dev/shm") and shutil.disk_usage("/dev/shm").free > 4e9:
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", "/dev/shm")
 
-from chessboard import white_fields
 from mpi4py import MPI
 
 # before numpy, which most tests import first: no threads for linear algebra, which spin beside other tests
@@ -69,9 +66,7 @@ _step = None
 
 
 def pytest_addoption(parser):
-    parser.addoption(
-        "--long", action="store_true", help="also run tests that take minutes, and all on 2 ranks and on 3"
-    )
+    parser.addoption("--long", action="store_true", help="also run tests that take minutes, and all on 3 ranks")
 
 
 _MARKERS = (
@@ -79,7 +74,6 @@ _MARKERS = (
     "serial: runs on one rank only, for no rank talks to another in what it checks",
     "ranks(*numbers): runs on these numbers of ranks only",
     "slow: about a second of the processor or more with warm kernels; the fast set is -m 'not slow'",
-    "every_other: each parameter set takes seconds or kernels, and every other one will do; with --long all",
     "verification: against exact solutions, other codes or published results (set in verification and exact)",
     "long: takes minutes; runs only with --long",
 )
@@ -104,35 +98,15 @@ def pytest_configure(config):
 
 # rooms of which every test compares with a solution from elsewhere, and those that start whole runs
 _VERIFYING, _SLOW = ("verification", "exact"), ("verification", "end_to_end")
-# rooms that run on two ranks or on three; all others, which make the exchanges, on both; --long: all sets on both
-_NOT_ON = {
-    2: ("contact", "mixed", "mpm", "output", "pairs", "solvers", "tlsph", "ulsph"),
-    3: (
-        *("api", "boundary", "commands", "errors", "examples"),
-        *("materials", "peridynamics", "scene", "simulation", "tools"),
-    ),
-}
+# rooms that run on three ranks as well
+_ON_THREE = ("contracts", "decomposition", "output", "pairs")
 # files of many rooms first, then those that take long, and short ones last, so that all workers end together
 _LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "kernels": 2, "scene": 2}
-
-
-def pytest_ignore_collect(collection_path, config):
-    """On three ranks rooms that have nothing for them are not read, half of all files."""
-    everything = config.getoption("long")
-    named = collection_path.parent == Path(__file__).parent and collection_path.name in _NOT_ON[3]
-    return True if WORLD.size == 3 and named and not everything else None
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     """Mark what communicates and what verifies; leave out what is for another number of ranks, or long."""
-    kept, left = [], []
-    functions = defaultdict(list)
-    for item in items:
-        functions[item.path, item.originalname].append(item)
-    several = [sets for sets in functions.values() if len(sets) > 2]
-    # of one parameter each value runs on one rank, and every other one on several
-    white = {item for sets in several for item in white_fields(sets, each_value=WORLD.size == 1)}
     if hasattr(config, "workerinput"):
         _in_turn(items)
     for item in items:
@@ -143,11 +117,10 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.verification)
         if room in _SLOW or item.get_closest_marker("long"):
             item.add_marker(pytest.mark.slow)
-        small = len(functions[item.path, item.originalname]) <= 2
-        (kept if _runs(config, item) and (small or _has_its_turn(config, item, item in white)) else left).append(item)
+    left = [item for item in items if not _runs(config, item)]
     if left:
         config.hook.pytest_deselected(items=left)
-        items[:] = kept
+        items[:] = [item for item in items if item not in set(left)]
 
 
 def _room(item) -> str:
@@ -162,28 +135,13 @@ def _in_turn(items) -> None:
 
 def _runs(config, item) -> bool:
     ranks = item.get_closest_marker("ranks")
-    if ranks is not None and 3 in ranks.args and _room(item) in _NOT_ON[3]:
-        raise pytest.UsageError(f"{item.nodeid}: its room is not read on three ranks")
     if item.get_closest_marker("long") and not config.getoption("long"):
         return False
-    if ranks is not None and WORLD.size not in ranks.args:
+    if ranks is not None:
+        return WORLD.size in ranks.args
+    if WORLD.size == 3 and _room(item) not in _ON_THREE and not config.getoption("long"):
         return False
-    if ranks is None and not config.getoption("long") and _room(item) in _NOT_ON.get(WORLD.size, ()):
-        # the set on three ranks leaves out what is slow
-        return WORLD.size == 2 and all(map(item.get_closest_marker, ("mpi", "slow")))
     return WORLD.size == 1 or item.get_closest_marker("mpi") is not None
-
-
-def _has_its_turn(config, item, white: bool) -> bool:
-    """Whether a parameter set runs on this number of ranks, rather than on another or on one alone."""
-    if config.getoption("long"):
-        return True
-    if item.get_closest_marker("every_other"):
-        return not white
-    if WORLD.size not in _NOT_ON or any(map(item.get_closest_marker, ("ranks", "slow"))):
-        return True
-    makes_exchanges = not any(_room(item) in rooms for rooms in _NOT_ON.values())
-    return white == (makes_exchanges and WORLD.size == 3)
 
 
 def pytest_collection_finish(session):

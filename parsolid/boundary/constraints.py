@@ -14,6 +14,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.support import Support
+from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.schema import Scene
 
 # a direction whose part that nothing else holds is shorter than this is held already
@@ -24,7 +25,8 @@ def mirror_plane(scene: Scene, one: Support) -> MirrorPlane:
     """The plane of a support that has one."""
     assert one.plane is not None
     body = None if one.body is None else [body.name for body in scene.bodies].index(one.body)
-    return MirrorPlane(one.plane.axis, one.plane.offset, one.kind, body)
+    motion = None if one.velocity is None else LoadHistory(one.velocity)
+    return MirrorPlane(one.plane.axis, one.plane.offset, one.kind, body, motion)
 
 
 class Supports:

@@ -60,7 +60,8 @@ def fill_depths(comm: Any, contact: ContactBodies, systems: list[ParticleSystem]
             rows = np.flatnonzero(np.isin(of("body"), bodies))
             colour = own_colours(comm, system, rows, law)
             inside = np.clip((1.0 - colour - law.own_colour) / (0.5 - law.own_colour), 0.0, 1.0)
-            of("contact_depth").reshape(len(of("body")), -1)[rows, contact.columns[own][law.reach, law.planes]] = inside
+            depth = of("contact_depth").reshape(-1, system.particles.fields["contact_depth"].components)
+            depth[rows, contact.columns[own][law.reach, law.planes]] = inside
             fullest[:] = 0.0
             np.maximum.at(fullest, of("body")[rows], colour)
             fullest = maximum(comm, fullest)

@@ -36,7 +36,8 @@ class View:
 
     def sums(self, *values: np.ndarray) -> np.ndarray:
         """Volume-weighted sums of arrays over all particles; collective."""
-        mine = [np.sum(self.volume * (value.reshape(len(self.volume), -1)).sum(axis=1)) for value in values]
+        # of any number of particles, none included
+        mine = [np.sum(self.volume * value.sum(axis=tuple(range(1, value.ndim)))) for value in values]
         return self.comm.allreduce(np.array(mine))
 
 

@@ -53,7 +53,7 @@ def part_of_box(one: BoxOnRank, part: np.ndarray, bound: np.ndarray) -> Box:
     by_row = [by_memory_axis(name)[1] for name in ("gradient", "divergence")]
     own_rows = (int(first[1]), int(last[1])) if len(axes) > 2 else (0, 0)
     length, *across = by_node("length")
-    nowhere = Window(0, int(count[0]), rows * row)
+    nowhere = Window(0, int(count[0]), rows * row, int(count[0]), int(count[0]))
     return Box(
         first=one.first,
         planes=int(count[0]),

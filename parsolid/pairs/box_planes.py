@@ -14,7 +14,8 @@ has a step that is no constant.
 Arrays have one row a component: component d c + J of a tensor A in d dimensions is A_cJ. Velocity v [m/s] and position
 x [m] have all planes. Velocity gradient G [1/s], first Piola-Kirchhoff stress P [Pa] and half impedances Z [Pa s/m]
 have a window of so many planes as the forces of one plane need, which the planes take in turn: a step goes from plane
-to plane, and the windows stay in the cache. Where other ranks have planes of a box the windows are all of it.
+to plane, and the windows stay in the cache. Planes beside those of other ranks have places of their own: their forces
+wait for messages.
 
 The dissipation is that of the acoustic Riemann problem between nearest neighbours along the axes (Lee et al., eqs (74),
 (75)): with the jump u of the velocities, less what both gradients explain of it, and n along x_b - x_a the flux from b
@@ -34,16 +35,23 @@ STRESS_WINDOW, PAIR_WINDOW = 2 * REACH + 1, 2
 
 
 class Window(NamedTuple):
-    """Where the planes of a box are in an array (c, places): plane i from start + (i % planes) * nodes on."""
+    """Where the planes of a box are in an array (c, places).
 
-    start: int
+    Planes before `low` and from `high` to `planes` have places of their own, one plane after the other from `kept` on;
+    those in between take turns in `ring` planes from place 0 on.
+    """
+
+    kept: int
     planes: int
     nodes: int
+    low: int
+    high: int
+    ring: int = 1
 
     @property
     def end(self) -> int:
-        """Place after the last one."""
-        return self.start + self.planes * self.nodes
+        """Place after the last kept one."""
+        return self.kept + (self.low + self.planes - self.high) * self.nodes
 
 
 class Box(NamedTuple):
@@ -113,7 +121,9 @@ def plane_scratch(box: Box, d: int) -> PlaneScratch:
 @inlined
 def place_of(window, i):
     """Place of the first node of plane i."""
-    return window.start + (i % window.planes) * window.nodes
+    slot = i if i < window.low else window.low + i - window.high
+    kept = i < window.low or i >= window.high
+    return window.kept + slot * window.nodes if kept else i % window.ring * window.nodes
 
 
 # --- differences --------------------------------------------------------------------------------------------------
@@ -383,14 +393,14 @@ def stress_forces_in_plane(box, i, P, values, force):
 
 
 @kernel
-def dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissipation, heat):
-    """V D [N] of the own nodes of plane i, into their rows of the field, after those of plane i - 1; and what it takes
-    [W] into heat (1, n), None where nobody asks.
+def dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, directional, dissipation, heat):
+    """V D [N] of the own nodes of plane i, into their rows of the field, after those of plane i - 1 unless it is the
+    plane to `begin` with; and what it takes [W] into heat (1, n), None where nobody asks.
 
     Every node gathers the fluxes of its own pairs, so that no result depends on where a box is cut.
     """
     d, first, last, nodes, planes = len(box.axes), box.first_node, box.last_node, box.nodes, box.planes
-    if i == box.first_plane and i > 0:
+    if i == begin and i > 0:
         fluxes_across(box, scratch, i - 1, v, x, G, Z, directional)
     if i + 1 < planes:
         fluxes_across(box, scratch, i, v, x, G, Z, directional)
@@ -411,10 +421,11 @@ def dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissip
 
 
 @kernel
-def divergence_pass(box, scratch, P, v, x, G, Z, directional, force, dissipation, heat):
-    """Forces V Div P and V D [N] of the own nodes of a box whose windows have all planes, into their rows of the fields
-    (d, n), and heat (1, n) [W] or None. Z: None without dissipation; directional: see `flux_in_space`."""
-    for i in range(box.first_plane, box.last_plane):
+def divergence_pass(box, scratch, begin, end, P, v, x, G, Z, directional, force, dissipation, heat):
+    """Forces V Div P and V D [N] of the own nodes of planes begin to end - 1, which the windows keep with those around,
+    into their rows of the fields (d, n), and heat (1, n) [W] or None. Z: None without dissipation; directional: see
+    `flux_in_space`."""
+    for i in range(begin, end):
         stress_forces_in_plane(box, i, P, scratch.values, force)
         if Z is not None:
-            dissipative_forces_in_plane(box, scratch, i, v, x, G, Z, directional, dissipation, heat)
+            dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, directional, dissipation, heat)

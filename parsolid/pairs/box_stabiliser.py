@@ -66,9 +66,10 @@ class BoxStabiliser:
         motion, found = [], []
         for one in boxes:
             for link in links_of(one.parts, comm.rank, one.nodes.shape):
+                assert one.box is not None
                 of_axis = slice(one.nodes.axes[link.axis], None, d)
-                motion.append(box_transfer(one.box, link, self.motion, slice(None), 2))
-                found.append(box_transfer(one.box, link, self.found, of_axis, 2))
+                motion.append(box_transfer(one.box.motion, link, self.motion, slice(None), 2))
+                found.append(box_transfer(one.box.motion, link, self.found, of_axis, 2))
         self._exchanges = GhostExchange(comm, motion), GhostExchange(comm, found)
 
     def add_product(self, change: np.ndarray, result: np.ndarray) -> None:
@@ -101,13 +102,13 @@ class BoxStabiliser:
         """A box array with all its nodes here, (c, planes, (rows,) row)."""
         box: Any = one.box
         shape = (box.planes, box.nodes) if len(one.axes) == 2 else (box.planes, box.nodes // box.row, box.row)
-        return array[:, box.motion.start : box.motion.end].reshape(len(array), *shape)
+        return array[:, box.motion.kept : box.motion.end].reshape(len(array), *shape)
 
     @staticmethod
     def _own(one: StabilisedBox, array: np.ndarray) -> np.ndarray:
         """That of own nodes, (c, planes, nodes)."""
         box: Any = one.box
-        planes = array[:, box.motion.start : box.motion.end].reshape(len(array), box.planes, box.nodes)
+        planes = array[:, box.motion.kept : box.motion.end].reshape(len(array), box.planes, box.nodes)
         return planes[:, box.first_plane : box.last_plane, box.first_node : box.last_node]
 
     def _differences(self, one: StabilisedBox, tables: "list[Table]") -> None:

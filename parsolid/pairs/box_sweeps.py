@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.boxes import GhostExchange, Link, Transfer, links_of, with_ghosts
+from decomposition.boxes import GHOST_PLANES, GhostExchange, Link, Transfer, links_of, with_ghosts
 from parsolid.kernels import aligned_zeros, kernel
 from parsolid.pairs.box_on_rank import BoxOnRank, part_of_box
 from parsolid.pairs.box_planes import (
@@ -23,6 +23,7 @@ from parsolid.pairs.box_planes import (
     place_of,
     plane_scratch,
 )
+from parsolid.pairs.box_weights import REACH
 
 
 @kernel
@@ -46,7 +47,8 @@ class BoxSweeps:
     boxes: `Box` of each box of the scene, None where this rank has no part of it. v, x, G, P, Z: arrays of
     `box_planes`; without ghosts on this rank v and x are the fields of the particles themselves, else copies with
     ghosts (a copy of both takes 2 to 3 % of a step, ghosts within fields would make the particles of a rank no
-    contiguous range). in_turn: whether G, P and Z have only a window of planes, in which all boxes take turns.
+    contiguous range). Planes that need no ghosts may be `inner` ones, whose G, P and Z take turns in a ring of planes
+    that all boxes share; all others are `edges`, which need places of their own.
     """
 
     def __init__(
@@ -59,49 +61,73 @@ class BoxSweeps:
         in_turn: bool = False,
     ) -> None:
         """directional: whether impedances depend on the axis, see `flux_in_space`; upwind: whether anything dissipates;
-        in_turn: whether planes have their forces as soon as the planes around them have stresses, which is for ranks
-        without ghosts. Exchanges are made, so that all ranks make their sweeps together."""
+        in_turn: whether inner planes have their forces as soon as the planes around them have stresses; else there are
+        none. Exchanges are made, so that all ranks make their sweeps together."""
         d, self.directional = dimension, True if directional else None
         bounds = [with_ghosts(one.parts, comm.rank, one.nodes.shape) for one in boxes]
         own = [one.parts[comm.rank] for one in boxes]
         self.has_ghosts = any(not np.array_equal(one, whole) for one, whole in zip(own, bounds))
-        self.in_turn = in_turn and not self.has_ghosts
+        parts = [
+            None if np.any(part[0] >= part[1]) else part_of_box(one, part, bound)
+            for one, part, bound in zip(boxes, own, bounds)
+        ]
+        self._inner = {box.first: _inner_planes(box) if in_turn else (0, 0) for box in parts if box is not None}
+        in_ring = max([0, *(box.nodes for box in parts if box is not None and self.inner(box))])
+        self.in_turn = in_ring > 0
         self.boxes: list[Box | None] = []
-        places = 0
-        for one, part, bound in zip(boxes, own, bounds):
-            empty = bool(np.any(part[0] >= part[1]))
-            box = None if empty else part_of_box(one, part, bound)
+        at, of_stresses, of_pairs = 0, STRESS_WINDOW * in_ring, PAIR_WINDOW * in_ring
+        for one, box in zip(boxes, parts):
             if box is not None:
-                every = Window(places if self.has_ghosts else one.first, box.planes, box.nodes)
-                stresses, pairs = (every._replace(start=0, planes=n) for n in (STRESS_WINDOW, PAIR_WINDOW))
-                box = box._replace(motion=every)
+                motion = box.motion._replace(kept=at if self.has_ghosts else one.first)
+                stresses = pairs = motion
                 if self.in_turn:
-                    box = box._replace(stresses=stresses, pairs=pairs)
-                else:
-                    box = box._replace(stresses=every, pairs=every)
-                places += box.planes * box.nodes
+                    stresses = self._window(box, of_stresses, REACH, STRESS_WINDOW)
+                    pairs = self._window(box, of_pairs, 1, PAIR_WINDOW)
+                box = box._replace(motion=motion, stresses=stresses, pairs=pairs)
+                at, of_stresses, of_pairs = at + box.planes * box.nodes, stresses.end, pairs.end
             self.boxes.append(box)
         self.places = max([0, *(box.motion.end for box in self.here)])
-        of_pairs = max([0, *(box.pairs.end for box in self.here)])
-        self.P = aligned_zeros((d * d, max([0, *(box.stresses.end for box in self.here)])))
+        self.P = aligned_zeros((d * d, of_stresses))
         self.G = aligned_zeros((d * d, of_pairs))
         self.Z = aligned_zeros((2 * d if directional else 2, of_pairs)) if upwind else None
         self.v, self.x = np.zeros((2, d, self.places if self.has_ghosts else 0))
         self._scratch = {box.first: plane_scratch(box, d) for box in self.here}
         self._motion, self._stress = self._exchanges(comm, boxes, d)
 
+    def _window(self, box: Box, kept: int, reach: int, ring: int) -> Window:
+        """That keeps the planes that edges reach and those of ghosts, from a place on."""
+        for first, last in self.inner(box):
+            low, high = first + reach if first > 0 else 0, last - reach if last < box.planes else box.planes
+            if low < high:
+                return Window(kept, box.planes, box.nodes, low, high, ring)
+        return box.motion._replace(kept=kept)
+
+    def inner(self, box: Box) -> list[tuple[int, int]]:
+        """First plane, and the one after the last, of the inner planes of a box, if there are any."""
+        first, last = self._inner[box.first]
+        return [(first, last)] if first < last else []
+
+    def edges(self, box: Box) -> list[tuple[int, int]]:
+        """The same of its other planes, on either side."""
+        own = box.first_plane, box.last_plane
+        for first, last in self.inner(box):
+            return [(a, b) for a, b in ((own[0], first), (last, own[1])) if a < b]
+        return [own]
+
     def _exchanges(self, comm: Any, boxes: Sequence[BoxOnRank], d: int) -> tuple[GhostExchange, GhostExchange]:
         """Of v two and x one plane deep; of the columns of P along the axis two deep, of those of G and of Z one."""
         motion, stress = [], []
         for one, box in zip(boxes, self.boxes):
             for link in links_of(one.parts, comm.rank, one.nodes.shape):
+                assert box is not None
                 of_axis = slice(one.nodes.axes[link.axis], None, d)
-                motion.append(box_transfer(box, link, self.v, slice(None), 2))
-                stress.append(box_transfer(box, link, self.P, of_axis, 2))
+                motion.append(box_transfer(box.motion, link, self.v, slice(None), 2))
+                stress.append(box_transfer(box.stresses, link, self.P, of_axis, 2))
                 if self.Z is not None:
-                    motion.append(box_transfer(box, link, self.x, slice(None), 1))
-                    stress.append(box_transfer(box, link, self.G, of_axis, 1))
-                    stress.append(box_transfer(box, link, self.Z, of_axis if self.directional else slice(None), 1))
+                    of_waves = of_axis if self.directional else slice(None)
+                    motion.append(box_transfer(box.motion, link, self.x, slice(None), 1))
+                    stress.append(box_transfer(box.pairs, link, self.G, of_axis, 1))
+                    stress.append(box_transfer(box.pairs, link, self.Z, of_waves, 1))
         return GhostExchange(comm, motion), GhostExchange(comm, stress)
 
     def exchange_motion(self, velocity: np.ndarray, position: np.ndarray) -> None:
@@ -115,9 +141,12 @@ class BoxSweeps:
         self._motion.start()
         self._motion.finish()
 
-    def exchange_stress(self) -> None:
-        """Take P, G and Z of the ghosts; collective."""
+    def send_stress(self) -> None:
+        """Send P, G and Z of the edges, while inner planes are swept; collective."""
         self._stress.start()
+
+    def receive_stress(self) -> None:
+        """Take P, G and Z of the ghosts; collective."""
         self._stress.finish()
 
     @property
@@ -138,11 +167,12 @@ class BoxSweeps:
         return G
 
     def divergence(self, force: np.ndarray, dissipation: np.ndarray, heat: np.ndarray | None = None) -> None:
-        """Put the forces of the stresses and of the dissipation [N] into fields (d, n) of the particles, and what the
-        latter takes [W] into heat (1, n)."""
+        """Put the forces [N] of the stresses and of the dissipation on edges into fields (d, n) of the particles, and
+        what the latter takes [W] into heat (1, n)."""
         for box in self.here:
             arrays = self.P, self.v, self.x, self.G, self.Z
-            divergence_pass(box, self.scratch(box), *arrays, self.directional, force, dissipation, heat)
+            for planes in self.edges(box):
+                divergence_pass(box, self.scratch(box), *planes, *arrays, self.directional, force, dissipation, heat)
 
     @property
     def bytes_sent(self) -> int:
@@ -154,9 +184,21 @@ class BoxSweeps:
         return [self.G, self.P, *([] if self.Z is None else [self.Z]), *([self.v, self.x] if self.has_ghosts else [])]
 
 
-def box_transfer(box: Any, link: Link, array: np.ndarray, rows: slice, depth: int) -> Transfer:
-    """Some rows of a box array beside a cut, so many planes deep."""
-    planes = array[rows, box.motion.start : box.motion.end]
-    planes = planes.reshape(len(planes), box.planes, box.nodes)
-    inside, outside = ((slice(None), *there[depth]) for there in (link.inside, link.outside))
-    return Transfer(link.rank, planes[inside], planes[outside])
+def _inner_planes(box: Box) -> tuple[int, int]:
+    """First plane, and the one after the last, of those that need no ghosts: none where rows of a plane are cut."""
+    if box.last_node - box.first_node < box.nodes:
+        return 0, 0
+    return (
+        box.first_plane + (GHOST_PLANES if box.first_plane > 0 else 0),
+        box.last_plane - (GHOST_PLANES if box.last_plane < box.planes else 0),
+    )
+
+
+def box_transfer(window: Window, link: Link, array: np.ndarray, rows: slice, depth: int) -> Transfer:
+    """Some rows of a box array beside a cut, so many planes deep, which its window keeps."""
+    kept = array[rows, window.kept : window.end].reshape(-1, window.low + window.planes - window.high, window.nodes)
+    views = []
+    for planes, nodes in (link.inside[depth], link.outside[depth]):
+        shift = 0 if planes.stop <= window.low else window.low - window.high
+        views.append(kept[:, planes.start + shift : planes.stop + shift, nodes])
+    return Transfer(link.rank, *views)

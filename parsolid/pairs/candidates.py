@@ -64,16 +64,16 @@ def reach_of(comm: Any, metric: np.ndarray, support: float, dimension: int) -> R
 
 
 def images_near(
-    positions: np.ndarray, body: Any, owned: int, codes: Any, reach: np.ndarray
+    positions: np.ndarray, body: Any, owned: int, codes: Any, reach: np.ndarray, reference: np.ndarray | None = None
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
     """For each code of `MirrorCodes`: code, rows of owned particles within reach (d,) [m] of its planes, rows of the
-    particles that have an image there of their own, and those images (k, d) [m].
+    particles that have an image there of their own, and those images (k, d) [m]. reference: positions (n, d) [m] at the
+    start, where these are other ones.
     """
-    d = positions.shape[1]
     for code in range(len(codes.signs)):
-        near = codes.near(positions, body, code, reach)
+        near = codes.near(positions, body, code, reach, reference)
         givers = np.flatnonzero(near & ~codes.on_planes(positions, code))
-        images = positions[givers] * codes.reflections[code, :d] + codes.shifts[code, :d]
+        images = codes.images(positions[givers], (positions if reference is None else reference)[givers], code)
         yield code, np.flatnonzero(near[:owned]), givers, images
 
 

@@ -53,9 +53,14 @@ def body_motions(velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray, cod
     for code in range(0 if codes is None else len(codes.signs)):
         concerned.append(np.all([plane.concerns(np.arange(bodies)) for plane in codes.planes[code]], axis=0))
         R, T, own = codes.reflections[code, :d], codes.shifts[code, :d], filled[concerned[-1][filled]]
+        D = codes.drifts[code, :d]
         corners = np.stack((lower[own], upper[own])) * R + T
+        # images that go along with matter are as far from it as that is thick, at most
+        aside = np.where(D != R, 2.0 * (upper[own] - lower[own]), 0.0)
+        corners = np.sort(np.where(D != R, np.stack((lower[own], upper[own])), corners), axis=0)
+        corners += np.stack((-aside, aside))
         number = np.full(len(own), code + 1)
-        pieces.append((own, number, corners.min(axis=0), corners.max(axis=0), velocity[own] * R))
+        pieces.append((own, number, corners.min(axis=0), corners.max(axis=0), velocity[own] * D))
     source, code_of, low, high, speed = (np.concatenate(each) for each in zip(*pieces))
     first, second = close_boxes(low, high, far)
     owner, box = np.concatenate((first, second)), np.concatenate((second, first))

@@ -310,7 +310,7 @@ class LatticeConvolution:
             across[:, 1 + np.array(at.axis)] = images.reflections
             self.moves = (Q > 0.0).all(axis=0).astype(float)
             # of V C f and V M h, M' = Q M R
-            self.stress_signs = np.ascontiguousarray((Q[:, :, None] * across[:, None]).reshape(len(Q), -1))
+            self.stress_signs = np.ascontiguousarray((Q[:, :, None] * across[:, None]).reshape(len(Q), 4 * d))
         self.neighbours = self.over_offsets(np.ones(len(at.volume)))[:, 0] - 1.0
         whole = self.over_offsets(at.volume)
         self.at = at._replace(volumes=whole[:, 0].copy(), moments=whole[:, 1:].copy())

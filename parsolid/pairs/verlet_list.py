@@ -60,13 +60,14 @@ class VerletList:
     owned particles and mirror images, which are rows behind the ghosts, None without mirror planes; images: those rows.
     unbonded: pairs of bodies that make no pairs of particles, see `scene.contact.BodyPairs`, None where all may; set
     before `rebuild`.
+    listed_travel: how far moving planes of the codes had gone when the list was made [m].
     load: by which ranks get unlike shares of the particles, None where they get equal ones.
     builds, distributions: how often the list was made and particles were distributed; migrated: particles that this
     rank gave away; seconds: processor time of all that [s]; late: how often the list was used too long, which a smaller
     step or a wider skin cures.
 
-    It reads the fields position, velocity, body and smoothing_length, and declares listed_position. Smoothing lengths
-    change just before a rebuild only.
+    It reads the fields position, velocity, body and smoothing_length, where images are carried
+    reference_position, and declares listed_position. Smoothing lengths change just before a rebuild only.
     """
 
     inner: Pairs
@@ -112,12 +113,22 @@ class VerletList:
 
     def expires(self, time: float, next_step: float) -> bool:
         """Whether this rank wants a new list at a time [s], because this one is not safe for twice a next step [s]."""
-        allowance = Allowance(0.5 * self.skin * self.support, self.reach, time - self.built_at, 2.0 * next_step)
+        share = 0.5 * self.skin * self.support - self._used_by_planes(2.0 * next_step)
+        allowance = Allowance(share, self.reach, time - self.built_at, 2.0 * next_step)
         names = ("position", "velocity", "listed_position", "smoothing_length", "body")
         arrays = (self.particles.storage(name) for name in names)
         use = skin_use(self.particles.owned, *arrays, self.motions, allowance)
         self.late += use == LATE
         return bool(use) or time - self.built_at + 2.0 * next_step > self._far_apart
+
+    def _used_by_planes(self, ahead: float) -> float:
+        """What of the displacement that each particle of a pair may have, over the smoothing length, planes that have
+        moved take of it, also in the time ahead [s]."""
+        codes = self.codes
+        if codes is None or not codes.moving:
+            return 0.0
+        moved = np.abs(codes.travelled - self.listed_travel).max() + 0.5 * ahead * np.abs(codes.velocities).max()
+        return float(moved / self.particles.storage("smoothing_length").min(initial=np.inf))
 
     # --- making the list --------------------------------------------------------------------------------------
 
@@ -134,6 +145,8 @@ class VerletList:
             self._distribute()
         self._sort()
         self.built_at = time
+        if self.codes is not None:
+            self.listed_travel = self.codes.travelled
         particles.owned_rows("listed_position")[:] = particles.owned_rows("position")
         self._follow(self._mean_velocities(), *boxes)
         self._find_pairs()
@@ -226,7 +239,10 @@ class VerletList:
         if self.comm.size > 1:
             self.outer = self._bonded(Pairs(outer_start, ghost), body)
         if self.codes is not None:
-            mirror, images = self._find_images(positions, radius, body)
+            reference = None
+            if self.codes.carried:
+                reference = self.halo.with_ghosts(np.ascontiguousarray(particles.owned_rows("reference_position")))
+            mirror, images = self._find_images(positions, reference, radius, body)
             body = np.concatenate((body, body[images.source]))
             self.mirror, self.images = self._bonded(mirror, body), images
 
@@ -236,12 +252,14 @@ class VerletList:
             return pairs
         return pairs.where(~self.unbonded.between(body[pairs.particle], body[pairs.neighbour]))
 
-    def _find_images(self, positions: np.ndarray, radius: np.ndarray, body: np.ndarray) -> tuple[Pairs, Images]:
+    def _find_images(
+        self, positions: np.ndarray, reference: np.ndarray | None, radius: np.ndarray, body: np.ndarray
+    ) -> tuple[Pairs, Images]:
         """Pairs of owned particles with images behind mirror planes of particles at positions (rows, d), and those
-        images."""
+        images; reference: positions at the start where images are carried, else None."""
         particles, sources, codes, images = ([np.zeros(0, np.int64)] for _ in range(4))
         reach, found = np.full(positions.shape[1], self.reach * REACH_MARGIN), 0
-        for code, receivers, givers, places in images_near(positions, body, self.owned, self.codes, reach):
+        for code, receivers, givers, places in images_near(positions, body, self.owned, self.codes, reach, reference):
             start, image = self._search.across(positions[receivers], radius[receivers], places, radius[givers])
             used, number = np.unique(image, return_inverse=True)
             particles.append(np.repeat(receivers, np.diff(start)))
@@ -305,6 +323,7 @@ class VerletList:
             "load_then": self._load_then,
             "builds_since": self._builds_since,
             "shares": None if self._shares is None else self._shares.tolist(),
+            "travel": None if self.codes is None else [self.listed_travel.tolist(), self.codes.travelled.tolist()],
         }
 
     def restore(self, state: dict[str, Any], time: float) -> None:
@@ -312,6 +331,9 @@ class VerletList:
         the message "reference" is sent."""
         self.builds, self.distributions = state["builds"], state["distributions"]
         self._load_then, self._builds_since = state["load_then"], state["builds_since"]
+        if self.codes is not None:
+            self.listed_travel, travelled = map(np.array, state["travel"])
+            self.codes.put(travelled)
         if self.comm.rank == 0:
             self.late, self.migrated = state["late"], state["migrated"]
         if state["ranks"] != self.comm.size:
@@ -323,5 +345,9 @@ class VerletList:
         self.built_at = state["built_at"]
         _, boxes = self._survey(self.particles.owned_rows("listed_position"))
         self._follow(np.array(state["velocities"]), *boxes)
+        if self.codes is not None:
+            self.codes.put(self.listed_travel)
         self._find_pairs()
+        if self.codes is not None:
+            self.codes.put(travelled)
         self.particles.update("reference")

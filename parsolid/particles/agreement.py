@@ -6,13 +6,16 @@ from mpi4py import MPI
 
 from parsolid.scene.validation_errors import SceneError
 
+# faults that are told at most
+_MOST = 50
+
 
 def agree(comm: MPI.Comm, faults: Sequence[str]) -> None:
     """Raise the same SceneError on every rank when any rank has a fault (collective).
 
-    A rank passes on its first faults only, so that a fault of every particle does not flood the ranks.
+    The first ones alone are passed on, so that a fault of every particle does not flood the ranks.
     """
     if comm.allreduce(len(faults)) == 0:
         return
-    every = [fault for piece in comm.allgather(faults[:50]) for fault in piece]
-    raise SceneError(dict.fromkeys(every))
+    mine = list(dict.fromkeys(faults[:_MOST]))
+    raise SceneError(comm.allreduce(mine, lambda one, other: list(dict.fromkeys(one + other))[:_MOST]))

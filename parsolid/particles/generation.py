@@ -9,6 +9,7 @@ from mpi4py import MPI
 from decomposition.slices import Slices
 from parsolid.particles.agreement import agree
 from parsolid.particles.fillings import filling_of
+from parsolid.particles.held_twice import contradictions
 from parsolid.particles.initial_fields import meant
 from parsolid.particles.lattices.lattice import Filling
 from parsolid.particles.marks import mark_lattice
@@ -72,6 +73,7 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
     chosen = [selected(scene, one, particle_set, comm) if one.on_particles else everywhere for one in scene.boundaries]
     faults = _distant_probes(scene, particle_set, coarsest, comm) + _empty_regions(scene, particle_set, chosen, comm)
     agree(comm, faults + _not_finite(scene, particle_set, chosen, comm))
+    agree(comm, contradictions(scene, particle_set, chosen, comm))
     return particle_set
 
 

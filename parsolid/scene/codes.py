@@ -26,6 +26,10 @@ FAULTS = {
     "method": Code("what the method of the scene or body does not know", "another kind, or another method"),
     "unknown-name": Code("a body, region, field or column that is not there", "the suggested one, or declare it"),
     "repeated": Code("a name or an entry that stands twice", "rename or remove one"),
+    "contradiction": Code(
+        "conditions that hold a component of the same particles to different values",
+        "take the particles out of one of the regions, or leave the component 'free' there",
+    ),
     "touching": Code(
         "bodies that touch and that no table names, or a bond of bodies that do not touch",
         "`[[contact]]`, `[[tie]]` or `[[bond]]`, see docs/contact.md",

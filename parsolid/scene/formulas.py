@@ -74,7 +74,6 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
     if isinstance(node, ast.Compare) and len(node.ops) > 1:
         return "a chained comparison (write (a < b) & (b < c))"
     if isinstance(node, ast.Call):
-        # why a call is refused; None when it is allowed
         if not isinstance(node.func, ast.Name) or node.keywords:
             return f"the call {ast.unparse(node)!r}"
         if node.func.id not in _NAMED:

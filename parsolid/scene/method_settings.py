@@ -58,6 +58,7 @@ class MethodSettings(SceneModel):
     materials: ClassVar[tuple[str, ...]] = ()
     boundaries: ClassVar[tuple[str, ...]] = ()
     refused: ClassVar[dict[str, str]] = {}
+    planes_move: ClassVar[bool] = False
     prescribes: ClassVar[tuple[str, ...]] = ("velocity",)
     reactions: ClassVar[tuple[str, ...]] = ()
     strained: ClassVar[bool] = True

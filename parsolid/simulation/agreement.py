@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import inf, isfinite, sqrt
+from math import hypot, inf, isfinite
 from typing import Any
 
 from decomposition.reduction import MinimumAhead
@@ -88,11 +88,11 @@ class StepAgreement:
 
     def _allowed(self) -> float:
         """Step [s] that interactions allow on this rank where nothing else acts."""
-        if not any(system.bounded for system in self.systems):
+        if not self.interactions or not any(system.bounded for system in self.systems):
             return inf
-        return min([interaction.stable_step() for interaction in self.interactions], default=inf)
+        return min(interaction.stable_step() for interaction in self.interactions)
 
 
 def _combined(stable: float, allowed: float) -> float:
     """Step [s] of a motion with the squares of two frequencies added, whose steps alone are these."""
-    return stable if stable <= 0.0 or allowed == inf else stable / sqrt(1.0 + (stable / allowed) ** 2)
+    return stable if stable <= 0.0 or allowed == inf else stable / hypot(1.0, stable / allowed)

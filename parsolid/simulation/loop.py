@@ -176,8 +176,7 @@ class Simulation:
         started = len(self.stage_steps) - 1
         if started == len(self.scene.stages) or self.clock.time < self.scene.stages[started].start or result[0] < 0.0:
             return result
-        # let systems go on with the settings of the stage that begins now, and begin to agree on its first
-        # step
+        # a stage begins now, with its own settings: agree on its first step
         for system, ledger in zip(self.systems, self._ledgers):
             system.begin_stage(self.clock.time, ledger)
         self.stage_steps.append(self.clock.step)

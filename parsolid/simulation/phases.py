@@ -40,8 +40,9 @@ def of_all_ranks(comm: Any, mine: list[float], wall: float, work_processor: floa
     phases: means over ranks, "other" being what is left of the wall time; phases_by_rank: each rank's; load_imbalance:
     work of the busiest rank over the mean, work being forces and contact; communication_share: of the time in steps.
     """
-    *columns, processor = np.array(comm.allgather([*mine, work_processor])).T
-    table = np.stack(columns, axis=1)
+    every = np.empty((comm.size, len(PHASES) + 1))
+    comm.Allgather(np.array([*mine, work_processor]), every)
+    table, processor = every[:, :-1], every[:, -1]
     means = dict(zip(PHASES, table.mean(axis=0).tolist()))
     work = means["forces"] + means["contact"]
     busiest = (table[:, PHASES.index("forces")] + table[:, PHASES.index("contact")]).max()

@@ -151,7 +151,7 @@ class Restart:
         for interaction, state in zip(simulation.interactions, header["interactions"]):
             interaction.set_state(state)
         if self.allowed:
-            # count what allowed changes did to the energy of the state as energy of the start; collective
+            # what allowed changes did to the energy of the state counts as energy of the start
             jump = (
                 simulation.ledger.row(self.comm, *simulation.energies())["energy_error"] - self.header["energy_error"]
             )

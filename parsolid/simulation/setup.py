@@ -179,8 +179,7 @@ def build_systems(
         particle_set.meshes.clear()
     if restart:
         restart.apply_state(systems, orders)
-    # raise SceneError for fields that the scene names and its methods may have, but do not have with its
-    # options
+    # fields that the scene's methods may have, but not with these options
     observables = Observables(systems)
     of_methods = {name for system in scene.systems for name in system.settings.field_kinds(scene.dimension)}
     faults = [

@@ -23,8 +23,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from decomposition.halo import near_ranks
+from decomposition.plan import Exchange, Plan, swap
 from decomposition.reduction import sums
-from decomposition.timer import COMMUNICATION
 from parsolid.collective import anywhere, maximum, minimum
 
 # width of the finest cells over the mean spacing of particles: more than the horizon of a nonlocal stiffness, which is
@@ -47,46 +48,29 @@ SOFTEST = 4.0
 
 
 class SharedNodes:
-    """Sums over the ranks that have a node; box, numbers (m, d) of this rank's nodes. Collective, as are its calls."""
+    """Sums over the ranks that have a node: numbers (m, d) of this rank's nodes. Collective, as are its calls."""
 
     def __init__(self, comm: Any, numbers: np.ndarray, keys: np.ndarray) -> None:
         """keys (m,) int64: what nodes are told apart by, ascending."""
-        self.comm, d = comm, numbers.shape[1]
-        self.others: list[tuple[int, np.ndarray]] = []
-        if comm.size == 1:
-            return
-        far = np.iinfo(np.int64).max // 4
-        mine = np.concatenate((numbers.min(axis=0, initial=far), numbers.max(axis=0, initial=-far)))
-        boxes = np.array(comm.allgather(mine))
-        meets: Any = (boxes[:, :d] <= mine[d:]).all(axis=1) & (boxes[:, d:] >= mine[:d]).all(axis=1)
-        meets[comm.rank] = False
-        within = [
-            keys[((numbers >= boxes[r, :d]) & (numbers <= boxes[r, d:])).all(axis=1)] if meets[r] else None
-            for r in range(comm.size)
-        ]
-        for rank, theirs in enumerate(comm.alltoall(within)):
-            if theirs is not None:
-                both = np.intersect1d(keys, theirs, assume_unique=True)
-                if len(both):
-                    self.others.append((rank, np.searchsorted(keys, both)))
+        # those whose boxes of numbers overlap
+        ranks, boxes = near_ranks(comm, numbers.astype(float), 0.5)
+        mine = [keys[((numbers >= lower) & (numbers <= upper)).all(axis=1)] for lower, upper in boxes]
+        common = [np.intersect1d(one, theirs, assume_unique=True) for one, theirs in zip(mine, swap(comm, ranks, mine))]
+        rows = [np.searchsorted(keys, one) for one in common]
+        self.plan = Plan(comm, ranks, rows, rows)
+        self._exchanges: dict[tuple[int, ...], tuple[np.ndarray, Exchange]] = {}
 
     def sum(self, partial: np.ndarray) -> np.ndarray:
         """Whole values (m, ...) of partial ones, which it may give back; the same to the bit on all ranks."""
-        if not self.others:
+        if not self.plan.neighbours:
             return partial
-        shape, requests, parts = partial.shape[1:], [], [(self.comm.rank, np.arange(len(partial)), partial)]
-        with COMMUNICATION:
-            for rank, rows in self.others:
-                received = np.empty((len(rows), *shape))
-                requests.append(self.comm.Irecv(received, rank))
-                requests.append(self.comm.Isend(np.ascontiguousarray(partial[rows]), rank))
-                parts.append((rank, rows, received))
-            for one in requests:
-                one.Wait()
-        result = np.zeros_like(partial)
-        for _, rows, values in sorted(parts, key=lambda part: part[0]):
-            result[rows] += values
-        return result
+        if partial.shape not in self._exchanges:
+            values = np.empty(partial.shape)
+            self._exchanges[partial.shape] = values, self.plan.sum(values)
+        values, exchange = self._exchanges[partial.shape]
+        values[:] = partial
+        exchange.now()
+        return values.copy()
 
 
 class Nodes:
@@ -100,6 +84,8 @@ class Nodes:
         self.strides, self.keys = strides, keys
         self.numbers = keys[:, None] // strides % (cells + 1)
         self.shared = SharedNodes(comm, self.numbers, keys)
+        # of nodes of several ranks, so that sums over ranks count each once
+        self.once = 1.0 / self.shared.sum(np.ones((len(keys), 1)))
 
     def rows(self, numbers: np.ndarray) -> np.ndarray:
         """Rows (...) of nodes by their numbers (..., d)."""
@@ -184,8 +170,6 @@ class Level:
     def __init__(self, comm: Any, nodes: Nodes, matrix: Any, ways: int) -> None:
         self.comm, self.nodes, self.matrix, self.ways = comm, nodes, matrix, ways
         self.inverse = np.linalg.inv(_floored(nodes.shared.sum(_diagonal_blocks(matrix, ways))))
-        # of nodes of several ranks, so that sums over ranks count each once
-        self.once = 1.0 / nodes.shared.sum(np.ones((len(nodes.keys), 1)))
         largest = _MARGIN * self._largest()
         # roots of Chebyshev's polynomial on the part of eigenvalues that grids with wider cells do not find
         middle, half = 0.5 * largest * (1.0 + _SMOOTHED), 0.5 * largest * (1.0 - _SMOOTHED)
@@ -198,7 +182,7 @@ class Level:
         size = 1.0
         for _ in range(_POWER_STEPS):
             x = self._relaxed(self.matrix @ x.ravel())
-            size = float(np.sqrt(sums(self.comm, [np.vdot(x, self.once * x)])[0]))
+            size = float(np.sqrt(sums(self.comm, [np.vdot(x, self.nodes.once * x)])[0]))
             x /= max(size, np.finfo(float).tiny)
         return max(size, np.finfo(float).tiny)
 
@@ -225,7 +209,8 @@ class Coarsest:
         from scipy.linalg import cholesky
 
         self.comm, self.nodes = comm, nodes
-        keys = np.unique(np.concatenate(comm.allgather(nodes.keys)))
+        # they are few, and so are what ranks pass on to each other
+        keys = comm.allreduce(nodes.keys, np.union1d)
         rows = np.searchsorted(keys, nodes.keys)
         self.places = (rows[:, None] * ways + np.arange(ways)).ravel()
         whole = np.zeros((len(keys) * ways,) * 2)
@@ -289,7 +274,7 @@ class GridLevels:
             matrix = (matrix + self.prolongation.T @ self.prolongation.multiply(of_components[:, None])).tocsr()
         self.levels: list[Level] = []
         nodes = self.nodes
-        while sums(self.comm, [float(len(nodes.keys))])[0] > most_nodes and (nodes.cells > 1).any():
+        while round(sums(self.comm, [nodes.once.sum()])[0]) > most_nodes and (nodes.cells > 1).any():
             level = Level(self.comm, nodes, matrix, self.ways)
             nodes, level.from_coarser = _coarser(self.comm, nodes, self.ways)
             matrix = (level.from_coarser.T @ matrix @ level.from_coarser).tocsr()

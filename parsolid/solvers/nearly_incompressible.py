@@ -39,9 +39,8 @@ class NearlyIncompressible:
         places = np.arange(len(coarsest.places)), coarsest.places
         numbered = sparse.coo_array((np.ones(len(coarsest.places)), places), (len(coarsest.places), size))
         onto = shear.prolongation @ numbered.tocsr()
-        mine = (D @ sparse.diags_array(1.0 / shear.diagonal.ravel()) @ D.T).tocsr(), (D @ onto).tocsr()
-        parts = self.comm.allgather(mine)
-        both, coupling = (sum(part[k] for part in parts[1:]) + parts[0][k] for k in (0, 1))
+        both = self.comm.allreduce((D @ sparse.diags_array(1.0 / shear.diagonal.ravel()) @ D.T).tocsr())
+        coupling = self.comm.allreduce((D @ onto).tocsr())
         whole = [[both + sparse.diags_array(compliance), coupling], [coupling.T, -sparse.csr_array(coarsest.matrix)]]
         matrix = sparse.block_array(whole, format="csc")
         # every order of elimination is stable, so that pivots need not be sought

@@ -17,6 +17,8 @@ _FIRST, _MOST, _LAST = 0.05, 0.05, 0.5
 _GAMMA = 0.9
 # corrections, and halvings of one of them
 _CORRECTIONS, _HALVINGS = 40, 10
+# what may grow of what is not balanced in a step towards a saddle
+_UPHILL = 10.0
 # of the decrease that the slope promises, what a step must reach
 _ARMIJO = 1e-4
 
@@ -24,7 +26,8 @@ _ARMIJO = 1e-4
 class State(NamedTuple):
     """A displacement (n, d) [m]; residual (n, d) [N]: forces there on free components, 0 elsewhere, and norm, their
     2-norm over all ranks; energy [J] of which they are the negative gradient, nan where there is none; rounding: of its
-    differences [J]; sound: whether the body is still a solid."""
+    differences [J]; sound: whether the body is still a solid; saddle: whether what is sought is neither least nor
+    largest, so that steps go no way down."""
 
     displacement: np.ndarray
     residual: np.ndarray
@@ -32,6 +35,7 @@ class State(NamedTuple):
     energy: float
     rounding: float
     sound: bool
+    saddle: bool = False
 
 
 class Unsolvable(Exception):
@@ -90,7 +94,7 @@ def newton(problem: Problem, start: State, target: float, limit: int = _CORRECTI
         except Unsolvable as why:
             return Found(state, str(why), count)
         slope = -float(sums(problem.comm, [np.vdot(state.residual, step)])[0])
-        if slope >= 0.0:
+        if slope >= 0.0 and not state.saddle:
             # not a way down, or no step at all where the first direction has no positive stiffness
             step = problem.precondition(state.residual)
             slope = -float(sums(problem.comm, [np.vdot(state.residual, step)])[0])
@@ -122,7 +126,7 @@ def _shortened(problem: Problem, state: State, step: np.ndarray, slope: float) -
 def _accepted(problem: Problem, state: State, trial: State, step: np.ndarray, part: float, slope: float) -> bool:
     """Whether a trial is better: in differences of energies that are rounding its own slope counts (W. W. Hager, H.
     Zhang, SIAM J. Optim. 16 (2005) 170)."""
-    if trial.norm <= 0.5 * state.norm:
+    if trial.norm <= (_UPHILL if state.saddle else 0.5) * state.norm:
         return True
     if not np.isfinite(state.energy):
         return bool(trial.norm < (1.0 - _ARMIJO * part) * state.norm)

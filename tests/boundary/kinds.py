@@ -3,7 +3,7 @@
 import copy
 
 import numpy as np
-from points import COPPER, scene
+from mpm.points import COPPER, scene
 from solids import SOFT, tables
 
 from parsolid.particles.container import Particles
@@ -29,7 +29,7 @@ KINDS = {
 }
 MOVING = [
     {"kind": "velocity", "plane": "X = 1", "velocity": ["X + Y*t", "free"]},
-    {"kind": "velocity", "box": {"lower": [0.9, 0.0], "upper": [1.0, 0.3]}, "velocity": ["Y", "2"]},
+    {"kind": "velocity", "box": {"lower": [0.9, 0.1], "upper": [1.0, 0.3]}, "velocity": ["Y*t + X", "2"]},
     {"kind": "velocity", "point": [0.1, 0.1], "velocity": ["free", "t"]},
     {"kind": "traction", "plane": "X = 0", "traction": ["1 + Y", 0.0]},
     {"kind": "traction", "plane": "Y = 1", "traction": [0.0, "X*t"]},

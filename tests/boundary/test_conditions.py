@@ -173,10 +173,10 @@ def test_loads_and_motion_stay_with_their_particles(comm):
         assert np.array_equal(*masks)
 
 
-def test_the_last_motion_holds_and_velocities_are_integrated_by_simpsons_rule():
+def test_velocities_are_integrated_by_simpsons_rule_beside_displacements():
     data = tables_of(
         "peridynamics",
-        {"kind": "velocity", "plane": "X = 1", "velocity": ["1 + X*t**3", "free"]},
+        {"kind": "velocity", "box": {"lower": [0.9, 0.2], "upper": [1.0, 1.0]}, "velocity": ["1 + X*t**3", "free"]},
         {"kind": "displacement", "box": {"lower": [0.9, 0.0], "upper": [1.0, 0.3]}, "displacement": ["free", "Y*t"]},
         {"kind": "displacement", "box": {"lower": [0.9, 0.0], "upper": [1.0, 0.2]}, "displacement": ["2", "free"]},
     )

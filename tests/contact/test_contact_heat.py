@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from meeting import BONDS, SOFT, SPH, block, simulated, tables
+from contact.meeting import BONDS, SOFT, SPH, block, simulated, tables
 from mpi4py import MPI
 from solids import COPPER as SHOCKED_COPPER
 from solids import Record

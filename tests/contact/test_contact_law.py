@@ -3,7 +3,7 @@ where they overlap, and no friction of a motion that they share."""
 
 import numpy as np
 import pytest
-from meeting import MODULUS, bars, block, discs, simulated, tables, whole
+from contact.meeting import MODULUS, bars, block, discs, simulated, tables, whole
 
 from parsolid.collective import SolverError
 

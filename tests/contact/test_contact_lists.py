@@ -4,7 +4,7 @@ import time
 import tracemalloc
 
 import numpy as np
-from meeting import SPEED, block, simulated, tables
+from contact.meeting import SPEED, block, simulated, tables
 from mpi4py import MPI
 
 from parsolid.contact.friction import gap_correction

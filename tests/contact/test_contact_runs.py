@@ -2,16 +2,11 @@
 
 import numpy as np
 import pytest
-from meeting import SOFT, SPEED, bars, block, discs, momenta, simulated, tables
+from contact.meeting import SOFT, SPEED, bars, block, discs, momenta, simulated, tables
 from mpi4py import MPI
-from solids import Record, assert_same_fields, run_into
+from solids import Record
 
-from parsolid.methods.tlsph.system import TotalLagrangianSPH
-from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits
-from parsolid.simulation.restart import Restart
-
-STATE = ("position", "velocity", "contact_force")
 
 
 def run(sim, steps=None, more=None) -> dict:
@@ -79,24 +74,6 @@ def test_momenta_are_kept_with_friction_and_its_dissipation_never_negative(comm)
     assert np.abs(columns["energy_error"]).max() < 1e-3 * start
 
 
-def far_apart() -> dict:
-    """Four blocks in a row, of which the first is moved onto the last: their ranks are no neighbours at first."""
-    row = [block(name, (2.0 * i, 0.0), (2.0 * i + 1.0, 0.5), (7, 4)) for i, name in enumerate("abcd")]
-    row[0] |= {"displacement": ["6.1", "0.51"], "velocity": [0.02 * SPEED, -0.1 * SPEED]}
-    return tables(*row, contact=[{"bodies": list("abcd"), "friction": 0.3}])
-
-
-@pytest.mark.parametrize("data", [discs(friction=0.4), far_apart()], ids=["discs", "far apart"])
-def test_ranks_do_not_matter(comm, data):
-    sims = [simulated(data, one) for one in (comm, MPI.COMM_SELF)]
-    rows = [run(sim, 25) for sim in sims]
-    assert rows[0]["contact_energy"][-1] > 1e-3 * rows[0]["kinetic"][0]
-    for name, values in rows[1].items():
-        scale = values.max() if name == "time" else rows[1]["kinetic"][0]
-        np.testing.assert_allclose(rows[0][name], values, rtol=0.0, atol=1e-12 * scale, err_msg=name)
-    assert_same_fields(*sims, STATE, 1e-11)
-
-
 @pytest.mark.ranks(2)
 def test_contact_looks_ahead_from_the_step_on_which_ranks_agree(comm):
     left = block("left", (-1.125, 0.1), (-0.125, 0.6), (16, 8), "cells", velocity=[0.4 * SPEED, 0.1 * SPEED])
@@ -104,25 +81,3 @@ def test_contact_looks_ahead_from_the_step_on_which_ranks_agree(comm):
     found, wanted = (run(simulated(data, one), 25) for one in (comm, MPI.COMM_SELF))
     assert wanted["contact_energy"][-1] > 1e-3 * wanted["kinetic"][0]
     np.testing.assert_allclose(found["time"], wanted["time"], rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "data, steps, placements",
-    [(discs(friction=0.4), 10, 0), (discs(friction=0.4), 18, None), (far_apart(), 4, 0)],
-    ids=["few lists", "lists in every step", "steps that closing bounds"],
-)
-def test_a_restart_in_the_middle_of_stick_has_the_same_bits(comm, shared_path, monkeypatch, data, steps, placements):
-    # None: as of a method whose particles may change their rows in any step
-    monkeypatch.setattr(TotalLagrangianSPH, "placements", placements)
-    scene = parse_scene(data | {"end_time": 2.0 / SPEED, "output": {"fields_times": []}})
-    whole = run_into(shared_path / "whole", comm, scene).simulation
-    stopped = run_into(shared_path / "pieces", comm, scene, steps=steps).simulation
-    stick = stopped.systems[0].particles.owned_rows("contact_stick")
-    assert comm.allreduce(float(np.abs(stick).max(initial=0.0)), MPI.MAX) > 0.0
-    file = shared_path / "pieces" / "checkpoint.h5"
-    restart = Restart(comm, file)
-    again = run_into(shared_path / "pieces", comm, scene, restart=restart).simulation
-    assert whole.clock.step == again.clock.step > 25
-    for name, values in whole.systems[0].particles.checkpointed().items():
-        assert values.tobytes() == again.systems[0].particles.checkpointed()[name].tobytes(), name
-    assert np.array_equal(whole.ledger.values, again.ledger.values)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meeting import BONDS, MODULUS, SPH, bars, block, simulated, tables
+from contact.meeting import BONDS, MODULUS, SPH, bars, block, simulated, tables
 from mpi4py import MPI
 from solids import Record
 

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from solids import LINEAR_COPPER, Record, late_impulse, run_into
+from solids import LINEAR_COPPER, Record, late_impulse
 
 from parsolid.scene import parse_scene
-from parsolid.scene.observation import stored_energy
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.restart import Restart
 
 FAILURE = {"criteria": [{"kind": "plastic-strain", "strain": 0.15}], "after": "delete"}
 METHODS = {"mpm": {"kind": "mpm", "cell": 1e-3}, "ulsph": {"kind": "ulsph"}}
@@ -70,16 +67,6 @@ def test_contact_lets_go_of_what_is_deleted(comm, method):
         of = system.particles.owned_rows
         if "deleted_mass" in system.particles:
             assert not of("contact_force")[of("deleted_mass") > 0.0].any()
-    alone = followed(hammered(method), MPI.COMM_SELF)[1]
-    for name in (
-        "kinetic",
-        stored_energy(rows),
-        "contact_energy",
-        "deleted_internal_energy",
-        "deleted_kinetic",
-        "energy_error",
-    ):
-        np.testing.assert_allclose(rows[name], alone[name], rtol=0.0, atol=1e-9 * energy, err_msg=name)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -91,23 +78,3 @@ def test_ties_end_where_particles_are_deleted(comm, method):
     assert np.abs(momentum - momentum[0]).max() < 1e-11 * np.abs(momentum).max()
     # what has next to no mass is on no spring, which would make steps short
     assert np.diff(rows["time"])[1:-2].min() > 0.2 * np.diff(rows["time"]).max()
-    alone = followed(torn(method), MPI.COMM_SELF)[1]
-    for name in ("kinetic", stored_energy(rows), "tie_energy", "deleted_internal_energy", "energy_error"):
-        np.testing.assert_allclose(rows[name], alone[name], rtol=0.0, atol=1e-9 * energy, err_msg=name)
-
-
-@pytest.mark.parametrize(("case", "method"), [(hammered, "mpm"), (hammered, "ulsph"), (torn, "mpm")])
-def test_a_restart_amid_deletion_has_the_same_bits(comm, shared_path, case, method):
-    scene = parse_scene(case(method))
-    deleted = np.diff(followed(case(method), MPI.COMM_SELF)[1]["deleted"])
-    whole = run_into(shared_path / "whole", comm, scene).simulation
-    # as particles have just been deleted, of which contact has not heard
-    steps = 2 + int(np.flatnonzero(deleted > 0.0)[1])
-    run_into(shared_path / "pieces", comm, scene, steps=steps)
-    restart = Restart(comm, shared_path / "pieces" / "checkpoint.h5")
-    again = run_into(shared_path / "pieces", comm, scene, restart=restart).simulation
-    assert np.array_equal(whole.ledger.values, again.ledger.values)
-    for found, wanted in zip(again.systems, whole.systems):
-        kept = wanted.particles.checkpointed()
-        for name, values in found.particles.checkpointed().items():
-            assert values.tobytes() == kept[name].tobytes(), name

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from meeting import BONDS, discs
+from contact.meeting import BONDS, discs
 from mpi4py import MPI
 from solids import Record
 

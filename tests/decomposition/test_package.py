@@ -1,7 +1,9 @@
 """The package as a whole: cheap to import, alone, the same bits every time."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,8 @@ from decomposition.halo import Halo
 from decomposition.migration import migrate
 from decomposition.pair_search import half_pairs
 
+PAGE = Path(__file__).parents[2] / "docs" / "decomposition.md"
+
 
 @pytest.mark.serial
 def test_import_is_cheap_and_alone():
@@ -21,6 +25,20 @@ def test_import_is_cheap_and_alone():
     code = f"import sys, {names}; "
     code += "print([n for n in sys.modules if n.startswith('parsolid')])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+def test_the_program_of_the_page_is_the_same_on_any_ranks(comm):
+    """Beside all points at once, by a matrix of their distances."""
+    found: dict = {}
+    exec(re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL).group(1), found)
+    points = np.random.default_rng(1).random((1000, 3))
+    near = np.linalg.norm(points[:, None] - points, axis=2) < found["reach"]
+    heat = (points[:, 0] < 0.5).astype(float)
+    for _ in range(50):
+        heat += 0.005 * (near @ heat - near.sum(axis=1) * heat)
+    assert found["kept"] == pytest.approx(found["total"], rel=1e-12)
+    assert found["total"] == (points[:, 0] < 0.5).sum()
+    assert found["spread"] == pytest.approx(heat @ points[:, 0], rel=1e-12)
 
 
 def test_the_same_input_gives_the_same_order(comm):

@@ -3,12 +3,10 @@ through a restart, with its energies."""
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from solids import LINEAR_COPPER, assert_same_fields, gathered, run_into, run_steps, supports, tables
+from solids import LINEAR_COPPER, gathered, run_steps, supports, tables
 
 from parsolid.observables.declared import Observables
 from parsolid.scene import SceneError, parse_scene
-from parsolid.simulation.restart import Restart
 
 TURNING = LINEAR_COPPER | {
     "flow_stress": {"kind": "linear-hardening", "yield_stress": 200e6},
@@ -44,14 +42,11 @@ def swinging(kind, material=TURNING, **tables_besides):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("kind", METHODS)
-def test_the_same_on_all_ranks_and_flow_only_dissipates(kind, law, comm):
+def test_flow_only_dissipates(kind, law):
     material, field, least = LAWS[law]
     data = swinging(kind, material)
-    (spread, many), (single, one) = run_steps(data, 80, comm), run_steps(data, 80, MPI.COMM_SELF)
+    single, one = run_steps(data, 80)
     energy = one["kinetic"][0]
-    for name, values in one.items():
-        np.testing.assert_allclose(many[name], values, rtol=0.0, atol=1e-10 * energy, err_msg=name)
-    assert_same_fields(spread, single, ("plastic_strain", field), 1e-9)
     assert np.abs(gathered(single, field)[0]).max() > least
     # a back stress stores a part of the work, and gives it back as the flow turns
     work, stored = one["plastic_work"], one.get("back_stress_energy", np.zeros(1))
@@ -83,18 +78,6 @@ def test_probes_of_flow_are_for_bodies_that_have_it(kind):
             else:
                 with pytest.raises(SceneError, match=r"probes\.0\.fields\.0"):
                     parse_scene(swinging(kind, material, probes=probes))
-
-
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("kind", METHODS)
-def test_a_restart_in_the_flow_has_the_same_bits(kind, law, shared_path, comm):
-    scene = parse_scene(swinging(kind, LAWS[law][0], output={"checkpoint_steps": 20}))
-    through = run_into(shared_path / "through", comm, scene, 40)
-    run_into(shared_path / "first", comm, scene, 20)
-    resumed = run_into(shared_path / "first", comm, scene, 20, Restart(comm, shared_path / "first" / "checkpoint.h5"))
-    for name, values in through.simulation.systems[0].particles.checkpointed().items():
-        assert np.array_equal(resumed.simulation.systems[0].particles.owned_rows(name), values), name
-    assert np.abs(gathered(through.simulation, LAWS[law][1])[0]).max() > 0.2 * LAWS[law][2]
 
 
 @pytest.mark.parametrize("law", LAWS)

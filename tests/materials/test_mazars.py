@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from materials.deformations import arguments, assert_derived_from_energy, deformations, stress
 from scipy.optimize import brentq
-from solids import assert_same_fields, gathered, run_steps, run_through_and_in_two
 
 from parsolid.materials import registry
 from parsolid.materials.hyperelastic import functions as of
@@ -145,21 +144,6 @@ def test_bands_that_snap_back_and_points_without_a_band_are_refused(comm):
     with pytest.raises(SceneError, match=r"method\.stabilisation\.kind"):
         scene({"kind": "peridynamics"})
     assert registry.law_of(scene().bodies[0].material).damage == 0.0
-
-
-@pytest.mark.parametrize(
-    "kind", ["tlsph", pytest.param("mpm", marks=pytest.mark.slow), pytest.param("peridynamics", marks=pytest.mark.slow)]
-)
-def test_ranks_and_a_restart_amid_damage(kind, shared_path, comm):
-    data = tables(METHODS[kind]) | {"output": {"checkpoint_steps": 12}}
-    data["bodies"][0] |= {"particles": [9, 9], "jitter": 0.1, "velocity": ["1.5*sin(40*X)", "-0.7*Y"]}
-    through, resumed = run_through_and_in_two(shared_path, comm, parse_scene(data), 12, 24)
-    for name, values in through.simulation.systems[0].particles.checkpointed().items():
-        assert np.array_equal(resumed.simulation.systems[0].particles.owned_rows(name), values), name
-    assert 0.1 < gathered(resumed.simulation, "damage")[0].max() < 0.999
-    (spread, _), (alone, ledger) = run_steps(data, 24, comm), run_steps(data, 24)
-    assert_same_fields(spread, alone, ("damage", "position", "velocity"), 1e-9)
-    assert 0.0 <= np.diff(ledger["softening_dissipation"]).min() < ledger["softening_dissipation"][-1]
 
 
 @pytest.mark.slow

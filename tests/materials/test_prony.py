@@ -121,7 +121,6 @@ def test_a_jump_leaves_nothing_dissipated_and_an_infinitely_slow_step_all_relaxe
     assert a == 0.0 and A == pytest.approx(1e-12)
 
 
-@pytest.mark.every_other
 def test_the_stress_is_the_derivative_of_the_energy_in_a_jump(law, state):
     start = Point(law, state).advance(0.1 * direction_of(state), 0.4)
     history = start.strain, start.branches
@@ -140,7 +139,6 @@ def test_the_stress_is_the_derivative_of_the_energy_in_a_jump(law, state):
     assert after(at).dissipation == 0.0
 
 
-@pytest.mark.every_other
 def test_nothing_pulls_along_free_directions(law, state):
     point = Point(law, state)
     for step in (0.0, 0.1, 2.0, 50.0):
@@ -156,7 +154,6 @@ def test_nothing_pulls_along_free_directions(law, state):
             assert abs(pull) <= 1e-13 * law.bulk_modulus * np.abs(point.strain).max()
 
 
-@pytest.mark.every_other
 def test_work_is_stored_or_dissipated(law, state):
     # strain is linear over the whole step, or where a lateral strain follows, nearly so over short ones
     points, gauss = np.polynomial.legendre.leggauss(16)
@@ -247,7 +244,6 @@ def test_an_elastic_bulk_gives_back_the_relaxation_of_youngs_modulus(conversion,
     assert point.stress[0] == pytest.approx(expected, rel=1e-5 if instantaneous else 2e-2)
 
 
-@pytest.mark.every_other
 def test_wave_moduli_are_the_stiffness_of_a_jump(law, state):
     sigma = Point(law, state).advance(np.eye(6)[0], 0.0).stress
     assert prony.pressure_wave_modulus(law) == pytest.approx(sigma[0], rel=1e-13)

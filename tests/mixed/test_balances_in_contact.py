@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bodies_apart import RUBBER
+from mixed.bodies_apart import RUBBER
 from mpi4py import MPI
-from solids import Record, run_into
+from solids import Record
 
 from parsolid.collective import SolverError
 from parsolid.contact import time_step
@@ -12,7 +12,6 @@ from parsolid.methods.mpm.external_forces import power, power_at_end
 from parsolid.scene import parse_scene
 from parsolid.scene.observation import stored_energy
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.restart import Restart
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
 POINTS = {"kind": "mpm", "cell": 2e-3}
@@ -149,44 +148,6 @@ def test_bonds_that_close_as_fast_as_waves_begin_to_press_gently(gap):
     pressed = found["contact_energy"][found["contact_energy"] > 0.0]
     assert pressed[0] < 2e-4 * found["kinetic"][0] and pressed.max() > 0.05 * found["kinetic"][0]
     assert np.abs(found["energy_error"]).max() < 1e-3 * found["kinetic"][0]
-
-
-@pytest.mark.parametrize(
-    ("method", "law", "gap", "speed"),
-    [
-        (LEAPFROG, RUBBER, 1.4e-3, 120.0),
-        (LEAPFROG, RUBBER, 3e-3, 120.0),
-        (BONDS, LINEAR, 3e-3, 60.0),
-        (BONDS, LINEAR, 3e-3, 120.0),
-    ],
-    ids=["in sight", "leapfrog", "peridynamics", "peridynamics, faster"],
-)
-def test_a_restart_before_bodies_that_close_fast_touch_has_the_same_bits(method, law, gap, speed, tmp_path):
-    """Nor does it matter when lists were made of bodies that are not in sight of one another yet."""
-    data = apart(gap, speed) | {"method": method, "output": {"history_steps": 1, "fields_times": []}}
-    for body in data["bodies"]:
-        body["material"] = law
-    scene, comm = parse_scene(data), MPI.COMM_SELF
-    whole = run_into(tmp_path / "whole", comm, scene, steps=20).simulation
-    assert whole.interactions[0].energy > 0.0
-    for stopped in range(1, 6):
-        part, again = tmp_path / f"part{stopped}", tmp_path / f"again{stopped}"
-        run_into(part, comm, scene, steps=stopped)
-        restart = Restart(comm, part / "checkpoint.h5")
-        gone_on = run_into(again, comm, scene, steps=20 - stopped, restart=restart).simulation
-        assert gone_on.clock.time == whole.clock.time and gone_on.energy_row() == whole.energy_row()
-
-
-@pytest.mark.parametrize("method", [POINTS, {"kind": "ulsph"}], ids=["mpm", "ulsph"])
-def test_a_restart_while_bodies_close_fast_has_the_same_bits(method, tmp_path):
-    """What contact allows of the step after the next one follows from how fast they closed in the last."""
-    more = {"output": {"history_steps": 1, "fields_times": []}}
-    scene, comm = parse_scene(blocks(method, 800.0, 2e-6) | more), MPI.COMM_SELF
-    whole = run_into(tmp_path / "whole", comm, scene, steps=12).simulation
-    run_into(tmp_path / "part", comm, scene, steps=7)
-    restart = Restart(comm, tmp_path / "part" / "checkpoint.h5")
-    again = run_into(tmp_path / "again", comm, scene, steps=5, restart=restart).simulation
-    assert again.clock.time == whole.clock.time and again.energy_row() == whole.energy_row()
 
 
 @pytest.mark.parametrize(

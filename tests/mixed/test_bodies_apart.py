@@ -3,7 +3,7 @@
 import h5py
 import numpy as np
 import pytest
-from bodies_apart import METHODS, alone, mixed
+from mixed.bodies_apart import METHODS, alone, mixed
 from mpi4py import MPI
 from solids import Record, follow, run_into
 
@@ -13,7 +13,6 @@ from parsolid.output.vtkhdf import collected, published
 from parsolid.scene import dump_scene
 from parsolid.scene.observation import STORED_ENERGY, stored_energy
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.restart import Restart
 
 
 def state(system) -> dict[str, np.ndarray]:
@@ -53,29 +52,22 @@ PROBES = [
 ]
 
 
-def test_a_restart_on_the_same_ranks_has_the_same_bits_and_a_block_of_fields_a_method(comm, shared_path):
+def test_each_method_has_a_block_of_fields(comm, shared_path):
     scene = mixed(PAIR, probes=PROBES, **OUTPUT)
-    whole = run_into(shared_path / "whole", comm, scene).simulation
-    run_into(shared_path / "pieces", comm, scene, steps=13)
-    restart = Restart(comm, shared_path / "pieces" / "checkpoint.h5")
-    again = run_into(shared_path / "pieces", comm, scene, restart=restart)
-    for found, wanted in zip(again.simulation.systems, whole.systems):
-        rows = state(wanted)
-        assert all(rows[name].tobytes() == values.tobytes() for name, values in state(found).items())
-    summary = again.summary("finished")
+    summary = run_into(shared_path / "run", comm, scene).summary("finished")
     assert [row["particles"] for row in summary["systems"]] == [64, 64] and summary["method"] == "tlsph and mpm"
     if comm.rank > 0:
         return
-    histories = [read_history(shared_path / name / "history.csv") for name in ("whole", "pieces")]
-    assert histories[0] == histories[1] and len(histories[0]["step"]) == 21
-    assert histories[0]["flow.density"][-1] > 1000.0 and histories[0]["hottest.maximum_temperature"][-1] > 290.0
-    files = collected(shared_path / "pieces" / "fields.vtkhdf")
+    history = read_history(shared_path / "run" / "history.csv")
+    assert len(history["step"]) == 21
+    assert history["flow.density"][-1] > 1000.0 and history["hottest.maximum_temperature"][-1] > 290.0
+    files = collected(shared_path / "run" / "fields.vtkhdf")
     assert list(files) == list(PAIR)
     for number, (name, path) in enumerate(files.items()):
         layout, times = published(path)
         assert times.tolist() == [0.0, 2e-5, 4e-5] and layout.particles == 64
         assert ("plastic_strain" in layout.varying) == (name == "metal")
-        with h5py.File(shared_path / "pieces" / "fields.vtkhdf") as file:
+        with h5py.File(shared_path / "run" / "fields.vtkhdf") as file:
             block = file[f"VTKHDF/Assembly/{name}/{name}"]
             assert block.attrs["Index"] == number and block["Steps"].attrs["NSteps"] == 3
             ids = block["PointData/identifier"][()]
@@ -95,19 +87,3 @@ def test_pictures_show_all_blocks(tmp_path):
     assert np.isnan(frame.values[:64]).all() and (frame.values[64:] > 290.0).all()
     assert results.rows("body").tolist() == [0] * 64 + [1] * 64
     assert "plastic_strain" in results.method.pictured_fields and len(results.bodies) == 2
-
-
-def test_a_restart_on_other_ranks_deals_each_system_out_anew(comm, shared_path):
-    single = comm.Split(comm.rank)
-    scene = mixed(probes=PROBES)
-    if comm.rank == 0:
-        run_into(shared_path / "one", single, scene, steps=7)
-    comm.Barrier()
-    sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
-    assert sim.clock.step == 7 and all(comm.allreduce(system.owned) == 64 for system in sim.systems)
-    assert all(min(comm.allgather(system.owned)) >= 64 // comm.size - 8 for system in sim.systems)
-    steps = follow(sim, Record(), 5)
-    whole = follow(Simulation(single, scene), Record(), 12)
-    for name in ("kinetic", stored_energy(whole), "energy_error"):
-        scale = 1e-9 * np.abs(whole["kinetic"]).max()
-        np.testing.assert_allclose(steps[name], whole[name][7:], rtol=0.0, atol=scale, err_msg=name)

@@ -3,15 +3,13 @@
 import hertz_in_plane
 import numpy as np
 import pytest
+from mixed.test_methods_meet import CLOSING, SPEED, bars, momenta
 from mpi4py import MPI
-from solids import Record, follow, run_into
-from test_methods_meet import CLOSING, SPEED, bars, momenta
+from solids import Record, follow
 
 from parsolid.methods.mpm.nodal_contact import FieldPair
-from parsolid.scene import SceneError, parse_scene
-from parsolid.scene.observation import stored_energy
+from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.restart import Restart
 
 GRID = {"bodies": ["a", "b"], "model": "grid"}
 
@@ -74,37 +72,17 @@ def test_friction_takes_its_share_of_the_normal_impulse_and_is_heat():
     assert np.abs(rubbed["energy_error"]).max() < 1e-3 * rubbed["kinetic"][0]
 
 
-def test_ranks_do_not_matter_and_a_restart_has_the_same_bits_with_heat_of_friction(comm, shared_path):
-    data = sliding(0.3, output={"history_steps": 1, "fields_times": []}, end_time=3e-4)
+def test_friction_heats_both_bodies():
+    data = sliding(0.3, end_time=3e-4)
     copper = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
     for body, speed in zip(data["bodies"], (0.0, 20.0)):
         body |= {"material": copper, "velocity": [speed, 0.0]}
     scene = parse_scene(data | {"loads": {"acceleration": ["0", "-1e5"]}})
-    simulations = [Simulation(one, scene) for one in (MPI.COMM_SELF, comm)]
-    whole, spread = (follow(one, Record(momenta), 16) for one in simulations)
+    whole = follow(Simulation(MPI.COMM_SELF, scene), Record(momenta), 16)
     # all of it is in the temperatures, half of it in each body
     taken, heat = whole["friction_dissipation"], whole["friction_heat"]
     np.testing.assert_allclose(heat, taken, rtol=1e-12)
     assert heat[-1] > 0.01 * whole["kinetic"][0] and np.diff(taken).min() >= 0.0
-    for name in (
-        "kinetic",
-        stored_energy(whole),
-        "energy_error",
-        "friction_heat",
-        "friction_dissipation",
-        "contact_dissipation",
-        "momenta",
-    ):
-        scale = np.abs(whole["momenta" if name == "momenta" else "kinetic"]).max()
-        np.testing.assert_allclose(spread[name], whole[name], rtol=0.0, atol=1e-11 * scale, err_msg=name)
-    wanted = run_into(shared_path / "whole", comm, scene, steps=16).simulation
-    run_into(shared_path / "pieces", comm, scene, steps=9)
-    restart = Restart(comm, shared_path / "pieces" / "checkpoint.h5")
-    again = run_into(shared_path / "pieces", comm, scene, steps=7, restart=restart).simulation
-    for found, one in zip(again.systems, wanted.systems):
-        rows = one.particles.checkpointed()
-        assert all(rows[name].tobytes() == values.tobytes() for name, values in found.particles.checkpointed().items())
-    assert np.array_equal(wanted.ledger.values, again.ledger.values)
 
 
 def test_a_cylinder_on_a_block_has_hertzs_force_width_and_peak(monkeypatch):
@@ -136,23 +114,6 @@ def test_blocks_off_their_centres_keep_their_momentum_in_space():
     assert found["contact_dissipation"][-1] > 0.02 * found["kinetic"][0] and found["friction_dissipation"][-1] > 0.0
     meeting = sim.interactions[-1].pairs[0]
     assert meeting.active.any() and (meeting.normal[meeting.active][:, 0] > 0.7).all()
-
-
-@pytest.mark.parametrize(
-    ("second", "contact", "method", "message"),
-    [
-        ("sph", {}, {}, "contact.0.bodies: expected bodies of one method of kind 'mpm'"),
-        ("points", {"radius": 3.0}, {}, "contact.0.radius: expected no such key with model = 'grid'"),
-        # also the value that it has where it means something
-        ("points", {"stiffness": 1.0}, {}, "contact.0.stiffness: expected no such key with model = 'grid'"),
-        ("points", {}, {"order": "usl"}, "methods.0.order: expected 'musl' with a contact on the grid"),
-    ],
-)
-def test_what_no_grid_knows_is_refused(second, contact, method, message):
-    data = bars("points", second, contact=[GRID | contact])
-    data["methods"][0] |= method
-    with pytest.raises(SceneError, match=message):
-        parse_scene(data)
 
 
 def test_what_friction_holds_sticks_and_what_it_does_not_slides():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies_apart import RUBBER
+from mixed.bodies_apart import RUBBER
 from mpi4py import MPI
 from solids import late_impulse
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from mixed.test_methods_meet import CLOSING, SPEED, bars, momenta
 from mpi4py import MPI
 from solids import Record, follow
-from test_methods_meet import CLOSING, SPEED, bars, momenta
 
 from decomposition.measured_load import shares_of
 from parsolid.methods.mpm import cells

@@ -5,7 +5,7 @@ import pickle
 from pathlib import Path
 
 import pytest
-from bodies_apart import COPPER, METHODS, RUBBER, mixed, tables
+from mixed.bodies_apart import COPPER, METHODS, mixed, tables
 from mpi4py import MPI
 
 from parsolid.api.check_advice import scene_advice
@@ -81,118 +81,6 @@ def test_a_support_tells_its_force_where_its_own_method_can():
     assert told == [
         f"boundaries.1.reaction: expected one of the kinds {known}, whose force mpm can tell, found 'fixed'"
     ]
-
-
-ANTISYMMETRIC = {"plane": "X = 6", "kind": "antisymmetric"}
-POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": ["1", "0"]}
-
-
-REFUSED = {
-    "method of a body": (
-        lambda data: data["bodies"][0].pop("method"),
-        "bodies.0.method: expected one of 'soft', 'metal', found nothing",
-    ),
-    "name of none": (
-        lambda data: data["bodies"][0].update(method="sofd"),
-        "bodies.0.method: expected one of 'soft', 'metal', found 'sofd'",
-    ),
-    "both": (
-        lambda data: data.update(method={"kind": "tlsph"}),
-        "scene: expected one of method, methods, found both",
-    ),
-    "none": (lambda data: data.pop("methods"), "method: expected a table with the key kind, found nothing"),
-    "no name": (
-        lambda data: data["methods"][0].pop("name"),
-        "methods.0.name: expected a name without '.' and ',', by which bodies call the method, found nothing",
-    ),
-    "twice": (
-        lambda data: data["methods"].append(data["methods"][0]),
-        "methods.2.name: expected a name other than that of 0, found 'soft'",
-    ),
-    "unused": (
-        lambda data: data["methods"].append({"name": "x", "kind": "ulsph"}),
-        "methods.2.name: expected the name of a method that a body has, found 'x'",
-    ),
-    "key of a method": (
-        lambda data: data["methods"][1].update(basis="cubic"),
-        "methods.1.basis: expected 'linear', 'ugimp', 'quadratic-spline' or 'cubic-spline', found",
-    ),
-    "material of another": (
-        lambda data: data["bodies"][0].update(material={"kind": "prony", "density": 1.0}),
-        "bodies.0.material.kind: expected one of 'mooney-rivlin', 'neo-hookean', ",
-    ),
-    "temperature": (
-        lambda data: data["bodies"][0].update(temperature=300.0),
-        "bodies.0.temperature: expected no such key with this method but for an elastic-plastic material, found 300.0",
-    ),
-    "placement": (
-        lambda data: data["bodies"][1].update(placement="vertices"),
-        "bodies.1.placement: expected 'cells' with this method, found 'vertices'",
-    ),
-    "settings in view of the bodies": (
-        lambda data: (
-            data["methods"][1].update(viscosity={"linear": 1.0}),
-            data["bodies"][1].update(material=RUBBER),
-        ),
-        "methods.1.viscosity: expected no such key without an elastic-plastic body",
-    ),
-    "boundary of a body": (
-        lambda data: data["boundaries"].append(ANTISYMMETRIC | {"body": "metal"}),
-        (
-            "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat-flux', "
-            "'traction', 'pressure', 'spring', which the method of the body knows (antisymmetric: a grid is folded at "
-            "planes of symmetry and of rest), found 'antisymmetric'"
-        ),
-    ),
-    "boundary that a body has no method for": (
-        lambda data: data["boundaries"].append(ANTISYMMETRIC),
-        (
-            "boundaries.1.kind: expected one of 'fixed', 'roller', 'velocity', 'wall', 'temperature', 'heat-flux', "
-            "'traction', 'pressure', 'spring', which the method of bodies.1 knows, or a body for it, found "
-            "'antisymmetric'"
-        ),
-    ),
-    "nearest to a point": (
-        lambda data: data["boundaries"].append(POINT),
-        "boundaries.1.body: expected a name, where a point is of one of several methods, found nothing",
-    ),
-    "field elsewhere": (
-        lambda data: (data.update(probes=[{"name": "a", "at": [6.5, 0.5], "fields": ["stress_force"]}]),),
-        "probes.0.fields.0: expected a field that the method of bodies.1 knows, found 'stress_force'",
-    ),
-    "field of no body": (
-        lambda data: (
-            data["bodies"][1].update(material=RUBBER),
-            data.update(output={"fields": ["plastic_strain"]}),
-        ),
-        "output.fields.0: expected something that a body of this scene has, found 'plastic_strain'",
-    ),
-    "load of none": (
-        lambda data: (data["methods"][1].update(kind="ulsph"), data["methods"][1].pop("cell"), data.update(HEAT)),
-        "loads.heat_source: expected one of body_force, acceleration with this method, found 'heat_source'",
-    ),
-    "exact solution": (
-        lambda data: data.update(reference=EXACT),
-        "reference.exact: expected no such key with several methods, found 'cosine-mode'",
-    ),
-    "dimension": (
-        lambda data: data.update(dimension=1),
-        "dimension: expected 2 or 3 with this method, found 1",
-    ),
-    "geometry": (
-        lambda data: data["methods"][1].update(geometry="axisymmetric"),
-        "methods.1.geometry: expected 'axisymmetric' for all methods or for none, found 'axisymmetric'",
-    ),
-}
-HEAT = {"loads": {"heat_source": "1"}}
-EXACT = {"exact": "cosine-mode", "parameters": {"start": 300.0, "amplitude": 1.0}, "times": [1e-5]}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_is_refused_is_named_by_its_key(case):
-    change, wanted = REFUSED[case]
-    found = faults(change)
-    assert any(text.startswith(wanted) for text in found), found
 
 
 def test_one_method_for_all_bodies_takes_no_name():

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
+from mixed.tied_blocks import blocks, motion
 from mpi4py import MPI
-from solids import Record, follow, run_into
-from tied_blocks import blocks, motion
+from solids import Record, follow
 
 from parsolid.api.simulation import Simulation as stepped
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.observation import stored_energy
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.restart import Restart
 from parsolid.simulation.time_step import TimeSteps
 
 END = 1.5e-3
@@ -46,24 +45,6 @@ def test_the_ledger_closes_and_the_motion_is_that_of_the_least_step():
     momenta = np.abs(several["motion"] - several["motion"][0])
     assert momenta[:, :2].max() < 1e-12 * np.abs(several["motion"]).max()
     assert several[stored_energy(several)][-1] == pytest.approx(plain[stored_energy(plain)][-1], rel=0.05)
-
-
-def test_on_any_ranks_and_after_a_restart_systems_take_the_same_steps(comm, shared_path):
-    single, half = comm.Split(comm.rank), 6
-    scene = parse_scene(tables("auto", output={"history_steps": 1, "fields_times": []}))
-    whole = follow(Simulation(single, scene), Record(watched), 2 * half, TimeSteps)
-    rows = follow(Simulation(comm, scene), Record(watched), 2 * half, TimeSteps)
-    run_into(shared_path / "same", comm, scene, steps=half)
-    again = run_into(shared_path / "same", comm, scene, half, Restart(comm, shared_path / "same" / "checkpoint.h5"))
-    plain = run_into(shared_path / "plain", comm, scene, steps=2 * half)
-    for found, wanted in zip(again.simulation.systems, plain.simulation.systems):
-        kept = wanted.particles.checkpointed()
-        assert all(np.array_equal(values, kept[name]) for name, values in found.particles.checkpointed().items())
-    for name in ("kinetic", stored_energy(whole), "tie_energy", "energy_error", "motion", "common"):
-        scale = np.abs(whole[name]).max() if name in ("motion", "common") else whole["kinetic"][0]
-        # the stored energy is a difference of numbers of the size of E V, in steps of their last place
-        rounding = np.finfo(float).eps * STIFF * VOLUME if name in (stored_energy(whole), "energy_error") else 0.0
-        np.testing.assert_allclose(rows[name], whole[name], rtol=0.0, atol=1e-12 * scale + rounding, err_msg=name)
 
 
 LAW = {"density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
@@ -102,28 +83,6 @@ def test_a_script_may_go_on_after_any_step(comm):
         stopping.step(count)
     whole.step(6)
     assert stopping.time == whole.time and stopping.energies() == whole.energies()
-
-
-@pytest.mark.parametrize(
-    ("change", "wanted"),
-    [
-        (lambda methods: methods.append(methods.pop(1) | {"substeps": 0}), "methods.1.substeps"),
-        (
-            lambda methods: [one.update(substeps=2) for one in methods],
-            "methods.0.substeps: expected 1 or 'auto' for one",
-        ),
-        (
-            lambda methods: methods[0].update(kind="peridynamics", substeps=2, damage={"fracture_energy": 8}),
-            "methods.0.substeps: expected no such key with bonds that break",
-        ),
-    ],
-)
-def test_what_means_nothing_is_refused(change, wanted):
-    data = tables(None)
-    change(data["methods"])
-    with pytest.raises(SceneError) as error:
-        parse_scene(data)
-    assert any(text.startswith(wanted) for text in error.value.faults), error.value.faults
 
 
 def test_one_method_has_no_common_step():

@@ -2,17 +2,13 @@
 
 import numpy as np
 import pytest
+from mixed.tied_blocks import STIFFNESS, blocks
 from mpi4py import MPI
-from solids import Record, follow, run_into
-from tied_blocks import STIFFNESS, blocks, motion
 
 from parsolid.collective import SolverError
 from parsolid.contact.report import describe_contacts
 from parsolid.scene import SceneError, parse_scene
-from parsolid.scene.observation import stored_energy
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.restart import Restart
-from parsolid.simulation.time_step import TimeSteps
 
 
 def turned(sim, gradient: np.ndarray) -> list[np.ndarray]:
@@ -83,38 +79,6 @@ def test_springs_do_not_depend_on_where_bodies_stand():
         np.testing.assert_allclose(springs, found[0][1], rtol=1e-9)
 
 
-@pytest.mark.parametrize(("first", "second"), [("bonds", "points"), ("sph", "flow")])
-def test_on_any_ranks_and_after_a_restart_tied_blocks_move_alike(comm, shared_path, first, second):
-    single = comm.Split(comm.rank)
-    steps = 30 if second == "points" else 20
-    scene = parse_scene(blocks(first, second, output={"history_steps": 1, "fields_times": []}))
-    whole = follow(Simulation(single, scene), Record(motion), steps, TimeSteps)
-    spread = Simulation(comm, scene)
-    rows = follow(spread, Record(motion), steps, TimeSteps)
-    run_into(shared_path / "same", comm, scene, steps=steps // 2)
-    again = run_into(
-        shared_path / "same", comm, scene, steps // 2, Restart(comm, shared_path / "same" / "checkpoint.h5")
-    )
-    plain = run_into(shared_path / "plain", comm, scene, steps=steps)
-    for found, wanted in zip(again.simulation.systems, plain.simulation.systems):
-        kept = wanted.particles.checkpointed()
-        assert all(np.array_equal(values, kept[name]) for name, values in found.particles.checkpointed().items())
-    if comm.rank == 0:
-        run_into(shared_path / "one", single, scene, steps=steps // 2)
-    comm.Barrier()
-    other = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
-    late = follow(other, Record(motion), steps - steps // 2, TimeSteps)
-    energy = np.abs(whole["kinetic"]).max()
-    assert whole["tie_energy"].max() > 1e-6 * energy
-    for name in ("kinetic", stored_energy(whole), "tie_energy", "energy_error", "motion"):
-        scale = np.abs(whole["motion"]).max() if name == "motion" else energy
-        np.testing.assert_allclose(rows[name], whole[name], rtol=0.0, atol=1e-12 * scale, err_msg=name)
-        np.testing.assert_allclose(late[name], whole[name][steps // 2 :], rtol=0.0, atol=1e-9 * scale, err_msg=name)
-    drift = np.abs(whole["motion"] - whole["motion"][0])
-    assert drift[:, :2].max() < 1e-12 * np.abs(whole["motion"]).max()
-    assert np.abs(whole["energy_error"]).max() < 0.02 * energy
-
-
 def test_check_names_tied_bodies_and_refuses_what_cannot_be_tied():
     scene = parse_scene(blocks("sph", "bonds"))
     sim = Simulation(MPI.COMM_SELF, scene)
@@ -123,21 +87,6 @@ def test_check_names_tied_bodies_and_refuses_what_cannot_be_tied():
     far["bodies"][1]["shape"]["box"] = {"lower": [1.5, 0.0], "upper": [2.75, 1.25]}
     with pytest.raises(SolverError, match=r"tie\.0: expected bodies that touch, found 'a' and 'b' apart"):
         Simulation(MPI.COMM_SELF, parse_scene(far))
-
-
-@pytest.mark.parametrize(
-    ("change", "wanted"),
-    [
-        ({"tie": [{"bodies": ["a", "c"]}]}, "tie.0.bodies: expected the name of a body"),
-        ({"tie": [{"bodies": ["a", "a"]}]}, "tie.0.bodies: expected two bodies"),
-        ({"contact": [{"bodies": ["a", "b"]}]}, "tie.0.bodies: expected a pair without contact"),
-        ({"tie": [{"bodies": ["a", "b"]}, {"bodies": ["b", "a"]}]}, "tie.1.bodies: expected a pair that no other"),
-    ],
-)
-def test_what_is_refused_is_named_by_its_key(change, wanted):
-    with pytest.raises(SceneError) as error:
-        parse_scene(blocks("sph", "bonds", **change))
-    assert any(text.startswith(wanted) for text in error.value.faults), error.value.faults
 
 
 def test_bodies_of_one_method_need_no_tie_and_equilibrium_knows_none():

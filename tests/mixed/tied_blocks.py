@@ -1,7 +1,7 @@
 """Two blocks of different methods side by side, tied, and the motion of all their particles."""
 
 import numpy as np
-from bodies_apart import COPPER, RUBBER
+from mixed.bodies_apart import COPPER, RUBBER
 from solids import late_impulse
 
 METHODS = {

@@ -2,7 +2,6 @@
 
 import copy
 
-import numpy as np
 from solids import LINEAR_COPPER as COPPER
 
 SOFT = {"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.3}
@@ -49,10 +48,3 @@ def crossing(cell=0.1, cells=(4, 3), speed=200.0, **method) -> dict:
     rest = [0.0] * (len(cells) - 2)
     velocity = [f"{speed} - 60*Y", f"80*X + {0.3 * speed}", *rest]
     return scene([0.0] * len(cells), upper, 0.5 * cell, cell, material=SOFT, method=method, body={"velocity": velocity})
-
-
-def final_shape(simulation) -> np.ndarray:
-    """Largest coordinates (d,) of all particles; collective."""
-    from parsolid.collective import maximum
-
-    return maximum(simulation.comm, simulation.systems[0].particles.owned_rows("position").max(axis=0, initial=-np.inf))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from points import COPPER, scene
+from mpm.points import COPPER, scene
 from solids import run_to_end, simulation
 
 from parsolid.scene import SceneError

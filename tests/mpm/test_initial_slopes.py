@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from points import SOFT, scene
+from mpm.points import SOFT, scene
 from solids import Record, follow, simulation
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from points import crossing
+from mpm.points import crossing
 from solids import Record, follow, simulation
 
 from parsolid.methods.mpm import energies

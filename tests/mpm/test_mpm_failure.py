@@ -4,11 +4,10 @@ are refused.
 
 import numpy as np
 import pytest
-from points import SOFT, crossing, scene, taylor_bar
+from mpm.points import SOFT, crossing, scene, taylor_bar
 from solids import Record, follow, run_to_end, simulation
 
 from parsolid.collective import SolverError
-from parsolid.scene import SceneError
 from parsolid.simulation.loop import RunFailed
 
 
@@ -85,19 +84,6 @@ def test_a_wall_through_a_body_is_refused(comm, wall, body, found):
         simulation(data, comm)
         return
     with pytest.raises(SolverError, match=f"boundaries.0.plane: expected a wall with all bodies .*, found {found}"):
-        simulation(data, comm)
-
-
-def test_a_viscosity_that_no_law_takes_is_refused(comm):
-    data = scene(*BLOCK, material=SOFT, method={"viscosity": {"linear": 1.0}})
-    with pytest.raises(SceneError, match="method.viscosity: expected no such key without an elastic-plastic body"):
-        simulation(data, comm)
-
-
-def test_branches_are_refused_where_the_scene_is_read(comm):
-    branches = [{"beta": 1.0, "tau": 1.0}]
-    data = scene([0.0, 0.0], [0.4, 0.3], 0.05, 0.1, material=SOFT | {"branches": branches})
-    with pytest.raises(SceneError, match="bodies.0.material.branches: expected none with this method, found"):
         simulation(data, comm)
 
 

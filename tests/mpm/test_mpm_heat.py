@@ -5,7 +5,7 @@ solutions and sums.
 import numpy as np
 import pytest
 from mpi4py import MPI
-from points import scene
+from mpm.points import scene
 from solids import gathered, run_steps
 
 from parsolid.exact.heat import CosineMode, HeatedSlab

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from points import SOFT, scene
+from mpm.points import SOFT, scene
 from solids import run_steps, run_to_end
 
 from parsolid.methods.mpm.transfer import particles_to_grid

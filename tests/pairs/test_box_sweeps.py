@@ -220,7 +220,8 @@ def of_pairs(case: Case, P_of: int) -> tuple[np.ndarray, ...]:
         sweeps.P[:] = np.roll(G, P_of, axis=0) * 1e3 + G**3
         sweeps.Z[:] = np.abs(G[: len(sweeps.Z)]) + 0.1
         assert box.axes == make_box(case.axes).sweeps.boxes[0].axes
-    sweeps.exchange_stress()
+    sweeps.send_stress()
+    sweeps.receive_stress()
     forces = np.zeros((2, d, v.shape[1]))
     sweeps.divergence(*forces)
     return forces

@@ -4,7 +4,7 @@ fields.
 
 import numpy as np
 from mpi4py import MPI
-from solids import random_of, run_steps, simulation, supports, tables
+from solids import random_of, simulation, supports, tables
 
 SOFT = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
 SIZES = {1: ((24,), [1.0]), 2: ((9, 8), [1.0, 0.9]), 3: ((6, 5, 6), [1.0, 0.8, 1.0])}
@@ -68,18 +68,3 @@ def gathered(method, values: np.ndarray) -> np.ndarray:
     comm = method.comm
     order = np.argsort(np.concatenate(comm.allgather(method.particles.owned_rows("identifier").copy())))
     return np.concatenate(comm.allgather(values))[order]
-
-
-def goes_on_with_the_same_bits(data: dict, steps: int, earlier: int) -> None:
-    """Assert that a state put back after some steps has all the bits of the run to more of them."""
-    whole, part = run_steps(data, steps)[0], run_steps(data, earlier)[0].systems[0]
-    again = simulation(data)
-    one = again.systems[0]
-    one.particles.restore({name: values.copy() for name, values in part.particles.checkpointed().items()})
-    one.set_state(part.state())
-    one.resume()
-    for _ in range(steps - earlier):
-        again.take_step(one.stable_step())
-    for name, values in whole.systems[0].particles.checkpointed().items():
-        np.testing.assert_array_equal(one.particles.owned_rows(name), values, err_msg=name)
-    assert one.energies() == whole.systems[0].energies()

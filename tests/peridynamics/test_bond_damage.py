@@ -214,7 +214,6 @@ def test_the_dead_lose_all_bonds_at_the_next_inspection(comm):
     assert all(not inverse[a].any() for a in dead if dead[a])
 
 
-@pytest.mark.every_other
 @bodies
 @pytest.mark.parametrize("control", [None, 1.0])
 def test_stretched_bonds_beyond_the_critical_energy_break(comm, dimension, mirror, control):

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from bonds_of_bodies import (
+from peridynamics.bonds_of_bodies import (
     PLANES,
     SOFT,
     body_of,
     gathered,
-    goes_on_with_the_same_bits,
     gradients,
     random_field,
     scene,
@@ -246,20 +245,6 @@ def test_what_relaxes_across_a_free_direction_within_a_step_is_dissipated(dimens
         _, columns = run_steps(data, steps)
         worst.append(np.abs(columns["energy_error"]).max() / columns["strain_energy"][0])
     assert worst[1] < 4e-4 and worst[1] < 0.07 * worst[0]
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_explicit_runs_do_not_depend_on_ranks(comm, law):
-    results = []
-    for where in (comm, comm.Split(comm.rank)):
-        sim, _ = run_steps(moving(2, law), 20, where)
-        results.append(gathered(sim.systems[0], np.array(sim.systems[0].particles.owned_rows("displacement"))))
-    np.testing.assert_allclose(results[0], results[1], atol=1e-11 * np.abs(results[1]).max())
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_a_state_put_back_goes_on_with_the_same_bits(law):
-    goes_on_with_the_same_bits(moving(2, law), 12, 5)
 
 
 @pytest.mark.parametrize("growth", [np.inf, np.nan, 1e308])

@@ -1,6 +1,9 @@
 """A quasi-static body in pieces that nothing holds against their loads is told as such, before iterations run out."""
 
+import numpy as np
 from solids import simulation, tables
+
+from parsolid.methods.peridynamics.fragments import largest_fragments
 
 
 def pulled(x: float, by: float) -> dict:
@@ -38,3 +41,10 @@ def test_loads_that_balance_on_each_piece_need_no_support(comm):
     # the same two blocks bonded to one, which is pulled at one end
     body = step_of(comm, [pulled(2, 0.01)], other=1.0)
     assert "a piece of the bodies, 200 particles" in body.solver.equilibrium.fault
+
+
+def test_the_largest_fragments_are_those_of_all_ranks(comm):
+    labels = np.random.default_rng(comm.rank).integers(0, 200, 300 + 50 * comm.rank) ** 2 // 200
+    numbers, counts = np.unique(np.concatenate(comm.allgather(labels)), return_counts=True)
+    expected = sorted(zip(numbers.tolist(), counts.tolist()), key=lambda one: (-one[1], one[0]))
+    assert largest_fragments(comm, labels) == (len(expected), expected[:50])

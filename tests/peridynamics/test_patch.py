@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bonds_of_bodies import scene
+from peridynamics.bonds_of_bodies import scene
 from solids import run_to_end
 
 E, NU, PULL = 3.0, 0.3, 0.03

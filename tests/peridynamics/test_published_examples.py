@@ -34,9 +34,9 @@ def test_creep_bar(shared_path):
 
 
 @pytest.mark.slow
-@pytest.mark.every_other
-@pytest.mark.parametrize("scene", ("plate.toml", "plate_elastic_bulk.toml"))
-@pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))
+@pytest.mark.parametrize(
+    "scene, solver", [("plate.toml", "conjugate-gradients"), ("plate_elastic_bulk.toml", "dynamic-relaxation")]
+)
 def test_plate_extension_and_recovery(shared_path, scene, solver):
     changes = ["bodies.0.particles=[10, 10]", "method.solution.step=0.25", f"method.solution.solver={solver}"]
     if solver == "dynamic-relaxation":
@@ -67,9 +67,9 @@ def test_traction_on_the_last_column_alone_is_not_exact(shared_path):
 
 
 @pytest.mark.serial
-@pytest.mark.every_other
-@pytest.mark.parametrize("state", ("instantaneous", "relaxed"))
-@pytest.mark.parametrize(("clamp", "reach"), (("mirror", 3), ("mirror", 10), ("layer", 3)))
+@pytest.mark.parametrize(
+    "state, clamp, reach", [("instantaneous", "mirror", 3), ("relaxed", "mirror", 10), ("instantaneous", "layer", 3)]
+)
 def test_period_and_decay_of_a_vibrating_bar(shared_path, state, clamp, reach):
     """Against the eigenvalue of the same lattice, with the leapfrog's own shift of the period, (omega dt)^2/24."""
     points, changes = (

@@ -4,7 +4,7 @@ import copy
 
 import numpy as np
 import pytest
-from bonds_of_bodies import gathered, goes_on_with_the_same_bits, random_field, scene, stiffness
+from peridynamics.bonds_of_bodies import gathered, random_field, scene, stiffness
 from solids import run_steps, simulation
 
 ONE, TWO = [{"ratio": 2.0, "tau": 0.3}], [{"ratio": 1.5, "tau": 0.3}, {"ratio": 0.5, "tau": 0.3}]
@@ -142,12 +142,6 @@ def test_two_bars_in_a_row_creep_each_by_its_own_series(comm):
         errors.append(np.abs(u[:, 0] - exact).max() / exact.max())
         assert abs(sim.energy_row()["energy_error"]) < 1e-9 * sim.energy_row()["strain_energy"]
     assert errors[2] < 5e-3 and errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1]
-
-
-@every_law
-def test_a_state_put_back_goes_on_with_the_same_bits(law):
-    data = beside(2, material(law, [{"ratio": 1.0, "tau": 0.1}]), material(law, TWO), jitter=0.0)
-    goes_on_with_the_same_bits(data, 9, 5)
 
 
 def test_an_energy_of_bonds_is_refused(comm):

@@ -14,7 +14,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "end_to_end")]
 
 from mutations import mutated  # noqa: E402
 
-from tests.scene_attack import shipped  # noqa: E402
+from checks.scene_attack import shipped  # noqa: E402
 
 SCENES = shipped()
 

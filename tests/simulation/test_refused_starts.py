@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from solids import COPPER, RUBBER, Record, follow, simulation, tables
 
 from parsolid.collective import SolverError
+from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.formulas import NOT_FINITE, Formula
 from parsolid.simulation.loop import RunFailed
@@ -102,6 +104,71 @@ def test_conditions_that_contradict_one_another_on_a_plane_are_refused(second, s
         with pytest.raises(SceneError) as refused:
             parse_scene(data)
         assert [one.split(":")[0] for one in refused.value.faults] == ["boundaries.1.plane"]
+
+
+CORNER = {"lower": [0.9, -0.1], "upper": [1.1, 0.3]}
+
+
+@pytest.mark.parametrize("method", ["tlsph", "peridynamics", "mpm", "ulsph"])
+@pytest.mark.parametrize(
+    "first, second, sound",
+    [
+        (PULLED, {"kind": "velocity", "box": CORNER, "velocity": ["2", "free"]}, False),
+        (PULLED, {"kind": "velocity", "box": CORNER, "velocity": ["cos(t)", "free"]}, False),
+        (PULLED, {"kind": "velocity", "box": CORNER, "velocity": ["2 - 1", "t"]}, True),
+        (PULLED, {"kind": "velocity", "box": CORNER, "velocity": ["free", "t"]}, True),
+        (
+            PULLED,
+            {"kind": "velocity", "box": {"lower": [-0.1, 0.3], "upper": [0.5, 0.7]}, "velocity": ["2", "0"]},
+            True,
+        ),
+    ],
+)
+def test_conditions_that_contradict_one_another_on_particles_are_refused(method, first, second, sound, comm):
+    """In any order, with the key of the later one, on any number of ranks."""
+    kind, material = CASES[method]
+    for boundaries in ([first, second], [second, first]):
+        body = {"placement": "cells"}
+        scene = parse_scene(tables((8, 8), material=material, method=kind, boundaries=boundaries, body=body))
+        if sound:
+            generate(scene, comm)
+            continue
+        with pytest.raises(SceneError) as refused:
+            generate(scene, comm)
+        assert [(one.code, one.key) for one in refused.value.faults] == [("contradiction", "boundaries.1")]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "second, sound",
+    [
+        ({"kind": "velocity", "plane": "Y = 1", "velocity": ["1", "free"]}, False),
+        ({"kind": "velocity", "plane": "Y = 1", "velocity": ["free", "1"]}, False),
+        ({"kind": "velocity", "plane": "Y = 1", "velocity": ["0", "0*t"]}, True),
+        ({"kind": "roller", "plane": "Y = 1"}, True),
+        ({"kind": "displacement", "plane": "Y = 1", "displacement": ["1", "free"]}, False),
+        ({"kind": "displacement", "plane": "Y = 1", "displacement": ["0", "free"]}, True),
+        ({"kind": "fixed", "where": "corner"}, True),
+        ({"kind": "rotation", "plane": "Y = 1", "centre": [0.0, 1.0], "angle": "t"}, True),
+        ({"kind": "rotation", "plane": "Y = 1", "centre": [0.1, 1.0], "angle": "t"}, False),
+    ],
+)
+def test_planes_meet_at_a_corner_where_values_agree(second, sound):
+    """A node on the fixed plane X = 0; a rotation about it leaves it where it is."""
+    static = (
+        {"kind": "tlsph", "integrator": "static", "weights": "cells"}
+        if second["kind"] == "displacement"
+        else {"kind": "tlsph"}
+    )
+    boundaries = [{"kind": "fixed", "plane": "X = 0", "mirror": False}, second]
+    named = {"regions": [{"name": "corner", "formula": "X + Y < 0.3"}]} if "where" in second else {}
+    scene = parse_scene(tables((8, 8), material=NEO, method=static, boundaries=boundaries, **named))
+    if sound:
+        generate(scene, MPI.COMM_SELF)
+        return
+    with pytest.raises(SceneError) as refused:
+        generate(scene, MPI.COMM_SELF)
+    assert [(one.code, one.key) for one in refused.value.faults] == [("contradiction", "boundaries.1")]
 
 
 HEATED = {"kind": "temperature", "plane": "X = 1", "temperature": "400"}

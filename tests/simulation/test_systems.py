@@ -195,22 +195,6 @@ def test_a_restart_goes_on_with_the_same_bits(comm, second, shared_path):
         Simulation(comm, parse_scene(data), Restart(comm, file))
 
 
-def test_on_other_ranks_a_restart_deals_the_particles_out_anew(comm, second, shared_path):
-    single = comm.Split(comm.rank)
-    data = pair(second) | {"output": {"fields_times": []}, "end_time": 2e-4}
-    scene = two_systems(data, METHODS[second])
-    if comm.rank == 0:
-        run_into(shared_path / "one", single, scene, steps=4)
-    comm.Barrier()
-    sim = Simulation(comm, scene, Restart(comm, shared_path / "one" / "checkpoint.h5"))
-    assert sim.clock.step == 4 and sim.particles == 128
-    steps = follow(sim, Record(), 3)
-    whole = follow(Simulation(single, scene), Record(), 7)
-    for name in ("kinetic", stored_energy(whole), "energy_error"):
-        atol = 1e-12 * whole["kinetic"][0]
-        np.testing.assert_allclose(steps[name], whole[name][4:], rtol=1e-10, atol=atol, err_msg=name)
-
-
 def test_a_field_that_one_method_lacks_is_not_a_number_there(comm):
     data = raw(LEFT, RIGHT, method=METHODS["tlsph"])
     sim = Simulation(comm, two_systems(data, METHODS["peridynamics"] | {"damage": {"critical_stretch": 0.5}}))

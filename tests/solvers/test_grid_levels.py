@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scipy import sparse
 
 from parsolid.solvers import GridLevels, conjugate_gradients
@@ -131,3 +132,17 @@ def test_a_rank_keeps_nodes_of_its_own_particles_alone(comm):
     mine, total = len(levels.nodes.keys), 4 * 101
     assert mine <= total / comm.size + 8
     assert len(levels.coarsest.factors) <= 150 * 6
+
+
+def test_grids_do_not_depend_on_ranks(comm):
+    """As many grids, the same coarsest one, and the same motions, whatever nodes are on several ranks."""
+    found = []
+    for one in (comm, MPI.COMM_SELF):
+        places, _, free, diagonal = on_ranks(one, (5, 6, 150))
+        levels = levels_of(one, places, free, diagonal)
+        found.append((levels, places, levels(np.sin(places * 7.0 + 1.0) * free)))
+    (levels, places, motions), (alone, every, expected) = found
+    assert len(levels.levels) == len(alone.levels)
+    assert len(levels.coarsest.factors) == len(alone.coarsest.factors)
+    rows = np.lexsort(every.T)[np.searchsorted(np.sort(every @ (1, 5, 30)), places @ (1, 5, 30))]
+    assert motions == pytest.approx(expected[rows], abs=1e-10 * np.abs(expected).max())

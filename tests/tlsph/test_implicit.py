@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import SOFT, evolved, gathered, momenta, run_through_and_in_two, supports, tables
-from test_mesh_weights import of_mesh
-from test_stages import MOVING, STILL, run, staged
+from solids import SOFT, gathered, momenta, supports, tables
+from tlsph.test_mesh_weights import of_mesh
+from tlsph.test_stages import MOVING, STILL, run, staged
 
 from parsolid.collective import SolverError
 from parsolid.methods.tlsph.implicit import solve_upper, upper_root
@@ -67,16 +67,6 @@ def test_what_is_kept(shared_path, comm, kind):
     fresh = run(data | {"end_time": 1e-3, "output": {"fields_interval": 1e-3}}, comm)[0]
     assert momenta(sim)["l"] == pytest.approx(momenta(fresh)["l"], rel=1e-7)
     assert 1 < len(rows["time"]) < 0.7 * data["end_time"] / alone.systems[0].leapfrog.stable_step()
-
-
-@pytest.mark.ranks(1, 2)
-def test_restart(shared_path, comm):
-    """A restart after some steps goes on with the same bits."""
-    through, pieces = run_through_and_in_two(shared_path, comm, parse_scene(spinning()), 9)
-    names = evolved(through.simulation.systems[0].particles)
-    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in (through, pieces))):
-        assert np.array_equal(*both), name
-    assert through.history.last_row == pieces.history.last_row
 
 
 def test_all_stages(comm):

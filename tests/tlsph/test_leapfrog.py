@@ -130,24 +130,6 @@ def test_a_held_strain_relaxes_exactly_whatever_the_step(dimension):
     np.testing.assert_allclose(found, [[wanted[i, j] for i, j in pairs]] * len(found), rtol=1e-12)
 
 
-def test_a_free_spin_keeps_momentum_and_angular_momentum():
-    data = tables(
-        (7, 7), material={**SOFT, "branches": ONE_BRANCH}, method={**LEAPFROG, "dissipation": 0.0}, end_time=9.0
-    )
-    data["bodies"][0]["velocity"] = ["0.3 - (Y - 0.5) + 0.1*X", "X - 0.5"]
-    momenta = []
-
-    def watch(sim) -> dict:
-        x, v, m = (sim.systems[0].particles.owned_rows(name) for name in ("position", "velocity", "mass"))
-        momenta.append([*(m @ v), m @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])])
-        return {}
-
-    sim, columns = run_to_end(data, more=watch)
-    assert len(columns["time"]) > 80 and sim.systems[0].particles.owned_rows("deformation_gradient")[:, 0].min() < 0.0
-    np.testing.assert_allclose(momenta, [momenta[0]] * len(momenta), rtol=0.0, atol=1e-13)
-    assert np.abs(columns["energy_error"]).max() < 2e-3 * columns["kinetic"][0]
-
-
 def test_a_body_in_rigid_motion_feels_nothing():
     data = tables((5, 5, 5), material=SOFT, method=LEAPFROG, body={"velocity": ["0.4", "-0.3", "0.2"]})
     sim, columns = run_steps(data, 20)
@@ -210,44 +192,6 @@ def test_at_rest_the_step_is_that_of_linear_elasticity():
 
 
 # --- start, restart, refusals ------------------------------------------------------------------------------------
-
-
-def driven_scene(**method) -> dict:
-    return tables(
-        (9, 5),
-        [2.0, 1.0],
-        material={**SOFT, "branches": ONE_BRANCH},
-        method={**LEAPFROG, **method},
-        boundaries=DRIVEN,
-        body={"velocity": ["0.1*sin(pi*X/2)", "-0.1*Y*(1 + X)"]},
-    )
-
-
-@pytest.mark.parametrize("method", [{}, {"reference": "updated", "update_every": 3}], ids=["fixed", "updated"])
-def test_a_restart_has_the_same_bits(method, comm):
-    """From the fields that a checkpoint holds and the system's state; steps of different lengths."""
-    lengths = [0.02, 0.013, 0.017, 0.02, 0.011, 0.019, 0.02]
-    whole, part = simulation(driven_scene(**method), comm), simulation(driven_scene(**method), comm)
-    for step in lengths:
-        whole.take_step(step)
-    for step in lengths[:4]:
-        part.take_step(step)
-    again = simulation(driven_scene(**method), comm)
-    kept = {name: np.array(values) for name, values in part.systems[0].particles.checkpointed().items()}
-    again.systems[0].particles.restore(kept)
-    again.systems[0].set_state(part.systems[0].state())
-    again.systems[0].resume()
-    again.clock.time = part.clock.time
-    for step in lengths[4:]:
-        again.take_step(step)
-    for name, values in whole.systems[0].particles.checkpointed().items():
-        assert np.array_equal(again.systems[0].particles.owned_rows(name), values), name
-    # the dissipation belongs to the middle of the step: without it the bits are others
-    again.systems[0].particles.restore(kept)
-    again.systems[0].forget()
-    again.take_step(lengths[4])
-    part.take_step(lengths[4])
-    assert not np.array_equal(*(one.systems[0].particles.owned_rows("velocity") for one in (again, part)))
 
 
 def test_the_balance_closes_where_the_reference_is_moved():

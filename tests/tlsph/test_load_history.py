@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from solids import evolved, gathered, run_alone_and_on_all, run_through_and_in_two, run_to_end, simulation
-from test_static import box, static
+from solids import Record, follow, gathered, run_to_end, simulation
+from tlsph.test_static import box, static
 
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.time_step import TimeSteps
 
 E, NU, YIELD, SLOPE = 200.0, 0.3, 0.4, 2.0
 METAL = {
@@ -111,6 +112,36 @@ def test_relaxation(comm):
     assert abs(rows["energy_error"][-1]) < 1e-4 * rows["strain_energy"].max()
 
 
+def crept(lame, shear, tau, t):
+    """Strain over stress of a small strip in plane strain under a load at once, whose shear modulus relaxes from twice
+    its value: the inverse of Laplace's transform of (lambda + 2 G)/(4 G (lambda + G)), G = shear (1 + 2 s)/(1 + s)."""
+    below = np.polynomial.Polynomial([1.0, tau])
+    above = shear * np.polynomial.Polynomial([1.0, 2.0 * tau])
+    numerator, denominator = below * (lame * below + 2.0 * above), 4.0 * above * (lame * below + above)
+    parts = [numerator(r) / (r * denominator.deriv()(r)) * np.exp(r * t) for r in denominator.roots()]
+    return numerator(0.0) / denominator(0.0) + sum(parts)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.4999])
+def test_creep(shared_path, comm, ratio):
+    """A plate under a load at once goes on to strain; of second order in the load step."""
+    shear, tau = 3.0 / (2.0 + 2.0 * ratio), 0.3
+    lame = 2.0 * shear * ratio / (1.0 - 2.0 * ratio)
+    law = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": ratio}
+    held = [{"plane": f"{axis} = 0", "kind": "roller"} for axis in "XY"]
+    load = {"plane": "X = 1", "kind": "traction", "traction": ["1e-5", "0"]}
+    errors = []
+    for step in (0.125, 0.0625):
+        body = {"material": law | {"branches": [{"beta": 1.0, "tau": tau}]}}
+        data = static(shared_path, method={"maximum_step": step}, body=body, boundaries=[*held, load])
+        sim = simulation(data, comm)
+        follow(sim, Record(), policy=TimeSteps)
+        X, u = gathered(sim, "reference_position", "displacement")
+        errors.append(u[X[:, 0] == 1.0, 0] / (1e-5 * crept(lame, shear, tau, 1.0)) - 1.0)
+    assert np.abs(errors[0]).max() < 1e-3
+    assert np.abs(errors[1]).max() < 0.3 * np.abs(errors[0]).max()
+
+
 def pulled(folder, material):
     """A strip of triangles, clamped at one end and pulled across at the other."""
     load = {"plane": "X = 2", "kind": "traction", "traction": ["0.01*t", "0.05*t" if material is METAL else "0.03*t"]}
@@ -141,26 +172,6 @@ def test_tangent(shared_path, comm, material):
     # that of flow lacks what is not symmetric, stresses beside moduli
     part = 1e-6 if material is VISCOUS else 5e-3
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=part * np.abs(expected).max())
-
-
-@pytest.mark.ranks(1, 2, 3)
-@pytest.mark.parametrize("material", [METAL, VISCOUS], ids=["flow", "relaxation"])
-def test_ranks(shared_path, comm, material):
-    lost = "plastic_work" if material is METAL else "material_dissipation"
-    rows = run_alone_and_on_all(pulled(shared_path, material), comm, names=("time", "external_work", lost))
-    assert np.abs(rows["energy_error"]).max() < 1e-4 * rows["external_work"][-1]
-    assert rows[lost][-1] > 0.01 * rows["external_work"][-1]
-
-
-@pytest.mark.ranks(1, 2)
-@pytest.mark.parametrize("material", [KINEMATIC, VISCOUS], ids=["flow", "relaxation"])
-def test_restart(shared_path, comm, material):
-    """A restart after three load steps goes on with the same bits."""
-    scene = parse_scene(pulled(shared_path, material))
-    through, pieces = run_through_and_in_two(shared_path, comm, scene, 3)
-    names = evolved(through.simulation.systems[0].particles)
-    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in (through, pieces))):
-        assert np.array_equal(*both), name
 
 
 FAILURE = {"failure": {"criteria": [{"kind": "plastic-strain", "strain": 0.1}]}}

@@ -132,9 +132,9 @@ def test_work_of_drivers_and_loads_closes_the_balance(loads):
     assert fine < 1e-5 and coarse > 3.0 * fine, (coarse, fine)
 
 
-def test_regions_that_overlap_are_counted_once_and_the_last_one_holds():
+def test_regions_that_overlap_are_counted_once():
     overlapping = [
-        {"plane": "X = 2", "kind": "velocity", "velocity": ["0.5*t", "0.2"]},
+        {"plane": "X = 2", "kind": "velocity", "velocity": ["where(Y > 0.31, 0.5*t, 0.3*t)", "0.2"]},
         {"box": {"lower": [1.0, 0.0], "upper": [2.0, 0.3]}, "kind": "velocity", "velocity": ["0.3*t", "free"]},
     ]
     coarse, fine = balances(overlapping, {"acceleration": ["0.0", "1.0"]}, (40, 80))

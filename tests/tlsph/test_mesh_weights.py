@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from element_meshes import KINDS, element_mesh
 from mpi4py import MPI
-from solids import gathered, momenta, random_of, run_alone_and_on_all, run_through_and_in_two, run_to_end, simulation
+from solids import gathered, momenta, random_of, run_to_end, simulation
 
 from parsolid.scene import SceneError, parse_scene
 
@@ -146,49 +146,6 @@ def test_large_strains_keep_energy_to_the_third_order_of_the_step(shared_path, c
         _, rows = run_to_end(data, comm)
         errors.append(np.abs(rows["energy_error"]).max() / rows["kinetic"][0])
     assert errors[0] < 1e-3 and errors[1] < errors[0] / 6.0
-
-
-def test_the_same_on_all_ranks(shared_path, comm):
-    """Histories on all ranks and on one agree to 1e-9 of their maxima; a mixed body with a clamp, a pull, a roller."""
-    data = of_mesh(
-        shared_path, "mixed", 3, counts=(6, 3, 3), body={"velocity": ["0.02*Y", "-0.04*X", "0"]},
-        end_time=3.0,
-        boundaries=[
-            {"plane": "X = 0", "kind": "fixed"},
-            {"plane": "Z = 0", "kind": "roller"},
-            {"plane": "X = 1.5", "kind": "traction", "traction": ["0.02", "0.01*t", "0"]},
-            {"plane": "Y = 0.75", "kind": "pressure", "pressure": "0.01"},
-        ],
-    )  # fmt: skip
-    names = ("time", "kinetic", "strain_energy", "numerical_dissipation", "external_work")
-    alone = run_alone_and_on_all(data, comm, names)
-    assert len(alone["time"]) > 20
-    assert np.abs(alone["energy_error"]).max() < 1e-4 * alone["kinetic"].max()
-
-
-def test_a_tool_on_a_mesh_is_the_same_on_all_ranks(shared_path, comm):
-    """Particles of a mesh have unlike masses on springs of contact: those near the tool alone limit the step."""
-    shape = {"sphere": {"centre": [1.7, 1.31], "radius": 0.3}}
-    tool = {"name": "ball", "shape": shape, "mass": 0.05, "velocity": [0.0, -1.0]}
-    data = of_mesh(shared_path, "triangle", 2, counts=(8, 4), tools=[tool])
-    together, alone = (run_to_end(data, some)[1] for some in (comm, MPI.COMM_SELF))
-    assert alone["contact_energy"].max() > 0.1 * alone["kinetic"][0] and len(together["time"]) == len(alone["time"])
-    for name in ("time", "kinetic", "contact_energy"):
-        atol = 1e-9 * np.abs(alone[name]).max()
-        np.testing.assert_allclose(together[name], alone[name], rtol=0.0, atol=atol, err_msg=name)
-
-
-def test_restart_has_the_same_bits(shared_path, comm):
-    body, output = {"velocity": ["0.1*Y", "-0.2*X", "0"]}, {"checkpoint_steps": 20}
-    data = of_mesh(shared_path, "mixed", 3, body=body, output=output, end_time=5.0)
-    through, resumed = run_through_and_in_two(shared_path, comm, parse_scene(data), 20, 40)
-    assert resumed.simulation.clock.step == through.simulation.clock.step == 40
-    for name in ("position", "velocity", "deformation_gradient"):
-        one, other = (gathered(run.simulation, name)[0] for run in (through, resumed))
-        assert (one == other).all()
-    # the offset of the step before is in the checkpoint
-    one, other = (run.simulation.energy_row() for run in (through, resumed))
-    assert one["kinetic_offset"] == other["kinetic_offset"] != 0.0
 
 
 # --- accuracy ----------------------------------------------------------------------------------------------------

@@ -3,14 +3,11 @@ shocks, energy, ranks, restarts, failure, what is refused."""
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from solids import (
     COPPER,
     LINEAR_COPPER,
     SOFT,
-    assert_same_fields,
     gathered,
-    run_into,
     run_steps,
     run_to_end,
     simulation,
@@ -20,7 +17,6 @@ from solids import (
 from tlsph.test_mesh_weights import of_mesh
 
 from parsolid.scene import SceneError, parse_scene
-from parsolid.simulation.restart import Restart
 
 BRITTLE = {"criteria": [{"kind": "maximum-tension", "strength": 0.8e9}], "scatter": {"modulus": 10.0, "seed": 3}}
 LEAPFROG = {"integrator": "leapfrog"}
@@ -109,37 +105,6 @@ def bent(kind, folder=None, failure=None):
 
 
 KINDS = ["kernel", "cells", "mesh", "bonds", "bonds in space"]
-
-
-@pytest.mark.every_other
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_same_on_all_ranks_and_its_energy_is_accounted_for(kind, shared_path, comm):
-    data = bent(kind, shared_path, None if kind == "cells" else BRITTLE)
-    (spread, many), (single, one) = run_steps(data, 60, comm), run_steps(data, 60, MPI.COMM_SELF)
-    energy = one["kinetic"][0]
-    for name, values in one.items():
-        np.testing.assert_allclose(many[name], values, rtol=0.0, atol=1e-11 * energy, err_msg=name)
-    names = ("plastic_strain", "temperature", "internal_energy", "plastic_metric_inverse")
-    assert_same_fields(spread, single, names, 1e-10)
-    assert one["plastic_work"][-1] > 0.05 * energy and one[heat_of(kind)][-1] > 0.0
-    # what images at the clamp of lists do beyond the adjoint is in the ledger by rates at the ends of steps
-    assert np.abs(one["energy_error"]).max() < (2e-3 if kind == "kernel" else 1e-11) * energy
-    if kind != "cells":
-        damage = gathered(single, "damage")[0]
-        assert single.systems[0].summary()["failed_particles"] == (damage >= 1.0).sum() > 0
-        assert np.diff(one["failure_dissipation"]).min() >= 0.0 < one["failure_dissipation"][-1]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_restart_in_the_flow_has_the_same_bits(kind, shared_path, comm):
-    data = bent(kind, shared_path, None if kind == "cells" else BRITTLE) | {"output": {"checkpoint_steps": 12}}
-    scene = parse_scene(data)
-    through = run_into(shared_path / "through", comm, scene, 24)
-    run_into(shared_path / "first", comm, scene, 12)
-    resumed = run_into(shared_path / "first", comm, scene, 12, Restart(comm, shared_path / "first" / "checkpoint.h5"))
-    for name, values in through.simulation.systems[0].particles.checkpointed().items():
-        assert np.array_equal(resumed.simulation.systems[0].particles.owned_rows(name), values), name
-    assert through.simulation.systems[0].particles.owned_rows("plastic_strain").max() > 1e-3
 
 
 def test_rubber_and_copper_that_are_bonded_have_their_laws_and_controls():

@@ -55,7 +55,6 @@ def agrees(sim, planes, **options) -> None:
     assert max(found.values()) < 1e-12, found
 
 
-@pytest.mark.every_other
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize(
     "material", [{}, {"branches": ONE_BRANCH}, {"zeta": 0.2, "branches": THREE_BRANCHES}], ids=["0", "1", "zeta-3"]

@@ -6,7 +6,7 @@ import pytest
 from element_meshes import element_mesh
 from mpi4py import MPI
 from scipy.optimize import brentq
-from solids import gathered, momenta, run_alone_and_on_all, run_through_and_in_two, run_to_end, simulation
+from solids import gathered, momenta, run_to_end, simulation
 
 from parsolid.collective import SolverError
 from parsolid.scene import SceneError, parse_scene
@@ -108,30 +108,6 @@ def test_motion_is_one_and_conserved(shared_path, comm):
     assert len(first) < len(X)
 
 
-def test_the_same_on_all_ranks_and_after_a_restart(shared_path, comm):
-    data = scene_of(
-        two_groups(shared_path, "mixed", 3),
-        3,
-        end_time=2.0,
-        boundaries=[
-            {"plane": "X = 0", "kind": "fixed"},
-            {"plane": "Z = 0", "kind": "roller"},
-            {"plane": "Y = 0.5", "kind": "traction", "traction": ["0.01", "0.02*t", "0"]},
-            {"plane": "X = 1", "kind": "pressure", "pressure": "0.02"},
-        ],
-        output={"checkpoint_steps": 20},
-    )
-    names = ("time", "kinetic", "strain_energy", "numerical_dissipation", "external_work")
-    alone = run_alone_and_on_all(data, comm, names)
-    assert len(alone["time"]) > 20
-    assert np.abs(alone["energy_error"]).max() < 1e-4 * alone["external_work"].max()
-    through, resumed = run_through_and_in_two(shared_path, comm, parse_scene(data), 20)
-    assert resumed.simulation.clock.step == through.simulation.clock.step > 20
-    for name in ("position", "velocity", "deformation_gradient"):
-        one, other = (gathered(run.simulation, name)[0] for run in (through, resumed))
-        assert (one == other).all()
-
-
 def frequency(data):
     """Of the first longitudinal wave of a clamped bar of two materials."""
     _, rows = run_to_end(data)
@@ -177,7 +153,7 @@ def test_refused(tmp_path):
 @pytest.mark.serial
 def test_bars_of_two_meshes_that_are_tied_swing_as_one(tmp_path):
     """Meshes that do not match, triangles and quads: the first frequency as above, and the balance of energy."""
-    from test_mesh_weights import write
+    from tlsph.test_mesh_weights import write
 
     for name, kind, scale, counts, shift in (
         ("left", "triangle", 0.125, (8, 4), 0.0),

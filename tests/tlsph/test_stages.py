@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import Record, evolved, follow, gathered, run_through_and_in_two, simulation, tables
-from test_mesh_weights import of_mesh
+from solids import Record, follow, gathered, simulation, tables
+from tlsph.test_mesh_weights import of_mesh
 
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
@@ -77,18 +77,6 @@ def test_driven_through_stages(comm):
     X, x = gathered(sim, "reference_position", "position")
     np.testing.assert_allclose(x[X[:, 1] == 1.0, 1], 0.9, rtol=0.0, atol=1e-14)
     assert np.abs(rows["energy_error"]).max() < 2e-4 * rows["strain_energy"].max()
-
-
-@pytest.mark.ranks(1, 2)
-@pytest.mark.parametrize("first", [2, 12])
-def test_restart(shared_path, comm, first):
-    """A restart in any stage goes on with the same bits."""
-    through, pieces = run_through_and_in_two(shared_path, comm, parse_scene(there_and_back()), first)
-    names = evolved(through.simulation.systems[0].particles)
-    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in (through, pieces))):
-        assert np.array_equal(*both), name
-    assert through.history.last_row == pieces.history.last_row
-    assert len(through.simulation.stage_steps) == len(pieces.simulation.stage_steps) == 3
 
 
 def test_check_counts_the_steps_of_every_stage():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from solids import simulation, tables
-from test_mesh_weights import of_mesh
+from tlsph.test_mesh_weights import of_mesh
 
 from parsolid.methods.tlsph.tangent import Tangent
 

@@ -5,8 +5,8 @@ import pytest
 from element_meshes import element_mesh
 from mpi4py import MPI
 from solids import gathered
-from test_mesh_weights import RUBBER, linear, write
-from test_stages import run
+from tlsph.test_mesh_weights import RUBBER, linear, write
+from tlsph.test_stages import run
 
 from parsolid.collective import SolverError
 from parsolid.scene import parse_scene

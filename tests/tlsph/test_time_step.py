@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from solids import ONE_BRANCH, SOFT, Record, follow, random_of, set_random_state, simulation, strains, tables
+from solids import ONE_BRANCH, SOFT, Record, follow, set_random_state, simulation, strains, tables
 
 PARTICLES = {2: (5, 6), 3: (4, 5, 3)}
-UPPER = {2: [1.0, 1.0], 3: [1.0, 1.0, 1.0]}
 
 
 def greatest_speed(sim) -> float:
@@ -74,21 +73,3 @@ def test_a_largest_step_is_kept():
     sim = simulation(data)
     assert sim.systems[0].stable_step() > 1e-2
     np.testing.assert_allclose(follow(sim, Record(), 4)["time"], 1e-3 * np.arange(5), rtol=1e-13)
-
-
-def test_it_does_not_depend_on_the_ranks(comm):
-    """Two bodies of different spacing and stiffness, which land on different ranks."""
-    steps = []
-    for where in (comm, comm.Split(comm.rank)):
-        data = tables((9, 9), material={**SOFT, "branches": ONE_BRANCH})
-        stiff = {**SOFT, "branches": ONE_BRANCH, "youngs_modulus": 40.0}
-        box = {"box": {"lower": [3.0, 0.0], "upper": [4.0, 1.0]}}
-        data["bodies"].append({"shape": box, "particles": [5, 5], "material": stiff})
-        sim = simulation(data, where)
-        table = sim.systems[0].particles
-        names = table.owned_rows("identifier")
-        table.owned_rows("deformation_gradient")[:] += 0.1 * random_of(names, 4)
-        F = table.owned_rows("deformation_gradient")
-        table.owned_rows("jacobian")[:] = F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2]
-        steps.append(min(where.allgather(sim.systems[0].stable_step())))
-    assert steps[0] == pytest.approx(steps[1], rel=1e-13)

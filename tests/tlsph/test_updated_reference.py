@@ -7,8 +7,6 @@ from solids import (
     RUBBER,
     SOFT,
     Record,
-    assert_same_fields,
-    column,
     evaluate,
     evolved,
     follow,
@@ -234,19 +232,6 @@ def test_the_balance_closes_with_the_time_step_over_updates():
         assert sim.systems[0].reference.updates > 3
         drift.append(np.abs(columns["energy_error"]).max() / columns["kinetic"][0])
     assert drift[0] < 2e-3 and drift[1] < 0.3 * drift[0], drift
-
-
-@pytest.mark.parametrize("way", [{"update_every": 7}, {"update_when": 0.05}], ids=["every", "when"])
-@pytest.mark.parametrize("scene", [punch, column])
-def test_runs_with_updates_do_not_depend_on_the_ranks(scene, way, comm):
-    data = scene(method={"reference": "updated", **way})
-    alone = comm.Split(comm.rank)
-    (many, spread), (one, single) = (run_steps(data, 40, group) for group in (comm, alone))
-    assert many.systems[0].reference.updates == one.systems[0].reference.updates > 3
-    for name in ("kinetic", "strain_energy", "material_dissipation", "numerical_dissipation"):
-        atol = 1e-9 * np.abs(single[name]).max()
-        np.testing.assert_allclose(spread[name], single[name], rtol=0.0, atol=atol, err_msg=name)
-    assert_same_fields(many, one, evolved(one.systems[0].particles), 1e-9)
 
 
 def test_a_reference_that_cannot_be_moved_ends_the_run_on_all_ranks(comm):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from solids import assert_same_fields, gathered, run_into, simulation
-from tool_scenes import METHODS, block, floor
+from tools.tool_scenes import METHODS, block, floor
 
 from parsolid.collective import SolverError
 from parsolid.scene import parse_scene

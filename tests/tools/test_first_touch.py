@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tool_scenes import METHODS, SPACING, block, run
+from tools.tool_scenes import METHODS, SPACING, block, run
 
 from parsolid.contact.tools.touch import Touch
 from parsolid.scene.observation import stored_energy

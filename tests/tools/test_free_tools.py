@@ -2,15 +2,9 @@
 
 import numpy as np
 import pytest
-from tool_scenes import METHODS, SPACING, Watch, block, run
+from tools.tool_scenes import METHODS, SPACING, block, run
 
-from parsolid.output.checkpoint import write_checkpoint
-from parsolid.per_rank import split_per_rank
-from parsolid.scene import parse_scene
 from parsolid.scene.observation import stored_energy
-from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.restart import Restart, header_of
-from parsolid.simulation.scene_changes import contents
 
 MASS, RADIUS = 120.0, 0.25
 # of the energy, at .2 ms
@@ -107,51 +101,6 @@ def test_energy_is_of_second_order(method="tlsph"):
         data["method"]["maximum_step"] = step
         found.append(np.abs(run(data)[1]["energy_error"]).max())
     assert np.all(np.log2(np.array(found[:-1]) / found[1:]) > 1.7), found
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_ranks_do_not_change_what_happens(comm, method):
-    data = hit(method)
-    if method in ("ulsph", "mpm"):
-        data["method"]["rebalance"] = 1.01
-    one, many = run(data, steps=60)[1], run(data, comm, steps=60)[1]
-    for name in (
-        "ball.force_x",
-        "ball.force_y",
-        "ball.moment",
-        "ball.place_y",
-        "ball.rotation",
-        "kinetic",
-        stored_energy(one),
-    ):
-        scale = np.abs(one[name]).max()
-        assert np.abs(one[name] - many[name]).max() < 1e-9 * scale, name
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_restart_in_the_middle_of_contact(comm, shared_path, method):
-    data = hit(method)
-    data["method"]["maximum_step"] = 2e-4
-    sim, _ = run(data, comm, steps=30)
-    header, own = split_per_rank(header_of(sim, {}, {}, contents(sim.scene)))
-    fields = [system.particles.checkpointed() for system in sim.systems]
-    write_checkpoint(comm, shared_path / "c.h5", header, fields, np.array(own))
-    watch = Watch()
-    sim.run(None, [watch], Limits(steps=15))
-    restart = Restart(comm, shared_path / "c.h5")
-    again, other = Simulation(comm, parse_scene(data), restart), Watch()
-    again.run(None, [other], Limits(steps=15))
-    assert sim.interactions[0].tools[0].total.force.any()
-    for name in (
-        "kinetic",
-        stored_energy(watch),
-        "energy_error",
-        "friction_dissipation",
-        "ball.place_x",
-        "ball.rotation",
-        "ball.force_x",
-    ):
-        assert np.array_equal(watch[name], other[name]), name
 
 
 def test_a_ball_in_space(comm):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tool_scenes import Watch
+from tools.tool_scenes import Watch
 
 from parsolid.scene import load_scene
 from parsolid.simulation.loop import Simulation

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tool_scenes import METHODS, block, floor, run
+from tools.tool_scenes import METHODS, block, floor, run
 
 GRAVITY, FRICTION = 10.0, 0.3
 

@@ -3,7 +3,7 @@
 import meshio
 import numpy as np
 import pytest
-from tool_scenes import METHODS, block, floor, run
+from tools.tool_scenes import METHODS, block, floor, run
 
 from parsolid.collective import SolverError
 from parsolid.scene import SceneError, parse_scene

@@ -38,7 +38,7 @@ def drive_and_report(options: Any) -> dict[str, Any]:
         raise RunFailed(str(error)) from None
     columns = tabulate(law, record, np.array(point.output.directions))
     summary = summarise(point, columns, clock.perf_counter() - began)
-    # write columns as CSV, with 17 digits, so that reading them gives the same bits. Raises OutputError
+    # 17 digits, so that reading them gives the same bits
     path = directory / TABLE
     partial = path.with_name(path.name + ".partial")
     try:

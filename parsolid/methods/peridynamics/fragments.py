@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums
+from decomposition.slices import Slices
 from parsolid.collective import anywhere
 from parsolid.solvers import unrestrained_modes
 
@@ -49,19 +50,33 @@ def unbalanced_fragment(
     motions (k, n, d): rigid ones of all particles; restraint(motions, mask): see `preconditioner`. Collective.
     """
     comm, labels = operator.comm, fragments_of(operator.forces.bonds)
-    known: dict[int, int] = {}
-    for numbers, counts in comm.allgather(np.unique(labels, return_counts=True)):
-        for number, count in zip(numbers.tolist(), counts.tolist()):
-            known[number] = known.get(number, 0) + count
+    total, largest = largest_fragments(comm, labels)
     places = operator.particles.owned_rows("reference_position")
-    for number in sorted(known, key=lambda one: -known[one])[:_MOST]:
+    for number, count in largest:
         mask = labels == number
         alone = motions * mask[:, None]
         loose = unrestrained_modes(comm, alone, restraint(alone, mask)) * operator.free
         parts = sums(comm, np.tensordot(loose, residual, 2))
         if np.linalg.norm(parts) > target:
-            middle = sums(comm, places[mask].sum(axis=0)) / known[number]
-            which = "of the bodies" if len(known) == 1 else f"of {len(known)} that no bond joins"
+            middle = sums(comm, places[mask].sum(axis=0)) / count
+            which = "of the bodies" if total == 1 else f"of {total} that no bond joins"
             around = ", ".join(f"{x:.4g}" for x in middle)
-            return f"a piece {which}, {known[number]} particles around ({around}), that nothing holds against its loads"
+            return f"a piece {which}, {count} particles around ({around}), that nothing holds against its loads"
     return ""
+
+
+def largest_fragments(comm: Any, labels: np.ndarray) -> tuple[int, list[tuple[int, int]]]:
+    """How many fragments there are, and label and particles of the largest; labels: of `fragments_of`. Collective."""
+    slices = Slices(comm, comm.allreduce(len(labels)))
+    numbers, counts = np.unique(labels, return_counts=True)
+    come = slices.deliver(numbers, count=counts)
+    count = np.zeros(len(slices), np.int64)
+    np.add.at(count, come["number"], come["count"])
+    here = np.flatnonzero(count)
+    here = here[np.argsort(-count[here], kind="stable")[:_MOST]]
+    mine = list(zip((slices.first + here).tolist(), count[here].tolist()))
+
+    def larger(one: list[tuple[int, int]], other: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        return sorted(one + other, key=lambda fragment: (-fragment[1], fragment[0]))[:_MOST]
+
+    return comm.allreduce(np.count_nonzero(count)), comm.allreduce(mine, larger)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums
+from decomposition.slices import count_before
 from parsolid.collective import anywhere, maximum
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.fragments import unbalanced_fragment
@@ -91,8 +92,10 @@ class Preconditioners:
         levels.of_moduli(np.zeros_like(lame), shear, self.volume, motion.diagonal(), most_nodes=np.inf)
         if self._divergence is None:
             self._divergence = divergence_of_components(self.operator.forces.bonds, self.operator.dimension)
-        resisted = np.maximum(lame, _LEAST * shear) * self.volume
-        return NearlyIncompressible(levels, self._divergence, 1.0 / np.concatenate(self.comm.allgather(resisted)))
+        first, count = count_before(self.comm, len(lame))
+        resisted = np.zeros(count)
+        resisted[first : first + len(lame)] = np.maximum(lame, _LEAST * shear) * self.volume
+        return NearlyIncompressible(levels, self._divergence, 1.0 / sums(self.comm, resisted))
 
     def _is_nearly_incompressible(self, lame: np.ndarray, shear: np.ndarray) -> bool:
         """Whether volumes are so stiff that grids alone take long, and particles few enough for more."""
@@ -153,8 +156,7 @@ def divergence_of_components(bonds: Bonds, dimension: int) -> Any:
     from scipy import sparse
 
     comm, owned, X = bonds.comm, bonds.owned, bonds.positions[:, :dimension]
-    counts = np.array(comm.allgather(owned))
-    first, count = int(counts[: comm.rank].sum()), int(counts.sum())
+    first, count = count_before(comm, owned)
     numbers = bonds.halo.with_ghosts(first + np.arange(owned, dtype=np.int64))
     inverse = bonds.inverse_shapes()[:, :dimension, :dimension] / bonds.volume[:owned, None, None]
     parts = []
@@ -174,5 +176,5 @@ def divergence_of_components(bonds: Bonds, dimension: int) -> Any:
     entries = np.concatenate(((Q * g).ravel(), -g.ravel()))
     places_of = (np.concatenate((rows, rows)), np.concatenate((there.ravel(), here.ravel())))
     mine = sparse.coo_array((entries, places_of), (count, count * dimension)).tocsr()
-    whole = sum(comm.allgather(mine), start=sparse.csr_array(mine.shape))
+    whole = comm.allreduce(mine)
     return whole[:, first * dimension : (first + owned) * dimension]

@@ -14,7 +14,15 @@ from parsolid.methods.tlsph.mesh_bodies import stabilising_modulus
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
 from parsolid.methods.tlsph.tangent import change_box
-from parsolid.methods.tlsph.tile_fields import copy_branches_in, copy_branches_out, copy_in, copy_out, store_waves
+from parsolid.methods.tlsph.tile_fields import (
+    copy_branches_in,
+    copy_branches_out,
+    copy_in,
+    copy_out,
+    energy_lost,
+    store_waves,
+    tiles_in,
+)
 from parsolid.pairs.box_on_rank import BoxOnRank
 from parsolid.pairs.box_planes import (
     dissipative_forces_in_plane,
@@ -60,12 +68,13 @@ class BoxBodies(StepBound):
         self._left = 1.0 - settings.clamp_edges
 
     def _edges_of(self, bodies: list[LatticeBody]) -> np.ndarray:
-        """Places in box arrays of nodes on edges of clamps, whose stresses count as their volumes."""
+        """Places in box arrays, which keep all planes then, of nodes on edges of clamps, whose stresses count as their
+        volumes."""
         found = [np.zeros(0, np.int64)]
         for one, box in zip(bodies, self.sweeps.boxes):
             if box is not None:
                 plane, node = np.divmod(one.clamp_edges - box.first, box.last_node - box.first_node)
-                found.append(place_of(box.motion, plane + box.first_plane) + box.first_node + node)
+                found.append(box.motion.kept + (plane + box.first_plane) * box.nodes + box.first_node + node)
         return np.concatenate(found)
 
     def advance_step(self, step: float, relaxing: float | None = None) -> tuple[bool, float, float]:
@@ -76,19 +85,23 @@ class BoxBodies(StepBound):
         sweeps.exchange_motion(stored("velocity"), stored("position"))
         sound, dissipated, stable = True, 0.0, np.inf
         initial = stored("initial_stress") if "initial_stress" in self.particles else None
-        forces = (stored("stress_force"), stored("dissipative_force")) if sweeps.in_turn else (None, None)
         time = step if relaxing is None else relaxing
-        for box, block in self.parts:
-            positive, lost, signal = advance_box(
-                box, sweeps.scratch(box), block.solid, step, self.dimension, self.signals, block.branches(time),
-                block.places, sweeps.v,
-                stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x, *forces, self._heat,
-                block.carried_fields(step, self.last_step),
-            )  # fmt: skip
-            sound, dissipated = sound and positive and block.sound, dissipated + lost
-            stable = min(stable, self.step_of(block, signal))
-        self._reduce_edges()
+        carried = [block.carried_fields(step, self.last_step) for block in self.blocks]
+        for in_turn, planes_of in ((False, sweeps.edges), (True, sweeps.inner)):
+            for (box, block), fields in zip(self.parts, carried):
+                for planes in planes_of(box):
+                    positive, lost, signal = advance_box(
+                        box, sweeps.scratch(box), *planes, in_turn, block.solid, step, self.dimension, self.signals,
+                        block.branches(time), block.places, sweeps.v,
+                        stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0],
+                        initial, sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x,
+                        stored("stress_force"), stored("dissipative_force"), self._heat, fields,
+                    )  # fmt: skip
+                    sound, dissipated = sound and positive and block.sound, dissipated + lost
+                    stable = min(stable, self.step_of(block, signal))
+            if not in_turn:
+                self._reduce_edges()
+                sweeps.send_stress()
         return sound, dissipated, stable
 
     def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
@@ -113,6 +126,7 @@ class BoxBodies(StepBound):
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
         self._reduce_edges()
+        sweeps.send_stress()
         return sound, dissipated, stable
 
     def _reduce_edges(self) -> None:
@@ -123,29 +137,36 @@ class BoxBodies(StepBound):
 
     def find_forces(self) -> None:
         """T and D [N] in the fields stress_force and dissipative_force, where `advance_step` has not found them."""
-        if self.sweeps.in_turn:
-            return
-        self.sweeps.exchange_stress()
+        self.sweeps.receive_stress()
         stored = self.particles.storage
         self.sweeps.divergence(stored("stress_force"), stored("dissipative_force"), self._heat)
 
     def change_forces(
-        self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any], given: np.ndarray | None = None
+        self,
+        change: np.ndarray,
+        index: Any,
+        moduli: Any,
+        fields: tuple[Any, Any],
+        given: np.ndarray | None = None,
+        volumes: Any = None,
     ) -> None:
         """See `ListBodies.change_forces`."""
         stored, sweeps = self.particles.storage, self.sweeps
         motion = np.zeros_like(stored("velocity"))
         motion[:, : self.particles.owned] = change.T
         sweeps.exchange_motion(motion, stored("position"))
-        for box, block in self.parts:
-            change_box(
-                box, sweeps.scratch(box), block.places, index, moduli, given, sweeps.v, sweeps.G, sweeps.P, block.tiles,
-                fields[0] if sweeps.in_turn else None,
-            )  # fmt: skip
-        self._reduce_edges()
-        if not sweeps.in_turn:
-            sweeps.exchange_stress()
-            sweeps.divergence(*fields)
+        for in_turn, planes_of in ((False, sweeps.edges), (True, sweeps.inner)):
+            for box, block in self.parts:
+                for planes in planes_of(box):
+                    change_box(
+                        box, sweeps.scratch(box), *planes, in_turn, block.places, index, moduli, given, volumes,
+                        sweeps.v, sweeps.G, sweeps.P, block.tiles, fields[0],
+                    )  # fmt: skip
+            if not in_turn:
+                self._reduce_edges()
+                sweeps.send_stress()
+        sweeps.receive_stress()
+        sweeps.divergence(*fields)
 
     def add_stiffness(self, result: np.ndarray) -> None:
         """See `ListBodies.add_stiffness`; of differences along the axes."""
@@ -180,7 +201,7 @@ class BoxBodies(StepBound):
         self.sweeps.exchange_motion(displacement, stored("position"))
         gradient = self.sweeps.gradient()
         for box, block in self.parts:
-            planes = gradient[:, box.motion.start : box.motion.end].reshape(-1, box.planes, box.nodes)
+            planes = gradient[:, box.motion.kept : box.motion.end].reshape(-1, box.planes, box.nodes)
             own = planes[:, box.first_plane : box.last_plane, box.first_node : box.last_node]
             result[block.first : block.last] = own.reshape(len(own), -1).T.reshape(-1, self.dimension, self.dimension)
 
@@ -234,14 +255,6 @@ def take_extremes(n, J, signal, least, most):
 
 
 @kernel
-def add_losses(n, total, lost, volume, row):
-    """total (n,) += lost volume, of volumes from a row on."""
-    first = np.uintp(row)
-    for p in range(np.uintp(n)):
-        total[p] += lost[p] * volume[first + p]
-
-
-@kernel
 def store_numbers(field, row, n, numbers):
     """Numbers of a tile into a field (n,) from a row on."""
     first = np.uintp(row)
@@ -251,20 +264,22 @@ def store_numbers(field, row, n, numbers):
 
 @kernel
 def advance_box(
-    box, scratch, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume, initial, G, P, Z,
-    tiles, A, branch_sum, x, force, dissipation, heat, carried,
+    box, scratch, begin, end, in_turn, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume,
+    initial, G, P, Z, tiles, A, branch_sum, x, force, dissipation, heat, carried,
 ):  # fmt: skip
-    """Leapfrog: state of the nodes of a box after a step [s] with their velocity gradients in its middle.
+    """Leapfrog: state of the nodes of planes begin to end - 1 of a box after a step [s] with their velocity gradients
+    in its middle.
 
     Fields (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,)
     [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. force,
-    dissipation (d, n) [N]: fields of V Div P and V D, which are filled while stresses are in the cache; None where
-    planes of other ranks are needed first. heat: see `dissipative_forces_in_plane`. Otherwise as in
-    `list_update.advance_step`, as is what is returned.
+    dissipation (d, n) [N]: fields of V Div P and V D, which are filled while stresses are in the cache, if the planes
+    take turns. heat: see `dissipative_forces_in_plane`. Otherwise as in `list_update.advance_step`, as is what is
+    returned.
     """
-    values = scratch.values
-    row, least, most, dissipated = box.first, np.ones(TILE), np.zeros(TILE), np.zeros(TILE)
+    values, least, most, dissipated = scratch.values, np.ones(TILE), np.zeros(TILE), 0.0
+    row = box.first + (begin - box.first_plane) * (box.last_node - box.first_node)
     # out of their tuples once: each time costs a count of references
+    tiles = tiles_in(tiles)
     tensor, symmetric, tile_F, tile_G, tile_P, tile_J, tile_Z = (
         places.tensor, places.symmetric, tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
     )  # fmt: skip
@@ -272,7 +287,7 @@ def advance_box(
     of_branches, third = (branches.moduli, branches.times, branches.weights, branches.losses), 0.0 if d == 2 else 1.0
     if d == 2:
         tile_G[:] = 0.0
-    for i in range(box.first_plane, box.last_plane):
+    for i in range(begin, end):
         of_pairs, of_stresses = place_of(box.pairs, i), place_of(box.stresses, i)
         gradient_in_plane(box, i, v, values, G, of_pairs + box.first_node)
         for a in range(box.first_node, box.last_node, TILE):
@@ -294,24 +309,23 @@ def advance_box(
                 store_waves(Z, place, n, tile_Z, slow_Z, 1)
             if A is not None:
                 copy_branches_out(field_A, row, n, A, symmetric)
-                add_losses(n, dissipated, lost, volume, row)
+                dissipated += energy_lost(n, lost, volume, row)
             store_numbers(jacobian, row, n, tile_J)
             take_extremes(n, tile_J, signal, least, most)
             row += n
-        if force is not None:
-            if Z is not None and i > 0:
-                dissipative_forces_in_plane(box, scratch, i - 1, v, x, G, Z, None, dissipation, heat)
-            if i >= REACH:
+        if in_turn:
+            if Z is not None and i > begin:
+                dissipative_forces_in_plane(box, scratch, i - 1, begin, v, x, G, Z, None, dissipation, heat)
+            if i - REACH >= begin:
                 stress_forces_in_plane(box, i - REACH, P, values, force)
-    if force is not None:
+    if in_turn:
         if Z is not None:
-            dissipative_forces_in_plane(box, scratch, box.last_plane - 1, v, x, G, Z, None, dissipation, heat)
-        for i in range(max(0, box.last_plane - REACH), box.last_plane):
+            dissipative_forces_in_plane(box, scratch, end - 1, begin, v, x, G, Z, None, dissipation, heat)
+        for i in range(max(begin, end - REACH), end):
             stress_forces_in_plane(box, i, P, values, force)
-    sound, lost_energy, greatest = True, 0.0, 0.0
+    sound, greatest = True, 0.0
     for p in range(TILE):
         sound = sound and least[p] > 0.0
-        lost_energy += dissipated[p]
         # max gives its second argument where either is not a number
         greatest = max(greatest, most[p])
-    return sound, lost_energy, greatest
+    return sound, dissipated, greatest

@@ -8,9 +8,11 @@ from parsolid.methods.tlsph.tile_fields import (
     copy_branches_out,
     copy_in,
     copy_out,
+    energy_lost,
     largest_modulus,
     load_deformation,
     store_waves,
+    tiles_in,
     waves_tile,
 )
 from parsolid.pairs.box_planes import gradient_in_plane, place_of
@@ -26,7 +28,7 @@ def advance_box_stage(
     `list_stages.advance_stage`, whose `values` are `of_each` here. Z (2 d, places): halves of the density times the
     moduli of pressure and shear waves along each axis."""
     sound, rate, largest, row = True, 0.0, 0.0, box.first
-    values = scratch.values
+    values, tiles = scratch.values, tiles_in(tiles)
     tensor, symmetric, tile_F, tile_H, tile_J, F_start, H_start, J_start = (
         places.tensor, places.symmetric, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start
     )  # fmt: skip
@@ -67,8 +69,7 @@ def advance_box_stage(
             for p in range(n):
                 sound = sound and tile_J[p] > 0.0
             if A is not None:
-                for p in range(n):
-                    rate += lost[p] * volume[row + p]
+                rate += energy_lost(n, lost, volume, row)
                 if at_end:
                     relax_over_step(branches, tile_F, F_start, A)
                     copy_branches_out(field_A, row, n, A, symmetric)

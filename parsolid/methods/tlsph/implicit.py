@@ -8,6 +8,9 @@ symmetric, so that the angular momentum is (J. C. Simo, N. Tarnow, ZAMP 43 (1992
 Appl. Mech. Engrg. 190 (2000) 1763). What is linear in F, stabilisers and a stress of the start, is exact at the middle.
 Contact and ties have the mean force of the step, half of those at its ends and what begins or ends within it.
 Newton's method takes half of K at the middle with the masses, which is not the whole derivative, but symmetric.
+
+Of bodies with `pressures` as unknowns J C^-1 times p - k j is part of S, with the mean of the pressures at both ends,
+and the pressure at the end belongs to the volumes there: as what they store is quadratic in them, the energy is kept.
 """
 
 from typing import Any, NamedTuple
@@ -19,7 +22,7 @@ from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.collective import minimum
 from parsolid.particles.declaration import Columns, Field
-from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
+from parsolid.solvers.conjugate_gradients import Solution
 from parsolid.solvers.gmres import gmres
 from parsolid.solvers.newton import State, newton
 
@@ -37,7 +40,8 @@ _STATE = ("next_step", "last", "scale", "largest", "steps", "retries", "correcti
 
 class Start(NamedTuple):
     """Where a step begins: time [s], its length [s], displacement u and velocity v (owned, d) [m, m/s], F (owned, 3,
-    3) and C = F^T F; force (owned, d) [N] of contact and ties, and the power of tools [W] on this rank."""
+    3) and C = F^T F; unknowns [m]: u, and those of pressures; force (owned, d) [N] of contact and ties, and the power
+    of tools [W] on this rank."""
 
     time: float
     step: float
@@ -45,6 +49,7 @@ class Start(NamedTuple):
     v: np.ndarray
     F: np.ndarray
     C: np.ndarray
+    unknowns: np.ndarray
     meeting: np.ndarray
     power: float
 
@@ -60,7 +65,7 @@ class Implicit:
     def __init__(self, system: Any) -> None:
         """system: `system.TotalLagrangianSPH` with its `statics`, whose tangent, loads and preconditioner are used."""
         self.system, self.statics, self.comm = system, system.statics, system.comm
-        self.tangent, self.free = self.statics.tangent, self.statics.free
+        self.tangent, self.free, self.pressures = self.statics.tangent, self.statics.free, system.pressures
         self.preconditioner = self.statics.preconditioner
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         system.particles.declare(Field("mean_acceleration", system.dimension, "m/s^2", **kept))
@@ -75,26 +80,34 @@ class Implicit:
     # --- the problem of a step -----------------------------------------------------------------------------------
 
     def evaluate(self, displacement: np.ndarray) -> State:
-        """See `Problem`: the displacement is that at the end of the step; there is no energy that falls."""
-        start, of, statics = self.start, self.system.particles.owned_rows, self.statics
-        displacement = displacement.copy()
+        """See `Problem`: the displacement is that at the end of the step, all unknowns are; there is no energy that
+        falls."""
+        start, of, statics, d = self.start, self.system.particles.owned_rows, self.statics, self.system.dimension
+        unknowns = displacement.copy()
+        displacement = unknowns[:, :d]
         self.tangent.share_moves(displacement)
         meeting = self._meet(displacement, start.step)
-        middle = 0.5 * (start.u + displacement)
-        F = self._place(middle)
+        if self.pressures is not None:
+            self.pressures.set(0.5 * (start.unknowns[:, -1] + unknowns[:, -1]))
+        F = self._place(0.5 * (start.u + displacement))
         force, sound = self._internal_force(2.0 * F - start.F)
         force += 0.5 * (start.meeting + meeting)
         of("velocity")[:] = (displacement - start.u) / start.step
         external = statics.loads_at(start.time + 0.5 * start.step, False)
         inertia = self.inertia[:, None] * (displacement - start.u - start.step * start.v)
-        residual = np.where(self.free, force + external - inertia, 0.0)
-        lost = float(not sound)
-        squares = [np.vdot(one * self.free, one) for one in (residual, force, external, inertia)]
+        residual = np.zeros(self.free.shape)
+        residual[:, :d] = force + external - inertia
+        if self.pressures is not None:
+            residual[:, -1] = 0.5 * self.pressures.residual(unknowns[:, -1], np.linalg.det(2.0 * F - start.F))
+        residual[~self.free] = 0.0
+        lost, free = float(not sound), self.tangent.free
+        squares = [np.vdot(residual, residual), *(np.vdot(one * free, one) for one in (force, external, inertia))]
         square, *sizes, lost = sums(self.comm, [*squares, lost])
         self.norm, self._residual = float(np.sqrt(square)), residual
         self.largest = max(self.largest, float(np.sqrt(max(sizes)))) if np.isfinite(square) else self.largest
         self.force, self.external = force, external
-        return State(displacement, residual, self.norm, np.nan, 0.0, bool(lost == 0.0 and np.isfinite(square)))
+        sound, saddle = bool(lost == 0.0 and np.isfinite(square)), self.pressures is not None
+        return State(unknowns, residual, self.norm, np.nan, 0.0, sound, saddle)
 
     def _meet(self, displacement: np.ndarray, over: float) -> np.ndarray:
         """Forces of contact and ties (owned, d) [N] at a displacement a time over [s] after the start of the step:
@@ -129,9 +142,11 @@ class Implicit:
         S, change = np.zeros(F.shape), F.swapaxes(1, 2) @ F - start.C
         for part, weight in _GAUSS if sound else ():
             root = upper_root(start.C + part * change)
+            P = np.zeros(F.shape) if self.pressures is None else self.pressures.stresses(0, len(F), root)
             for block in system.blocks:
                 rows = np.arange(block.first, block.last)
-                S[rows] += weight * solve_upper(root[rows], block.stresses_of(rows, root[rows], None))
+                P[rows] += block.stresses_of(rows, root[rows], None)
+            S += weight * solve_upper(root, P)
         if system.initial_stress is not None:
             S[:, :d, :d] += system.particles.owned_rows("initial_stress").reshape(-1, d, d)
         P = (0.5 * (start.F + F) @ S)[:, :d, :d].reshape(-1, d * d)
@@ -143,19 +158,21 @@ class Implicit:
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """See `Problem`."""
-        return np.asarray(self.preconditioner(residual))
+        return self.statics.precondition(residual)
 
     def solve(self, load: np.ndarray, target: float) -> Solution:
         """See `Problem`."""
-        solver = conjugate_gradients if self.statics.conservative else gmres
-        found = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, self.preconditioner)
+        solver = self.statics.symmetric_solver if self.statics.conservative else gmres
+        found = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, self.precondition)
         self.products += found.iterations
         return found
 
     def _product(self, change: np.ndarray, out: np.ndarray) -> None:
-        out[:] = 0.5 * self.tangent.product(change) + self.inertia[:, None] * change
+        moved = change[:, : self.system.dimension]
+        out[:] = 0.5 * self.statics.stiffness(change)
+        out[:, : self.system.dimension] += self.inertia[:, None] * moved
         if not self.statics.dead:
-            out -= 0.5 * self.statics.change_of_loads(change)
+            out[:, : self.system.dimension] -= 0.5 * self.statics.change_of_loads(moved)
 
     # --- steps ---------------------------------------------------------------------------------------------------
 
@@ -210,14 +227,19 @@ class Implicit:
         moved = start.u.copy()
         if system.conditions.motion.there:
             system.conditions.motion.displace(time, step, moved.T)
-        state = self.evaluate(np.where(self.free, guess, moved))
+        first = start.unknowns.copy()
+        first[:, : guess.shape[1]] = np.where(self.tangent.free, guess, moved)
+        state = self.evaluate(first)
         self.target = max(self.settings.tolerance * self.largest, self.preconditioner.rounding)
         found = newton(self, state, self.target)
         self.corrections += found.corrections
         self.fault = found.fault
-        acceleration = 2.0 * (found.state.displacement - start.u - step * start.v) / step**2 * self.free
-        if not found.fault and self._choose_step(step, found.state.displacement, acceleration):
-            return self._end(time, step, found.state.displacement, acceleration, ledger)
+        u = np.ascontiguousarray(found.state.displacement[:, : guess.shape[1]])
+        acceleration = 2.0 * (u - start.u - step * start.v) / step**2 * self.tangent.free
+        if not found.fault and self._choose_step(step, u, acceleration):
+            self._set_pressures(found.state.displacement)
+            return self._end(time, step, u, acceleration, ledger)
+        self._set_pressures(start.unknowns)
         self._meet(start.u, 0.0)
         self._place(start.u)
         of("velocity")[:] = start.v
@@ -234,11 +256,18 @@ class Implicit:
             one.keep(None)
         meeting = self._meet(u, 0.0)
         power = sum(one.power() for one in self.system.interactions)
-        self.start = Start(time, step, u, v, F, F.swapaxes(1, 2) @ F, meeting, power)
+        unknowns = u if self.pressures is None else np.column_stack((u, self.pressures.unknowns()))
+        self.start = Start(time, step, u, v, F, F.swapaxes(1, 2) @ F, unknowns, meeting, power)
         self.inertia, self.statics.sought = 2.0 * self.mass / step**2, (time, step, 0.5)
         # of twice the matrix; made anew in every step, as a restart has no other
         self.preconditioner.inertia = 2.0 * self.inertia
         self.preconditioner.build()
+
+    def _set_pressures(self, unknowns: np.ndarray) -> None:
+        """Take those of some unknowns as the present ones."""
+        if self.pressures is not None:
+            self.pressures.set(unknowns[:, -1])
+            self.pressures.settle()
 
     def _choose_step(self, step: float, u: np.ndarray, acceleration: np.ndarray) -> bool:
         """Choose the next step [s] by the error of this one, dt^2/12 times the change of the acceleration within it;
@@ -268,7 +297,7 @@ class Implicit:
         system, of, start = self.system, self.system.particles.owned_rows, self.start
         du, v = u - start.u, start.v + step * a
         # prescribed components have their mean velocity until they are given that of the end
-        of("velocity")[:] = np.where(self.free, v, du / step)
+        of("velocity")[:] = np.where(self.tangent.free, v, du / step)
         of("mean_acceleration")[:] = a
         # products have moved what contact knows of the state
         self._meet(u, step)
@@ -280,8 +309,8 @@ class Implicit:
         system.conditions.impose(time + step, True)
         mass, end = self.mass[:, None], of("velocity")
         kinetic = 0.5 * mass * (end * end - start.v * start.v)
-        reaction = np.where(self.free, 0.0, mass * (end - start.v) / step - self.force - self.external)
-        work = np.where(self.free, self.external * du, kinetic - self.force * du)
+        reaction = np.where(self.tangent.free, 0.0, mass * (end - start.v) / step - self.force - self.external)
+        work = np.where(self.tangent.free, self.external * du, kinetic - self.force * du)
         self._end_state()
         self.last, self.steps = step, self.steps + 1
         return work, reaction
@@ -298,7 +327,7 @@ class Implicit:
         ledger.add(1.0, 0.0, 0.0, float(work.sum()))
         of, conditions = self.system.particles.owned_rows, self.system.conditions
         if step > 0.0:
-            change, held = of("displacement") - first, np.where(self.free, 0.0, work)
+            change, held = of("displacement") - first, np.where(self.tangent.free, 0.0, work)
             report_equilibrium(conditions, of("position").T, change, reaction, held, time, step)
         conditions.report(step, ledger)
 

@@ -10,6 +10,7 @@ from parsolid.methods.tlsph.leapfrog import StepBound
 from parsolid.methods.tlsph.list_stages import advance_stage
 from parsolid.methods.tlsph.list_update import add_forces, advance_step, find_forces
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
+from parsolid.methods.tlsph.pressures import FIELDS
 from parsolid.methods.tlsph.tangent import change_records
 from parsolid.pairs.list_sweeps import ROWS, gradient_in_plane, gradient_in_space
 from parsolid.pairs.list_weights import ListWeights
@@ -116,7 +117,7 @@ class ListBodies(StepBound):
                 block.solid, step, self.dimension, self.signals, block.branches(time), self.half,
                 block.first, block.last, block.places, *fields, self.near.inner, self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
-                block.carried_fields(step, self.last_step),
+                block.carried_fields(step, self.last_step), *self._pressures,
             )  # fmt: skip
             sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
@@ -161,6 +162,12 @@ class ListBodies(StepBound):
         )
 
     @property
+    def _pressures(self) -> tuple[Any, Any]:
+        """Fields of pressures beside those of the laws (`pressures`), None without."""
+        found: Any = [self.particles.storage(name) if name in self.particles else None for name in FIELDS]
+        return found[0], found[1]
+
+    @property
     def _moved(self) -> bool:
         """Whether the reference moves."""
         return "push" in self.particles
@@ -173,17 +180,23 @@ class ListBodies(StepBound):
         self._add_up(self.motion if self.waves else None, self.heat, self.columns.position, fields)
 
     def change_forces(
-        self, change: np.ndarray, index: Any, moduli: Any, fields: tuple[Any, Any], given: np.ndarray | None = None
+        self,
+        change: np.ndarray,
+        index: Any,
+        moduli: Any,
+        fields: tuple[Any, Any],
+        given: np.ndarray | None = None,
+        volumes: Any = None,
     ) -> None:
         """Changes of T [N] for a small change (owned, d) [m] of the displacement, and T of stresses given (d d, owned)
-        [Pa], into the first of two fields (d, n), the second is scratch; index, moduli: see `tangent.Tangent`.
+        [Pa], into the first of two fields (d, n), the second is scratch; index, moduli, volumes: see `tangent`.
         Collective."""
         self.motion[: self.last, : self.dimension] = change[: self.last]
         self._begin_sums()
         for block in self.blocks:
             change_records(
-                self.dimension, block.first, block.last, block.places.tensor, index, moduli, given, self.near.inner,
-                self.motion, self.operator, self.record, block.tiles,
+                self.dimension, block.first, block.last, block.places.tensor, index, moduli, given, volumes,
+                self.near.inner, self.motion, self.operator, self.record, block.tiles,
             )  # fmt: skip
         self._add_up(None, None, 0, (*fields, None))
 

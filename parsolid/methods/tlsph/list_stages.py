@@ -8,8 +8,10 @@ from parsolid.methods.tlsph.tile_fields import (
     copy_branches_in,
     copy_branches_out,
     copy_in,
+    energy_lost,
     largest_modulus,
     load_deformation,
+    tiles_in,
     waves_tile,
 )
 
@@ -46,6 +48,7 @@ def advance_stage(
     """
     sound, rate, largest = True, 0.0, 0.0
     # out of their tuples once: each time costs a count of references
+    tiles = tiles_in(tiles)
     tensor, symmetric, F, H, J, F0, H0, J0 = (
         places.tensor, places.symmetric, tiles.F, tiles.H, tiles.J, tiles.F_start, tiles.H_start, tiles.J_start
     )  # fmt: skip
@@ -82,8 +85,7 @@ def advance_stage(
         store_wave_rows(d, i, n, fast, Q_p, isotropic)
         store_wave_rows(d, i, n, slow, Q_s, 0.0)
         if A is not None:
-            for p in range(n):
-                rate += lost[p] * volume[i + p]
+            rate += energy_lost(n, lost, volume, i)
             if at_end:
                 relax_over_step(branches, F, F0, A)
                 copy_branches_out(field_A, i, n, A, symmetric)

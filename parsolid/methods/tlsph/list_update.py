@@ -4,13 +4,15 @@ the divergence sweep (`pairs.list_sweeps`), tile by tile."""
 import numpy as np
 
 from parsolid.kernels import inlined, kernel
-from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, update_tile
+from parsolid.methods.tlsph.point_update import TILE, add_initial_stress, add_pressure, update_tile
 from parsolid.methods.tlsph.tile_fields import (
     copy,
     copy_branches_in,
     copy_branches_out,
     copy_in,
     copy_out,
+    energy_lost,
+    tiles_in,
 )
 from parsolid.pairs.list_sweeps import (
     divergence_in_plane,
@@ -126,7 +128,7 @@ def store_stresses(d, i, n, P, Z, operator, record):
 def advance_step(
     law, step, d, signals, branches, half, first, last, places,
     gradient, jacobian, field_A, volume, push, inverse, initial,
-    pairs, motion, operator, record, tiles, A, branch_sum, push_tile, carried,
+    pairs, motion, operator, record, tiles, A, branch_sum, push_tile, carried, pressure, released,
 ):  # fmt: skip
     """Leapfrog: state of particles first .. last - 1 after a step [s] with their velocity gradients in its middle, and
     records of the new state.
@@ -134,12 +136,13 @@ def advance_step(
     Arguments as in `point_update.update_tile`; fields (components, n): deformation gradient, jacobian (n,), A of the
     branches, push and inverse of an updated reference, initial stress [Pa]; volume (n,) [m^3]; operator, record:
     rows, see `list_sweeps`. Fields and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
-    carried: see there.
+    carried: see there; pressure, released: see `add_pressure`, or None.
 
     Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
     """
     sound, dissipated, greatest, third = True, 0.0, 0.0, 0.0 if d == 2 else 1.0
     # out of their tuples once: each time costs a count of references
+    tiles = tiles_in(tiles)
     tensor, symmetric, F, J, G, P, Z, signal, lost, stress = (
         places.tensor, places.symmetric, tiles.F, tiles.J, tiles.G, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
         tiles.initial,
@@ -160,11 +163,12 @@ def advance_step(
         )  # fmt: skip
         if A is not None:
             copy_branches_out(field_A, i, n, A, symmetric)
-            for p in range(n):
-                dissipated += lost[p] * volume[i + p]
+            dissipated += energy_lost(n, lost, volume, i)
         if initial is not None:
             copy_in(stress, tensor, initial, i, n)
             add_initial_stress(F, stress, P)
+        if pressure is not None:
+            add_pressure(F, J, pressure, released, i, n, P)
         copy_out(gradient, i, n, F, tensor)
         store_stresses(d, i, n, P, Z, operator, record)
         copy(jacobian[i : i + n], J[:n])

@@ -62,7 +62,7 @@ class SurfacePairs(NamedTuple):
 class MeshNeighbours:
     """The pairs of a rank's nodes of meshes, with what `pair_list.Neighbours` offers; there are no images.
 
-    surface, stiffness: for the lists inner and outer, `SurfacePairs` and c_ab (m,) [N/m] of the stabilisation.
+    surface, stretch, overlap: for the lists inner and outer, `SurfacePairs`, and w_ab [m] and m_ab [m^3] (m,).
     volume (rows,) [m^3], area (owned, d) [m^2]: of the weights; centres (owned, d) [m]: int N X / V, where F belongs;
     mass_volume (owned,) [m^3]: corrected masses over the density; limited: how many of this rank's nodes have less of
     the correction.
@@ -104,6 +104,7 @@ class MeshNeighbours:
         parts = [(inside, surface[inside[surface]]), (~inside, surface[~inside[surface]])]
         self.inner, self.outer = (_pair_list(pairs, np.flatnonzero(kept), factor) for kept, _ in parts)
         self.stretch = [pairs.stretch[kept] for kept, _ in parts]
+        self.overlap = [pairs.overlap[kept] for kept, _ in parts]
         self.surface = [_surface_pairs(pairs, kept) for _, kept in parts]
 
     def rows_of(self, identifiers: np.ndarray) -> np.ndarray:

@@ -32,6 +32,7 @@ class Reports(ParticleSystem):
     stages: list[Any]
     reference: Any
     initial_stress: Any
+    pressures: Any
     lattice_bodies: list[Any]
     body_weights: list[str]
     evaluations: int
@@ -53,6 +54,8 @@ class Reports(ParticleSystem):
                 stress[low - first : high - first] = block.stresses(low, high)
         if self.initial_stress is not None:
             stress += self.initial_stress.first_piola_kirchhoff_stress(first, last)
+        if self.pressures is not None:
+            stress += self.pressures.stresses(first, last, deformation_gradients(self.particles, first, last))
         return stress
 
     @property
@@ -145,6 +148,7 @@ class Reports(ParticleSystem):
         """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
         kinetic = kinetic_energy(self.owned, self.particles.storage("velocity"), self.mass, self.share)
         stored = 0.0 if self.initial_stress is None else self.initial_stress.energy()
+        stored += 0.0 if self.pressures is None else self.pressures.energy()
         stored += 0.0 if self.meshes is None else self.meshes.stabiliser_energy()
         stored += 0.0 if self.statics is None else self.statics.stabiliser_energy()
         return float(kinetic), stored + sum(block.energy() for block in self.blocks)

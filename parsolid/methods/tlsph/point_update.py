@@ -266,6 +266,14 @@ def _update_elastic(
 
 
 @kernel
+def add_pressure(F, J, pressure, released, i, n, P):
+    """P += (p - k (J - 1)) H of n particles from row i on; pressure p, released k [Pa]: fields (1, n)."""
+    for p in range(n):
+        part = pressure[0, i + p] - released[0, i + p] * (J[p] - 1.0)
+        store(P, p, combine(1.0, load(P, p), part, cofactor(load(F, p))))
+
+
+@kernel
 def add_initial_stress(F, initial, P):
     """P += F S0 on a tile."""
     for p in range(TILE):

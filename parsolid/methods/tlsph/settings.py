@@ -229,7 +229,8 @@ class TotalLagrangianSPH(MethodSettings):
         if "leapfrog" in self.integrators(scene):
             terms[KINETIC_OFFSET] = -1
         kinds = [self.integrator, *(one.method.get("integrator", "") for one in scene.stages)]
-        if any(kind == "static" != before for before, kind in pairwise(kinds)):
+        changes = {("leapfrog", "implicit"), *((one, "static") for one in ("leapfrog", "implicit"))}
+        if changes & set(pairwise(kinds)):
             terms[STAGE_CHANGE] = 1
         if any(scene.bodies[i].material.kind == "elastic-plastic" for i in bodies):
             terms |= {"plastic_work": 0, "riemann_heat": 0}

@@ -16,6 +16,9 @@ limit point closes with no step.
 Bodies that flow or relax have a state (`load_history`), their F follows from that of the last equilibrium, and what is
 left of the work is dissipated. As what they store is found from both ends of a step, so is the work, without the last
 term; where bodies flow this term says how much is missing.
+
+Vectors of unknowns are displacements (owned, d), with a further column where `pressures` are unknowns, which no load
+acts on; the energy is then stationary, not least, and Newton's method goes by what is not balanced.
 """
 
 from typing import Any, NamedTuple
@@ -30,6 +33,7 @@ from parsolid.collective import minimum
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.load_history import LoadHistory
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
+from parsolid.methods.tlsph.pressures import STIFF
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
@@ -38,11 +42,14 @@ from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.gmres import gmres
 from parsolid.solvers.grid_levels import SOFTEST
+from parsolid.solvers.minres import minres
 from parsolid.solvers.newton import State, newton
 
 # of a load, what the tangent of a step leaves; the share of a step's work that may be missing in the stored energy, at
 # most, and as lengths of steps are chosen; by how many powers of 2 these change at most
 _TANGENT = 1e-4
+# of that, beside pressures: the error of minimal residuals is not without work, as that of conjugate gradients is
+_SADDLE = 0.1
 _MISSING, _AIM = 2e-3, 1e-4
 # the same where particles begin to slip within steps
 _ROUGH_AIM = 5e-4
@@ -57,8 +64,6 @@ _TOUCHING = 1e-3
 _ROUGH = 0.1
 # products with the tangent in one solution at most
 _PRODUCTS = 3000
-# Poisson's ratio beyond which solutions take long
-_STIFF = 0.45
 _STATE = (
     "load_step",
     "loaded",
@@ -74,19 +79,19 @@ _STATE = (
 
 
 class Equilibrium(NamedTuple):
-    """displacement (owned, d) [m]; held (owned, d) [N]: loads on free components, loads and reactions on others; stored
-    energy [J] of all ranks; power [W]: of tools, on this rank."""
+    """unknowns [m]; held [N]: loads on free components, loads and reactions on others; stored energy [J] of all
+    ranks; power [W]: of tools, on this rank."""
 
-    displacement: np.ndarray
+    unknowns: np.ndarray
     held: np.ndarray
     stored: float
     power: float = 0.0
 
 
 class Taken(NamedTuple):
-    """A load step that was taken: the equilibrium at its end; work (owned, d) [J] of what is held, that of tools on
-    this rank, that of all ranks, what of it the stored energy has not gained, and what this rank's branches have
-    dissipated [J]; slope, curvature (owned, d) [m]: of the path at the end, over the load step."""
+    """A load step that was taken: the equilibrium at its end; work [J] of what is held, that of tools on this rank,
+    that of all ranks, what of it the stored energy has not gained, and what this rank's branches have dissipated [J]; slope,
+    curvature [m]: of the path at the end, over the load step."""
 
     end: Equilibrium
     work: np.ndarray
@@ -99,8 +104,8 @@ class Taken(NamedTuple):
 
 
 class Tangential(NamedTuple):
-    """Along the tangent of a path, over a load step: displacement (owned, d) [m], and the changes of what is held
-    (owned, d) [N] and of the power of tools [W], on this rank."""
+    """Along the tangent of a path, over a load step: unknowns [m], and the changes of what is held [N] and of the power
+    of tools [W], on this rank."""
 
     change: np.ndarray
     force: np.ndarray
@@ -129,16 +134,18 @@ class Static:
         for `implicit.Implicit`; tied: numbers of bodies that ties join; touched: those in contact. Raises SolverError
         on all ranks where nothing holds a body. Collective."""
         self.system, self.comm, self.conditions = system, system.comm, system.conditions
+        self.pressures, self.tangent = system.pressures, Tangent(system, True, system.pressures)
+        self.free = self.tangent.free
+        if self.pressures is not None:
+            self.free = np.column_stack((self.free, self.pressures.free))
         kept: dict[str, Any] = {"checkpointed": True, "mirror": "vector", "layout": Columns()}
         system.particles.declare(Field("displacement", system.dimension, "m", **kept))
-        system.particles.declare(Field("displacement_rate", system.dimension, "m/s", **kept))
-        system.particles.declare(Field("displacement_curvature", system.dimension, "m/s^2", **kept))
-        self.tangent = Tangent(system, flows=True)
-        self.free = self.tangent.free
+        system.particles.declare(Field("displacement_rate", self.free.shape[1], "m/s", **kept))
+        system.particles.declare(Field("displacement_curvature", self.free.shape[1], "m/s^2", **kept))
         # forces of the stabiliser of boxes, which are not among those of the sweeps
-        self._stabilising = np.zeros(self.free.shape)
+        self._stabilising = np.zeros(self.tangent.free.shape)
         # of contact and ties, on these parts of the particles; what they store, friction loses [J], and the power [W]
-        self._meeting, self._met = np.zeros(self.free.shape), (0.0, 0.0, 0.0)
+        self._meeting, self._met = np.zeros(self.tangent.free.shape), (0.0, 0.0, 0.0)
         # of trials: when the state was kept [s], and how long ago that is [s]
         self._kept_at, self._over = 0.0, 0.0
         self.preconditioner = StaticPreconditioner(self.tangent)
@@ -168,25 +175,30 @@ class Static:
     # --- the problem of a load -----------------------------------------------------------------------------------
 
     def evaluate(self, displacement: np.ndarray) -> State:
-        """See `Problem`: under the loads of the equilibrium that is sought."""
+        """See `Problem`: under the loads of the equilibrium that is sought; displacement: all unknowns."""
         # nothing resists particles of one node that rounding has moved apart
         displacement = displacement.copy()
-        self.tangent.share_moves(displacement)
+        self.tangent.share_moves(displacement[:, : self.system.dimension])
         sound = self._deform(displacement)
         external = self._loads(*self.sought)
         residual = np.where(self.free, self.internal_force() + external, 0.0)
         stored, work = self._stored(), float(np.vdot(external, displacement))
         square: float = float(np.vdot(residual, residual))
         square, stored, work, size, lost = sums(self.comm, [square, stored, work, abs(stored) + abs(work), 1.0 - sound])
-        energy = float(stored - work) if self.conservative and self.history is None else np.nan
+        least = self.conservative and self.history is None and self.pressures is None
+        energy = float(stored - work) if least else np.nan
         whole = bool(lost == 0.0 and np.isfinite(square) and np.isfinite(stored))
         self.norm, self._residual = float(np.sqrt(square)), residual
-        return State(displacement, residual, self.norm, energy, 1e-13 * float(size), whole)
+        saddle = self.pressures is not None
+        return State(displacement, residual, self.norm, energy, 1e-13 * float(size), whole, saddle)
 
-    def _deform(self, displacement: np.ndarray, still: bool = False) -> bool:
-        """Places, deformation and internal forces of a displacement; whether this rank's Jacobians are positive. still:
-        it is that of the last equilibrium, whose flow stress belongs to the rate with which it was reached."""
+    def _deform(self, unknowns: np.ndarray, still: bool = False) -> bool:
+        """Places, deformation and internal forces of some unknowns; whether this rank's Jacobians are positive. still:
+        they are those of the last equilibrium, whose flow stress belongs to the rate with which it was reached."""
         system, of = self.system, self.system.particles.owned_rows
+        displacement = unknowns[:, : system.dimension]
+        if self.pressures is not None:
+            self.pressures.set(unknowns[:, -1])
         of("displacement")[:] = displacement
         np.add(of("reference_position"), displacement, out=of("position"))
         if self.history is None:
@@ -204,6 +216,8 @@ class Static:
         for bodies in system.sweeps:
             bodies.find_forces()
         self._rest("velocity", "dissipative_force", RIEMANN_HEAT)
+        if self.pressures is not None:
+            self.pressures.settle()
         self.stabilise()
         self._meet(still)
         return all(sound)
@@ -259,26 +273,35 @@ class Static:
         np.subtract(of("position"), of("reference_position"), out=of("displacement"))
 
     def internal_force(self) -> np.ndarray:
-        """Internal force (owned, d) [N] of the displacement evaluated last, on this side of mirror planes."""
+        """Internal forces [N] of the unknowns evaluated last, on this side of mirror planes; collective."""
         force = self.system.particles.owned_rows("stress_force") * self.system.share[:, None]
-        return np.asarray(force - self._stabilising + self._meeting)
+        force += self._meeting - self._stabilising
+        if self.pressures is None:
+            return force
+        present = self.pressures.unknowns(), self.system.particles.owned_rows("jacobian")
+        return np.column_stack((force, self.pressures.residual(*present)))
 
     def stabiliser_energy(self) -> float:
         """Energy [J] of what resists rough displacements of this rank's boxes, in the state evaluated last."""
         return 0.5 * float(np.vdot(self.system.particles.owned_rows("displacement"), self._stabilising))
 
     def _loads(self, time: float, step: float, part: float) -> np.ndarray:
-        """Loads (owned, d) [N] at a part of a load step [s] from a time [s], in the present shape; of a jump, where the
-        step is 0, from those before it to those after it."""
+        """Loads [N] on the unknowns at a part of a load step [s] from a time [s], in the present shape; of a jump,
+        where the step is 0, from those before it to those after it."""
         if step == 0.0:
-            before = self._held_at_start if time == self.began else self.loads_at(time, True)
-            return (1.0 - part) * before + part * self.loads_at(time, False)
-        return self.loads_at(time + part * step, part > 0.0)
+            before = self._held_at_start if time == self.began else self._loads_on_unknowns(time, True)
+            return (1.0 - part) * before + part * self._loads_on_unknowns(time, False)
+        return self._loads_on_unknowns(time + part * step, part > 0.0)
+
+    def _loads_on_unknowns(self, time: float, before_jump: bool) -> np.ndarray:
+        result = np.zeros(self.free.shape)
+        result[:, : self.system.dimension] = self.loads_at(time, before_jump)
+        return result
 
     def loads_at(self, time: float, before_jump: bool) -> np.ndarray:
         found = self.conditions.find_loads(time, before_jump)
         if found is None:
-            return np.zeros(self.free.shape)
+            return np.zeros(self.tangent.free.shape)
         loads = found.copy()
         self.tangent.share(loads)
         return np.ascontiguousarray(loads.T)
@@ -289,13 +312,16 @@ class Static:
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """See `Problem`."""
-        return np.asarray(self.preconditioner(residual))
+        if self.pressures is None:
+            return np.asarray(self.preconditioner(residual))
+        of_pressures = self.pressures.precondition(residual[:, -1])
+        return np.column_stack((self.preconditioner(residual[:, :-1]), of_pressures))
 
     def solve(self, load: np.ndarray, target: float) -> Solution:
         """See `Problem`; the preconditioner is made anew at the present shape once it takes much more products."""
         size = float(np.sqrt(sums(self.comm, [np.vdot(load * self.free, load)])[0]))
-        solver = conjugate_gradients if self.conservative else gmres
-        precondition = self.preconditioner if self.dead or self.sprung else self._solve_roughly
+        solver = self.symmetric_solver if self.conservative else gmres
+        precondition = self.precondition if self.dead or self.sprung else self._solve_roughly
         solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, precondition)
         self.products += solution.iterations
         self.most_products = max(self.most_products, solution.iterations)
@@ -303,24 +329,35 @@ class Static:
         self.preconditioner.note(solution.iterations, decades)
         return solution
 
+    @property
+    def symmetric_solver(self) -> Any:
+        """That of tangents without changes of loads."""
+        return conjugate_gradients if self.pressures is None else minres
+
     def _solve_roughly(self, residual: np.ndarray) -> np.ndarray:
-        """About K^-1 r (owned, d) [m] without the change of loads, the preconditioner where that is not found; without
+        """About K^-1 r [m] without the change of loads, the preconditioner where that is not found; without
         this, restarts lose nearly incompressible bodies."""
         target = _ROUGH * float(np.sqrt(sums(self.comm, [np.vdot(residual, residual)])[0]))
 
         def product(change: np.ndarray, out: np.ndarray) -> None:
-            out[:] = self.tangent.product(change)
+            out[:] = self.stiffness(change)
 
-        settings = target, self.free, _PRODUCTS, self.preconditioner
-        found = conjugate_gradients(self.comm, product, residual, *settings)
+        settings = target, self.free, _PRODUCTS, self.precondition
+        found = self.symmetric_solver(self.comm, product, residual, *settings)
         self.products += found.iterations
         return found.value if found.converged else self.precondition(residual)
 
+    def stiffness(self, change: np.ndarray) -> np.ndarray:
+        """K times a change [m] of the unknowns [N]."""
+        if self.pressures is None:
+            return self.tangent.product(change)
+        return self.pressures.product(self.tangent, change)
+
     def _product(self, change: np.ndarray, out: np.ndarray) -> None:
-        """(K - dL/du) du of a change (owned, d) [m] into out [N]."""
-        out[:] = self.tangent.product(change)
+        """(K - dL/du) times a change [m] of the unknowns into out [N]."""
+        out[:] = self.stiffness(change)
         if not self.dead:
-            out -= self.change_of_loads(change)
+            out[:, : self.system.dimension] -= self.change_of_loads(change[:, : self.system.dimension])
 
     def change_of_loads(self, change: np.ndarray) -> np.ndarray:
         """dL/du du (owned, d) [N] of loads that follow the shape: differences, which are exact for springs and for a
@@ -391,7 +428,7 @@ class Static:
         external = float(work.sum())
         if step == 0.0 and time == self.began > 0.0:
             # a motion's last state is held by nothing but its loads
-            fall = self._loads(time, 0.0, 1.0) * (at.displacement - first.displacement) - work
+            fall = self._loads(time, 0.0, 1.0) * (at.unknowns - first.unknowns) - work
             lost = float(fall[self.free].sum())
             external += lost
             ledger.add_term(STAGE_CHANGE, lost)
@@ -403,6 +440,8 @@ class Static:
     def _begin(self, time: float) -> Equilibrium:
         """The equilibrium that a step begins with."""
         u = self.system.particles.owned_rows("displacement").copy()
+        if self.pressures is not None:
+            u = np.column_stack((u, self.pressures.unknowns()))
         if self.history is not None:
             self.history.remember()
         self._keep(time, None)
@@ -424,7 +463,7 @@ class Static:
         self._over = 0.0
         if self.history is not None:
             self.history.elapsed = 0.0
-        self._deform(last.displacement, still=True)
+        self._deform(last.unknowns, still=True)
         if self.history is not None:
             # which rounding would change
             self.history.recall()
@@ -446,20 +485,20 @@ class Static:
         gaps = self._clearances()
         self.sought = (time, step, end)
         load = self._loads(*self.sought) - before
-        moved, guess = self._moved(time, step, part, end, start.displacement), of("displacement_rate") * ahead
+        moved, guess = self._moved(time, step, part, end, start.unknowns), of("displacement_rate") * ahead
         if self.history is None:
             unbalanced = load + self._pushed(ahead)
         else:
             self.history.elapsed = self._over = ahead
             # also what relaxes while nothing moves
-            unbalanced = self.evaluate(start.displacement).residual
-            self._deform(start.displacement + _AHEAD * np.where(self.free, guess, moved))
+            unbalanced = self.evaluate(start.unknowns).residual
+            self._deform(start.unknowns + _AHEAD * np.where(self.free, guess, moved))
         first = self._tangent_of_path(unbalanced, moved, guess, ahead)
         if isinstance(first, Failed):
             return first
         curved = np.where(self.free, 0.5 * ahead**2 * of("displacement_curvature"), 0.0)
         self._over = ahead
-        state = self.evaluate(start.displacement + first.change + curved)
+        state = self.evaluate(start.unknowns + first.change + curved)
         touched = self._first_touch(gaps)
         if touched < 1.0:
             return Failed("", part=touched)
@@ -493,8 +532,10 @@ class Static:
 
     def _pushed(self, ahead: float) -> np.ndarray:
         """By how much the forces of contact (owned, d) [N] change as tools move on for a time [s]."""
-        still = np.zeros(self.free.shape)
-        return still + sum(one.change_along(still, ahead)[0] for one in self.system.interactions)
+        still, result = np.zeros(self.tangent.free.shape), np.zeros(self.free.shape)
+        for one in self.system.interactions:
+            result[:, : self.system.dimension] += one.change_along(still, ahead)[0]
+        return result
 
     def _clearances(self) -> np.ndarray:
         """Of all contacts, over all ranks [m]."""
@@ -521,7 +562,7 @@ class Static:
         """A step of a time ahead [s] between two equilibria with the tangents at its ends and what this rank's branches
         and friction have lost [J]; see the head of this file."""
         lost, rubbed = losses
-        du = end.displacement - start.displacement
+        du = end.unknowns - start.unknowns
         curved = (end.held - start.held) * (last.change - first.change) - du * (last.force - first.force)
         work, more = 0.5 * (start.held + end.held) * du, curved / 12.0
         of_tools, more_of_tools = 0.5 * ahead * (start.power + end.power), ahead * (first.power - last.power) / 12.0
@@ -542,10 +583,10 @@ class Static:
         return Taken(end, work, of_tools, total, missing, 0.0, last.change, curvature)
 
     def _moved(self, time: float, step: float, part: float, end: float, u: np.ndarray) -> np.ndarray:
-        """By how much (owned, d) [m] prescribed components move between two parts of a load step."""
+        """By how much [m] prescribed components move between two parts of a load step."""
         motion, result = self.conditions.motion, u.copy()
         if motion.there:
-            motion.displace(time + part * step, (end - part) * step, result.T)
+            motion.displace(time + part * step, (end - part) * step, result.T[: self.system.dimension])
         result -= u
         return result * ((end - part) / (1.0 - part)) if step == 0.0 else result
 
@@ -561,12 +602,14 @@ class Static:
             self._product(one, product)
         wanted, left = np.where(self.free, load - products, 0.0)
         size = float(np.sqrt(sums(self.comm, [np.vdot(wanted, wanted)])[0]))
-        solution = self.solve(left, max(_TANGENT * size, self.preconditioner.rounding))
+        part = _TANGENT if self.pressures is None else _SADDLE * _TANGENT
+        solution = self.solve(left, max(part * size, self.preconditioner.rounding))
         if not solution.converged:
             return Failed(f"along the load, {solution.reason}", solution.iterations < _PRODUCTS)
         change += solution.value
-        power = sum(one.change_along(change, ahead)[1] for one in self.system.interactions)
-        return Tangential(change, self.tangent.product(change) - self._pushed(ahead), power)
+        own = np.ascontiguousarray(change[:, : self.system.dimension])
+        power = sum(one.change_along(own, ahead)[1] for one in self.system.interactions)
+        return Tangential(change, self.stiffness(change) - self._pushed(ahead), power)
 
     def _scale(self, taken: Taken) -> float:
         """Energy [J] beside which what is missing counts."""
@@ -590,7 +633,7 @@ class Static:
     def _set_target(self) -> None:
         """What may be left of the loads, or of the reactions where nothing is loaded, and of rounding."""
         external, force = self._loads(*self.sought), self.internal_force()
-        force = np.where(self.free, self._meeting, force)
+        force = np.where(self.tangent.free, self._meeting, force[:, : self.system.dimension])
         load, reaction = np.sqrt(sums(self.comm, [np.vdot(external, external), np.vdot(force, force)]))
         self.loaded = self.loaded or bool(load > 0.0)
         if not self.loaded:
@@ -613,10 +656,12 @@ class Static:
 
     def _report(self, time: float, step: float, first: Equilibrium, last: Equilibrium, work: np.ndarray) -> None:
         """Forces and works of conditions in a step [s] from a time [s]."""
-        loads, change = self._loads(time, step, 1.0), last.displacement - first.displacement
+        loads, change = self._loads(time, step, 1.0), last.unknowns - first.unknowns
         both = self._loads(time, step, 0.0) + loads
         places, reaction = self.system.particles.owned_rows("position").T, -self.internal_force() - loads
-        report_equilibrium(self.conditions, places, change, reaction, work - 0.5 * both * change, time, step)
+        of_motion = slice(0, self.system.dimension)
+        change, reaction, held = (one[:, of_motion] for one in (change, reaction, work - 0.5 * both * change))
+        report_equilibrium(self.conditions, places, change, reaction, held, time, step)
 
     # --- what is asked of it -----------------------------------------------------------------------------------
 
@@ -656,16 +701,18 @@ class Static:
             f"equilibria of {unknowns} unknowns: 10 to 40 products with the tangent a linear solution, from 1e3 to 1e5 "
             "unknowns, and 3 to 6 solutions a load step"
         )
-        stiffest = max(lame / shear for shear, lame in map(elastic_moduli, self.system.laws))
+        # with the weights of meshes pressures are unknowns
+        others = [law for law, kind in zip(self.system.laws, self.system.body_weights) if kind != "mesh"]
+        stiffest = max((lame / shear for shear, lame in map(elastic_moduli, others)), default=0.0)
         ratio = 0.5 * stiffest / (1.0 + stiffest)
-        if ratio <= _STIFF + 1e-9:
+        if ratio <= STIFF + 1e-9:
             return [Note("load-step-cost", cost)]
         volumes = f"volumes are {stiffest:.3g} times as stiff as shapes (Poisson's ratio {ratio:.6g})"
         # the preconditioner has volumes that are SOFTEST times as stiff, and products go with the root of the ratio
         longer = f"linear solutions take {(stiffest / SOFTEST) ** 0.5:.2g} times as many products or more"
         return [
             Note("load-step-cost", cost),
-            Note("stiff-volumes", f"{volumes}: {longer}; a ratio of {_STIFF:g} costs less"),
+            Note("stiff-volumes", f"{volumes}: {longer}; a ratio of {STIFF:g} costs less"),
         ]
 
     def progress(self) -> list[str]:

@@ -42,17 +42,21 @@ class StaticPreconditioner:
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
         system, d = self.system, self.system.dimension
         of = system.particles.owned_rows
-        self.lame, self.shear = moduli_of_rows(tangent.laws, system.owned)
+        lame, self.shear = moduli_of_rows(tangent.laws, system.owned)
+        # what pressures take is not in the tangent of displacements
+        self.lame = lame if system.pressures is None else np.where(system.pressures.free, 0.0, lame)
         self.volume = np.array(of("volume"))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
-        self.diagonal = self._scaled_diagonal()
-        size = self.volume[:, None] ** (1.0 / d)
+        softer = ((d + 1.0) * self.shear + self.lame) / ((d + 1.0) * self.shear + lame)
+        self.diagonal = self._scaled_diagonal(softer)
+        size = (self.volume ** (1.0 / d) / softer)[:, None]
         self.rounding = _BITS * float(np.sqrt(sums(self.comm, [np.sum((self.diagonal * size) ** 2)])[0]))
 
-    def _scaled_diagonal(self) -> np.ndarray:
-        """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest."""
-        tangent, estimate = self.tangent, self.tangent.diagonal()
+    def _scaled_diagonal(self, softer: np.ndarray) -> np.ndarray:
+        """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest; softer
+        (owned,): a factor on the estimate, where pressures are unknowns."""
+        tangent, estimate = self.tangent, self.tangent.diagonal() * softer[:, None]
         signs = np.sign(start_vector(self.system.particles.owned_rows("identifier"), self.system.dimension))
         tangent.share_moves(signs)
         trial = np.where(tangent.free, signs, 0.0)

@@ -20,6 +20,7 @@ from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattic
 from parsolid.methods.tlsph.leapfrog import Leapfrog, slowing_of
 from parsolid.methods.tlsph.output import Reports
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT, PlasticBlock
+from parsolid.methods.tlsph.pressures import pressures_of
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
 from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
 from parsolid.methods.tlsph.static import Static
@@ -57,8 +58,9 @@ class TotalLagrangianSPH(Reports):
     sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
     advance_stage(stage, step), find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator
     of explicit motion, the other is None; statics: that of equilibria, None where no stage solves for displacements;
-    implicit: that of motion in long steps, or None; meshes_of_bodies: the key of the mesh whose weights each body has,
-    or None; settings: those of the present stage, see `begin_stage`; slowing: see `leapfrog.slowing_of`.
+    implicit: that of motion in long steps, or None; integrator: that of the present stage; meshes_of_bodies: the key of
+    the mesh whose weights each body has, or None; settings: those of the present stage, see `begin_stage`; slowing: see
+    `leapfrog.slowing_of`.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:
@@ -131,6 +133,7 @@ class TotalLagrangianSPH(Reports):
         self.meshes = mesh_bodies_of(self, scene, particle_set)
         if self.meshes is not None and self.leapfrog is not None:
             self.leapfrog.kicks.shared = self.meshes.shared
+        self.pressures = None if unknown is None else pressures_of(self)
         self.sweeps = [one for one in (self.lists, self.meshes, self.boxes) if one is not None]
         self.fixed_walls = None if self.lists is None else fixed_walls_of(self, self.lists)
         fixed = self.settings.reference == "fixed"
@@ -164,6 +167,8 @@ class TotalLagrangianSPH(Reports):
 
     def _enter(self, number: int) -> None:
         self.stage, self.settings = number, self.stages[number]
+        of_kind = {"static": self.statics, "implicit": self.implicit}
+        self.integrator: Any = of_kind.get(self.settings.integrator, self.leapfrog or self.staged_step)
         if self.settings.integrator == "static":
             first = max(k for k in range(number + 1) if k == 0 or self.stages[k - 1].integrator != "static")
             self.statics.set_span(self.stage_times[first], *self.stage_times[number : number + 2], self.settings)
@@ -227,6 +232,8 @@ class TotalLagrangianSPH(Reports):
         for block in self.blocks:
             block.settle()
         self.conditions.hold(0.0)
+        if self.pressures is not None and self.settings.integrator != "leapfrog":
+            self.pressures.release(self.settings.integrator == "implicit")
         if self.settings.integrator in ("static", "implicit"):
             self.integrator.begin()
         elif self.statics is not None:
@@ -265,6 +272,8 @@ class TotalLagrangianSPH(Reports):
         self._enter(self.stage + 1)
         if self.settings.integrator == before:
             return
+        if self.pressures is not None:
+            self._change_pressures(before == "leapfrog", ledger)
         if self.settings.integrator == "static":
             self.statics.begin()
             ledger.add_term(STAGE_CHANGE, kinetic)
@@ -272,6 +281,13 @@ class TotalLagrangianSPH(Reports):
             self.integrator.begin()
             self.conditions.impose(time)
             ledger.add(1.0, 0.0, 0.0, self.energies()[0] - kinetic)
+
+    def _change_pressures(self, moved: bool, ledger: Any) -> None:
+        """Pressures of a stage that begins, after one of leapfrog or another."""
+        if self.settings.integrator == "leapfrog":
+            self.pressures.hold()
+        elif moved:
+            ledger.add_term(STAGE_CHANGE, self.pressures.release(self.settings.integrator == "implicit"))
 
     def state(self) -> dict[str, Any]:
         """When the reference was moved, and whether the particles have the forces that a step begins with; the stage,
@@ -312,12 +328,6 @@ class TotalLagrangianSPH(Reports):
             self.leapfrog.forces_of = None
 
     # --- what the loop asks -----------------------------------------------------------------------------------
-
-    @property
-    def integrator(self) -> Any:
-        """Equilibria, steps of implicit dynamics, leapfrog or the stages of SSP-RK3."""
-        of_kind = {"static": self.statics, "implicit": self.implicit}
-        return of_kind.get(self.settings.integrator, self.leapfrog or self.staged_step)
 
     @property
     def reached(self) -> float | None:  # type: ignore[override]

@@ -8,7 +8,7 @@ inner product, as both sweeps are adjoint, and is minus the derivative of the fo
 meshes is in their sweeps, that of boxes beside them.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,13 +16,22 @@ from parsolid.kernels import inlined, kernel
 from parsolid.materials.hyperelastic.functions import elastic_moduli, stress
 from parsolid.methods.tlsph.list_update import find_gradients, store_stresses
 from parsolid.methods.tlsph.point_update import TILE, law_in, load, load_values, store
-from parsolid.methods.tlsph.tile_fields import copy_in, copy_out
+from parsolid.methods.tlsph.tile_fields import copy_in, copy_out, tiles_in
 from parsolid.pairs.box_planes import gradient_in_plane, place_of, stress_forces_in_plane
 from parsolid.pairs.box_weights import REACH
 from parsolid.tensors import cofactor, combine, determinant
 
 # of F; five-point differences have an error of its fourth power, and 1e-16 over it of rounding
 _STEP = 1e-3
+
+
+class Volumes(NamedTuple):
+    """Of particles whose pressures are unknowns, of others H is 0: cofactor H (d d, n), change dp of the pressure (n,)
+    [Pa], and strain (n,), to which H : dF is added."""
+
+    cofactor: np.ndarray
+    pressure: np.ndarray
+    strain: np.ndarray
 
 
 def packed(d: int) -> np.ndarray:
@@ -65,6 +74,7 @@ def add_slopes(law, places, index, F, P, i, n, moduli, values):
 def find_moduli(law, first, last, tensor, index, gradient, tiles, moduli, values):
     """Moduli d2W/dF dF [Pa] (entries, particles), see `packed`, of particles first .. last - 1 with the deformation
     gradients (d d, particles); values: `ParticleValues` or None."""
+    tiles = tiles_in(tiles)
     F, P = tiles.F, tiles.P
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
@@ -78,9 +88,9 @@ def find_moduli(law, first, last, tensor, index, gradient, tiles, moduli, values
 
 
 @kernel
-def change_stresses(places, index, moduli, given, i, n, G, P):
-    """dP = A : dF of n particles from row i on, and stresses given (d d, particles) besides, or None; G, P: tiles of dF
-    and dP."""
+def change_stresses(places, index, moduli, given, volumes, i, n, G, P):
+    """dP = A : dF of n particles from row i on, and stresses given (d d, particles) besides, or None, and dp H of
+    `Volumes`, or None; G, P: tiles of dF and dP."""
     for j in range(places.size):
         to = np.uintp(places[j] * TILE)
         for p in range(np.uintp(TILE)):
@@ -92,38 +102,45 @@ def change_stresses(places, index, moduli, given, i, n, G, P):
             start, row, at = np.uintp(places[k] * TILE), index[j, k], np.uintp(i)
             for p in range(np.uintp(n)):
                 P[to + p] += moduli[row, at + p] * G[start + p]
+        if volumes is not None:
+            H, dp, strain = volumes
+            for p in range(np.uintp(n)):
+                P[to + p] += H[j, np.uintp(i) + p] * dp[np.uintp(i) + p]
+                strain[np.uintp(i) + p] += H[j, np.uintp(i) + p] * G[to + p]
 
 
 @kernel
-def change_records(d, first, last, places, index, moduli, given, pairs, motion, operator, record, tiles):
+def change_records(d, first, last, places, index, moduli, given, volumes, pairs, motion, operator, record, tiles):
     """Records with the changes of stress of particles first .. last - 1 in a pair list, from rows of the motion that
     have du in place of the velocity; see `list_update.advance_step`."""
+    tiles = tiles_in(tiles)
     G, P, Z = tiles.G, tiles.P, tiles.impedance
     for i in range(first, last, TILE):
         n = min(TILE, last - i)
         find_gradients(d, pairs, i, n, motion, 0.0, operator, None, record, G)
-        change_stresses(places, index, moduli, given, i, n, G, P)
+        change_stresses(places, index, moduli, given, volumes, i, n, G, P)
         store_stresses(d, i, n, P, Z, operator, record)
 
 
 @kernel
-def change_box(box, scratch, places, index, moduli, given, v, G, P, tiles, force):
-    """Changes of stress of the nodes of a box from v, which is du; force (d, n) [N]: their forces, filled while the
-    stresses are in the cache, or None; see `box_bodies.advance_box`."""
-    row, tile_G, tile_P = box.first, tiles.G, tiles.P
-    for i in range(box.first_plane, box.last_plane):
+def change_box(box, scratch, begin, end, in_turn, places, index, moduli, given, volumes, v, G, P, tiles, force):
+    """Changes of stress of the nodes of planes begin to end - 1 of a box from v, which is du; force (d, n) [N]: their
+    forces, filled in turn; see `box_bodies.advance_box`."""
+    tiles = tiles_in(tiles)
+    row, tile_G, tile_P = box.first + (begin - box.first_plane) * (box.last_node - box.first_node), tiles.G, tiles.P
+    for i in range(begin, end):
         of_pairs, of_stresses = place_of(box.pairs, i), place_of(box.stresses, i)
         gradient_in_plane(box, i, v, scratch.values, G, of_pairs + box.first_node)
         for a in range(box.first_node, box.last_node, TILE):
             n = min(TILE, box.last_node - a)
             copy_in(tile_G, places.tensor, G, of_pairs + a, n)
-            change_stresses(places.tensor, index, moduli, given, row, n, tile_G, tile_P)
+            change_stresses(places.tensor, index, moduli, given, volumes, row, n, tile_G, tile_P)
             copy_out(P, of_stresses + a, n, tile_P, places.tensor)
             row += n
-        if force is not None and i >= REACH:
+        if in_turn and i - REACH >= begin:
             stress_forces_in_plane(box, i - REACH, P, scratch.values, force)
-    if force is not None:
-        for i in range(max(0, box.last_plane - REACH), box.last_plane):
+    if in_turn:
+        for i in range(max(begin, end - REACH), end):
             stress_forces_in_plane(box, i, P, scratch.values, force)
 
 
@@ -144,9 +161,10 @@ class Tangent:
     the parts; stabiliser: `BoxStabiliser`, None without boxes.
     """
 
-    def __init__(self, system: Any, flows: bool = False) -> None:
-        """system: `system.TotalLagrangianSPH`, set up; flows: whether elastic-plastic bodies may flow."""
-        self.system, self.comm, d = system, system.comm, system.dimension
+    def __init__(self, system: Any, flows: bool = False, pressures: Any = None) -> None:
+        """system: `system.TotalLagrangianSPH`, set up; flows: whether elastic-plastic bodies may flow; pressures: those
+        that are unknowns, of which K is for the displacement alone."""
+        self.system, self.comm, self.pressures, d = system, system.comm, pressures, system.dimension
         constrained = system.conditions.constrained
         self.free = np.ones((system.owned, d), bool) if constrained is None else ~constrained
         self.stabiliser = None if system.boxes is None else system.boxes.stabiliser(flows)
@@ -175,6 +193,8 @@ class Tangent:
             added = getattr(bodies, "added_stress", "initial_stress")
             if added in system.particles:
                 self._add_stress(system.particles.owned_rows(added), bodies.blocks)
+        if self.pressures is not None:
+            self.pressures.linearise(self.moduli, self.index)
 
     def force_of(self, stress: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Forces (owned, d) [N] of first Piola-Kirchhoff stresses (owned, d d) [Pa], and those of the stabilisers at a
@@ -195,12 +215,14 @@ class Tangent:
                     for L in range(J, d):
                         self.moduli[self.index[d * i + J, d * i + L], own] += added[own, d * L + J]
 
-    def product(self, change: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
-        """K du (owned, d) [N] of a change du (owned, d) [m], all of whose components count, that of contact and ties
-        included; or, where stresses are given (d d, owned) [Pa], without these and less the forces of the stresses."""
+    def product(
+        self, change: np.ndarray, given: np.ndarray | None = None, volumes: Volumes | None = None
+    ) -> np.ndarray:
+        """K du (owned, d) [N] of a change du (owned, d) [m], all of whose components count, less the forces of stresses
+        given (d d, owned) [Pa], with which contact and ties have no part, and of changes of pressure."""
         force, scratch = self._fields
         for bodies in self.system.sweeps:
-            bodies.change_forces(change, self.index, self.moduli, (force, scratch), given)
+            bodies.change_forces(change, self.index, self.moduli, (force, scratch), given, volumes)
         self.share(force)
         result = np.ascontiguousarray(-force[:, : self.system.owned].T) * self.system.share[:, None]
         if self.stabiliser is not None:

@@ -90,6 +90,11 @@ class Kicks:
         centred = kick.centred_dissipation
         offset = kick.offset - centred if opening else kick.offset + centred
         energies = np.array([kick.external, kick.dissipated + centred, offset, -gained])
+        if self.system.planes is not None:
+            # images of moving planes do work, of which the viscosity takes its part
+            velocity = 0.5 * self.system.planes.velocities[:, : len(before)]
+            of_stress, of_viscosity = 0.5 * step * np.einsum("ckj,cj->k", self.system.neighbours.plane_forces, velocity)
+            energies[:2] += of_stress + of_viscosity, of_viscosity
         if self.walls.all:
             acting = of("force").T, of("viscous_force").T, self.leapfrog.external
             energies += self.walls.catch(time, 0.5 * step, opening, before, acting)

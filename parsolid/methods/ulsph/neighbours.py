@@ -49,7 +49,11 @@ class Neighbours:
     """The sweeps of a rank, with the rows that they read and write as `sweeps` says.
 
     stride: from a vector to the next one in a row; rates, flows, slopes: what was found last. Forces are fields.
+    plane_forces (codes, 2, d): of stresses and of the viscosity, of images by each code on the particles [N], where
+    planes move.
     """
+
+    plane_forces: np.ndarray
 
     def __init__(
         self,
@@ -79,7 +83,8 @@ class Neighbours:
         numbers = ("density", "sound_speed", "micro_rate", "temperature")
         stress: Places = [("pair_stress", d * j, d, stride * j) for j in range(d)]
         self._record = self._there([*stress, *((name, 0, 1, stride * d + k) for k, name in enumerate(numbers))])
-        self._flux = self._there([("pair_micro_flux", 0, d, 0), ("pair_heat_flux", 0, d, stride)])
+        fluxes = ("pair_micro_flux", 0), ("pair_heat_flux", 1)
+        self._flux = self._there([(name, c, 1, 2 * c + first) for name, first in fluxes for c in range(d)])
 
     def _there(self, places: Places) -> tuple[list[str], np.ndarray]:
         """Fields that ghosts know, and the columns of rows that they fill, as `fill_rows` takes them."""
@@ -111,44 +116,62 @@ class Neighbours:
         lists = ((pairs.inner, n), (pairs.outer, known), (pairs.mirror, rows))
         reference = self._reference(pairs.images, pairs.codes) if self._corrected else None
         self._parts = {id(one): self._by_bodies(one, read, reference) for one, read in lists if one is not None}
+        if pairs.images is not None and pairs.mirror is not None and pairs.codes.moving:
+            code = pairs.images.code[pairs.mirror.neighbour - known]
+            every = [(pairs.mirror.where(code == one), one) for one in range(len(pairs.codes.planes))]
+            split = [(self._by_bodies(chosen, rows, reference), one) for chosen, one in every]
+            self._parts[id(pairs.mirror)] = [(part, between, one) for parts, one in split for part, between, _ in parts]
         particles.update("record")
         self._fill(0, known, self._record, self._rows_of_record)
         self._mirror_record()
 
     def _follow_images(self, images: Any, codes: Any) -> None:
-        """Factors and shifts that make rows of images of the rows that they mirror: v' = Q v, x' = R x + T,
-        sigma' = s Q sigma Q; fluxes are reflected."""
+        """Factors and shifts that make rows of images of the rows that they mirror: v' = Q v + 2 w, x' as in
+        `MirrorCodes`, sigma' = s Q sigma Q; fluxes are reflected."""
         d, stride, m = self.dimension, self.stride, len(images.source)
-        Q, R, T = (array[images.code, :d] for array in (codes.signs, codes.reflections, codes.shifts))
+        Q, R, D = (array[images.code, :d] for array in (codes.signs, codes.reflections, codes.drifts))
         sign = codes.stress_signs[images.code, None]
         self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
-        self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, R
-        self._shift[:, stride : stride + d] = T
+        self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, D
+        self._carried = (R - D) * self._reference_place()[images.source] if codes.carried else 0.0
+        self._code = images.code
+        self._shift_images()
         self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
         for j in range(d):
             self._record_factor[:, stride * j : stride * j + d] = sign * Q[:, j : j + 1] * Q
-        self._flux_factor[:, :d] = self._flux_factor[:, stride : stride + d] = R
+        self._flux_factor[:, : 2 * d] = np.repeat(R, 2, axis=1)
+
+    def _shift_images(self) -> None:
+        """What images have besides their factors, at the present planes."""
+        d, code = self.dimension, self._code
+        self._shift[:, :d] = self.pairs.codes.velocities[code, :d]
+        self._shift[:, self.stride : self.stride + d] = self.pairs.codes.shifts[code, :d] + self._carried
+
+    def _reference_place(self) -> np.ndarray:
+        """Positions at the start (rows, d) [m] of owned particles and ghosts."""
+        return self.particles["reference_position"][: self.particles.owned + self.particles.ghosts]
 
     def _reference(self, images: Any, codes: Any) -> tuple[np.ndarray, np.ndarray]:
         """Reference positions (rows, d) [m] and smoothing lengths (rows,) [m] of all rows."""
-        d, known = self.dimension, self.particles.owned + self.particles.ghosts
-        place, length = (self.particles[name][:known] for name in ("reference_position", "smoothing_length"))
+        d, place = self.dimension, self._reference_place()
+        length = self.particles["smoothing_length"][: len(place)]
         if images is not None:
-            R, T = codes.reflections[images.code, :d], codes.shifts[images.code, :d]
+            R, T = codes.reflections[images.code, :d], codes.shifts_at_start[images.code, :d]
             place = np.concatenate((place, R * place[images.source] + T))
             length = np.concatenate((length, length[images.source]))
         return np.ascontiguousarray(place), np.ascontiguousarray(length)
 
-    def _by_bodies(self, pairs: Pairs, rows: int, reference: Any) -> list[tuple[NearPairs, bool]]:
+    def _by_bodies(self, pairs: Pairs, rows: int, reference: Any) -> list[tuple[NearPairs, bool, int | None]]:
         """A list, which reads the first rows, as that of pairs within bodies and that of pairs between two, with
-        whether it is the latter. reference: positions and lengths whose weights pairs in tension keep, or None."""
+        whether it is the latter, and None for the code of moving images that `follow` tells apart. reference: positions
+        and lengths whose weights pairs in tension keep, or None."""
 
-        def near(chosen: Pairs, between: bool) -> tuple[NearPairs, bool]:
+        def near(chosen: Pairs, between: bool) -> tuple[NearPairs, bool, int | None]:
             weights = None
             if reference is not None and not between:
                 weights = np.empty(len(chosen.neighbour))
                 sweeps.reference_weights(self.smoothing, chosen, *reference, weights)
-            return NearPairs(chosen, weights, rows, self.dimension, self.smoothing.support), between
+            return NearPairs(chosen, weights, rows, self.dimension, self.smoothing.support), between, None
 
         if "contact_body" not in self.particles:
             return [near(pairs, False)]
@@ -177,7 +200,7 @@ class Neighbours:
             self._mirror_motion()
 
         def add(pairs: Pairs, both: bool) -> None:
-            for part, between in self._parts[id(pairs)]:
+            for part, between, _ in self._parts[id(pairs)]:
                 near, weights = part.find(motion)
                 options = (self._pressing, None, None, None) if between else (None, weights, self._tension, flux)
                 self._add_rates(self.smoothing, near, both, *options, motion, record, self.rates, self.flows)
@@ -193,6 +216,8 @@ class Neighbours:
         self._fill(0, owned, self._record, record)
         self._find_tension(0, owned, True)
         self._forces[:], self._heating[:], self.slopes[:] = 0.0, 0.0, 0.0
+        if self.pairs.images is not None:
+            self.plane_forces = np.zeros((len(self.pairs.codes.planes), 2, self.dimension))
 
         def received() -> None:
             self._fill(owned, known, self._record, record)
@@ -201,10 +226,14 @@ class Neighbours:
 
         def add(pairs: Pairs, both: bool) -> None:
             sums = self._forces, self._heating, self.slopes
-            for part, between in self._parts[id(pairs)]:
+            for part, between, code in self._parts[id(pairs)]:
                 near, weights = part.find(motion)
                 options = (self._pressing, None, None, None) if between else (None, weights, self._tension, flux)
+                before = 0.0 if code is None else self._forces.sum(axis=0)
                 self._add_forces(self.smoothing, near, both, *options, self.viscosity, motion, record, *sums)
+                if code is not None:
+                    of_images = (self._forces.sum(axis=0) - before).reshape(2, self.stride)
+                    self.plane_forces[code] += of_images[:, : self.dimension]
 
         self._sweep(add, "record", received)
         of = self.particles.storage
@@ -237,6 +266,8 @@ class Neighbours:
         """Rows of motion and fluxes of mirror images."""
         if self.pairs.images is not None:
             first, source = self.particles.owned + self.particles.ghosts, self.pairs.images.source
+            if self.pairs.codes.moving:
+                self._shift_images()
             self._rows_of_motion[first:] = self._motion_factor * self._rows_of_motion[source] + self._shift
             if self._rows_of_flux is not None:
                 self._rows_of_flux[first:] = self._flux_factor * self._rows_of_flux[source]
@@ -251,5 +282,5 @@ class Neighbours:
         """All rows and short lists, for what counts memory."""
         rows: list[Any] = [self._rows_of_motion, self._rows_of_record, self.rates, self.flows, self.slopes]
         rows += [self._forces, self._heating, self._tension, self._rows_of_flux]
-        short = [array for parts in self._parts.values() for part, _ in parts for array in part.arrays()]
+        short = [array for parts in self._parts.values() for part, *_ in parts for array in part.arrays()]
         return [one for one in rows if one is not None] + short

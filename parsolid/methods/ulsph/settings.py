@@ -39,7 +39,8 @@ class UpdatedLagrangianSPH(MethodSettings):
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     materials: ClassVar = ("micro-inertia", "elastic-plastic")
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "traction", "spring")
-    boundaries: ClassVar = (*reactions, "micro-hard", "temperature")
+    boundaries: ClassVar = (*reactions, "antisymmetric", "micro-hard", "temperature")
+    planes_move: ClassVar = True
     strained: ClassVar = False
     state_variables: ClassVar = (
         *("velocity", "density", "deviator", "temperature", "energy", "plastic_strain", "damage", "criterion_damage"),
@@ -51,7 +52,6 @@ class UpdatedLagrangianSPH(MethodSettings):
         *("pair_*", "force", "viscous_force", "viscous_heat", "correction", "micro_curl", "micro_gradient"),
     )
     refused: ClassVar = {
-        "antisymmetric": "images of a solid that moves against it are not made",
         "displacement": "motion is prescribed as a velocity or a rotation",
         "layer": "a part of a body is held by 'fixed' in a region",
         "pressure": "a present area needs a deformation gradient; 'traction' is per reference area",

@@ -15,7 +15,8 @@ moment sum_b r (x) g_ab/(m_a rho_a), see `update`.
 Kernels read rows of particles: owned ones, ghosts of other ranks, mirror images. P = sigma B/rho^2.
     motion   space [v m | x h]; plane [v x | m h 0 0]
     record   space [P_1 0 | P_2 0 | P_3 0 | rho c v^p T] with the columns of P; plane [P_1 P_2 | rho c v^p T]
-    flux     space [X 0 | Y 0], plane [X Y]: X = xi B/rho^2 and Y = q B/rho^2, None where neither flows
+    flux     space [X_1 Y_1 X_2 Y_2 | X_3 Y_3 0 0], plane [X_1 Y_1 X_2 Y_2]: X = xi B/rho^2, Y = q B/rho^2, None where
+             neither flows
 and add to rows of owned particles:
     rates    sums of (v_b - v_a) (x) g and r (x) g:
              space [dv g_1, r_1 g_1 | dv g_2, r_1 g_2 | dv g_3, r_1 g_3 | r_2 g_2, r_3 g_3, r_2 g_3, .]
@@ -33,6 +34,8 @@ weights of its rates, and power closes to second order of the step; pull is 1 wh
 """
 
 from typing import NamedTuple
+
+import numpy as np
 
 from parsolid.kernels import inlined, kernel
 from parsolid.pairs.rows_of_four import add, add_scaled, dot, load_row, scale, store_row, subtract
@@ -57,31 +60,65 @@ def viscous_pressure(viscosity, h, approach, square, N):
     return mu * (2.0 * viscosity.quadratic * mu - viscosity.linear * N[1] * s) / (s * s * N[0])
 
 
-@inlined
-def weight_in_space(smoothing, h, square):
-    """k_ab [1/m^5] at the squared distance."""
-    inverse = 1.0 / h
-    return -gradient_factor(smoothing, square**0.5 * inverse, 3) * inverse**5
-
-
-@inlined
-def weight_in_plane(smoothing, h, square):
-    """k_ab [1/m^4] at the squared distance."""
-    inverse = 1.0 / h
-    return -gradient_factor(smoothing, square**0.5 * inverse, 2) * inverse**4
+@kernel
+def weigh(smoothing, d, squares, lengths, weights):
+    """Fill weights with k_ab [1/m^(d + 2)] at squared distances [m^2] and smoothing lengths [m]; all (pairs,)."""
+    for k in range(weights.size):
+        inverse = 1.0 / lengths[k]
+        factor = gradient_factor(smoothing, squares[k] ** 0.5 * inverse, d)
+        weights[k] = -factor * inverse**4 * (inverse if d == 3 else 1.0)
 
 
 @kernel
 def reference_weights(smoothing, pairs, places, length, weights):
     """Weights of pairs of places (rows, d) [m] and smoothing lengths (rows,) [m]."""
-    d = places.shape[1]
+    d, lengths = places.shape[1], np.empty(weights.size)
     for a in range(pairs[0].shape[0] - 1):
         for k in range(pairs[0][a], pairs[0][a + 1]):
-            b, square = pairs[1][k], 0.0
+            b, weights[k] = pairs[1][k], 0.0
             for c in range(d):
-                square += (places[b, c] - places[a, c]) ** 2
-            inverse = 2.0 / (length[a] + length[b])
-            weights[k] = -gradient_factor(smoothing, square**0.5 * inverse, d) * inverse ** (d + 2)
+                weights[k] += (places[b, c] - places[a, c]) ** 2
+            lengths[k] = 0.5 * (length[a] + length[b])
+    weigh(smoothing, d, weights, lengths, weights)
+
+
+@kernel
+def room_for_pairs(start):
+    """Ones (3, n), n: pairs of any one particle, in whole vectors of eight: squared distances, lengths, weights."""
+    most = 0
+    for a in range(start.shape[0] - 1):
+        most = max(most, np.int64(start[a + 1]) - np.int64(start[a]))
+    return np.ones((3, _whole(most)))
+
+
+@inlined
+def _whole(n):
+    """n, in whole vectors of eight numbers."""
+    return (n + 7) // 8 * 8
+
+
+@kernel
+def weigh_in_space(smoothing, a, first, last, neighbour, motion, room):
+    """Weights of pairs first..last-1, of particle a, in the last row of `room_for_pairs`: found before the sums, they
+    are found eight at a time."""
+    x_a = load_row(motion, a, 4)
+    for k in range(first, last):
+        x_b = load_row(motion, neighbour[k], 4)
+        r = subtract(x_b, x_a)
+        room[0, k - first], room[1, k - first] = dot(r, r), 0.5 * (x_a[3] + x_b[3])
+    n = _whole(last - first)
+    weigh(smoothing, 3, room[0, :n], room[1, :n], room[2, :n])
+
+
+@kernel
+def weigh_in_plane(smoothing, a, first, last, neighbour, motion, room):
+    """As `weigh_in_space`."""
+    for k in range(first, last):
+        b = neighbour[k]
+        x, y = motion[b, 2] - motion[a, 2], motion[b, 3] - motion[a, 3]
+        room[0, k - first], room[1, k - first] = x * x + y * y, 0.5 * (motion[a, 5] + motion[b, 5])
+    n = _whole(last - first)
+    weigh(smoothing, 2, room[0, :n], room[1, :n], room[2, :n])
 
 
 @inlined
@@ -155,25 +192,26 @@ def traction_in_space(record, a, b, r):
 def add_rates_in_space(smoothing, pairs, both, pressing, reference, tension, flux, motion, record, rates, flows):
     """Add what pairs have of rates and flows; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
+    room = room_for_pairs(start)
     for a in range(start.shape[0] - 1):
-        if start[a] == start[a + 1]:
+        first, last = start[a], start[a + 1]
+        if first == last:
             continue
+        weigh_in_space(smoothing, a, first, last, neighbour, motion, room)
         v_a, x_a = load_row(motion, a, 0), load_row(motion, a, 4)
         pulls = reference is not None and tension[a, 6] > 0.0
         sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
         sum_2, sum_3 = load_row(rates, a, 8), load_row(rates, a, 12)
-        for k in range(start[a], start[a + 1]):
+        for k in range(first, last):
             b = neighbour[k]
-            x_b = load_row(motion, b, 4)
-            r, h = subtract(x_b, x_a), 0.5 * (x_a[3] + x_b[3])
-            square = dot(r, r)
-            if not square < (smoothing.support * h) ** 2:
+            square, h, weight = room[0, k - first], room[1, k - first], room[2, k - first]
+            if weight == 0.0:
                 continue
+            r = subtract(load_row(motion, b, 4), x_a)
             v_b = load_row(motion, b, 0)
             dv = subtract(v_b, v_a)
             if pressing is not None and not (dot(dv, r) < 0.0 or dot(traction_in_space(record, a, b, r), r) < 0.0):
                 continue
-            weight = weight_in_space(smoothing, h, square)
             if pulls and (reference[k] - weight) * tension[b, 6] > 0.0:
                 pull = pull_in_space(tension, a, r), pull_in_space(tension, b, r)
                 weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
@@ -188,8 +226,8 @@ def add_rates_in_space(smoothing, pairs, both, pressing, reference, tension, flu
                 store_row(rates, b, 8, add(load_row(rates, b, 8), to_2))
                 store_row(rates, b, 12, add(load_row(rates, b, 12), to_3))
             if flux is not None:
-                X, Y = add(load_row(flux, a, 0), load_row(flux, b, 0)), add(load_row(flux, a, 4), load_row(flux, b, 4))
-                to_flow = (dot(X, g), dot(Y, g), 0.0, 0.0)
+                S, U = add(load_row(flux, a, 0), load_row(flux, b, 0)), add(load_row(flux, a, 4), load_row(flux, b, 4))
+                to_flow = (S[0] * g[0] + S[2] * g[1] + U[0] * g[2], S[1] * g[0] + S[3] * g[1] + U[1] * g[2], 0.0, 0.0)
                 sum_flow = add(sum_flow, to_flow)
                 if both:
                     store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))
@@ -206,22 +244,23 @@ def add_forces_in_space(
 ):
     """Add what pairs have of forces, heating and slopes; both: whether the neighbours receive it, too."""
     start, neighbour = pairs
+    room = room_for_pairs(start)
     for a in range(start.shape[0] - 1):
-        if start[a] == start[a + 1]:
+        first, last = start[a], start[a + 1]
+        if first == last:
             continue
+        weigh_in_space(smoothing, a, first, last, neighbour, motion, room)
         v_a, x_a, N_a = load_row(motion, a, 0), load_row(motion, a, 4), load_row(record, a, 12)
         pulls = reference is not None and tension[a, 6] > 0.0
         sum_F, sum_V, sum_q = load_row(forces, a, 0), load_row(forces, a, 4), heating[a]
         slope_micro, slope_heat = load_row(slopes, a, 0), load_row(slopes, a, 4)
-        for k in range(start[a], start[a + 1]):
+        for k in range(first, last):
             b = neighbour[k]
-            x_b = load_row(motion, b, 4)
-            r, h = subtract(x_b, x_a), 0.5 * (x_a[3] + x_b[3])
-            square = dot(r, r)
-            if not square < (smoothing.support * h) ** 2:
+            square, h, weight = room[0, k - first], room[1, k - first], room[2, k - first]
+            if weight == 0.0:
                 continue
+            r = subtract(load_row(motion, b, 4), x_a)
             v_b, N_b = load_row(motion, b, 0), load_row(record, b, 12)
-            weight = weight_in_space(smoothing, h, square)
             if pulls and (reference[k] - weight) * tension[b, 6] > 0.0:
                 pull = pull_in_space(tension, a, r), pull_in_space(tension, b, r)
                 weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
@@ -265,24 +304,26 @@ def traction_in_plane(record, a, b, x, y):
 def add_rates_in_plane(smoothing, pairs, both, pressing, reference, tension, flux, motion, record, rates, flows):
     """As `add_rates_in_space`."""
     start, neighbour = pairs
+    room = room_for_pairs(start)
     for a in range(start.shape[0] - 1):
-        if start[a] == start[a + 1]:
+        first, last = start[a], start[a + 1]
+        if first == last:
             continue
-        here, m_a, h_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5]
+        weigh_in_plane(smoothing, a, first, last, neighbour, motion, room)
+        here, m_a = load_row(motion, a, 0), motion[a, 4]
         pulls = reference is not None and tension[a, 3] > 0.0
         sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
-        for k in range(start[a], start[a + 1]):
+        for k in range(first, last):
             b = neighbour[k]
-            step, h = subtract(load_row(motion, b, 0), here), 0.5 * (h_a + motion[b, 5])
-            u, v, x, y = step
-            square = x * x + y * y
-            if not square < (smoothing.support * h) ** 2:
+            square, h, weight = room[0, k - first], room[1, k - first], room[2, k - first]
+            if weight == 0.0:
                 continue
+            step = subtract(load_row(motion, b, 0), here)
+            u, v, x, y = step
             if pressing is not None:
                 S = traction_in_plane(record, a, b, x, y)
                 if not (u * x + v * y < 0.0 or S[0] * x + S[1] * y < 0.0):
                     continue
-            weight = weight_in_plane(smoothing, h, square)
             if pulls and (reference[k] - weight) * tension[b, 3] > 0.0:
                 pull = pull_in_plane(tension, a, x, y), pull_in_plane(tension, b, x, y)
                 weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
@@ -294,8 +335,8 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, reference, tension, flu
                 store_row(rates, b, 0, add(load_row(rates, b, 0), to_0))
                 store_row(rates, b, 4, add(load_row(rates, b, 4), to_1))
             if flux is not None:
-                X = add(load_row(flux, a, 0), load_row(flux, b, 0))
-                to_flow = (X[0] * g_x + X[1] * g_y, X[2] * g_x + X[3] * g_y, 0.0, 0.0)
+                S = add(load_row(flux, a, 0), load_row(flux, b, 0))
+                to_flow = (S[0] * g_x + S[2] * g_y, S[1] * g_x + S[3] * g_y, 0.0, 0.0)
                 sum_flow = add(sum_flow, to_flow)
                 if both:
                     store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))
@@ -310,20 +351,22 @@ def add_forces_in_plane(
 ):
     """As `add_forces_in_space`."""
     start, neighbour = pairs
+    room = room_for_pairs(start)
     for a in range(start.shape[0] - 1):
-        if start[a] == start[a + 1]:
+        first, last = start[a], start[a + 1]
+        if first == last:
             continue
-        here, m_a, h_a, N_a = load_row(motion, a, 0), motion[a, 4], motion[a, 5], load_row(record, a, 4)
+        weigh_in_plane(smoothing, a, first, last, neighbour, motion, room)
+        here, m_a, N_a = load_row(motion, a, 0), motion[a, 4], load_row(record, a, 4)
         pulls = reference is not None and tension[a, 3] > 0.0
         sum_F, sum_q, slope = load_row(forces, a, 0), heating[a], load_row(slopes, a, 0)
-        for k in range(start[a], start[a + 1]):
+        for k in range(first, last):
             b = neighbour[k]
-            step, h = subtract(load_row(motion, b, 0), here), 0.5 * (h_a + motion[b, 5])
-            u, v, x, y = step
-            square = x * x + y * y
-            if not square < (smoothing.support * h) ** 2:
+            square, h, weight = room[0, k - first], room[1, k - first], room[2, k - first]
+            if weight == 0.0:
                 continue
-            weight = weight_in_plane(smoothing, h, square)
+            step = subtract(load_row(motion, b, 0), here)
+            u, v, x, y = step
             if pulls and (reference[k] - weight) * tension[b, 3] > 0.0:
                 pull = pull_in_plane(tension, a, x, y), pull_in_plane(tension, b, x, y)
                 weight = held_weight(smoothing, weight, reference[k], h, square, *pull)

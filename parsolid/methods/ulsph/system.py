@@ -39,6 +39,7 @@ from parsolid.particles.initial_fields import (
 )
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
+from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 from parsolid.scene.boundaries.micro import MicroHard
 
@@ -91,6 +92,9 @@ class UpdatedLagrangianSPH(Reports):
         self._declare_state(comm, scene, particle_set, density)
         self.temperatures = Temperatures(comm, scene, particle_set, particles, self.solids)
         self.deletion = Deletion(self) if "deleted_mass" in particles else None
+        codes = self.conditions.codes
+        # None where no plane moves
+        self.planes = codes if codes is not None and codes.moving else None
         self.most_correction = _MOST_CORRECTION if settings.gradient_correction else None
         self.centred: bool | None = None
         self.in_plane = True if self.dimension == 2 else None
@@ -146,6 +150,8 @@ class UpdatedLagrangianSPH(Reports):
         if previous_state.take_state(self.comm, scene, self, particle_set) and self.deletion is not None:
             self.deletion.lighten()
         self.conditions.hold(0.0)
+        if self.planes is not None:
+            self.planes.drive(0.0, 0.0)
         self.pairs.rebuild(0.0)
         self.neighbours.follow()
         self.find_rates(0.0)
@@ -162,13 +168,19 @@ class UpdatedLagrangianSPH(Reports):
     def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Opening half kick, state from the rates in the middle of the step [s], and drift to its end."""
         self.rebuild_expired_list(time)
+        if self.planes is not None:
+            self.planes.drive(time, step)
         self.kicks.open_step(time, step)
         if self.deletion is not None:
             self.deletion.stop()
+        if self.planes is not None:
+            self.planes.travel(0.5 * step)
         self.drift(0, self.owned, 0.5 * step)
         self.find_rates(0.5 * step)
         self.material = self.advance_state(time + step, step)
         self.drift(0, self.owned + self.particles.ghosts, 0.5 * step)
+        if self.planes is not None:
+            self.planes.travel(0.5 * step)
         self.kicks.leapfrog.place(time + step, step)
 
     def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
@@ -239,6 +251,8 @@ class UpdatedLagrangianSPH(Reports):
         rebuild_needed = anywhere(self.comm, self.rebuild_needed)
         heat = self.kicks.viscous_heat.state()
         kept = {"pairs": self.pairs.state(), "time": self.time, "rebuild_needed": rebuild_needed, "viscous_heat": heat}
+        if self.planes is not None:
+            kept["plane_forces"] = PerRank(*self.neighbours.plane_forces.ravel())
         return kept | {"last_step": self.kicks.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
@@ -246,6 +260,9 @@ class UpdatedLagrangianSPH(Reports):
         self.checkpoint, self.time, self.rebuild_needed = state, state["time"], state["rebuild_needed"]
         self.kicks.leapfrog.last_step = state["last_step"]
         self.kicks.viscous_heat.set_state(self.comm, state["viscous_heat"])
+        if self.planes is not None:
+            forces = np.array(own_share(self.comm, state["plane_forces"]))
+            self.neighbours.plane_forces = forces.reshape(-1, 2, self.dimension)
 
     # --- contact --------------------------------------------------------------------------------------------------
 

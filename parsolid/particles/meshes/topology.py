@@ -101,7 +101,8 @@ def mean_edge(mesh: MeshSlices) -> np.ndarray:
     if mesh.comm.size > 1:
         _, first = np.unique(come["number"] * mesh.nodes.count + come["end"], return_index=True)
         come = {name: values[first] for name, values in come.items()}
-    summed = np.bincount(come["number"], come["length"], minlength=count)
+    # of no edges at all a count is one of integers, to which lengths cannot be added
+    summed = np.bincount(come["number"], come["length"], minlength=count).astype(float)
     met = np.bincount(come["number"], minlength=count)
     ends = mesh.nodes.deliver(come["end"], length=come["length"])
     # one edge after the other, as if both ends stood in one list

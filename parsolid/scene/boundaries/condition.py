@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.scene.base_model import Detail, Name, Plane, Point, SceneModel, check_kind, kinds_of, method_of, reject
@@ -98,9 +99,15 @@ def reaction_details(conditions: list[Any], probes: list[str], carriers: list[li
 
     carriers: settings of the methods that carry each condition.
     """
+    moving = [i for i, one in enumerate(conditions) if one.kind in _SUPPORTS and one.velocity is not None]
+    details: list[Detail] = [
+        (("boundaries", i, "velocity"), f"no such key with {settings.kind}", conditions[i].velocity.sources)
+        for i in moving
+        for settings in carriers[i]
+        if not settings.planes_move
+    ]
     reported = [(i, one.reports) for i, one in enumerate(conditions) if one.reports is not None]
     names = [name for _, name in reported] + probes
-    details: list[Detail] = []
     for i, name in reported:
         silent = [settings for settings in carriers[i] if conditions[i].kind not in settings.reactions]
         if silent:
@@ -116,6 +123,7 @@ def reaction_details(conditions: list[Any], probes: list[str], carriers: list[li
     return details
 
 
+_SUPPORTS = ("fixed", "roller", "antisymmetric")
 # kinds that say all of a region's motion
 _WHOLE_MOTION = ("fixed", "rotation")
 
@@ -133,7 +141,7 @@ def clashes(conditions: list[Any]) -> list[Detail]:
                 continue
             held, before = _held(one), _held(other)
             # images go with one support
-            supports = {one.kind, other.kind} <= {"fixed", "roller", "antisymmetric"} and one.kind != other.kind
+            supports = {one.kind, other.kind} <= set(_SUPPORTS) and one.kind != other.kind
             if supports or _differ(held, before):
                 what = "temperature" if "temperature" in before else "motion"
                 expected = f"a plane whose {what} boundaries.{j} ({other.kind!r}) does not hold otherwise"
@@ -167,10 +175,12 @@ def _held(condition: Any) -> dict[Any, str]:
     if condition.kind in ("temperature", "heat-flux"):
         # heat flows into a plane whose temperature nothing holds
         return {"temperature": condition.temperature.source if condition.kind == "temperature" else ""}
-    normal = condition.plane.axis
-    if condition.kind in ("fixed", "roller", "antisymmetric"):
-        axes = {"fixed": range(3), "roller": (normal,), "antisymmetric": set(range(3)) - {normal}}[condition.kind]
-        return dict.fromkeys(axes, "0")
+    if condition.kind in _SUPPORTS:
+        moving = dict(enumerate(condition.velocity or ()))
+        of_plane = ((axis, moving.get(axis)) for axis in np.flatnonzero(condition.holds(3)).tolist())
+        return {
+            axis: "0" if one is None or _is_zero(one.source) else f"velocity {one.source}" for axis, one in of_plane
+        }
     return _prescribed(condition)
 
 

@@ -1,4 +1,4 @@
-"""python -m tests.bit_flips --number 300: one bit of any file that a run has left is changed, and all of it is read.
+"""python -m checks.bit_flips --number 300: one bit of any file that a run has left is changed, and all of it is read.
 
 Of each flip either an error tells, or nothing that is read differs. Prints what happened to each file; status 1 when a
 change went unseen.
@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
-sys.path.insert(0, str(Path(__file__).parent / "output"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "end_to_end"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "output"))
 
 from flipped_bits import flip
 from small_scenes import SCENES, write
@@ -70,7 +71,7 @@ def attack(folder: Path, number: int, chance: random.Random) -> Counter:
 
 def main() -> int:
     """Run small scenes and flip bits of what they leave."""
-    parser = argparse.ArgumentParser(prog="python -m tests.bit_flips", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m checks.bit_flips", description=__doc__)
     parser.add_argument("--number", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("scenes", nargs="*", default=["driven", "moving"], help=f"of {', '.join(SCENES)}")

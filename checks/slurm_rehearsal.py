@@ -1,4 +1,4 @@
-"""python -m tests.slurm_rehearsal: the batch scripts on a real Slurm of one node, started for it alone.
+"""python -m checks.slurm_rehearsal: the batch scripts on a real Slurm of one node, started for it alone.
 
 Needs root and the programs slurmctld, slurmd, munged and sbatch (Debian: slurmctld slurmd munge slurm-client). A job is
 warned by its time limit and by hand, cancelled, put back by the administrator, killed; each time what it leaves at its
@@ -19,7 +19,8 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "end_to_end"))
 
 from command_line import environment, finish, launcher, start
 from run_results import assert_same_bits, summary
@@ -282,7 +283,7 @@ CASES = (
 
 def main() -> int:
     """Rehearse all cases, or those whose names hold a word."""
-    parser = argparse.ArgumentParser(prog="python -m tests.slurm_rehearsal", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m checks.slurm_rehearsal", description=__doc__)
     parser.add_argument("words", nargs="*")
     parser.add_argument("--end-time", type=float, default=0.3, help="of the scene [s]")
     options = parser.parse_args()

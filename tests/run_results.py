@@ -50,6 +50,7 @@ def natural_scales(columns: dict[str, np.ndarray]) -> dict[str, float]:
         elif "." in name:
             family = [other for other in columns if other.rpartition("_")[0] == name.rpartition("_")[0] != ""]
             scales[name] = max([1e-3 * scales[other] for other in family] + [scales[name]])
+    scales["energy_error"] = energy
     # momenta and displacements that symmetry keeps at zero still compare with something
     return {name: scale if scale > 0.0 else 1.0 for name, scale in scales.items()}
 
@@ -93,14 +94,16 @@ def assert_same_bits(found: Path, expected: Path) -> None:
 
 def assert_same_series(found: Path, expected: Path) -> None:
     """The field series hold the same steps, to the last bit."""
-    names = [path.name for path in sorted(expected.glob("fields_*.vtkhdf"))] or ["fields.vtkhdf"]
-    for name in names:
+    names, wanted = ({path.name for path in folder.glob("fields*.vtkhdf")} for folder in (found, expected))
+    assert names == wanted
+    # one of several systems links to a file of each
+    for name in sorted(names - {"fields.vtkhdf"} or names):
         _assert_same_file(found / name, expected / name)
 
 
 def _assert_same_file(found: Path, expected: Path) -> None:
     (layout, times), (wanted_layout, wanted_times) = vtkhdf.published(found), vtkhdf.published(expected)
-    assert np.array_equal(times, wanted_times) and len(times) > 1
+    assert np.array_equal(times, wanted_times) and len(times) > 0
     assert layout.varying == wanted_layout.varying
     rows = len(times) * layout.particles
     with h5py.File(found) as one, h5py.File(expected) as other:

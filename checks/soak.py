@@ -1,4 +1,4 @@
-"""python -m tests.soak --kills 1000 --hours 2: end runs in every way at random instants, and go on.
+"""python -m checks.soak --kills 1000 --hours 2: end runs in every way at random instants, and go on.
 
 A random scene on random ranks writes checkpoints often; its job is killed, or one rank of it, or asked to stop by
 SIGTERM, SIGINT or the clock, again and again, and continued on the same ranks or on others. What it leaves at its end
@@ -20,13 +20,21 @@ from collections import Counter
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "end_to_end"))
 
+from cases import CASES
 from command_line import finish, kill, ranks_of, start
 from run_results import assert_close, assert_same_bits
-from small_scenes import write
-from soak_scenes import SCENES
+from small_scenes import changed, write
 
+# checkpoints at every second step, so that many ends fall into the writing of one
+OUTPUT = {"output.checkpoint_steps": 2, "output.history_steps": 1, "output.pictures": False}
+SCENES = {
+    name: changed(case.make(Path()), OUTPUT)
+    for name, case in CASES.items()
+    if case.steps is None and "mesh" not in case.tags
+}
 MOST_RANKS, MOST_ENDS = 3, 10
 WAYS = ("kill all", "kill one rank", "SIGTERM", "SIGINT", "wall time", "kill mpirun")
 # a job that lasts longer has hung [s]
@@ -139,7 +147,7 @@ def _end(job, way: str, chance: random.Random) -> None:
 
 def main() -> int:
     """Soak until so many kills are done or the time is over."""
-    parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m checks.soak", description=__doc__)
     parser.add_argument("--kills", type=int, default=1000)
     parser.add_argument("--hours", type=float, default=2.0)
     parser.add_argument("--seed", type=int, default=1)

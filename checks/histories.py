@@ -1,4 +1,4 @@
-"""python -m tests.histories --ranks 1 2 3: every scene of `runs/` with every probe has the same history on any ranks.
+"""python -m checks.histories --ranks 1 2 3: every scene of `runs/` with every probe has the same history on any ranks.
 
 Each scene takes `--steps` steps with its own probes and, at the particle in the middle of its first body's, one of
 every field and quantity that it accepts; its histories are compared column by column with those of the first number of
@@ -175,7 +175,7 @@ def judge(folder: Path, names: list[str], ranks: list[int], tolerance: float) ->
 
 def main() -> int:
     """Run all scenes on each number of ranks, one job a number, and compare."""
-    parser = argparse.ArgumentParser(prog="python -m tests.histories", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m checks.histories", description=__doc__)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--steps", type=int, default=10)
     parser.add_argument("--only", default="", help="a part of the scenes' names")
@@ -188,7 +188,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as place:
         for number in options.ranks:
             words = ["--steps", str(options.steps), "--only", options.only, "--in", place]
-            command = ["mpirun", "-n", str(number), sys.executable, "-m", "tests.histories", *words]
+            command = ["mpirun", "-n", str(number), sys.executable, "-m", "checks.histories", *words]
             subprocess.run(command, check=True, cwd=ROOT, env=os.environ, timeout=7200, stdout=subprocess.DEVNULL)
         names = list(scenes(options.only))
         faults = judge(Path(place), names, options.ranks, options.tolerance)

@@ -1,4 +1,4 @@
-"""python -m tests.scene_attack --number 10000: change scenes at random; each is read, runs two steps, or is refused.
+"""python -m checks.scene_attack --number 10000: change scenes at random; each is read, runs two steps, or is refused.
 
 Every scene of `runs/` and every small scene of the tests gets tables of another one, or tables and keys that it does
 not have, or is changed in one to three places, or both. One of `runs/` is read and validated; a small one goes through
@@ -24,13 +24,15 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent / "end_to_end"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "end_to_end"))
 
 from mutations import grafted, mutated
 from small_scenes import write
 
 sys.path.insert(0, str(Path(__file__).parent))
-from soak_scenes import SCENES
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from soak import SCENES
 
 ROOT = Path(__file__).parents[1]
 # seconds that a scene may take, kernels that it compiles included
@@ -139,7 +141,7 @@ def _kept(keep: Path, told: tuple, found: str) -> bool:
 
 def main() -> int:
     """Attack with so many scenes, and print what became of them."""
-    parser = argparse.ArgumentParser(prog="python -m tests.scene_attack", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m checks.scene_attack", description=__doc__)
     parser.add_argument("--number", type=int, default=10000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--every", type=int, default=10, help="one in so many is a small scene that also runs")

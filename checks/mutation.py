@@ -1,4 +1,4 @@
-"""python -m tests.mutation [PACKAGE...] --number 10: places of the program changed at random, and whether tests fail.
+"""python -m checks.mutation [PACKAGE...] --number 10: places of the program changed at random, and whether tests fail.
 
 A mutant changes one place: an operator, a comparison, a number by 1 %, a sign, `min` for `max`, a statement left out.
 The tests of its file (`TESTS`) run with it in a copy of the program, in a child of a process that has loaded numba and
@@ -26,7 +26,7 @@ from parsolid.kernel_cache import WITHOUT_KERNELS
 
 ROOT = Path(__file__).parents[1]
 PLAIN, COMPILED = "kernels in Python mode", "compiled kernels"
-COPIED = ("parsolid", "decomposition", "tests", "runs", "examples", "docs", "benchmarks")
+COPIED = ("parsolid", "decomposition", "tests", "checks", "runs", "examples", "docs", "benchmarks")
 
 
 def _in(folder: str, *names: str) -> str:
@@ -496,7 +496,7 @@ def drawn(files: list[str], number: int, chance: random.Random) -> list[Mutant]:
 
 def main() -> int:
     """Mutants of each mode of kernels in a process of its own."""
-    parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m checks.mutation", description=__doc__)
     parser.add_argument("packages", nargs="*", help="such as parsolid/contact; all unless given")
     parser.add_argument("--number", type=int, default=10, help="mutants a package")
     parser.add_argument("--seed", type=int, default=1)
@@ -512,7 +512,7 @@ def main() -> int:
     status = 0
     for mode in sorted({tests_of(mutant.file)[0] for mutant in chosen}):
         environment = os.environ | ({"NUMBA_DISABLE_JIT": "1"} if mode == PLAIN else {})
-        command = [sys.executable, "-m", "tests.mutation", *sys.argv[1:], "--mode", mode]
+        command = [sys.executable, "-m", "checks.mutation", *sys.argv[1:], "--mode", mode]
         status |= subprocess.run(command, env=environment).returncode
     return status
 

@@ -1,4 +1,4 @@
-"""python -m tests.formula_attack --number 20000: formulas put together at random, hostile words among them.
+"""python -m checks.formula_attack --number 20000: formulas put together at random, hostile words among them.
 
 Each is refused with a message (ValueError) or gives as many real numbers as there are points; while it is read and
 evaluated no file is opened, no module loaded, no process started, no socket made (Python's audit hooks see it). Prints
@@ -128,7 +128,7 @@ def became(text: str) -> str:
 def main() -> int:
     """Attack with so many formulas."""
     global _watching
-    parser = argparse.ArgumentParser(prog="python -m tests.formula_attack", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m checks.formula_attack", description=__doc__)
     parser.add_argument("--number", type=int, default=20000)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()

@@ -283,14 +283,16 @@ SCENES = {
 
 
 def changed(scene: dict, changes: dict) -> dict:
-    """A copy of a scene with {"key.path": value}; None removes the key."""
+    """A copy of a scene with {"key.path": value}; None removes the key, "+" in place of a number adds to a list."""
     scene = copy.deepcopy(scene)
     for path, value in changes.items():
         *keys, last = (int(key) if key.isdigit() else key for key in path.split("."))
         place = scene
         for key in keys:
             place = place[key] if isinstance(place, list) else place.setdefault(key, {})
-        if value is None:
+        if last == "+":
+            place.append(value)
+        elif value is None:
             del place[last]
         else:
             place[last] = value

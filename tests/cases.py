@@ -1,0 +1,555 @@
+"""Small scenes by name, and what is promised of each; a contract runs every scene that carries its tag.
+
+Tags: the method ("tlsph", "peridynamics", "mpm", "ulsph"); what a scene has ("branches", "flow", "failure", "deletion",
+"cracks", "heat", "contact", "friction", "tie", "tool", "mesh", "static", "stages", "updated", "substeps"); "fields":
+series of fields are written; "free": nothing acts from outside, and momentum is kept; "turns": angular momentum is kept
+as well; "migrates": particles change their rank.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from contact.meeting import SPEED as SOFT_SPEED
+from contact.meeting import block, discs
+from contact.meeting import tables as touching
+from contact.test_deleted_particles import hammered
+from contact.test_deleted_particles import torn as torn_tie
+from materials.test_flow_in_methods import LAWS as FLOWS
+from materials.test_flow_in_methods import swinging
+from materials.test_mazars import METHODS as CONCRETE_METHODS
+from materials.test_mazars import tables as concrete
+from mixed.bodies_apart import tables as apart
+from mixed.test_balances_in_contact import BONDS, LEAPFROG, LINEAR, POINTS, blocks
+from mixed.test_balances_in_contact import RUBBER as CLOSING_RUBBER
+from mixed.test_balances_in_contact import apart as closing
+from mixed.test_grid_contact import sliding
+from mixed.test_methods_meet import SPEED, bars
+from mixed.test_subcycling import tables as substepped
+from mixed.tied_blocks import blocks as tied
+from mpm.points import crossing
+from mpm.points import taylor_bar as taylor_points
+from mpm.test_failed_points import torn
+from mpm.test_transfers import spinning as spinning_points
+from pairs.test_lattice_weights import graded, holed
+from peridynamics.test_correspondence import LAWS, moving
+from peridynamics.test_hyperelastic_series import BASES, series
+from peridynamics.test_hyperelastic_series import moving as moving_far
+from peridynamics.test_unlike_series import LAWS as SERIES
+from peridynamics.test_unlike_series import TWO, beside
+from peridynamics.test_unlike_series import material as of_series
+from small_scenes import SCENES
+from solids import ONE_BRANCH, RUBBER, SOFT, column, punch, supports, tables
+from tlsph.test_implicit import spinning as turning_bar
+from tlsph.test_load_history import KINEMATIC, METAL, VISCOUS
+from tlsph.test_load_history import pulled as pulled_strip
+from tlsph.test_mesh_weights import of_mesh
+from tlsph.test_plastic_flow import BRITTLE, KINDS, bent
+from tlsph.test_shared_nodes import scene_of, two_groups
+from tlsph.test_stages import there_and_back
+from tlsph.test_static import sagging
+from tools.test_free_tools import METHODS as TOOLED
+from tools.test_free_tools import hit
+from ulsph.plates import STEEL, impact
+from ulsph.plates import block as cells
+from ulsph.plates import scene as flow
+from ulsph.test_elastic_plastic import taylor as taylor_flow
+
+Tables = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene and what is promised of it.
+
+    make: raw tables, given a folder for files; steps: how many, to the end unless given; stops: steps before each
+    interruption of a run that is restarted; balance: bound of the energy that is not accounted for, of the largest
+    energy; momentum, angular: bounds of what is lost of momenta that are kept, of the sum of their parts; grows:
+    columns of the history that reach a ten-thousandth of the largest energy, so that the scene does what it is for;
+    agreement: between numbers of ranks, of each column's scale.
+    """
+
+    make: Callable[[Path], Tables]
+    tags: frozenset[str]
+    steps: int | None = None
+    stops: tuple[int, ...] = (8,)
+    balance: float = 1e-2
+    momentum: float = 1e-11
+    angular: float = 1e-7
+    grows: tuple[str, ...] = ()
+    agreement: float = 1e-9
+
+
+CASES: dict[str, Case] = {}
+
+
+def add(name: str, tags: str, make: Callable[..., Tables] | Tables, **promised: Any) -> None:
+    """Take a scene into the table: raw tables, or a function of a folder that makes them."""
+    assert name not in CASES, name
+    CASES[name] = Case(make if callable(make) else lambda folder: make, frozenset(tags.split()), **promised)
+
+
+def cases(*tags: str, without: tuple[str, ...] = ()) -> list[str]:
+    """Names of the scenes that carry all these tags and none of those."""
+    return [name for name, case in CASES.items() if case.tags.issuperset(tags) and not case.tags & set(without)]
+
+
+# --- total-Lagrangian SPH ----------------------------------------------------------------------------------------
+
+
+def ring() -> Tables:
+    """A quarter ring with two mirror planes: particles with their own axes and unequal spacings."""
+    shape = {"cylindrical_shell": {"centre": [0.0, 0.0], "radius": 1.0, "thickness": 0.4, "angles": [0.0, 90.0]}}
+    data = tables(
+        [17, 5],
+        material={**RUBBER, "branches": [{"beta": 3.0, "tau": 0.02}]},
+        boundaries=supports(X=(0.0, "roller"), Y=(0.0, "roller")),
+    )
+    data["bodies"][0] |= {"shape": shape, "velocity": ["20*X*Y", "-15*Y"]}
+    return data
+
+
+def pulled(**method) -> Tables:
+    """A bar with gravity, a traction, and an end that moves as prescribed."""
+    return tables(
+        (13, 7),
+        [2.0, 1.0],
+        material={**RUBBER, "branches": ONE_BRANCH},
+        method=method,
+        loads={"acceleration": ["0", "-200"]},
+        boundaries=[
+            {"plane": "X = 0", "kind": "fixed"},
+            {"plane": "X = 2", "kind": "velocity", "velocity": ["10*sin(500*t)", "free"]},
+            {"plane": "Y = 1", "kind": "traction", "traction": ["0", "-1e5*X"]},
+        ],
+    )
+
+
+def loaded_mesh(folder) -> Tables:
+    """All kinds of elements in one body with a clamp, a roller, a traction and a pressure."""
+    return of_mesh(
+        folder, "mixed", 3, counts=(6, 3, 3), body={"velocity": ["0.02*Y", "-0.04*X", "0"]}, end_time=3.0,
+        boundaries=[
+            {"plane": "X = 0", "kind": "fixed"},
+            {"plane": "Z = 0", "kind": "roller"},
+            {"plane": "X = 1.5", "kind": "traction", "traction": ["0.02", "0.01*t", "0"]},
+            {"plane": "Y = 0.75", "kind": "pressure", "pressure": "0.01"},
+        ],
+    )  # fmt: skip
+
+
+def struck_mesh(folder) -> Tables:
+    """A ball on a mesh, whose particles have unlike masses on springs of contact."""
+    shape = {"sphere": {"centre": [1.7, 1.31], "radius": 0.3}}
+    tool = {"name": "ball", "shape": shape, "mass": 0.05, "velocity": [0.0, -1.0], "friction": 0.3}
+    return of_mesh(folder, "triangle", 2, counts=(8, 4), tools=[tool])
+
+
+def loaded_groups(folder) -> Tables:
+    """Two solids that share the nodes of one mesh."""
+    return scene_of(
+        two_groups(folder, "mixed", 3), 3, end_time=2.0,
+        boundaries=[
+            {"plane": "X = 0", "kind": "fixed"},
+            {"plane": "Z = 0", "kind": "roller"},
+            {"plane": "Y = 0.5", "kind": "traction", "traction": ["0.01", "0.02*t", "0"]},
+            {"plane": "X = 1", "kind": "pressure", "pressure": "0.02"},
+        ],
+    )  # fmt: skip
+
+
+def held(data: Tables) -> Tables:
+    """The body clamped at Y = 0 and in a smooth motion."""
+    data["bodies"][0]["velocity"] = ["0.1*Y", "0", "0.1*X*Y"]
+    return data | {"boundaries": supports(Y=(0.0, "fixed"))}
+
+
+def jittered() -> Tables:
+    """Irregular particles with closed weights."""
+    data = punch((13, 13), method={"weights": "closure"})
+    data["bodies"][0]["jitter"] = 0.1
+    return data
+
+
+def flying(weights: str) -> Tables:
+    """A column that nothing holds, without dissipation."""
+    data = column((5, 9, 5), method={"weights": weights, "dissipation": 0.0})
+    return data | {"boundaries": []}
+
+
+def spin() -> Tables:
+    """A square that turns by more than half a turn."""
+    method = LEAPS | {"dissipation": 0.0}
+    data = tables((7, 7), material={**SOFT, "branches": ONE_BRANCH}, method=method, end_time=9.0)
+    data["bodies"][0]["velocity"] = ["0.3 - (Y - 0.5) + 0.1*X", "X - 0.5"]
+    return data
+
+
+def strip(folder, material) -> Tables:
+    """A strip of triangles in equilibrium, which flows or relaxes."""
+    data = pulled_strip(folder, material)
+    if material is not VISCOUS:
+        data["boundaries"][1]["traction"] = ["0.01*t", "0.05*t"]
+    return data
+
+
+LEAPS = {"integrator": "leapfrog"}
+MOVED = {"reference": "updated"}
+add("punch", "tlsph branches", punch(), steps=60, balance=1e-3)
+add("column", "tlsph branches", column(), steps=60, balance=1e-3)
+add("ring", "tlsph branches", ring(), steps=60, balance=1e-3)
+add("pulled", "tlsph branches", pulled(), steps=60, balance=5e-3)
+add("column, leapfrog", "tlsph branches", column(method=LEAPS), steps=60, balance=1e-3)
+add("pulled, leapfrog", "tlsph branches", pulled(**LEAPS), steps=60, balance=5e-3)
+for name, make in {"punch": punch, "column": column}.items():
+    add(f"{name}, moved often", "tlsph branches updated", make(method=MOVED | {"update_every": 7}), steps=40)
+    add(f"{name}, moved", "tlsph branches updated", make(method=MOVED | {"update_when": 0.05}), steps=40)
+add("mesh", "tlsph mesh", loaded_mesh, balance=1e-4, stops=(20,))
+add(
+    "mesh, free",
+    "tlsph mesh free",
+    lambda folder: of_mesh(folder, "mixed", 3, body={"velocity": ["0.1*Y", "-0.2*X", "0"]}, end_time=5.0),
+    steps=40,
+    stops=(20,),
+    balance=1e-4,
+)
+add("mesh and tool", "tlsph mesh tool contact", struck_mesh, balance=1e-2)
+add("groups of a mesh", "tlsph mesh", loaded_groups, balance=1e-4, stops=(20,))
+add("holed", "tlsph", held(holed(3, dissipation=1.0)), steps=20)
+add("graded", "tlsph", held(graded(3, "fourth-order")), steps=20)
+add("jittered", "tlsph branches", jittered(), steps=20)
+for weights in ("cells", "fourth-order"):
+    add(f"flying column, {weights}", "tlsph branches free turns", flying(weights), steps=60, balance=1e-3, angular=2e-5)
+for kind in KINDS:
+    flows = {"kernel": 2e-3}.get(kind, 1e-11)
+    failure = None if kind == "cells" else BRITTLE
+    tags = "peridynamics" if kind.startswith("bonds") else "tlsph"
+    add(
+        f"bent, {kind}",
+        f"{tags} flow",
+        lambda folder, kind=kind, failure=failure: bent(kind, folder, failure),
+        steps=60,
+        stops=(12,),
+        balance=flows,
+        grows=("plastic_work", *(("failure_dissipation",) if failure else ())),
+    )
+add("free spin", "tlsph branches free turns", spin(), balance=2e-3, angular=1e-12)
+add("turning bar, implicit", "tlsph free turns", turning_bar(), stops=(9,), balance=1e-6, agreement=1e-7)
+add("there and back", "tlsph static stages", there_and_back(), stops=(2, 12), balance=2e-4, grows=("stage_change",))
+add("sagging", "tlsph mesh static", sagging, stops=(3,), balance=2e-4)
+for name, (material, lost) in {
+    "flow": (METAL, "plastic_work"),
+    "kinematic flow": (KINEMATIC, "plastic_work"),
+    "relaxation": (VISCOUS, "material_dissipation"),
+}.items():
+    add(
+        f"strip in {name}",
+        "tlsph mesh static flow",
+        lambda folder, material=material: strip(folder, material),
+        stops=(3,),
+        balance=1e-4,
+        grows=(lost,),
+    )
+
+# --- peridynamics ------------------------------------------------------------------------------------------------
+
+for law in LAWS:
+    add(
+        f"bonds, {law}",
+        "peridynamics branches",
+        moving(2, law),
+        steps=20,
+        balance=1e-2,
+        grows=("material_dissipation",),
+    )
+for base in BASES:
+    add(f"bonds, far, {base}", "peridynamics branches", moving_far(2, series(base)), steps=9, stops=(5,), balance=1e-2)
+for law in SERIES:
+    both = beside(2, of_series(law, [{"ratio": 1.0, "tau": 0.1}]), of_series(law, TWO), jitter=0.0)
+    add(f"beside, {law}", "peridynamics branches", both, steps=9, stops=(5,), balance=1e-2)
+
+# Kalthoff and Winkler's plate on a coarse lattice, hit harder
+NOTCHED = {
+    "dimension": 2,
+    "end_time": 40e-6,
+    "method": {
+        "kind": "peridynamics",
+        "plane": "strain",
+        "damage": {"fracture_energy": 22130.0},
+        "pre_cracks": [{"segment": [[-0.01, 0.025], [0.05, 0.025]]}],
+    },
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0], "upper": [0.1, 0.1]}},
+            "particles": [40, 40],
+            "placement": "cells",
+            "material": {"kind": "linear-elastic", "density": 8000.0, "youngs_modulus": 190e9, "poissons_ratio": 0.3},
+        }
+    ],
+    "boundaries": [
+        {"kind": "roller", "plane": "Y = 0"},
+        {
+            "kind": "velocity",
+            "box": {"lower": [-0.001, -0.001], "upper": [0.004, 0.025]},
+            "velocity": ["25*tanh(t/0.5e-6)", "free"],
+        },
+    ],
+    "probes": [
+        {"name": "bonds", "quantity": "broken_bonds"},
+        {"name": "corner", "at": [0.1, 0.1], "fields": ["displacement", "damage"]},
+    ],
+}
+# a viscoelastic block in space with a cut through part of it, pulled apart; bonds break by their energy
+TORN_BLOCK = {
+    "dimension": 3,
+    "end_time": 0.03,
+    "method": {
+        "kind": "peridynamics",
+        "horizon_ratio": 2,
+        "influence": "linear",
+        "damage": {"criterion": "energy", "fracture_energy": 600.0},
+        "pre_cracks": [{"plane": "X = 0.5", "box": {"lower": [0.0, -0.1, -0.1], "upper": [1.0, 0.3, 1.1]}}],
+    },
+    "bodies": [
+        {
+            "shape": {"box": {"lower": [0.0, 0.0, 0.0], "upper": [1.0, 0.8, 0.6]}},
+            "particles": [10, 8, 6],
+            "placement": "cells",
+            "material": {
+                "kind": "prony",
+                "density": 1000.0,
+                "youngs_modulus": 2e6,
+                "poissons_ratio": 0.3,
+                "terms": [{"ratio": 1.0, "tau": 1e-3}, {"ratio": 0.5, "tau": 1e-2}],
+            },
+        }
+    ],
+    "boundaries": [
+        {"kind": "roller", "plane": "X = 0"},
+        {
+            "kind": "velocity",
+            "box": {"lower": [0.85, -1.0, -1.0], "upper": [1.1, 2.0, 2.0]},
+            "velocity": ["2*tanh(t/2e-3)", "free", "free"],
+        },
+    ],
+    "probes": [{"name": "bonds", "quantity": "broken_bonds"}],
+}
+add("notched", "peridynamics cracks", NOTCHED, stops=(100,), balance=3e-3, grows=("fracture_dissipation",))
+add(
+    "torn block",
+    "peridynamics cracks branches",
+    TORN_BLOCK,
+    stops=(30,),
+    balance=3e-3,
+    grows=("fracture_dissipation",),
+)
+
+# --- material points and updated-Lagrangian SPH ------------------------------------------------------------------
+
+for order, transfer in (("musl", "flip"), ("usl", "flip"), ("usl", "apic")):
+    bar = taylor_points(1.6e-3, order=order, transfer=transfer)
+    add(f"taylor, {order}, {transfer}", "mpm flow", bar, steps=60, balance=3e-2, grows=("plastic_work",))
+for basis in ("linear", "ugimp", "quadratic-spline", "cubic-spline"):
+    d = 3 if basis in ("ugimp", "quadratic-spline") else 2
+    bar = taylor_points(1.6e-3 if d == 3 else 8e-4, dimension=d, length=16e-3, basis=basis, order="usl")
+    add(f"taylor, {basis}", "mpm flow", bar, steps=40, balance=7e-2, grows=("plastic_work",))
+add("crossing", "mpm free migrates", crossing(), steps=250, stops=(100,), momentum=1e-9)
+add(
+    "crossing in space",
+    "mpm free migrates",
+    crossing(cells=(4, 3, 2), order="musl", transfer="apic"),
+    steps=150,
+    momentum=1e-9,
+)
+for method in ({"transfer": "apic", "order": "usl"}, {"transfer": "aflip"}):
+    turning = spinning_points(**method) | {"boundaries": [{"kind": "roller", "plane": "Y = -0.3"}]}
+    turning["bodies"][0]["velocity"] = ["-20*(Y + 0.3)", "20*X"]
+    add(f"turning, {method['transfer']}", "mpm", turning, steps=60, balance=2e-2)
+for name, (kind, after) in {
+    "points": (None, "pressure"),
+    "points, deleted": (None, "delete"),
+    "flow, deleted": ({"kind": "ulsph"}, "delete"),
+}.items():
+    add(
+        f"torn {name}",
+        f"{kind['kind'] if kind else 'mpm'} failure" + (" free" if after == "pressure" else ""),
+        torn(kind, speed=800.0, after=after),
+        steps=45,
+        stops=(3,),
+        balance=4e-3,
+        grows=("failure_dissipation",),
+    )
+add("impact", "ulsph flow free", impact(across=9, along=30), steps=60)
+UNLIKE = impact(across=7, along=13)
+UNLIKE["bodies"][1]["material"] = STEEL | {"density": 7000.0, "shear_modulus": 6e10, "bulk_modulus": 1.2e11}
+add("impact of two laws", "ulsph flow free", UNLIKE, steps=40)
+
+
+def whirling() -> Tables:
+    """A square that turns, so that its lists are made anew, and its particles dealt out anew."""
+    body = cells([24, 24], [24e-3, 24e-3], velocity=["-6e4*(Y - 0.012)", "6e4*(X - 0.012)"])
+    return flow(body, end_time=4e-6, method={"skin": 0.03})
+
+
+add("whirling", "ulsph flow free migrates", whirling(), stops=(37,))
+for d in (2, 3):
+    add(f"taylor, ulsph, {d}-D", "ulsph flow heat", taylor_flow(d), steps=60, balance=3e-2, grows=("plastic_work",))
+for kind, bound in {"tlsph": 1e-13, "peridynamics": 1e-9, "mpm": 3.5e-2, "ulsph": 5e-2}.items():
+    for law, (material, *_) in FLOWS.items():
+        add(
+            f"swinging {law}, {kind}",
+            f"{kind} flow",
+            swinging(kind, material),
+            steps=40,
+            stops=(20,),
+            balance=bound,
+            grows=("plastic_work",),
+        )
+for kind, method in CONCRETE_METHODS.items():
+    data = concrete(method | {"balance_limit": 1.0})
+    data["bodies"][0] |= {"particles": [9, 9], "jitter": 0.1, "velocity": ["1.5*sin(40*X)", "-0.7*Y"]}
+    add(
+        f"concrete, {kind}",
+        f"{kind} damage",
+        data,
+        steps=24,
+        stops=(12,),
+        balance=0.4,
+        grows=("softening_dissipation",),
+    )
+
+# --- bodies that meet --------------------------------------------------------------------------------------------
+
+
+def far_apart() -> Tables:
+    """Four blocks in a row, of which the first is moved onto the last: their ranks are no neighbours at first."""
+    row = [block(name, (2.0 * i, 0.0), (2.0 * i + 1.0, 0.5), (7, 4)) for i, name in enumerate("abcd")]
+    row[0] |= {"displacement": ["6.1", "0.51"], "velocity": [0.02 * SOFT_SPEED, -0.1 * SOFT_SPEED]}
+    return touching(*row, contact=[{"bodies": list("abcd"), "friction": 0.3}])
+
+
+def closing_fast(method, law, gap, speed) -> Tables:
+    """Two blocks whose contact must be foreseen."""
+    data = closing(gap, speed) | {"method": method}
+    for body in data["bodies"]:
+        body["material"] = law
+    return data
+
+
+def rubbing_copper() -> Tables:
+    """Contact on a grid whose friction heats both bodies."""
+    data = sliding(0.3, end_time=3e-4)
+    for body, speed in zip(data["bodies"], (0.0, 20.0)):
+        body |= {
+            "material": {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"},
+            "velocity": [speed, 0.0],
+        }
+    return data | {"loads": {"acceleration": ["0", "-1e5"]}}
+
+
+def flying_bars() -> Tables:
+    """Two bars of material points that meet while both fly along, and across the cells of all ranks."""
+    data = bars("points", "points", end_time=1.5 / SPEED)
+    for body in data["bodies"]:
+        body["velocity"][0] = 0.5 * SPEED + 3.0 * body["velocity"][0]
+    return data
+
+
+RUBS = ("contact_energy", "friction_dissipation")
+add(
+    "discs",
+    "tlsph contact friction free",
+    discs() | {"end_time": 2.0 / SOFT_SPEED},
+    stops=(10, 18),
+    balance=1e-3,
+    grows=("contact_energy",),
+)
+add(
+    "far apart",
+    "tlsph contact friction free",
+    far_apart() | {"end_time": 2.0 / SOFT_SPEED},
+    stops=(4,),
+    balance=1e-3,
+    grows=("contact_energy",),
+)
+for kind in ("mpm", "ulsph"):
+    add(
+        f"hammered, {kind}",
+        f"{kind} contact friction deletion",
+        hammered(kind),
+        stops=(20, 30),
+        balance=1e-3,
+        grows=RUBS,
+    )
+add("torn tie", "mpm tlsph tie deletion", torn_tie("mpm"), stops=(20, 30), balance=2e-3, grows=("tie_energy",))
+add(
+    "closing in sight",
+    "tlsph contact",
+    closing_fast(LEAPFROG, CLOSING_RUBBER, 1.4e-3, 120.0),
+    steps=20,
+    stops=(1, 2, 4),
+    grows=("contact_energy",),
+)
+add(
+    "closing",
+    "tlsph contact",
+    closing_fast(LEAPFROG, CLOSING_RUBBER, 3e-3, 120.0),
+    steps=20,
+    stops=(1, 2, 4),
+    grows=("contact_energy",),
+)
+add(
+    "closing bonds",
+    "peridynamics contact",
+    closing_fast(BONDS, LINEAR, 3e-3, 60.0),
+    steps=20,
+    stops=(1, 2, 4),
+    grows=("contact_energy",),
+)
+add(
+    "closing bonds, fast",
+    "peridynamics contact",
+    closing_fast(BONDS, LINEAR, 3e-3, 120.0),
+    steps=20,
+    stops=(1, 3, 5),
+    grows=("contact_energy",),
+)
+for kind, method in {"mpm": POINTS, "ulsph": {"kind": "ulsph"}}.items():
+    add(
+        f"blocks at speed, {kind}",
+        f"{kind} contact flow free",
+        blocks(method, 800.0, 2e-6),
+        steps=12,
+        stops=(7,),
+        grows=("contact_energy",),
+    )
+add("rubbing copper", "mpm contact friction heat", rubbing_copper(), steps=16, stops=(9,), grows=("friction_heat",))
+add(
+    "bars of two methods",
+    "tlsph mpm contact free",
+    bars("sph", "points", end_time=1.5 / SPEED),
+    stops=(20,),
+    balance=2e-3,
+    grows=("contact_energy",),
+)
+add("flying bars", "mpm contact migrates", flying_bars(), steps=50, stops=(29,), grows=("contact_energy",))
+add("substeps", "tlsph mpm tie substeps free", substepped("auto"), steps=12, stops=(6,), balance=2e-3, grows=())
+add("tied bonds and points", "peridynamics mpm tie free", tied("bonds", "points"), steps=30, stops=(15,), balance=0.02)
+add("tied sph and flow", "tlsph ulsph tie free", tied("sph", "flow"), steps=20, stops=(10,), balance=0.02)
+add("all methods apart", "tlsph peridynamics mpm ulsph", apart(), steps=20, stops=(7,), balance=1e-2)
+for kind in TOOLED:
+    data = hit(kind)
+    if kind in ("ulsph", "mpm"):
+        data["method"]["rebalance"] = 1.01
+    add(
+        f"hit, {kind}",
+        f"{data['method']['kind']} tool contact friction",
+        data,
+        steps=60,
+        stops=(40,),
+        balance=1e-2,
+        grows=("contact_energy",),
+    )
+for name, data in SCENES.items():
+    add(f"small {name}", "fields " + data["method"]["kind"], data, stops=(1, 12), balance=1e-2)
