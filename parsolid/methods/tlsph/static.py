@@ -90,8 +90,8 @@ class Equilibrium(NamedTuple):
 
 class Taken(NamedTuple):
     """A load step that was taken: the equilibrium at its end; work [J] of what is held, that of tools on this rank,
-    that of all ranks, what of it the stored energy has not gained, and what this rank's branches have dissipated [J]; slope,
-    curvature [m]: of the path at the end, over the load step."""
+    that of all ranks, what of it the stored energy has not gained, and what this rank's branches have dissipated [J];
+    slope, curvature [m]: of the path at the end, over the load step."""
 
     end: Equilibrium
     work: np.ndarray
