@@ -42,7 +42,11 @@ _FIELDS = _in("output", "checkpoint", "fields")
 _PROBES = _in("simulation", "probes", "regions", "samplers", "shown_fields") + " " + _in("boundary", "reactions")
 _RESTART = _in("simulation", "scene_changes", "restart") + " " + _in("output", "damage")
 _MESHES = _in("scene", "mesh", "mesh_files", "named_regions") + " " + _in("particles", "meshes_on_ranks")
-_SCENES = _in("scene", "all_faults", "faults", "schema", "mpm", "peridynamics", "generation", "named_regions", "bond")
+_SCENES = (
+    _in("contracts", "bad_input")
+    + " "
+    + _in("scene", "all_faults", "faults", "schema", "mpm", "peridynamics", "generation", "named_regions", "bond")
+)
 _LAWS = _in("materials", "registry", "hyperelastic", "prony", "relaxation")
 _FLOW = _in("materials", "flow_stress", "micro_inertia", "registry")
 # file or folder -> how kernels run and the tests, those that catch most first; the longest name that fits counts

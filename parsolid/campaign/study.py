@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager
 from fnmatch import fnmatchcase
 from itertools import pairwise
 from pathlib import Path
-from statistics import median
+from statistics import mean
 from typing import Any, NamedTuple
 
 from rich.console import Console
@@ -324,20 +324,23 @@ def _outcome(study: Study, case: Case, record: Record) -> str:
 
 
 def seconds_left(cases: list[Case], todo: list[Case], repetitions: int) -> float:
-    """Estimate [s] for runs to come, from those that were made: a start-up, and a cost that grows as
-    particles x steps.
+    """Estimate [s] for runs to come, from those that were made: a start-up, and a loop that grows as particles x steps
+    within a series. A series without a run is taken to cost the mean of all runs, since a particle-step of another
+    method or of an equilibrium may cost a thousand times more.
     """
     made = [(case, case.record) for case in cases if case.record is not None and case.record.ending.get("seconds")]
     if not made:
         return 0.0
     # what runs took beside their steps, of which the first waits for kernels to be compiled
     start_up = min(record.ending["seconds"] - min(record.loop_seconds, default=0.0) for _, record in made)
-    rates: dict[int, list[float]] = {}
+    mean_loop = mean(min(record.loop_seconds, default=0.0) for _, record in made)
+    rates: dict[int, float] = {}
     for case, record in made:
         if case.work and any(record.loop_seconds):
-            rates.setdefault(id(case.series), []).append(min(record.loop_seconds) / case.work)
-    overall = median([rate for group in rates.values() for rate in group] or [0.0])
-    return repetitions * sum(start_up + case.work * min(rates.get(id(case.series), [overall])) for case in todo)
+            rate = min(record.loop_seconds) / case.work
+            rates[id(case.series)] = min(rate, rates.get(id(case.series), rate))
+    loops = [case.work * rates[id(case.series)] if id(case.series) in rates else mean_loop for case in todo]
+    return repetitions * (start_up * len(todo) + sum(loops))
 
 
 def _duration(seconds: float) -> str:

@@ -296,6 +296,8 @@ class Ties(Interaction):
         self.energy_scale = _BEGINNING * max(side.modulus * side.spacing**scene.dimension for side in sides)
         self._placed: tuple[int | None, ...] = ()
         self._longest, self._resumed = np.inf, False
+        # energy of the state that the ledger knows [J]
+        self._booked = 0.0
 
     def _body(self, scene: Scene, body: int) -> TiedBody:
         """Facts of a body; collective."""
@@ -316,6 +318,7 @@ class Ties(Interaction):
         self._build()
         for face in self.faces:
             face.evaluate(ends=not self._resumed)
+        self._booked = self._energy
         self._find_step()
         self._give()
 
@@ -343,13 +346,14 @@ class Ties(Interaction):
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces in the new places, and what went into the ledger."""
-        energy, placed = self._energy, self.placements
+        placed = self.placements
         changes = None in placed or placed != self._placed
         if changes:
             self._build()
         for face in self.faces:
             face.evaluate()
-        ledger.add_term("tie_energy", self._energy - energy)
+        ledger.add_term("tie_energy", self._energy - self._booked)
+        self._booked = self._energy
         lost = sum(face.lost for face in self.faces)
         if lost:
             ledger.add_term(DELETED_INTERNAL, lost)
@@ -363,11 +367,19 @@ class Ties(Interaction):
             for side, rows, force in face.pulled():
                 side.system.particles.owned_rows(EXTERNAL_FORCE)[rows] += force
 
-    def add_product(self, change: np.ndarray, result: np.ndarray) -> None:
-        """See `Interaction.add_product`."""
+    def try_forces(self, time: float, over: float, still: bool = False, mean: bool = False) -> None:
+        """See `Interaction`."""
+        for face in self.faces:
+            face.evaluate()
+        self._give()
+
+    def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray | float, float]:
+        """See `Interaction`: springs are linear in the displacement."""
+        result = np.zeros(change.shape)
         for face in self.faces:
             for rows, force in face.forces_of(change):
-                result[rows] -= force
+                result[rows] += force
+        return result, 0.0
 
     def stable_step(self) -> float:
         """Of the springs on this rank, alone."""

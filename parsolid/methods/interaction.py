@@ -25,6 +25,8 @@ class Interaction:
     rebuild_needed: whether this rank has found, by the end of a step, what all ranks must act on at the step after the
     next one, such as lists used up; it travels with the minimum of the next step. rebuild_anywhere: whether any
     rank had.
+    rubs: whether it has friction, whose forces have no potential. closes: whether what just touches presses in
+    `change_along`, as it does after a state and not before it.
     met: bodies that have met and that no table of the scene names, and where [m], until the loop has taken them; the
     same on all ranks.
     """
@@ -33,6 +35,8 @@ class Interaction:
     energy_scale: float = 0.0
     rebuild_needed: bool = False
     rebuild_anywhere: bool = False
+    rubs: bool = False
+    closes: bool = True
     met: Sequence[Meeting] = ()
 
     def begin(self, time: float) -> None:
@@ -48,9 +52,39 @@ class Interaction:
         """
         raise NotImplementedError
 
-    def add_product(self, change: np.ndarray, result: np.ndarray) -> None:
-        """Add to a result (owned, d) [N], of the only system, what resists a change (owned, d) [m] of its places in the
-        reference; collective. Nothing but of ties, which are linear in the displacement."""
+    # --- in steps that are solved for, of the only system; all collective -----------------------------------------
+
+    def try_forces(self, time: float, over: float, still: bool = False, mean: bool = False) -> None:
+        """Forces in the present places, a time `over` [s] after the state at a time [s] that was kept last; nothing is
+        booked. still: nothing has moved since then. mean: the impulse [N s] besides, too, that makes the mean of the
+        forces before and after the step that of all of it."""
+
+    def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray | float, float]:
+        """By how much the forces (owned, d) [N] of the last trial and this rank's `power` [W] change where places
+        change by (owned, d) [m] while a time `ahead` [s] passes."""
+        return 0.0, 0.0
+
+    def keep(self, ledger: EnergyLedger | None) -> None:
+        """Take the last trial, or the present state, as that from which the next trials go; with what the ledger needs
+        of it, unless that is None."""
+
+    def settle(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """Forces at the end of a step [s] at a time [s] whose state has been kept."""
+        self.evaluate(time, step, ledger)
+
+    def power(self) -> float:
+        """What prescribed motion supplies [W] to this rank's particles in the last trial."""
+        return 0.0
+
+    def lost(self) -> float:
+        """What friction has taken [J] of this rank's particles in the last trial."""
+        return 0.0
+
+    def clearances(self) -> np.ndarray:
+        """The least gap [m] of each contact that is open as a whole, after the last trial, on this rank."""
+        return np.zeros(0)
+
+    # --------------------------------------------------------------------------------------------------------------
 
     def stable_step(self) -> float:
         """Largest step [s] that it allows on this rank, known before a step."""

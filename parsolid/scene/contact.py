@@ -71,6 +71,13 @@ def of_model(contacts: Any, model: str) -> list[Contact]:
     return [one for one in contacts if one.model == model]
 
 
+def bodies_in_contact(scene: Any) -> set[int]:
+    """Numbers of those that tools or other bodies may touch."""
+    named = [name for one in scene.contact for name in one.bodies]
+    named += [name for one in scene.tools for name in one.bodies or [body.name for body in scene.bodies]]
+    return {i for i, body in enumerate(scene.bodies) if body.name in named}
+
+
 def in_contact(scene: Any, bodies: Iterable[int]) -> list[str]:
     """Names of those of some bodies that meet another one, by forces between particles."""
     named = {name for one in of_model(scene.contact, "kernel") if len(one.bodies) > 1 for name in one.bodies}

@@ -205,7 +205,9 @@ class Simulation:
         sent_processor = COMMUNICATION.processor_seconds
         self.agreement.begin_step(requests)
         self.ledger.begin_step()
-        for interaction in self.interactions:
+        # those of places that are solved for are found with these
+        moving = any(system.bounded for system in self.systems)
+        for interaction in self.interactions if moving else ():
             interaction.start_step(self.clock.time, step, self.ledger)
         started = moment = clock.perf_counter()
         for number in range(len(self.systems)):
@@ -213,7 +215,8 @@ class Simulation:
             self._advance_positions(number, step)
             moment = self._count_work(number, moment, sent)
         positions = moment
-        self._find_external_forces(arrival, step)
+        if moving:
+            self._find_external_forces(arrival, step)
         forces = moment = clock.perf_counter()
         for number in range(len(self.systems)):
             sent = COMMUNICATION.seconds

@@ -7,13 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from parsolid.campaign.cases import cases_of, load_study
 from parsolid.campaign.runner import Record, energies_of, momentum_of, not_finite, read_record, wait
-from parsolid.campaign.study import error_rows, judge
+from parsolid.campaign.study import error_rows, judge, seconds_left
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.scene import SceneError
@@ -336,3 +337,16 @@ def test_rows_of_a_report_hold_bounds_and_orders(folder):
     cases[1].record.status = "failed"
     judge(study, cases)
     assert [row.verdict for row in error_rows(study, cases)][1:] == ["not as stated"]
+
+
+def test_time_left_does_not_spread_the_rate_of_one_series_to_another():
+    # two equilibria of one step cost 10 s a particle; the explicit series, not yet run, has 1e9 particle-steps
+    def case(series, work, loop=None):
+        record = None if loop is None else SimpleNamespace(ending={"seconds": loop + 2.0}, loop_seconds=[loop])
+        return SimpleNamespace(series=series, work=work, record=record)
+
+    static, explicit = object(), object()
+    made = [case(static, 1, 10.0), case(static, 2, 20.0)]
+    todo = [case(static, 4), case(explicit, 10**9)]
+    # a start-up of 2 s each, 4 x 10 s, and the mean of 10 and 20 s
+    assert seconds_left(made + todo, todo, repetitions=2) == pytest.approx(2 * (2 * 2.0 + 40.0 + 15.0))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contact.meeting import BONDS, MODULUS, SPH, bars, block, simulated, tables
+from contact.meeting import BONDS, SPH, bars, block, simulated, tables
 from mpi4py import MPI
 from solids import Record
 
@@ -27,24 +27,6 @@ def test_stages_are_refused_where_forces_are_found_once_a_step():
     for more in ({}, {"contact": [], "tools": [tool | {"name": "ball"}]}):
         assert "method.integrator" in faults(method=staged, **more)
     assert parse_scene(bars(method={"kind": "tlsph"})).method.integrator == "leapfrog"
-
-
-def test_nonsense_is_refused_by_its_key():
-    unknown = faults(contact=[{"bodies": ["left", "rigth"]}])
-    assert "contact.0.bodies: expected the name of a body (did you mean 'right'?)" in unknown
-    assert "not in list" not in unknown
-    assert "contact.0.bodies: expected each body once" in faults(contact=[{"bodies": ["left", "left"]}])
-    twice = [{"bodies": ["left", "right"]}, {"bodies": ["right", "left"]}]
-    assert "contact.1.bodies: expected pairs that contact.0 does not name" in faults(contact=twice)
-    assert "contact.0.stiffness" in faults(contact=[{"bodies": ["left", "right"], "stiffness": 0}])
-    assert "contact.0.radius" in faults(contact=[{"bodies": ["left", "right"], "radius": 1.5}])
-    assert "contact.0.friction" in faults(contact=[{"bodies": ["left", "right"], "friction": -0.1}])
-    still = {"kind": "peridynamics", "solution": {"kind": "quasi-static", "step": 0.1}}
-    material = {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
-    bodies = [body | {"material": material} for body in bars(placement="cells")["bodies"]]
-    told = faults(method=still, bodies=[body | {"velocity": None} for body in bodies])
-    assert "contact: expected no such table with equilibrium instead of motion" in told
-    assert BONDS["solution"]["kind"] == "explicit" and MODULUS > 1.0
 
 
 @pytest.mark.parametrize(("method", "friction", "told"), [(BONDS, 0.3, True), (BONDS, 0.0, False), (SPH, 0.3, False)])

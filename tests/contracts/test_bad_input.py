@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+from contact.meeting import bars
 from mixed.bodies_apart import tables as apart
-from mixed.test_methods_meet import bars
+from mixed.test_methods_meet import bars as gridded
 from mixed.test_subcycling import tables as substepped
 from mixed.tied_blocks import blocks
 from mpm.points import COPPER, SOFT, scene
@@ -14,23 +15,27 @@ from mpm.test_failed_points import torn
 from mpm.test_heat_laws import block
 from peridynamics.bonds_of_bodies import scene as bonds
 from peridynamics.test_hyperelastic_series import series
-from scene.plain_tables import CUBE
-from scene.test_mpm import SQUARE
+from scene.plain_tables import CUBE, SQUARE
+from scene.test_mpm import SQUARE as POINTS
 from scene.test_peridynamics import plate
 from small_scenes import changed
 
 from parsolid.commands.cli import main
 from parsolid.scene import SceneError, packaged_scene, parse_scene
 
+HELD = [{"kind": "fixed", "where": "a"}]
 SCENES = {
     "cube": CUBE,
+    "square": SQUARE,
+    "regions": SQUARE | {"regions": [{"name": "a", "plane": "X = 0"}], "boundaries": HELD},
+    "bars": bars(),
     "two methods": apart(("soft", "metal")),
-    "points": SQUARE | {"method": SQUARE["method"] | {"geometry": "axisymmetric"}},
+    "points": POINTS | {"method": POINTS["method"] | {"geometry": "axisymmetric"}},
     "torn": torn(),
     "soft points": changed(scene([0.0, 0.0], [0.4, 0.3], 0.05, 0.1, material=SOFT), {"method.viscosity": None}),
     "warm": block(COPPER),
     "tied": blocks("sph", "bonds"),
-    "grids": bars("points", "points", contact=[{"bodies": ["a", "b"], "model": "grid"}]),
+    "grids": gridded("points", "points", contact=[{"bodies": ["a", "b"], "model": "grid"}]),
     "substeps": substepped(None),
     "series": bonds(2, material=series("neo-hookean")),
     "plate": plate(),

@@ -64,37 +64,6 @@ def test_all_faults_at_once(cube):
     ]
 
 
-def test_2d_scene_with_3d_words(square):
-    broken = {
-        "bodies.0.velocity": ["Z", "0"],
-        "boundaries": [{"kind": "roller", "plane": "Z = 0"}],
-        "probes": [{"name": "p", "at": [0.0, 0.0], "fields": ["twist"], "axis": "X"}],
-    }
-    with pytest.raises(SceneError) as caught:
-        parse_scene(changed(square, broken))
-    text = str(caught.value)
-    assert "bodies.0.velocity.0: expected a formula in X, Y, found the unknown name 'Z'" in text
-    assert "boundaries.0.plane: expected a plane such as 'Y = 0' with one of the axes X, Y, found 'Z = 0'" in text
-    assert "probes.0.axis: expected 'Z' or nothing in 2-D, found 'X'" in text
-
-
-def test_nothing_turns_on_a_line(square):
-    line = {"dimension": 1, "boundaries": None, "method": {"kind": "peridynamics"}, "bodies.0.velocity": ["0"]}
-    line |= {"bodies.0.shape": {"box": {"lower": [0.0], "upper": [1.0]}}, "bodies.0.particles": [9]}
-    line |= {"probes": [{"name": "p", "at": [0.0], "fields": ["twist"]}]}
-    with pytest.raises(SceneError, match="probes.0.fields: expected no twist in 1-D, found 'twist'"):
-        parse_scene(changed(square, line))
-
-
-def test_cylinder_and_shell_in_2d(square):
-    cylinder = {"cylinder": {"base": [0.0, 0.0], "axis": "Z", "radius": 1.0, "length": 1.0}}
-    with pytest.raises(SceneError, match="shape.cylinder: expected a 2-D shape"):
-        parse_scene(changed(square, {"bodies.0.shape": cylinder}))
-    with pytest.raises(SceneError, match="cylindrical_shell.length: expected no such key in 2-D"):
-        ring = {"cylindrical_shell": {"centre": [0.0, 0.0], "radius": 1.0, "thickness": 0.1, "length": 1.0}}
-        parse_scene(changed(square, {"bodies.0.shape": ring}))
-
-
 @pytest.mark.parametrize(
     ("override", "message"),
     [

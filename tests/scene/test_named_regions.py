@@ -118,65 +118,7 @@ def test_a_scene_with_regions_loads_again(square, tmp_path):
     assert load_scene(tmp_path / "scene.toml").resolved()["regions"] == scene.resolved()["regions"]
 
 
-@pytest.mark.parametrize(
-    ("regions", "where", "message"),
-    [
-        ([], "bore", r"boundaries.0.where: expected the name of a region \(there is none\), found 'bore'"),
-        ([{"name": "a", "plane": "X = 0"}], "b", r"the name of a region \(a\), found 'b'"),
-        ([{"name": "a"}], "a", "expected exactly one of group, plane, shape, formula"),
-        ([{"name": "a", "formula": "X + 1"}], "a", "regions.0.formula: expected a comparison such as"),
-        ([{"name": "a", "formula": "t < 1"}], "a", "unknown name 't'"),
-        ([{"name": "a", "group": "bore"}], "a", "regions.0.group: expected a body with a mesh"),
-        ([{"name": "a", "any_of": ["b"]}, {"name": "b", "plane": "X = 0"}], "a", "regions that stand before"),
-        ([{"name": "a", "plane": "X = 0"}, {"name": "b", "plane": "X = 1"}], "a", "a region that a boundary, a probe"),
-        ([{"name": "a", "plane": {"point": [0, 0], "normal": [0, 0]}}], "a", "a normal that is not zero"),
-    ],
-)
-def test_refused(square, regions, where, message):
-    square["regions"], square["boundaries"] = regions, [{"kind": "fixed", "where": where}]
-    with pytest.raises(SceneError, match=message):
-        parse_scene(square)
-
-
-@pytest.mark.parametrize(
-    ("boundary", "message"),
-    [
-        ({"kind": "fixed", "mirror": True}, "false in a region with a name"),
-        ({"kind": "roller", "plane": "X = 0"}, "exactly one of plane, where"),
-        ({"kind": "fixed", "reaction": True}, "a name, for the columns"),
-        ({"kind": "rotation", "centre": [0, 0], "angle": "t + 1"}, "a formula that is 0 at the start, found 1.0"),
-        ({"kind": "rotation", "centre": [0, 0], "angle": "X*t"}, "a formula in t alone"),
-        ({"kind": "rotation", "centre": [0, 0], "angle": "fmod(t, 1)"}, "that can be differentiated in time"),
-        ({"kind": "spring"}, "a stiffness or a damping above 0"),
-    ],
-)
-def test_conditions_that_are_refused(square, boundary, message):
-    square["regions"], square["boundaries"] = [{"name": "a", "plane": "X = 0"}], [{"where": "a", **boundary}]
-    with pytest.raises(SceneError, match=message):
-        parse_scene(square)
-
-
 NOWHERE = {"name": "p", "where": "b", "fields": ["velocity"]}
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({"probes": [NOWHERE]}, r"probes.0.where: expected the name of a region \(a\), found 'b'"),
-        ({"probes": [NOWHERE | {"at": [0, 0]}]}, "at most one of at, weight, where"),
-        ({"probes": [NOWHERE | {"where": "a", "statistic": "most"}]}, "probes.0.statistic: expected 'mean'"),
-        ({"probes": [{"name": "p", "fields": ["velocity"]}]}, "exactly one of at, quantity, weight, where, found none"),
-        ({"probes": [{"name": "p", "at": [0, 0], "fields": ["velocity"], "statistic": "mean"}]}, "but of fields in a"),
-        ({"initial": [{"where": "a"}]}, "initial.0: expected at least one of velocity"),
-        ({"initial": [{"where": "b", "velocity": [0, 0]}]}, r"initial.0.where: expected the name of a region \(a\)"),
-        ({"initial": [{"body": "x", "velocity": [0, 0]}]}, "initial.0.body: expected the name of a body"),
-        ({"output": {"where": "b"}}, r"output.where: expected the name of a region \(a\), found 'b'"),
-    ],
-)
-def test_others_that_name_regions_are_refused_alike(square, table, message):
-    square["regions"], square["boundaries"] = [{"name": "a", "plane": "X = 0"}], [{"kind": "fixed", "where": "a"}]
-    with pytest.raises(SceneError, match=message):
-        parse_scene(square | table)
 
 
 def test_a_region_without_particles_is_told_by_what_names_it(square, comm):

@@ -11,8 +11,8 @@ from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.forces import Resultant
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, touchable_by
+from parsolid.contact.trials import TriedContact
 from parsolid.methods.failure_fields import DELETED_INTERNAL
-from parsolid.methods.interaction import Interaction
 from parsolid.methods.leapfrog import taken_by_step_change
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.scene import Scene
@@ -80,7 +80,7 @@ class Tool:
             self.own = self.own.plus(touch.resultant)
 
 
-class RigidTools(Interaction):
+class RigidTools(TriedContact):
     """All tools of a scene; no message in a step but, where a tool with mass may be touched, one sum of a few numbers.
 
     The stored energy of what is pressed, and of friction's springs, is part of the ledger's.
@@ -108,9 +108,12 @@ class RigidTools(Interaction):
                     tool.touches.append(Touch(tool, system, touchable, signal))
                     tool.longest = max(tool.longest, self._spacing(tool.touches[-1]) / signal)
         self._refuse_small()
+        self.rubs = any(tool.friction > 0.0 for tool in self.tools)
         self.energy_scale = max((self._particle_energy(system) for system in systems), default=0.0)
         self._take_results(scene)
         self._shown = np.zeros(2)
+        # of the state that was kept: poses, and how long [s] after it tools are posed
+        self._kept, self._posed = list[dict[str, Any]](), (np.inf, 0.0)
 
     def _spacing(self, touch: Touch) -> float:
         """The widest of what a tool touches [m]; collective."""
@@ -191,6 +194,11 @@ class RigidTools(Interaction):
         """Forces at the new places, and half a kick of the tools; collective where free ones may be touched."""
         self._evaluate(time, slipping=True)
         self._give(step)
+        self._book(ledger)
+        self._kick(time, 0.5 * step, ledger, opening=False)
+
+    def _book(self, ledger: EnergyLedger) -> None:
+        """What the last forces have stored, and friction has taken."""
         stored = self._energies()
         ledger.add_term("friction_dissipation", sum(tool.own.lost for tool in self.tools))
         deleted = sum(touch.deleted for tool in self.tools for touch in tool.touches)
@@ -202,7 +210,54 @@ class RigidTools(Interaction):
         for name, change in zip(("contact_energy", "stick_energy"), stored - self._shown):
             ledger.add_term(name, float(change))
         self._shown = stored
-        self._kick(time, 0.5 * step, ledger, opening=False)
+
+    # --- in steps that are solved for -----------------------------------------------------------------------------
+
+    def keep(self, ledger: EnergyLedger | None) -> None:
+        """See `Interaction`."""
+        if ledger is not None:
+            self._book(ledger)
+        self._kept, self._posed = [tool.body.state() for tool in self.tools], (np.inf, 0.0)
+        for tool in self.tools:
+            for touch in tool.touches:
+                touch.remember()
+
+    def find(self, over: float, still: bool, mean: bool) -> None:
+        """See `TriedContact`."""
+        for tool, kept in zip(self.tools, self._kept):
+            if isinstance(tool.body, GuidedBody) and self._posed != (over, self.later):
+                tool.body.set_state(kept)
+                tool.body.drift(self._time, over)
+                # velocities may jump where a step begins or ends
+                tool.body.follow(self._time + (1.0 - 1e-9) * over if over else self._time * (1.0 + 1e-12))
+                tool.body.pose.go_on(self.later)
+            tool.own = Resultant.none()
+            for touch in tool.touches:
+                touch.try_forces(not still, mean, self.deeper)
+                tool.own = tool.own.plus(touch.resultant)
+        self._posed = over, self.later
+        self._give(over if mean else 0.0)
+
+    def fastest(self) -> float:
+        """See `TriedContact`: of tools that turn what moves with them where particles are."""
+        place, most = self.systems[0].particles.owned_rows("position"), 0.0
+        for pose in (tool.body.pose for tool in self.tools):
+            arms = np.linalg.norm(place - pose.place[: self.dimension], axis=1)
+            turning = float(np.linalg.norm(pose.spin)) * float(arms.max(initial=0.0))
+            most = max(most, float(np.linalg.norm(pose.velocity)) + turning)
+        return most
+
+    def power(self) -> float:
+        """See `Interaction`."""
+        return sum(tool.body.pose.power(*tool.resultant(opening=False)) for tool in self.tools)
+
+    def lost(self) -> float:
+        """See `Interaction`."""
+        return sum(tool.own.lost for tool in self.tools)
+
+    def clearances(self) -> np.ndarray:
+        """See `Interaction`."""
+        return np.array([min((touch.clearance for touch in tool.touches), default=np.inf) for tool in self.tools])
 
     def _evaluate(self, time: float, slipping: bool | None) -> None:
         """Forces of all tools at a time [s]; slipping: None where those that go on ask for what is recorded again."""

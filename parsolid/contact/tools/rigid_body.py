@@ -60,6 +60,13 @@ class Pose:
         """Of a force [N] and its moment [N m] about the place [W]."""
         return float(force @ self.velocity + moment @ self.spin)
 
+    def go_on(self, time: float) -> None:
+        """Move and turn for a time [s] with the present velocity and spin."""
+        rate = float(np.linalg.norm(self.spin))
+        self.place = self.place + time * self.velocity
+        if rate * time != 0.0:
+            self.rotation = product(turn(self.spin / rate, rate * time), self.rotation)
+
 
 class FreeBody:
     """Six equations of motion, or fewer where components are held.

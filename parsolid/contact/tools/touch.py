@@ -131,10 +131,17 @@ class Touch:
             self.touched, self.resultant = self._room.first(0), Resultant.none()
             self.greatest_square, self._followed = 0.0, False
             return
+        self._leave_out_deleted()
+        near = Approach(tool.longest, tool.speed(time), _NEAR * tool.longest, self.signal + tool.speed(time))
+        nearby = self._press(slipping, near, self._followed)
+        self._followed, self.greatest_square = True, nearby.square
+        self._look_ahead(time)
+
+    def _press(self, slipping: bool, approach: Approach, known: bool, deeper: float = 0.0) -> Nearby:
+        """Forces in the present places, of particles wider by `deeper` [m]; see `forces.press`."""
+        particles, tool, friction = self.system.particles, self.tool, None
         if len(self._room.row) < particles.owned:
             self._room = Touched.of_size(particles.capacity)
-        self._leave_out_deleted()
-        friction = None
         if self.record is not None:
             friction = Friction(tool.friction, particles.storage(self.record), slipping)
         seen = Particles(
@@ -143,7 +150,7 @@ class Touch:
             particles["velocity"],
             particles["body"],
             self.touchable,
-            particles[RADIUS],
+            particles[RADIUS] + deeper if deeper else particles[RADIUS],
             particles[STIFFNESS],
             particles.storage(level_of(tool.name)),
             self._squares_of_particles(),
@@ -154,14 +161,26 @@ class Touch:
             friction,
             tool.stiffness,
             seen,
-            Approach(tool.longest, tool.speed(time), _NEAR * tool.longest, self.signal + tool.speed(time)),
-            self._followed,
+            approach,
+            known,
             self._room,
         )
-        self._followed, self.touched, nearby = True, self._room.first(count), Nearby(*near)
+        self.touched, nearby = self._room.first(count), Nearby(*near)
         self.resultant, self.clearance = Resultant.of(self.touched, nearby), nearby.clearance
-        self.greatest_square = nearby.square
-        self._look_ahead(time)
+        return nearby
+
+    def remember(self) -> None:
+        """Take what friction holds and how deep particles are for what trials begin with."""
+        names = [level_of(self.tool.name)] + ([] if self.record is None else [self.record])
+        self._kept = {name: self.system.particles.storage(name).copy() for name in names}
+
+    def try_forces(self, slipping: bool, mean: bool, deeper: float) -> None:
+        """Forces in the present places from what was remembered; mean: with what makes them those of all of a step."""
+        for name, values in self._kept.items():
+            self.system.particles.storage(name)[:] = values
+        # steps that are not solved for look anew, and go on from these depths
+        self._followed, self.quiet_until, self.greatest_square = True, -np.inf, 0.0
+        self._press(slipping, Approach(0.0, 0.0, 0.0, 0.0), mean, deeper)
 
     def _leave_out_deleted(self) -> None:
         """Particles that have failed and were deleted, which have no mass, are not touched any more.

@@ -6,6 +6,7 @@
 S is that of the law, its mean by Gauss's quadrature. S : (C1 - C0)/2 is what W gains, so that the energy is kept; S is
 symmetric, so that the angular momentum is (J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757; O. Gonzalez, Comput. Methods
 Appl. Mech. Engrg. 190 (2000) 1763). What is linear in F, stabilisers and a stress of the start, is exact at the middle.
+Contact and ties have the mean force of the step, half of those at its ends and what begins or ends within it.
 Newton's method takes half of K at the middle with the masses, which is not the whole derivative, but symmetric.
 
 Of bodies with `pressures` as unknowns J C^-1 times p - k j is part of S, with the mean of the pressures at both ends,
@@ -17,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from decomposition.reduction import sums
+from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.collective import minimum
 from parsolid.particles.declaration import Columns, Field
@@ -38,7 +40,8 @@ _STATE = ("next_step", "last", "scale", "largest", "steps", "retries", "correcti
 
 class Start(NamedTuple):
     """Where a step begins: time [s], its length [s], displacement u and velocity v (owned, d) [m, m/s], F (owned, 3,
-    3) and C = F^T F; unknowns [m]: u, and those of pressures."""
+    3) and C = F^T F; unknowns [m]: u, and those of pressures; force (owned, d) [N] of contact and ties, and the power
+    of tools [W] on this rank."""
 
     time: float
     step: float
@@ -47,6 +50,8 @@ class Start(NamedTuple):
     F: np.ndarray
     C: np.ndarray
     unknowns: np.ndarray
+    meeting: np.ndarray
+    power: float
 
 
 class Implicit:
@@ -81,10 +86,12 @@ class Implicit:
         unknowns = displacement.copy()
         displacement = unknowns[:, :d]
         self.tangent.share_moves(displacement)
+        meeting = self._meet(displacement, start.step)
         if self.pressures is not None:
             self.pressures.set(0.5 * (start.unknowns[:, -1] + unknowns[:, -1]))
         F = self._place(0.5 * (start.u + displacement))
         force, sound = self._internal_force(2.0 * F - start.F)
+        force += 0.5 * (start.meeting + meeting)
         of("velocity")[:] = (displacement - start.u) / start.step
         external = statics.loads_at(start.time + 0.5 * start.step, False)
         inertia = self.inertia[:, None] * (displacement - start.u - start.step * start.v)
@@ -101,6 +108,21 @@ class Implicit:
         self.force, self.external = force, external
         sound, saddle = bool(lost == 0.0 and np.isfinite(square)), self.pressures is not None
         return State(unknowns, residual, self.norm, np.nan, 0.0, sound, saddle)
+
+    def _meet(self, displacement: np.ndarray, over: float) -> np.ndarray:
+        """Forces of contact and ties (owned, d) [N] at a displacement a time over [s] after the start of the step:
+        twice their mean over it less those of the start."""
+        particles = self.system.particles
+        if EXTERNAL_FORCE not in particles:
+            return np.zeros_like(displacement)
+        force, impulse = particles.owned_rows(EXTERNAL_FORCE), particles.owned_rows(EXTERNAL_IMPULSE)
+        np.add(particles.owned_rows("reference_position"), displacement, out=particles.owned_rows("position"))
+        force[:], impulse[:] = 0.0, 0.0
+        for one in self.system.interactions:
+            one.try_forces(self._kept_at, over, over == 0.0, over > 0.0)
+        found = force + (2.0 / over * impulse if over > 0.0 else 0.0)
+        impulse[:] = 0.0
+        return np.asarray(found)
 
     def _place(self, displacement: np.ndarray) -> np.ndarray:
         """Put the particles; their F (owned, 3, 3), also as a field."""
@@ -140,7 +162,7 @@ class Implicit:
 
     def solve(self, load: np.ndarray, target: float) -> Solution:
         """See `Problem`."""
-        solver = self.statics.symmetric_solver if self.statics.dead else gmres
+        solver = self.statics.symmetric_solver if self.statics.conservative else gmres
         found = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, self.precondition)
         self.products += found.iterations
         return found
@@ -182,7 +204,7 @@ class Implicit:
         work, reaction = np.zeros(first.shape), np.zeros(first.shape)
         while part < 1.0:
             over = min(length, 1.0 - part)
-            found = self._attempt(time + part * step, over * step)
+            found = self._attempt(time + part * step, over * step, ledger)
             if found is not None:
                 work, reaction, part, length = work + found[0], found[1], part + over, over
                 continue
@@ -195,7 +217,7 @@ class Implicit:
         announce(True, self.stable_step())
         return True
 
-    def _attempt(self, time: float, step: float) -> tuple[np.ndarray, np.ndarray] | None:
+    def _attempt(self, time: float, step: float, ledger: Any) -> tuple[np.ndarray, np.ndarray] | None:
         """One step [s] from a time [s]; the work [J] of loads, or of what prescribes components, and the forces [N] of
         that (owned, d). None where there is no balance, or the step errs by too much: then nothing has changed."""
         system, of = self.system, self.system.particles.owned_rows
@@ -216,8 +238,9 @@ class Implicit:
         acceleration = 2.0 * (u - start.u - step * start.v) / step**2 * self.tangent.free
         if not found.fault and self._choose_step(step, u, acceleration):
             self._set_pressures(found.state.displacement)
-            return self._end(time, step, u, acceleration)
+            return self._end(time, step, u, acceleration, ledger)
         self._set_pressures(start.unknowns)
+        self._meet(start.u, 0.0)
         self._place(start.u)
         of("velocity")[:] = start.v
         self._end_state()
@@ -228,8 +251,13 @@ class Implicit:
         F = np.tile(np.eye(3), (self.system.owned, 1, 1))
         F[:, :d, :d] = of("deformation_gradient").reshape(-1, d, d)
         u, v = of("displacement").copy(), of("velocity").copy()
+        self._kept_at = time
+        for one in self.system.interactions:
+            one.keep(None)
+        meeting = self._meet(u, 0.0)
+        power = sum(one.power() for one in self.system.interactions)
         unknowns = u if self.pressures is None else np.column_stack((u, self.pressures.unknowns()))
-        self.start = Start(time, step, u, v, F, F.swapaxes(1, 2) @ F, unknowns)
+        self.start = Start(time, step, u, v, F, F.swapaxes(1, 2) @ F, unknowns, meeting, power)
         self.inertia, self.statics.sought = 2.0 * self.mass / step**2, (time, step, 0.5)
         # of twice the matrix; made anew in every step, as a restart has no other
         self.preconditioner.inertia = 2.0 * self.inertia
@@ -262,13 +290,21 @@ class Implicit:
         self.next_step = factor * step if factor < 1.0 else max(self.next_step, factor * step)
         return True
 
-    def _end(self, time: float, step: float, u: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _end(
+        self, time: float, step: float, u: np.ndarray, a: np.ndarray, ledger: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Take the end of a step; see `_attempt`."""
         system, of, start = self.system, self.system.particles.owned_rows, self.start
         du, v = u - start.u, start.v + step * a
         # prescribed components have their mean velocity until they are given that of the end
         of("velocity")[:] = np.where(self.tangent.free, v, du / step)
         of("mean_acceleration")[:] = a
+        # products have moved what contact knows of the state
+        self._meet(u, step)
+        of_tools = sum(one.power() for one in system.interactions)
+        for one in system.interactions:
+            one.keep(ledger)
+        ledger.add(1.0, 0.0, 0.0, 0.5 * step * (start.power + of_tools))
         self._place(u)
         system.conditions.impose(time + step, True)
         mass, end = self.mass[:, None], of("velocity")

@@ -381,8 +381,9 @@ class TotalLagrangianSPH(MethodSettings):
             expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
             return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
         key, faults = ("method", "integrator"), list[Detail]()
-        if scene.tools:
-            faults.append((("tools",), f"no such table {_SOLUTION}", Phrase("one")))
+        for i, tool in enumerate(scene.tools):
+            if tool.mass is not None:
+                faults.append((("tools", i, "mass"), f"no such key {_SOLUTION}, but a motion or none", tool.mass))
         if self.reference == "updated":
             faults.append((("method", "reference"), f"'fixed' {_SOLUTION}", self.reference))
         if scene.methods is not None and len(scene.methods) > 1:

@@ -26,8 +26,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from decomposition.reduction import sums
+from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.boundary.forces import DistributedLoad, SpringLoad
+from parsolid.collective import minimum
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.load_history import LoadHistory
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
@@ -49,11 +51,15 @@ _TANGENT = 1e-4
 # of that, beside pressures: the error of minimal residuals is not without work, as that of conjugate gradients is
 _SADDLE = 0.1
 _MISSING, _AIM = 2e-3, 1e-4
+# the same where particles begin to slip within steps
+_ROUGH_AIM = 5e-4
 _POWERS = 2.0
 # of a load step, where the tangent at its start is taken from bodies that flow: as they begin to, it changes at once
 _AHEAD = 0.1
 # of the scene's end, the first load step; of one that was asked for, the shortest that is tried
 _FIRST, _LEAST = 0.1, 2.0**-10
+# of a load step, before which a contact that closes within it does not end it
+_TOUCHING = 1e-3
 # of a residual, what a solution without the change of loads leaves
 _ROUGH = 0.1
 # products with the tangent in one solution at most
@@ -74,20 +80,22 @@ _STATE = (
 
 class Equilibrium(NamedTuple):
     """unknowns [m]; held [N]: loads on free components, loads and reactions on others; stored energy [J] of all
-    ranks."""
+    ranks; power [W]: of tools, on this rank."""
 
     unknowns: np.ndarray
     held: np.ndarray
     stored: float
+    power: float = 0.0
 
 
 class Taken(NamedTuple):
-    """A load step that was taken: the equilibrium at its end; work [J] of what is held, that of all ranks, what of it
-    the stored energy has not gained, and what this rank's branches have dissipated [J]; slope, curvature [m]: of the
-    path at the end, over the load step."""
+    """A load step that was taken: the equilibrium at its end; work [J] of what is held, that of tools on this rank,
+    that of all ranks, what of it the stored energy has not gained, and what this rank's branches have dissipated [J];
+    slope, curvature [m]: of the path at the end, over the load step."""
 
     end: Equilibrium
     work: np.ndarray
+    of_tools: float
     total: float
     missing: float
     lost: float
@@ -96,17 +104,21 @@ class Taken(NamedTuple):
 
 
 class Tangential(NamedTuple):
-    """Unknowns [m] along the tangent of a path, and K times them [N]."""
+    """Along the tangent of a path, over a load step: unknowns [m], and the changes of what is held [N] and of the power
+    of tools [W], on this rank."""
 
     change: np.ndarray
     force: np.ndarray
+    power: float
 
 
 class Failed(NamedTuple):
-    """Why a load step does not count; critical: whether that is so at a limit of the load."""
+    """Why a load step does not count; critical: whether that is so at a limit of the load; part: of it, the next one
+    that is tried."""
 
     fault: str
     critical: bool = False
+    part: float = 0.5
 
 
 class Static:
@@ -117,10 +129,10 @@ class Static:
     balanced in the last state, and what may be.
     """
 
-    def __init__(self, system: Any, equilibria: bool, tied: list[tuple[int, int]]) -> None:
+    def __init__(self, system: Any, equilibria: bool, tied: list[tuple[int, int]], touched: set[int]) -> None:
         """system: `system.TotalLagrangianSPH` with its sweeps; equilibria: whether any stage has them, else these are
-        for `implicit.Implicit`; tied: numbers of bodies that ties join. Raises SolverError on all ranks where nothing
-        holds a body. Collective."""
+        for `implicit.Implicit`; tied: numbers of bodies that ties join; touched: those in contact. Raises SolverError
+        on all ranks where nothing holds a body. Collective."""
         self.system, self.comm, self.conditions = system, system.comm, system.conditions
         self.pressures, self.tangent = system.pressures, Tangent(system, True, system.pressures)
         self.free = self.tangent.free
@@ -132,11 +144,13 @@ class Static:
         system.particles.declare(Field("displacement_curvature", self.free.shape[1], "m/s^2", **kept))
         # forces of the stabiliser of boxes, which are not among those of the sweeps
         self._stabilising = np.zeros(self.tangent.free.shape)
-        # and of ties, less what resists displacements
-        self._joining = np.zeros(self.tangent.free.shape)
+        # of contact and ties, on these parts of the particles; what they store, friction loses [J], and the power [W]
+        self._meeting, self._met = np.zeros(self.tangent.free.shape), (0.0, 0.0, 0.0)
+        # of trials: when the state was kept [s], and how long ago that is [s]
+        self._kept_at, self._over = 0.0, 0.0
         self.preconditioner = StaticPreconditioner(self.tangent)
         if equilibria:
-            self.preconditioner.refuse_loose_bodies(tied)
+            self.preconditioner.refuse_loose_bodies(tied, touched)
         loads = [load for load, _ in self.conditions.loads_of]
         # whether all loads have a potential, which is their product with the displacement
         self.dead = all(isinstance(load, DistributedLoad) for load in loads)
@@ -171,7 +185,7 @@ class Static:
         stored, work = self._stored(), float(np.vdot(external, displacement))
         square: float = float(np.vdot(residual, residual))
         square, stored, work, size, lost = sums(self.comm, [square, stored, work, abs(stored) + abs(work), 1.0 - sound])
-        least = self.dead and self.history is None and self.pressures is None
+        least = self.conservative and self.history is None and self.pressures is None
         energy = float(stored - work) if least else np.nan
         whole = bool(lost == 0.0 and np.isfinite(square) and np.isfinite(stored))
         self.norm, self._residual = float(np.sqrt(square)), residual
@@ -205,10 +219,32 @@ class Static:
         if self.pressures is not None:
             self.pressures.settle()
         self.stabilise()
-        self._joining[:] = 0.0
-        for one in system.interactions:
-            one.add_product(displacement, self._joining)
+        self._meet(still)
         return all(sound)
+
+    def _meet(self, still: bool) -> None:
+        """Find the forces of contact and ties in the present places."""
+        particles, interactions = self.system.particles, self.system.interactions
+        if EXTERNAL_FORCE not in particles:
+            return
+        force = particles.owned_rows(EXTERNAL_FORCE)
+        force[:] = 0.0
+        for one in interactions:
+            one.try_forces(self._kept_at, self._over, still)
+        self._meeting = force.copy()
+        self._met = (
+            sum(one.energies()[1] for one in interactions),
+            *(sum(values) for values in ([one.lost() for one in interactions], [one.power() for one in interactions])),
+        )
+
+    @property
+    def _rubs(self) -> bool:
+        return any(one.rubs for one in self.system.interactions)
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all forces have a potential, so that the tangent is symmetric."""
+        return self.dead and not self._rubs
 
     def _rest(self, *names: str) -> None:
         """Set fields that there are to 0."""
@@ -239,7 +275,7 @@ class Static:
     def internal_force(self) -> np.ndarray:
         """Internal forces [N] of the unknowns evaluated last, on this side of mirror planes; collective."""
         force = self.system.particles.owned_rows("stress_force") * self.system.share[:, None]
-        force -= self._stabilising + self._joining
+        force += self._meeting - self._stabilising
         if self.pressures is None:
             return force
         present = self.pressures.unknowns(), self.system.particles.owned_rows("jacobian")
@@ -284,7 +320,7 @@ class Static:
     def solve(self, load: np.ndarray, target: float) -> Solution:
         """See `Problem`; the preconditioner is made anew at the present shape once it takes much more products."""
         size = float(np.sqrt(sums(self.comm, [np.vdot(load * self.free, load)])[0]))
-        solver = self.symmetric_solver if self.dead else gmres
+        solver = self.symmetric_solver if self.conservative else gmres
         precondition = self.precondition if self.dead or self.sprung else self._solve_roughly
         solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, precondition)
         self.products += solution.iterations
@@ -365,8 +401,11 @@ class Static:
             tried = self._attempt(time, step, part, end, at)
             if isinstance(tried, Taken):
                 at, work = tried.end, work + tried.work
-                ledger.add(1.0, tried.lost, 0.0, 0.0)
-                self._remember(ledger)
+                ledger.add(1.0, tried.lost, 0.0, tried.of_tools)
+                self._remember(ledger, time + end * step)
+                if self._rubs:
+                    # friction has warmed them
+                    at = at._replace(stored=self._stored_energy())
                 self.load_steps += 1
                 over, part = end - part, end
                 self._keep_path(tried, over * step)
@@ -375,10 +414,12 @@ class Static:
                 if step > 0.0:
                     self.load_step = min(length * step, self.settings.maximum_step or self.end)
                 continue
-            self.retries, shortened = self.retries + 1, True
+            self.retries, shortened = self.retries + 1, bool(tried.fault)
             self._return_to(at)
             self.preconditioner.build()
-            length = 0.5 * (end - part)
+            length = tried.part * (end - part)
+            if not tried.fault:
+                continue
             # a jump of the loads takes no time, however short its parts are
             if 0.0 < length * step < (self.settings.minimum_step or 0.0) or length < _LEAST:
                 self._end_at(time + part * step, tried)
@@ -403,15 +444,23 @@ class Static:
             u = np.column_stack((u, self.pressures.unknowns()))
         if self.history is not None:
             self.history.remember()
+        self._keep(time, None)
         self._return_to(Equilibrium(u, u, 0.0))
         self.preconditioner.inertia = None
         self.preconditioner.build()
         force = self.internal_force()
         self._held_at_start = -force if time == self.began else np.zeros(force.shape)
-        return Equilibrium(u, -force, self._stored_energy())
+        return Equilibrium(u, -force, self._stored_energy(), self._met[2])
+
+    def _keep(self, time: float, ledger: Any) -> None:
+        """Let contact and ties take their last trial, or the present state, as that from which trials go."""
+        for one in self.system.interactions:
+            one.keep(ledger)
+        self._kept_at, self._over = time, 0.0
 
     def _return_to(self, last: Equilibrium) -> None:
         """Find the forces of the last equilibrium."""
+        self._over = 0.0
         if self.history is not None:
             self.history.elapsed = 0.0
         self._deform(last.unknowns, still=True)
@@ -419,8 +468,12 @@ class Static:
             # which rounding would change
             self.history.recall()
 
-    def _remember(self, ledger: Any) -> None:
-        """Take the present state as that of an equilibrium, with what has led to it."""
+    def _remember(self, ledger: Any, time: float) -> None:
+        """Take the present state as that of an equilibrium at a time [s], with what has led to it."""
+        # tangents have moved what contact knows of the state
+        self._meet(still=False)
+        self._keep(time, ledger)
+        self._meet(still=True)
         if self.history is not None:
             for block in self.system.blocks:
                 block.book(ledger)
@@ -429,33 +482,42 @@ class Static:
     def _attempt(self, time: float, step: float, part: float, end: float, start: Equilibrium) -> Taken | Failed:
         """From the equilibrium at a part of a load step [s] from a time [s] to that at another part."""
         before, ahead, of = self._loads(time, step, part), (end - part) * step, self.system.particles.owned_rows
+        gaps = self._clearances()
         self.sought = (time, step, end)
         load = self._loads(*self.sought) - before
         moved, guess = self._moved(time, step, part, end, start.unknowns), of("displacement_rate") * ahead
         if self.history is None:
-            unbalanced = load
+            unbalanced = load + self._pushed(ahead)
         else:
-            self.history.elapsed = ahead
+            self.history.elapsed = self._over = ahead
             # also what relaxes while nothing moves
             unbalanced = self.evaluate(start.unknowns).residual
             self._deform(start.unknowns + _AHEAD * np.where(self.free, guess, moved))
-        first = self._tangent_of_path(unbalanced, moved, guess)
+        first = self._tangent_of_path(unbalanced, moved, guess, ahead)
         if isinstance(first, Failed):
             return first
         curved = np.where(self.free, 0.5 * ahead**2 * of("displacement_curvature"), 0.0)
+        self._over = ahead
         state = self.evaluate(start.unknowns + first.change + curved)
+        touched = self._first_touch(gaps)
+        if touched < 1.0:
+            return Failed("", part=touched)
         self._set_target()
         found = newton(self, state, self.target)
         self.corrections += found.corrections
         if found.fault:
             return Failed(found.fault)
-        lost = 0.0 if self.history is None else self.history.lost
-        last = self._tangent_of_path(load, moved, first.change)
+        lost, rubbed = 0.0 if self.history is None else self.history.lost, self._met[1]
+        held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
+        end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy(), self._met[2])
+        for one in self.system.interactions:
+            one.closes = False
+        last = self._tangent_of_path(load + self._pushed(ahead), moved, first.change, ahead)
+        for one in self.system.interactions:
+            one.closes = True
         if isinstance(last, Failed):
             return last
-        held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
-        end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy())
-        taken = self._taken(start, end_of_step, first, last, lost)
+        taken = self._taken(start, end_of_step, first, last, (lost, rubbed), ahead)
         if taken.missing > _MISSING * self._scale(taken) + self._rounding:
             return Failed("the body jumps, as its energy does not follow the work of the load", True)
         return taken
@@ -465,28 +527,60 @@ class Static:
         return float(sums(self.comm, [self._stored()])[0])
 
     def _stored(self) -> float:
-        """Of this rank [J], with that of ties, in the state evaluated last."""
-        joined = 0.5 * float(np.vdot(self.system.particles.owned_rows("displacement"), self._joining))
-        return float(self.system.energies()[1]) + joined
+        """Of this rank [J], with that of contact and ties, in the state evaluated last."""
+        return float(self.system.energies()[1]) + self._met[0]
 
-    def _taken(self, start: Equilibrium, end: Equilibrium, first: Tangential, last: Tangential, lost: float) -> Taken:
-        """A step between two equilibria with the tangents at its ends and what this rank's branches have lost [J]; see
-        the head of this file."""
+    def _pushed(self, ahead: float) -> np.ndarray:
+        """By how much the forces of contact (owned, d) [N] change as tools move on for a time [s]."""
+        still, result = np.zeros(self.tangent.free.shape), np.zeros(self.free.shape)
+        for one in self.system.interactions:
+            result[:, : self.system.dimension] += one.change_along(still, ahead)[0]
+        return result
+
+    def _clearances(self) -> np.ndarray:
+        """Of all contacts, over all ranks [m]."""
+        gaps = [one.clearances() for one in self.system.interactions]
+        return minimum(self.comm, np.concatenate(gaps)) if gaps else np.zeros(0)
+
+    def _first_touch(self, before: np.ndarray) -> float:
+        """The part of a load step at the end of which a contact that was open before, by gaps [m], closes; 1 where none
+        does. What bears a load within a step alone, the work of its end does not know."""
+        now = self._clearances()
+        closes = (before > 0.0) & (now < 0.0)
+        parts = before[closes] / (before[closes] - now[closes])
+        return min(parts[parts > _TOUCHING].tolist(), default=1.0)
+
+    def _taken(
+        self,
+        start: Equilibrium,
+        end: Equilibrium,
+        first: Tangential,
+        last: Tangential,
+        losses: tuple[float, float],
+        ahead: float,
+    ) -> Taken:
+        """A step of a time ahead [s] between two equilibria with the tangents at its ends and what this rank's branches
+        and friction have lost [J]; see the head of this file."""
+        lost, rubbed = losses
         du = end.unknowns - start.unknowns
         curved = (end.held - start.held) * (last.change - first.change) - du * (last.force - first.force)
         work, more = 0.5 * (start.held + end.held) * du, curved / 12.0
-        if self.history is None:
+        of_tools, more_of_tools = 0.5 * ahead * (start.power + end.power), ahead * (first.power - last.power) / 12.0
+        # of tangents that are not symmetric the terms depend on how closely they are solved
+        if self.history is None and not self._rubs:
             work, more = work + more, 0.0 * more
-        total, all_lost, beyond = map(float, sums(self.comm, [work.sum(), lost, more.sum()]))
+            of_tools, more_of_tools = of_tools + more_of_tools, 0.0
+        all_together = [work.sum() + of_tools, lost + rubbed, more.sum() + more_of_tools]
+        total, all_lost, beyond = map(float, sums(self.comm, all_together))
         missing = abs(total - all_lost - (end.stored - start.stored))
         if self.history is not None:
             # the path is not that of its tangents alone where bodies relax
             missing = missing if self.history.relaxes else max(missing, abs(beyond))
             slope = du if self.history.relaxes else last.change
-            return Taken(end, work, total, missing, lost, slope, np.zeros_like(du))
+            return Taken(end, work, of_tools, total, missing, lost, slope, np.zeros_like(du))
         # of the cubic polynomial through both ends
         curvature = 2.0 * first.change + 4.0 * last.change - 6.0 * du
-        return Taken(end, work, total, missing, 0.0, last.change, curvature)
+        return Taken(end, work, of_tools, total, missing, 0.0, last.change, curvature)
 
     def _moved(self, time: float, step: float, part: float, end: float, u: np.ndarray) -> np.ndarray:
         """By how much [m] prescribed components move between two parts of a load step."""
@@ -496,8 +590,11 @@ class Static:
         result -= u
         return result * ((end - part) / (1.0 - part)) if step == 0.0 else result
 
-    def _tangent_of_path(self, load: np.ndarray, moved: np.ndarray, guess: np.ndarray) -> Tangential | Failed:
-        """The tangent for a change of the loads [N] and of what is prescribed [m]; guess [m]: of the change."""
+    def _tangent_of_path(
+        self, load: np.ndarray, moved: np.ndarray, guess: np.ndarray, ahead: float
+    ) -> Tangential | Failed:
+        """The tangent for a change of the loads (owned, d) [N], of what is prescribed (owned, d) [m], and of tools over
+        a time [s], whose forces are among the loads; guess (owned, d) [m]: of the change."""
         self.linearise()
         lifted, change = np.where(self.free, 0.0, moved), np.where(self.free, guess, moved)
         products = np.empty((2, *change.shape))
@@ -510,7 +607,9 @@ class Static:
         if not solution.converged:
             return Failed(f"along the load, {solution.reason}", solution.iterations < _PRODUCTS)
         change += solution.value
-        return Tangential(change, self.stiffness(change))
+        own = np.ascontiguousarray(change[:, : self.system.dimension])
+        power = sum(one.change_along(own, ahead)[1] for one in self.system.interactions)
+        return Tangential(change, self.stiffness(change) - self._pushed(ahead), power)
 
     def _scale(self, taken: Taken) -> float:
         """Energy [J] beside which what is missing counts."""
@@ -522,17 +621,20 @@ class Static:
 
     def _growth(self, taken: Taken) -> float:
         """The next load step over one that was taken."""
-        missing = max(taken.missing - self._rounding, 1e-300)
+        missing = taken.missing - self._rounding
+        if missing <= 0.0:
+            return 2.0**_POWERS
         # a power of 2, so that rounding on other ranks changes no step
-        order = 0.25 if self.history is None else 0.5
-        power = np.floor(order * np.log2(max(_AIM * self._scale(taken) / missing, 1e-9)))
+        smooth = self.history is None and not self._rubs
+        order, aim = (0.25 if smooth else 0.5), (_ROUGH_AIM if self._rubs else _AIM)
+        power = np.floor(order * np.log2(max(aim * self._scale(taken) / missing, 1e-9)))
         return float(2.0 ** np.clip(power, -_POWERS, _POWERS))
 
     def _set_target(self) -> None:
         """What may be left of the loads, or of the reactions where nothing is loaded, and of rounding."""
         external, force = self._loads(*self.sought), self.internal_force()
-        squares = [np.vdot(external, external), np.vdot(force[~self.free], force[~self.free])]
-        load, reaction = np.sqrt(sums(self.comm, squares))
+        force = np.where(self.tangent.free, self._meeting, force[:, : self.system.dimension])
+        load, reaction = np.sqrt(sums(self.comm, [np.vdot(external, external), np.vdot(force, force)]))
         self.loaded = self.loaded or bool(load > 0.0)
         if not self.loaded:
             load = reaction

@@ -86,14 +86,14 @@ class StaticPreconditioner:
 
     # --- what nothing holds -------------------------------------------------------------------------------------
 
-    def refuse_loose_bodies(self, tied: list[tuple[int, int]]) -> None:
+    def refuse_loose_bodies(self, tied: list[tuple[int, int]], touched: set[int]) -> None:
         """Raise SolverError on all ranks for a body that can move as one without a force; tied: numbers of bodies that
-        ties join."""
+        ties join; touched: those that contact may hold."""
         system, d = self.system, self.system.dimension
         body, X = system.particles.owned_rows("body"), system.particles.owned_rows("reference_position")
         sprung = self._bodies_on_springs(body)
         for number, group in self._joined_bodies(tied).items():
-            if sprung[group].any():
+            if sprung[group].any() or not touched.isdisjoint(group):
                 continue
             here = np.isin(body, group)
             modes = _rigid_modes(self.comm, X, here)

@@ -40,7 +40,7 @@ from parsolid.particles.generated import CELL_VOLUME
 from parsolid.particles.initial_fields import initial_deformation_gradient, initial_displacement, initial_velocity
 from parsolid.particles.law_values import declare_law_values, rows_of_laws
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.contact import tied_pairs
+from parsolid.scene.contact import bodies_in_contact, tied_pairs
 from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.scene.systems import settings_of_stages
 
@@ -141,9 +141,8 @@ class TotalLagrangianSPH(Reports):
         if self.lists is not None:
             metric = metrics(particle_set.spacing, particle_set.axes, smoothing_of(self, particle_set))
             self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share)
-        self.statics = (
-            None if unknown is None else Static(self, "static" in kinds, [pair[:2] for pair in tied_pairs(scene)])
-        )
+        tied, touched = [pair[:2] for pair in tied_pairs(scene)], bodies_in_contact(scene)
+        self.statics = None if unknown is None else Static(self, "static" in kinds, tied, touched)
         self.implicit = Implicit(self) if "implicit" in kinds else None
         self._take_stages(whole)
 
@@ -368,8 +367,7 @@ class TotalLagrangianSPH(Reports):
         if self.statics is not None and self.settings.integrator == "leapfrog":
             self.statics.follow_motion()
         elif self.statics is not None and EXTERNAL_FORCE in self.particles:
-            # what was found before the step was that of the places at its start
             self.particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
             for one in self.interactions:
-                one.evaluate(time + step, step, ledger)
+                one.settle(time + step, step, ledger)
         return sound

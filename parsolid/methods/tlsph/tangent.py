@@ -219,7 +219,7 @@ class Tangent:
         self, change: np.ndarray, given: np.ndarray | None = None, volumes: Volumes | None = None
     ) -> np.ndarray:
         """K du (owned, d) [N] of a change du (owned, d) [m], all of whose components count, less the forces of stresses
-        given (d d, owned) [Pa] and of changes of pressure."""
+        given (d d, owned) [Pa], with which contact and ties have no part, and of changes of pressure."""
         force, scratch = self._fields
         for bodies in self.system.sweeps:
             bodies.change_forces(change, self.index, self.moduli, (force, scratch), given, volumes)
@@ -227,8 +227,8 @@ class Tangent:
         result = np.ascontiguousarray(-force[:, : self.system.owned].T) * self.system.share[:, None]
         if self.stabiliser is not None:
             self.stabiliser.add_product(change, result)
-        for one in self.system.interactions:
-            one.add_product(change, result)
+        for one in self.system.interactions if given is None else ():
+            result -= one.change_along(change, 0.0)[0]
         return result
 
     def share(self, force: np.ndarray) -> None:

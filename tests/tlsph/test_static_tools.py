@@ -1,0 +1,123 @@
+"""Rigid tools in equilibria and long steps: patch tests, friction, ranks, restarts, stages, and what is refused."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from solids import evolved, gathered, run_through_and_in_two, run_to_end
+from test_stages import run
+from test_static import box, static
+
+from parsolid.scene import SceneError, parse_scene
+
+SIDES = [{"plane": "X = 0", "kind": "roller"}, {"plane": "Y = 0", "kind": "roller"}]
+
+
+def press(at, speed, name="press", normal=-1, **keys):
+    """A plane at a height, that moves along Y and touches what is beyond it."""
+    shape = {"plane": {"point": [0.0, at], "normal": [0.0, normal]}}
+    return {"name": name, "shape": shape, "motion": {"velocity": ["0", speed]}, **keys}
+
+
+def pressed(tools, weights="cells", particles=(6, 6), boundaries=SIDES, **rest):
+    """A square of one metre in equilibrium with tools."""
+    data = box((1.0, 1.0), weights, boundaries=boundaries, tools=tools, **rest)
+    data["bodies"][0]["particles"] = list(particles)
+    return data
+
+
+def of_tools(sim):
+    """Columns of the tools."""
+    return dict(zip(sim.interactions[0].columns, sim.interactions[0].sample()))
+
+
+def sliding(friction=0.1):
+    """A square between two dies that hold it by friction alone, which slips."""
+    floor = {"name": "floor", "shape": {"plane": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, "friction": friction}
+    return pressed([press(1.0, "-0.05", friction=friction), floor], particles=(4, 4), boundaries=SIDES[:1])
+
+
+@pytest.mark.parametrize("weights", ["cells", "mesh"])
+@pytest.mark.parametrize("gap", [0.0, 0.03])
+def test_patch(shared_path, comm, weights, gap):
+    """A plane strains a body evenly, by work that it stores, and from when it meets it."""
+    tools = [press(1.0 + gap, "-0.2")]
+    if weights == "mesh":
+        data = static(shared_path, counts=(3, 3), scale=1.0 / 3.0, moving=0.0, boundaries=SIDES, tools=tools)
+    else:
+        data = pressed(tools)
+    sim, rows = run_to_end(data, comm, of_tools)
+    (F,) = gathered(sim, "deformation_gradient")
+    # springs of nodes of a mesh differ by their widths
+    assert np.ptp(F, axis=0).max() < (0.01 if weights == "mesh" else 1e-7)
+    # but for what the springs of contact give way
+    assert 0.8 + gap < F[:, 3].mean() < 0.86 + gap
+    P = sim.systems[0].shown("first_piola_kirchhoff_stress", 0, sim.systems[0].owned)
+    mean = np.einsum("n,nij->ij", sim.systems[0].particles.owned_rows("volume"), P)
+    np.testing.assert_allclose(mean[1, 1], -rows["press.force_y"][-1], rtol=1e-6)
+    np.testing.assert_allclose(mean[0, 0], 0.0, atol=1e-6 * rows["press.force_y"][-1])
+    assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-4)
+
+
+def test_friction(comm):
+    """A tool that slides along a held body pulls it with its coefficient times what presses; slip takes what the tool
+    does and nothing stores."""
+    driven = {"velocity": ["0.02*where(t > 0.5, 1, 0)", "-0.02*where(t < 0.5, 1, 0)"]}
+    held = [{"plane": "Y = 0", "kind": "fixed"}]
+    tool = press(1.0, "0", friction=0.2) | {"motion": driven}
+    data = pressed([tool], boundaries=held, particles=(4, 4)) | {"output": {"fields_interval": 0.5}}
+    sim, rows = run(data, comm)
+    force = of_tools(sim)
+    assert force["press.force_x"] == pytest.approx(-0.2 * force["press.force_y"], rel=1e-6)
+    assert rows["friction_dissipation"][-1] > 0.05 * rows["external_work"][-1]
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"][-1]
+
+
+@pytest.mark.ranks(1, 2, 3)
+def test_ranks(comm):
+    """What tools alone hold is the same on all ranks."""
+    (_, rows), (_, on_all) = run_to_end(sliding(), MPI.COMM_SELF, of_tools), run_to_end(sliding(), comm, of_tools)
+    assert rows["friction_dissipation"][-1] > 1e-4 * rows["external_work"][-1]
+    for name in rows:
+        # forces of tools to the tolerance of the solution
+        limit = 1e-8 * rows["press.force_y"].max() if "." in name else 1e-9 * rows["strain_energy"].max()
+        limit = 1e-9 if name == "time" else limit
+        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=limit, err_msg=name)
+
+
+@pytest.mark.ranks(1, 2)
+def test_restart(shared_path, comm):
+    """A restart after three load steps goes on with the same bits."""
+    through, pieces = run_through_and_in_two(shared_path, comm, parse_scene(sliding()), 3)
+    names = evolved(through.simulation.systems[0].particles)
+    assert "stick_press" in names
+    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in (through, pieces))):
+        assert np.array_equal(*both), name
+    assert through.history.last_row == pieces.history.last_row
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_bounce(comm, friction):
+    """A square falls on a slope in long steps: its energy is kept but for what friction takes."""
+    slope = {"name": "slope", "shape": {"plane": {"point": [0.0, -0.05], "normal": [0.1, 1.0]}}, "friction": friction}
+    data = pressed([slope], particles=(4, 4), boundaries=[], body={"velocity": ["0.1", "-0.2"]})
+    data["method"] |= {"integrator": "implicit", "maximum_step": 0.04}
+    _, rows = run_to_end(data | {"end_time": 1.6}, comm)
+    assert rows["contact_energy"].max() > 0.05 * rows["kinetic"][0]
+    assert (rows["friction_dissipation"][-1] > 0.01 * rows["kinetic"][0]) == (friction > 0.0)
+    limit = 1e-4 if friction else 1e-8
+    assert np.abs(rows["energy_error"]).max() < limit * rows["kinetic"][0]
+
+
+def test_pressed_then_let_go(comm):
+    """One ledger where a tool presses a body in equilibrium and leaves it in motion."""
+    data = pressed([press(1.0, "where(t < 1, -0.05, 2)")], particles=(4, 4))
+    data |= {"end_time": 1.3, "stages": [{"start": 1.0, "method": {"integrator": "leapfrog"}}]}
+    _, rows = run(data, comm)
+    assert rows["kinetic"][-1] > 0.1 * rows["strain_energy"].max()
+    assert np.abs(rows["energy_error"]).max() < 2e-3 * rows["strain_energy"].max()
+
+
+def test_free_tool_is_refused():
+    with pytest.raises(SceneError) as refused:
+        parse_scene(pressed([press(1.0, "0") | {"motion": None, "mass": 1.0}]))
+    assert any(str(fault).startswith("tools.0.mass") for fault in refused.value.faults)
