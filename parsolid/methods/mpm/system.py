@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
-from parsolid.collective import maximum, minimum
+from parsolid.collective import SolverError, maximum, minimum
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.registry import laws_of
 from parsolid.methods.mpm.cells import CellMigration
@@ -222,6 +222,7 @@ class MaterialPoint(Reports):
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
         return {
+            "external": self.external is not None,
             "behind": self.behind.state(),
             "partition": self.grid.partition.state(),
             "steps": self.migration.steps,
@@ -231,7 +232,10 @@ class MaterialPoint(Reports):
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take back what `state` gave; owners of cells only for as many ranks."""
+        """Take back what `state` gave; owners of cells only for as many ranks. Raises SolverError where external forces
+        act on velocities of a run without any, which are of other times."""
+        if self.external is not None and not state["external"]:
+            raise SolverError("method: expected a checkpoint of a run with contact, ties or tools, found one without")
         self.migration.steps, self.fastest = state["steps"], state["fastest"]
         partition = CutTree.from_state(state["partition"], self.dimension)
         for one, kept in zip(self.conditions.driven, state.get("driven_planes", ())):
