@@ -243,6 +243,41 @@ def test_a_reference_that_cannot_be_moved_ends_the_run_on_all_ranks(comm):
     assert sim.clock.step == 2 and set(comm.allgather(str(error.value))) == {str(error.value)}
 
 
+def sheared(shear: float, method: dict) -> dict:
+    """A block on a fixed plane whose upper face is driven at 20 m/s, with free corners."""
+    speed = 20.0
+    return tables(
+        (17, 17),
+        material={**RUBBER, "branches": [{"beta": 3.0, "tau": 0.02}]},
+        method=method,
+        body={"velocity": [f"{speed}*Y", "0"]},
+        end_time=shear / speed,
+        boundaries=[
+            {"plane": "Y = 1", "kind": "velocity", "velocity": [f"{speed}", "0"]},
+            {"plane": "Y = 0", "kind": "fixed"},
+        ],
+    )
+
+
+def test_a_sheared_block_with_few_updates_is_what_it_is_with_a_fixed_reference():
+    (_, fixed), (sim, moved) = (
+        run_to_end(sheared(1.3, method)) for method in ({}, {"reference": "updated", "update_when": 0.5})
+    )
+    assert sim.systems[0].reference.updates > 3
+    for name in ("strain_energy", "material_dissipation", "numerical_dissipation"):
+        assert abs(moved[name][-1] - fixed[name][-1]) < 0.01 * fixed["strain_energy"][-1], name
+
+
+def test_updates_that_eat_a_sheared_block_end_the_run_before_it_is_torn(comm):
+    """Some steps apart they let neighbours beside the free corners change sides."""
+    sim = simulation(sheared(1.3, {"reference": "updated", "update_every": 10}), comm)
+    with pytest.raises(RunFailed):
+        follow(sim, Record(), 700)
+    system = sim.systems[0]
+    jacobian = system.particles.owned_rows("jacobian")
+    assert system.reference.fault is not None and comm.allreduce(int((jacobian < 0.3).sum())) == 0
+
+
 REFUSED = {
     "interval of a fixed reference": ({"update_every": 3}, "method.update_every: expected no such key with .*'fixed'"),
     "limit of a fixed reference": ({"update_when": 0.3}, "method.update_when: expected no such key with .*'fixed'"),

@@ -36,6 +36,9 @@ _ASTRAY = 0.1
 _PASSES = 3
 # a smoothed place lies at most so many spacings from the particle's own
 _MOST_SHIFT = 0.5
+# the largest |D_r (x - X_r)|: bodies that bear updates stay below 0.4; beside a free corner that is sheared it passes 1
+# before neighbours change sides
+_MOST_CHANGE = 0.5
 # neighbours farther than this many spacings, squared, do not count: the 1-2-1 of a lattice ends at its cubes' corners
 _FARTHEST = 3.5
 
@@ -104,6 +107,9 @@ class UpdatedReference:
         if not self._rebuilt():
             return False
         change = gradient_of(lists.near, rows("position") - place, lists.corrections, lists.volume)
+        if anywhere(self.system.comm, not bool(np.all((change * change).sum(axis=(1, 2)) <= _MOST_CHANGE**2))):
+            self.fault = f"smoothed places differ from the particles' by a gradient of more than {_MOST_CHANGE:g}"
+            return False
         rows(_GRADIENT)[:] = (inverses(in_space(np.eye(d) + change)) @ F)[:, :d, :d].reshape(-1, d * d)
         return True
 
