@@ -13,8 +13,7 @@ import numpy as np
 from parsolid.boundary.kernels import deformed_areas, spring_forces
 from parsolid.boundary.surface import Surface
 from parsolid.materials.registry import laws_of
-from parsolid.particles.container import Particles
-from parsolid.particles.selection import Selection
+from parsolid.particles.container import Particles, Selection
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.surface import Pressure, Spring
 from parsolid.scene.boundaries.traction import Traction

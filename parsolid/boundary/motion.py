@@ -7,10 +7,9 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.boundary.kernels import add_modes, put
-from parsolid.particles.container import Particles
+from parsolid.particles.container import Particles, Selection
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
-from parsolid.particles.selection import Selection
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.boundaries.prescribed import MotionCondition
 from parsolid.scene.load_histories import LoadHistory, RigidMotion, Separated

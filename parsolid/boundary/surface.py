@@ -4,10 +4,9 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import raise_together
-from parsolid.particles.container import Particles
+from parsolid.particles.container import Particles, Selection
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
-from parsolid.particles.selection import Selection
 from parsolid.scene.boundaries.condition import Condition
 from parsolid.scene.schema import Scene
 

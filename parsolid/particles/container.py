@@ -13,7 +13,6 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows, Within
-from parsolid.particles.selection import Selection
 
 Kept = TypeVar("Kept")
 # particles that kernels handle side by side, at most
@@ -25,6 +24,26 @@ _BITS = 62
 def _room(rows: int) -> int:
     """Rows of an array in which lanes may begin at each of so many."""
     return -(-rows // _LANES) * _LANES + _LANES
+
+
+class Selection:
+    """Some particles, wherever they are now: `rows` (k,) rises, and follows every re-ordering and migration."""
+
+    def __init__(self, particles: "Particles", word: int, bit: int) -> None:
+        self._particles, self._word, self._bit = particles, word, np.int64(1) << np.int64(bit)
+        self._layout, self._rows = -1, np.zeros(0, np.int64)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Rows (k,) of this rank's particles that are selected."""
+        particles = self._particles
+        if self._layout != particles.layout:
+            marks = particles.marks[: particles.owned, self._word]
+            self._layout, self._rows = particles.layout, np.flatnonzero(marks & self._bit)
+        return self._rows
+
+    def __len__(self) -> int:
+        return len(self.rows)
 
 
 class Particles:
@@ -243,7 +262,12 @@ class Particles:
         law = self.law_of_body[values["body"].ravel()]
         added = np.bincount(law, minlength=len(self.bounds) - 1)
         if _room(self.owned + len(packed)) > self.capacity:
-            self._grow(self.owned + len(packed))
+            owned = self.owned + len(packed)
+            self.capacity = _room(owned + owned // 4)
+            self._kept.clear()
+            for name, array in self._storage.items():
+                self._storage[name] = self._resized(self.fields[name], array)
+            self.growths += 1
         places = self._make_room(law, added)
         for name, piece in values.items():
             array = self._by_particle(name)
@@ -298,13 +322,6 @@ class Particles:
             array = self._by_particle(name)
             array[: self.owned] = array[order]
         self.layout += 1
-
-    def _grow(self, owned: int) -> None:
-        self.capacity = _room(owned + owned // 4)
-        self._kept.clear()
-        for name, array in self._storage.items():
-            self._storage[name] = self._resized(self.fields[name], array)
-        self.growths += 1
 
     # --- some of them -----------------------------------------------------------------------------------------
 

@@ -130,14 +130,12 @@ def _mark_meshes(scene: Scene, fillings: list[Filling], known: dict[str, Region]
         for group in sorted(region.groups({}) - set(there) if not region.parts else ()):
             known_names = ", ".join(map(repr, [*(one.name for one in scene.regions), *there])) or "there is none"
             what = f"the name of a region or of a group of a mesh ({known_names}){suggestion(group, there)}"
-            faults.append(fault(_place_of(scene, name), what, group))
+            places: list[tuple[Any, ...]] = [
+                ("regions", i, "group") for i, one in enumerate(scene.regions) if one.name == name
+            ]
+            places += [place for place, used in uses_of_regions(scene) if used == name]
+            faults.append(fault(places[0] if places else ("regions",), what, group))
     return faults
-
-
-def _place_of(scene: Scene, name: str) -> tuple[Any, ...]:
-    """Where a scene names a region."""
-    regions = [("regions", i, "group") for i, one in enumerate(scene.regions) if one.name == name]
-    return [*regions, *(place for place, used in uses_of_regions(scene) if used == name), ("regions",)][0]
 
 
 def _distant_probes(scene: Scene, particle_set: ParticleSet, coarsest: float, comm: MPI.Comm) -> list[str]:
@@ -172,7 +170,7 @@ def _empty_regions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndar
 def _formulas(
     scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray]
 ) -> Iterator[tuple[tuple[Any, ...], FormulaVector | PreviousField, np.ndarray]]:
-    """Every formula of the scene with its key and the particles at which it is needed."""
+    """Every formula of the scene, and every field of results, with its key and the particles at which it is needed."""
     for i, body in enumerate(scene.bodies):
         here = particle_set.body == i
         for key in ("velocity", "displacement"):
@@ -183,19 +181,6 @@ def _formulas(
                 yield ("bodies", i, key), _as_vector(getattr(body, key)), here
         for row, formulas in enumerate(body.deformation_gradient or ()):
             yield ("bodies", i, "deformation_gradient", row), formulas, here
-    yield from _formulas_of_states(scene, particle_set)
-    for i, boundary in enumerate(scene.boundaries):
-        for key, formulas in boundary.formulas.items():
-            yield ("boundaries", i, key), formulas, chosen[i]
-    for key in ("body_force", "acceleration", "heat_source"):
-        if getattr(scene.loads, key) is not None:
-            yield ("loads", key), _as_vector(getattr(scene.loads, key)), np.ones(len(particle_set), bool)
-
-
-def _formulas_of_states(
-    scene: Scene, particle_set: ParticleSet
-) -> Iterator[tuple[tuple[Any, ...], FormulaVector | PreviousField, np.ndarray]]:
-    """Those of initial states, and the fields that they take of results."""
     for i, state in enumerate(scene.initial):
         here = meant(scene, state, particle_set.body, particle_set.regions)
         for key in ("velocity", "displacement", "temperature"):
@@ -206,6 +191,12 @@ def _formulas_of_states(
         for key in ("deformation_gradient", "stress"):
             for row, formulas in enumerate(getattr(state, key) or ()):
                 yield ("initial", i, key, row), formulas, here
+    for i, boundary in enumerate(scene.boundaries):
+        for key, formulas in boundary.formulas.items():
+            yield ("boundaries", i, key), formulas, chosen[i]
+    for key in ("body_force", "acceleration", "heat_source"):
+        if getattr(scene.loads, key) is not None:
+            yield ("loads", key), _as_vector(getattr(scene.loads, key)), np.ones(len(particle_set), bool)
 
 
 def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:

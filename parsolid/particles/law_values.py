@@ -64,16 +64,12 @@ def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set
     raise_together(comm, fault)
     # a field of one component is (n,)
     particles.declare(Field(RECORD, total, "", layout=Columns()), values.T if total > 1 else values[0])
-    _declare_members(particles, rows, values, particle_set.position.shape[1])
-
-
-def _declare_members(particles: Particles, rows: dict[Any, slice], values: np.ndarray, dimension: int) -> None:
-    """Each member as a field within the record, by its name."""
+    # each member is a field within the record, by its name
     for first, law in {place.start: law for law, place in rows.items()}.items():
         row = first
         for one in members(law):
             direction = isinstance(one.note, Direction)
-            count = dimension if direction else one.note.components
+            count = particle_set.position.shape[1] if direction else one.note.components
             told: dict[str, Any] = {"checkpointed": isinstance(one.note, StateVariable), "shown": True}
             told |= {"mirror": "vector" if direction else "scalar", "layout": Within(RECORD, row)}
             name = one.name if one.name not in particles else f"{one.name}_{row}"

@@ -10,7 +10,7 @@ from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.declaration import Direction, parameters_of
 from parsolid.materials.registry import laws_of
-from parsolid.methods.peridynamics.small_motion import SmallMotion
+from parsolid.methods.peridynamics.tangent import SmallMotion
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.codes import Note

@@ -15,7 +15,6 @@ from parsolid.collective import maximum, raise_together
 from parsolid.kernels import kernel
 from parsolid.methods.peridynamics.sweeps import MATRIX_ROW, BondList, BondSweeps, Images, Lists
 from parsolid.pairs.candidates import bonded_only, coincident, mirror_candidates, plain_candidates, reach_of
-from parsolid.pairs.lattice_convolution import lattice_convolution
 from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.tensors import determinant_symmetric, inverse_symmetric
 
@@ -47,7 +46,7 @@ class Bonds(BondSweeps):
         self.bar, self.owned = particle_set.position.shape[1] == 1, len(particle_set)
         self.d = d = max(2, particle_set.position.shape[1])
         self.influence = settings.influence
-        self.horizon = horizons(settings, particle_set)
+        self.horizon = np.array([settings.horizon(spacing) for spacing in particle_set.spacing.max(axis=1)])
         columns: dict[str, Any] = {"layout": Columns()}
         particles.declare(Field("inverse_shape", 6, "1/m^5", carried=False, **columns))
         self._find(particle_set, conditions.share, conditions.scene.unbonded)
@@ -58,7 +57,12 @@ class Bonds(BondSweeps):
         self.begin_sweeps()
         self.determinant = np.zeros(self.owned)
         self.refresh_shapes(np.ones(self.owned, bool), self.lists)
-        raise_together(comm, self._unsupported())
+        flat, fault = ~particles.owned_rows("inverse_shape").any(axis=1), None
+        if flat.any():
+            place = ", ".join(f"{x:.6g}" for x in self.positions[np.argmax(flat)])
+            expected = "bonds in every direction at every particle"
+            fault = f"method.horizon_ratio: expected {expected}, found too few at ({place})"
+        raise_together(comm, fault)
 
     # --- lists ------------------------------------------------------------------------------------------------
 
@@ -135,23 +139,6 @@ class Bonds(BondSweeps):
         """K^-1 (owned, d, d)."""
         six = self.particles.owned_rows("inverse_shape")
         return np.stack([six[:, (0, 3, 4)], six[:, (3, 1, 5)], six[:, (4, 5, 2)]], axis=1)[:, : self.d, : self.d]
-
-    def _unsupported(self) -> str | None:
-        """Names the first particle whose bonds do not span space."""
-        flat = ~self.particles.owned_rows("inverse_shape").any(axis=1)
-        if not flat.any():
-            return None
-        place = ", ".join(f"{x:.6g}" for x in self.positions[np.argmax(flat)])
-        return f"method.horizon_ratio: expected bonds in every direction at every particle, found too few at ({place})"
-
-    def use_convolution(self) -> None:
-        """No bond ever breaks, and forces have one control at most: on a lattice sums may do without the lists."""
-        self.lattice = lattice_convolution(self)
-
-
-def horizons(settings: Any, particle_set: Any) -> np.ndarray:
-    """Horizon (owned,) [m] of each particle."""
-    return np.array([settings.horizon(spacing) for spacing in particle_set.spacing.max(axis=1)])
 
 
 def rows_in(array: np.ndarray, d: int) -> np.ndarray:

@@ -37,7 +37,7 @@ from parsolid.methods.peridynamics.sweeps import (
     store_rows,
 )
 from parsolid.methods.peridynamics.tensor_histories import TensorHistories
-from parsolid.pairs.lattice_convolution import aligned_zeros
+from parsolid.pairs.lattice_convolution import aligned_zeros, lattice_convolution
 from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.particles.law_values import rows_of_laws
 from parsolid.tensors import combine, general, symmetric_part
@@ -118,7 +118,10 @@ class BondForces:
 
     def displacement_gradients(self) -> np.ndarray:
         """grad u (owned, d, d) with the ghosts' displacements of the last evaluation."""
-        return gradient_matrices(self.bonds, self.bonds.gradients("displacement"))
+        bonds, d = self.bonds, self.bonds.d
+        rows = bonds.gradients("displacement").reshape(self.owned, d, MATRIX_ROW[d] // d)
+        columns = rows[:, :, :d].swapaxes(1, 2)
+        return np.asarray(columns @ bonds.inverse_shapes() / bonds.volume[: self.owned, None, None])
 
     def bytes_sent(self) -> int:
         """Bytes this rank sends in one evaluation."""
@@ -159,10 +162,10 @@ class CorrespondenceForces(BondForces):
         scale, viscous = scales
         self.controls = [None] * len(self.memories) if scale is None else self._controls(scale)
         self.damping = None if viscous is None else self._control_rows("damping", viscous)
-        # sums over a lattice know one control
+        # where no bond ever breaks sums over a lattice do without the lists; they know one control
         single = len(self.memories) == 1 and (scale is None or viscous is None)
         if settings.damage is None and not settings.pre_cracks and single:
-            bonds.use_convolution()
+            bonds.lattice = lattice_convolution(bonds)
 
     def _controls(self, scale: np.ndarray) -> list[np.ndarray]:
         """Rows of C (n, 12 or 4) for each series, 0 of particles that have another, ghosts behind."""
@@ -406,13 +409,6 @@ class CorrespondenceForces(BondForces):
 def pushed_forward(P: np.ndarray, F: np.ndarray) -> np.ndarray:
     """sigma = P F^T / J (n, 3, 3) [Pa]."""
     return P @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
-
-
-def gradient_matrices(bonds: Bonds, sums: np.ndarray) -> np.ndarray:
-    """Gradients (owned, d, d) of a field from the sums of the sweep."""
-    d = bonds.d
-    columns = sums.reshape(bonds.owned, d, MATRIX_ROW[d] // d)[:, :, :d].swapaxes(1, 2)
-    return columns @ bonds.inverse_shapes() / bonds.volume[: bonds.owned, None, None]
 
 
 @kernel

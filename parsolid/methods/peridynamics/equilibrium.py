@@ -107,6 +107,12 @@ class Equilibrium:
     def solve(self, load: np.ndarray, target: float) -> Solution:
         """See `Problem`; the whole of it where the problem is linear."""
         linear, preconditioners, limit = self.operator.is_linear, self.preconditioners, self.settings.most_iterations
+
+        def unbalanced() -> str:
+            words = str(preconditioners.unbalanced_fragment(load, self.target))
+            self.unheld = bool(words)
+            return words
+
         solution = conjugate_gradients(
             self.comm,
             self._linear,
@@ -115,18 +121,12 @@ class Equilibrium:
             self.free,
             limit,
             None if preconditioners is None else preconditioners.of_step(self.step),
-            None if preconditioners is None else lambda: self._unbalanced_fragment(load, self.target),
+            None if preconditioners is None else unbalanced,
         )
         self.iterations += solution.iterations
         if not solution.converged and (linear or self.unheld or solution.iterations >= limit):
             raise Unsolvable(f"conjugate gradients: {solution.reason}")
         return solution
-
-    def _unbalanced_fragment(self, residual: np.ndarray, target: float) -> str:
-        """What nothing holds, in words."""
-        words = self.preconditioners.unbalanced_fragment(residual, target)
-        self.unheld = bool(words)
-        return str(words)
 
     # --- dynamic relaxation ------------------------------------------------------------------------------------
 

@@ -81,28 +81,22 @@ class Fracture:
         """Look for bonds that fail in the state just evaluated."""
         if self.settings is None:
             return
-        criterion = self._energy_criterion() if self.settings.criterion == "energy" else None
+        forces, bonds = self.forces, self.forces.bonds
+        criterion: EnergyCriterion | StoredEnergyCriterion | None = None
+        if self.settings.criterion == "energy" and isinstance(forces, BondBasedForces):
+            criterion = StoredEnergyCriterion(forces.particles["micromodulus"], bonds.volume)
+        elif self.settings.criterion == "energy":
+            # all bodies relax alike
+            memory, control, M = forces.memories[0], forces.controls[0], forces.particles.storage("bond_stress")
+            bonds.fill(memory.field, 0, len(bonds.positions))
+            control = np.zeros_like(M) if control is None else control
+            criterion = EnergyCriterion(bonds.motion_of(memory.field), M, control, bonds.volume)
         self.pending = failing_bonds(self.damage, criterion)
-
-    def _energy_criterion(self) -> EnergyCriterion | StoredEnergyCriterion:
-        """Over the arrays of the latest evaluation; all bodies relax alike."""
-        forces, bonds, M = self.forces, self.forces.bonds, self.forces.particles.storage("bond_stress")
-        if isinstance(forces, BondBasedForces):
-            return StoredEnergyCriterion(forces.particles["micromodulus"], bonds.volume)
-        memory, control = forces.memories[0], forces.controls[0]
-        bonds.fill(memory.field, 0, len(bonds.positions))
-        control = np.zeros_like(M) if control is None else control
-        return EnergyCriterion(bonds.motion_of(memory.field), M, control, bonds.volume)
 
     def ranks_find(self) -> bool:
         """Look, and tell whether any rank has found some; collective."""
         self.look()
         return anywhere(self.comm, self.found)
-
-    def break_what_ranks_found(self, ledger: Any) -> None:
-        """Break what ranks have found, before the next step moves anything; collective where they have."""
-        if self.found_anywhere:
-            self.break_bonds(ledger)
 
     def break_bonds(self, ledger: Any) -> None:
         """Break what any rank has found, and correct the forces of the state; collective."""
@@ -140,13 +134,6 @@ class Fracture:
             result[column] = maximum(self.comm, float(left[:, column].max(initial=-np.inf)))
             left = left[left[:, column] == result[column]]
         return np.where(np.isfinite(result[1:]), result[1:], np.nan)
-
-
-def fracture_of(comm: Any, scene: Any, particle_set: Any, forces: Any) -> Fracture | None:
-    """The damage of a scene, None where all bonds are whole and stay so; as the constructor of `Fracture`."""
-    if scene.method.damage is None and not scene.method.pre_cracks:
-        return None
-    return Fracture(comm, scene, particle_set, forces)
 
 
 def _limits_of(scene: Any, particle_set: Any) -> np.ndarray:

@@ -11,8 +11,7 @@ from decomposition.slices import count_before
 from parsolid.collective import anywhere, maximum
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.fragments import unbalanced_fragment
-from parsolid.methods.peridynamics.small_motion import SmallMotion
-from parsolid.methods.peridynamics.tangent import Operator, algorithmic_law
+from parsolid.methods.peridynamics.tangent import Operator, SmallMotion, algorithmic_law
 from parsolid.solvers import GridLevels, NearlyIncompressible, moduli_of_rows, rigid_motions, unrestrained_modes
 
 # of a rank's particles, about so many are looked at on each mirror plane
@@ -71,19 +70,22 @@ class Preconditioners:
             if len(self._kept) == _KEPT:
                 del self._kept[next(iter(self._kept))]
             self._kept[key] = self._made(key)
-        return lambda residual: self._without_loose(self._kept[key](residual))
 
-    def _without_loose(self, vector: np.ndarray) -> np.ndarray:
-        """A vector (n, d) less its part of the loose motions, in place."""
-        if len(self.loose):
-            loose = self.loose.reshape(len(self.loose), vector.size)
-            vector -= (sums(self.comm, loose @ vector.ravel()) @ loose).reshape(vector.shape)
-        return vector
+        def precondition(residual: np.ndarray) -> np.ndarray:
+            vector: np.ndarray = self._kept[key](residual)
+            if len(self.loose):
+                loose = self.loose.reshape(len(self.loose), vector.size)
+                vector -= (sums(self.comm, loose @ vector.ravel()) @ loose).reshape(vector.shape)
+            return vector
+
+        return precondition
 
     def _made(self, step: float) -> GridLevels | NearlyIncompressible:
+        """Grids, and where volumes are so stiff that these alone take long, and particles few enough, more."""
         levels, motion = copy(self.levels), SmallMotion(self.operator, step)
         lame, shear = moduli_of_rows(motion.laws, len(self.places))
-        stiff = self._is_nearly_incompressible(lame, shear)
+        few = self.comm.allreduce(len(lame)) <= _MOST_FACTORISED.get(self.operator.dimension, 0)
+        stiff = few and maximum(self.comm, float(np.max(lame / shear, initial=0.0))) > _STIFF
         lame, shear = lame * motion.factor, shear * motion.factor
         if not stiff:
             levels.of_moduli(lame, shear, self.volume, motion.diagonal(), softest=_STIFF)
@@ -96,11 +98,6 @@ class Preconditioners:
         resisted = np.zeros(count)
         resisted[first : first + len(lame)] = np.maximum(lame, _LEAST * shear) * self.volume
         return NearlyIncompressible(levels, self._divergence, 1.0 / sums(self.comm, resisted))
-
-    def _is_nearly_incompressible(self, lame: np.ndarray, shear: np.ndarray) -> bool:
-        """Whether volumes are so stiff that grids alone take long, and particles few enough for more."""
-        few = self.comm.allreduce(len(lame)) <= _MOST_FACTORISED.get(self.operator.dimension, 0)
-        return few and maximum(self.comm, float(np.max(lame / shear, initial=0.0))) > _STIFF
 
     def near_incompressibility_note(self, steps: tuple[float, ...]) -> str:
         """What volumes cost that are stiff in a body too large to factorise their pressures, in words; nothing where

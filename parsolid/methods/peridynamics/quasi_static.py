@@ -62,8 +62,11 @@ class QuasiStatic:
 
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One material step [s] from a time [s]; False, with a `fault`, when balance was lost on the way."""
-        sound = self.material_step(time, step, ledger, announce)
-        fracture = self.body.fracture
+        # what held the bodies' start lets go as the first loads come
+        first = time == step == 0.0
+        before = -self.operator.settled_force() if first else self.operator.external(time, step == 0.0)
+        self.material_step(before, time, step, ledger, announce)
+        sound, fracture = self.reached, self.body.fracture
         while sound and fracture is not None and fracture.ranks_find():
             fracture.break_bonds(ledger)
             sound = self.balance_anew(time + step, ledger)
@@ -71,33 +74,30 @@ class QuasiStatic:
         self.body.conditions.report(step, ledger)
         return sound and self.body.forces.sound
 
-    def material_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """Balance at the end of a step, with the bonds as they are, and the histories through it."""
-        # what held the bodies' start lets go as the first loads come
-        first = time == step == 0.0
-        before = -self.operator.settled_force() if first else self.operator.external(time, step == 0.0)
-        self.step_from(before, time, step, ledger, announce)
-        return self.reached
-
     @property
     def reached(self) -> bool:
         """Whether forces balance at the end of the last step."""
         return self.balance is not None and self.equilibrium.reached(self.balance)
 
-    def step_from(self, before: np.ndarray, time: float, step: float, ledger: Any, announce: Any) -> Work:
-        """As `material_step`, with the loads (owned, d) [N] at its start; what was done."""
-        conditions, start = self.body.conditions, self.operator.settled_state()
+    def material_step(self, before: np.ndarray, time: float, step: float, ledger: Any, announce: Any) -> Work:
+        """Balance at the end of a step under loads (owned, d) [N] at its start, with the bonds as they are, and the
+        histories through it; what was done."""
+        operator, conditions = self.operator, self.body.conditions
+        start = Settled(operator.displacement.copy(), operator.settled_force(), operator.forces.stored_energy())
         guess = self.extrapolated(start.displacement, time, step)
         # a step ends before a jump of that time, one of length 0 after it
         if conditions.motion.there:
             conditions.motion.displace(time, step, guess.T)
-        after = self.operator.external(time + step, step > 0.0)
+        after = operator.external(time + step, step > 0.0)
         self.balance = balance = self.equilibrium.find(guess, after, step)
         announce(self.reached, self.settings.step)
-        lost = self.operator.commit(balance.displacement, step)
+        lost = operator.commit(balance.displacement, step)
         softened = self.body.forces.book_softening(ledger)
-        work = self.operator.work_since(start, before, after)
-        self._react(start, before, after, time, step)
+        work = operator.work_since(start, before, after)
+        change, force = operator.displacement - start.displacement, operator.settled_force()
+        places = (operator.particles.owned_rows("reference_position") + operator.displacement).T
+        of_conditions = -0.5 * (start.force + force + before + after) * change
+        report_equilibrium(conditions, places, change, -(force + after), of_conditions, time, step)
         # within a step strain goes linearly whatever the loads do, so that forces are out of balance; a jump is as it
         # should be
         numerical = work.internal - lost - softened - work.stored if step > 0.0 else 0.0
@@ -106,22 +106,13 @@ class QuasiStatic:
         self.remember(balance.displacement, time + step, step)
         return work
 
-    def _react(self, start: Settled, before: np.ndarray, after: np.ndarray, time: float, step: float) -> None:
-        """Forces of conditions at the end of a step [s] from a time [s], and their work; before, after (owned, d) [N]:
-        all loads at its start and end."""
-        operator = self.operator
-        change, force = operator.displacement - start.displacement, operator.settled_force()
-        places = (operator.particles.owned_rows("reference_position") + operator.displacement).T
-        work = -0.5 * (start.force + force + before + after) * change
-        report_equilibrium(self.body.conditions, places, change, -(force + after), work, time, step)
-
     def balance_anew(self, time: float, ledger: Any) -> bool:
         """Balance at a time [s] after bonds have broken, in a jump; what loads do beyond the work of internal forces,
         cracks take.
         """
         self.equilibrium.stiffness_changed()
         before = self.operator.external(time)
-        work = self.step_from(before, time, 0.0, ledger, lambda *announced: None)
+        work = self.material_step(before, time, 0.0, ledger, lambda *announced: None)
         # loads do more work than the forces that were out of balance take up: cracks run by it
         ledger.add_term("fracture_dissipation", work.external - work.internal)
         return self.reached

@@ -14,7 +14,7 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.collective import SolverError
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
-from parsolid.methods.peridynamics.fracture import fracture_of
+from parsolid.methods.peridynamics.fracture import Fracture
 from parsolid.methods.peridynamics.output import Reports
 from parsolid.methods.peridynamics.preconditioner import Preconditioners
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic
@@ -50,7 +50,8 @@ class Peridynamics(Reports):
         self.pairs, self.laws = self.forces.bonds, self.forces.laws
         self._warnings = Tractions(self.conditions, self.forces).warnings
         self.reactions = self.conditions.reactions
-        self.fracture = fracture_of(comm, scene, particle_set, self.forces)
+        breaks = self.settings.damage is not None or self.settings.pre_cracks
+        self.fracture = Fracture(comm, scene, particle_set, self.forces) if breaks else None
         self.operator = Operator(self.forces, self.conditions)
         newton = not explicit and self.settings.solution.solver == "conjugate-gradients"
         self.preconditioners = Preconditioners(self.operator, self.conditions.planes) if newton else None

@@ -11,9 +11,12 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.solids import is_small_strain, series_of
+from parsolid.solvers import scaled_diagonal, start_vector
 
 # of the spacing, by how much a difference quotient displaces a particle at most
 _SHIFT = 1e-6
+# a step [s] so long that what relaxes has relaxed
+_LONG = 1e30
 
 
 def algorithmic_law(law: Any, step: float) -> Prony:
@@ -148,10 +151,6 @@ class Operator:
         found = self.conditions.find_loads(time, before_jump)
         return np.zeros(self.free.shape) if found is None else np.array(found.T, order="C")
 
-    def settled_state(self) -> Settled:
-        """The last committed state, as a copy."""
-        return Settled(self.displacement.copy(), self.settled_force(), self.forces.stored_energy())
-
     def settled_force(self) -> np.ndarray:
         """Internal force (owned, d) [N] of the last committed state."""
         return np.asarray(self.forces.force * self.share[:, None])
@@ -172,3 +171,49 @@ class Operator:
         self.displacement[:] = displacement
         self.forces.internal_force(step)
         return float(self.forces.commit(step))
+
+
+class SmallMotion:
+    """K = -dF/du of one rank's particles at rest over a step [s], the control's included, with what
+    `tlsph.tangent.Tangent` offers; all methods are collective.
+
+    Vectors are (owned, d); forces are those on the parts of particles on this side of mirror planes. free (owned, d)
+    bool, mass (owned,) [kg]: as of the tangent; factor (owned,): of all moduli, which relax together.
+    """
+
+    def __init__(self, operator: Operator, step: float = _LONG, resists_volume: bool = True) -> None:
+        """resists_volume: whether first Lame constants count."""
+        self.operator, self.step, self.resists_volume = operator, step, resists_volume
+        self.free, self.mass, self.factor = operator.free, operator.mass, operator.forces.factor(step)
+
+    def linearise(self) -> None:
+        """Nothing: the state is that of rest."""
+
+    def share_moves(self, change: np.ndarray) -> None:
+        """Nothing: no particles move as one."""
+
+    def _elastic_laws(self) -> list[tuple[int, int, Any]]:
+        found = [(first, last, algorithmic_law(law, self.step)) for first, last, law in self.operator.forces.laws]
+        return found if self.resists_volume else [(*rows, law._replace(first_lame=0.0)) for *rows, law in found]
+
+    @property
+    def laws(self) -> list[tuple[int, int, float, float, float]]:
+        """First and last row of those that share a law, its shear and Lame's first modulus [Pa], to be multiplied by
+        the factor, and density [kg/m^3]."""
+        return [(*rows, law.shear_modulus, law.first_lame, law.density) for *rows, law in self._elastic_laws()]
+
+    def product(self, change: np.ndarray) -> np.ndarray:
+        """K du (owned, d) [N] of a change du (owned, d) [m]."""
+        result = np.empty_like(change)
+        self.operator.stiffness(change, result, self.step, self._elastic_laws())
+        return result
+
+    def diagonal(self) -> np.ndarray:
+        """D (owned, d) [N/m] of about the size of the diagonal: V modulus/dx^2, as one product scales it."""
+        operator, d = self.operator, self.free.shape[1]
+        volume = operator.particles.owned_rows("volume")
+        estimate = np.ones(self.free.shape) * (volume * self.factor / (volume / operator.share) ** (2.0 / d))[:, None]
+        for first, last, shear, lame, _ in self.laws:
+            estimate[first:last] *= lame + 2.0 * shear
+        trial = np.sign(start_vector(operator.identifier, d)) * self.free
+        return scaled_diagonal(operator.comm, estimate, trial, self.product(trial))

@@ -91,8 +91,8 @@ class VelocityVerlet:
     def advance_positions(self, time: float, step: float, ledger: Any) -> None:
         """Break the bonds that ranks have found to fail; opening half kick, drift and prescribed motion."""
         body = self.body
-        if body.fracture is not None:
-            body.fracture.break_what_ranks_found(ledger)
+        if body.fracture is not None and body.fracture.found_anywhere:
+            body.fracture.break_bonds(ledger)
         self.leapfrog.open_step(time, step)
         self.finite = isfinite(drift(0, body.owned, step, *map(body.particles.storage, ("velocity", "displacement"))))
         body.place()

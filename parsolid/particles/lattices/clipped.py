@@ -41,7 +41,11 @@ class ClippedFilling:
         self._count_columns(radius, body.shape.kind == "sphere")
         self.count = int(self.ends[-1])
         self.volume = exact / max(self.count, 1)
-        self._set_faces(curved)
+        # area of a cell's face by its normal, after the dilation in the curved directions that makes the volume exact
+        dilation = (self.volume / np.prod(self.step)) ** (1.0 / curved)
+        straight = (np.arange(dimension) == self.column_axis) & (curved < dimension)
+        sides = self.step * np.where(straight, 1.0, dilation)
+        self.face = np.prod(sides) / sides
 
     def _count_columns(self, radius: float, sphere: bool) -> None:
         """Particles in each column: the lattice is symmetric, so a column is given by its length."""
@@ -63,16 +67,6 @@ class ClippedFilling:
             length = np.full(len(inside), whole)
         self.length = np.where(inside, length, 0)
         self.ends = np.cumsum(self.length)
-
-    def _set_faces(self, curved: int) -> None:
-        """Area of a cell's face by its normal, after the dilation in the curved directions that makes the
-        volume exact.
-        """
-        dilation = (self.volume / np.prod(self.step)) ** (1.0 / curved)
-        sides = self.step * np.where(
-            (np.arange(self.dimension) == self.column_axis) & (curved < self.dimension), 1.0, dilation
-        )
-        self.face = np.prod(sides) / sides
 
     def holds(self, index: list[np.ndarray]) -> np.ndarray:
         """Which lattice places carry a particle."""

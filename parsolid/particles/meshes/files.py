@@ -96,7 +96,12 @@ def solid_mesh(mesh: Any, dimension: int) -> MeshOfFile:
     if not blocks:
         raise SceneError([f"expected elements of the kinds {', '.join(known)}, found {', '.join(kinds) or 'none'}"])
     points = np.asarray(mesh.points, float)
-    _check_nodes(blocks, len(points))
+    for kind, cells in blocks:
+        wrong = cells[(cells < 0) | (cells >= len(points))]
+        if len(wrong):
+            raise SceneError(
+                [f"expected nodes from 0 to {len(points) - 1} in every element, found {wrong[0]} in a {kind}"]
+            )
     if points.shape[1] < dimension or not np.isfinite(points).all():
         raise SceneError(
             [f"expected {dimension} finite coordinates a node, found {points.shape[1]} or some not finite"]
@@ -141,11 +146,3 @@ def _remedy(path: str) -> str:
     if b"$ParametricNodes" in text:
         return "; Gmsh writes plain nodes with Mesh.SaveParametric = 0"
     return "; where only some elements are in a physical group, Gmsh writes those alone with Mesh.SaveAll = 0"
-
-
-def _check_nodes(blocks: list[tuple[str, np.ndarray]], count: int) -> None:
-    """Raise SceneError unless elements name nodes that there are."""
-    for kind, cells in blocks:
-        wrong = cells[(cells < 0) | (cells >= count)]
-        if len(wrong):
-            raise SceneError([f"expected nodes from 0 to {count - 1} in every element, found {wrong[0]} in a {kind}"])

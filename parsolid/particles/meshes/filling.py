@@ -69,7 +69,11 @@ class MeshFilling:
         if body.placed_on == "vertices":
             refuse_double_nodes(mesh, self.edge > 0.0, self.edge)
         if by_nodes:
-            self._refuse_hanging_nodes()
+            shortest = minimum(comm, float(self.edge[self.edge > 0.0].min(initial=np.inf)))
+            count, place = self.solid.hanging_nodes(shortest)
+            if place is not None:
+                found = f"{count} on facets or edges of elements without them, the first at ({place_in_words(place)})"
+                raise SceneError([MeshFault("hanging-node", "nodes that all elements around have", found)])
         if group is None:
             # parts of one material may meet at an edge that others hold together
             refuse_hinges(mesh, self.facets)
@@ -81,14 +85,6 @@ class MeshFilling:
             self._in_elements(volumes)
         self.first, self.count = count_before(comm, len(self.rows["volume"]))
         self.coarsest = float(maximum(comm, self.rows["spacing"].max(initial=0.0)))
-
-    def _refuse_hanging_nodes(self) -> None:
-        """Raise SceneError, on all ranks, for nodes that elements have in the middle of facets or edges. Collective."""
-        shortest = minimum(self.comm, float(self.edge[self.edge > 0.0].min(initial=np.inf)))
-        count, place = self.solid.hanging_nodes(shortest)
-        if place is not None:
-            found = f"{count} on facets or edges of elements without them, the first at ({place_in_words(place)})"
-            raise SceneError([MeshFault("hanging-node", "nodes that all elements around have", found)])
 
     def _on_nodes(self, volumes: list[np.ndarray]) -> None:
         mesh, local = self.mesh, self.mesh.local

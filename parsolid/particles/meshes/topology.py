@@ -90,7 +90,8 @@ def mean_edge(mesh: MeshSlices) -> np.ndarray:
     local = mesh.local
     total = max(len(local.nodes), 1)
     edges = [(cells, edge) for kind, cells in local.blocks for edge in ELEMENTS[kind].edges]
-    keys = np.concatenate([_edge_keys(cells, edge, total) for cells, edge in edges])
+    ends = [(cells[:, edge[0]], cells[:, edge[1]]) for cells, edge in edges]
+    keys = np.concatenate([np.minimum(*both) * total + np.maximum(*both) for both in ends])
     keys.sort()
     keys = keys[np.append(True, keys[1:] != keys[:-1])] if len(keys) else keys
     start, end = keys // total, keys % total
@@ -104,16 +105,11 @@ def mean_edge(mesh: MeshSlices) -> np.ndarray:
     # of no edges at all a count is one of integers, to which lengths cannot be added
     summed = np.bincount(come["number"], come["length"], minlength=count).astype(float)
     met = np.bincount(come["number"], minlength=count)
-    ends = mesh.nodes.deliver(come["end"], length=come["length"])
+    others = mesh.nodes.deliver(come["end"], length=come["length"])
     # one edge after the other, as if both ends stood in one list
-    np.add.at(summed, ends["number"], ends["length"])
-    met += np.bincount(ends["number"], minlength=count)
+    np.add.at(summed, others["number"], others["length"])
+    met += np.bincount(others["number"], minlength=count)
     return np.asarray(summed / np.maximum(met, 1))
-
-
-def _edge_keys(cells: np.ndarray, edge: tuple[int, int], total: int) -> np.ndarray:
-    first, second = cells[:, edge[0]], cells[:, edge[1]]
-    return np.asarray(np.minimum(first, second) * total + np.maximum(first, second))
 
 
 def boundary_facets(mesh: MeshSlices) -> Facets:
