@@ -171,14 +171,12 @@ class BroadPhase:
         near = np.flatnonzero(self.near)
         self._near_by_body = near[np.argsort(self.own[near], kind="stable")]
         self.until[self.near] = 0.0
-        self.expires = self.time + min(float(self.until[~self.near].min(initial=np.inf)), self._far_ones_meet())
-
-    def _far_ones_meet(self) -> float:
-        """How long [s] after the agreement bodies of pairs that are not listed stay apart."""
+        # bodies of pairs that are not listed are far apart
         velocity = self.velocity[self.used]
         fastest = 2.0 * float(np.linalg.norm(velocity - velocity.mean(axis=0), axis=1).max())
         room = (1.0 - 2.0 * _SHARE) * self.far - self.contact.reach
-        return room / fastest if fastest > 0.0 else float(np.inf)
+        unlisted = room / fastest if fastest > 0.0 else np.inf
+        self.expires = self.time + min(float(self.until[~self.near].min(initial=np.inf)), unlisted)
 
     def time_left(self, time: float, ahead: float) -> float:
         """How long [s] after a time [s] this rank's lists hold, at most a time ahead [s]."""

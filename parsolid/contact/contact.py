@@ -124,7 +124,11 @@ class KernelContact(Interaction):
         self.boxes = BroadPhase(comm, len(scene.bodies), self.contact_bodies, systems)
         self.search, self.self_contact = Search(comm, self.boxes, systems), SelfContact(self.contact_bodies, systems)
         self.steps = StepRule(self.contact_bodies)
-        self._refuse_many_reaches()
+        most = max(map(len, self.contact_bodies.columns.values()))
+        if most > _PARTNERS:
+            raise SolverError(
+                f"contact: expected at most {_PARTNERS} kinds of bodies, by spacing, that one may touch, found {most}"
+            )
         self.rubs = any(law.friction for _, law in self.contact_bodies.laws)
         self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.deletes = any("deleted_mass" in system.particles for system in systems)
@@ -135,13 +139,6 @@ class KernelContact(Interaction):
         self._steps_to_look = 0
         # whether rows of earlier lists may still show a force
         self._listed_anew = False
-
-    def _refuse_many_reaches(self) -> None:
-        most = max(map(len, self.contact_bodies.columns.values()))
-        if most > _PARTNERS:
-            raise SolverError(
-                f"contact: expected at most {_PARTNERS} kinds of bodies, by spacing, that one may touch, found {most}"
-            )
 
     def begin(self, time: float) -> None:
         """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies lie in
@@ -157,9 +154,10 @@ class KernelContact(Interaction):
         # found anew, forces of friction differ from those that made them in the last bits
         forces_kept = [system.particles.owned_rows("contact_force").copy() for system in self.systems]
         depth, where = self.find_forces(None, held=True)
-        steps.begin(self._seen(), self._penetrations_after(2.0 * steps.last * self._velocity()))
+        steps.begin(self._seen(), self._penetrations_after(2.0 * steps.last * self._vectors("velocity")))
         if kept is None:
-            pushed = self._penetrations_after(0.5 * steps.shortest**2 * self._acceleration())
+            acceleration = self._vectors("contact_force") / self.search.gathered("mass")[:, None]
+            pushed = self._penetrations_after(0.5 * steps.shortest**2 * acceleration)
             pressed = minimum(self.comm, steps.from_rest(self._seen(), pushed))
             steps.start_with(pressed, self.boxes.expires - time)
         else:
@@ -324,14 +322,10 @@ class KernelContact(Interaction):
             sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
         self.places = search.halo.forward(search.points.rows, search.points.moved)
         self.pressures = search.halo.forward(*sent)
-        self._find_parts()
-
-    def _find_parts(self) -> None:
-        """Particles on which contact acts in each system, and of candidates, the number of theirs and what they feel
-        over what counts of these, which is not 1 where planes are not those of both bodies."""
-        none, search = np.zeros(0, np.int64), self.search
-        self.part, self.acted_on = np.ones(search.owned), [none] * len(self.systems)
-        self.recipient = np.zeros(search.owned, np.int64)
+        # particles on which contact acts in each system, and of candidates, the number of theirs and what they feel
+        # over what counts of these, which is not 1 where planes are not those of both bodies
+        self.part, self.recipient = np.ones(owned), np.zeros(owned, np.int64)
+        self.acted_on = [np.zeros(0, np.int64)] * len(self.systems)
         for one in search.segments:
             self.acted_on[one.system], number = np.unique(one.rows, return_inverse=True)
             self.recipient[one.first : one.last] = number.reshape(-1)
@@ -395,7 +389,7 @@ class KernelContact(Interaction):
             self.steps.update(self._seen(), before)
         if rubbing is not None:
             self._rub(ledger, follows=not held)
-        _send(self.pressures)
+        self.pressures.now()
         forces.normal_forces(search.points, search.pairs, pressure.pull, self.force)
         corrects = forces.normal_forces(search.points, search.pairs, pressure.correction, self.correction)
         if rubbing is not None:
@@ -432,7 +426,7 @@ class KernelContact(Interaction):
             rows, here, d = self.systems[one.system].particles.owned_rows, slice(one.first, one.last), points.dimension
             place = rows("position")[one.rows]
             points.rows[here, :d], points.moved[here, :d] = place, place - rows("contact_start")[one.rows]
-        _send(self.places)
+        self.places.now()
         self.energy, deepest, where = forces.find_penetrations(points, self.search.pairs, known, self.pressure)
         self._to_fields("contact_level", self.pressure.penetration[:, None])
         return float(deepest), int(where)
@@ -457,7 +451,7 @@ class KernelContact(Interaction):
             system = self.systems[one.system]
             if system.takes_heat:
                 heat = (self.part * self.heat)[one.first : one.last]
-                taken = np.bincount(one.rows, heat, minlength=system.owned)
+                taken = np.bincount(one.rows, heat, minlength=system.particles.owned)
                 warmed = np.flatnonzero(taken)
                 stored += system.take_heat(taken[warmed], warmed)
         if stored:
@@ -472,24 +466,8 @@ class KernelContact(Interaction):
         """Penetrations (owned,) [m] when owned candidates have moved by displacements (owned, 3) [m]; collective."""
         return penetrations_after(self.search.points, self.search.pairs, self.search.halo.with_ghosts(displacement))
 
-    def _velocity(self) -> np.ndarray:
-        velocity = np.zeros((self.search.owned, 3))
-        velocity[:, : self.search.points.dimension] = self.search.gathered("velocity")
-        return velocity
-
-    def _acceleration(self) -> np.ndarray:
-        """By the forces of contact [m/s^2]."""
+    def _vectors(self, name: str) -> np.ndarray:
+        """A field (owned, 3) of the owned candidates, zero beyond the dimension."""
         result = np.zeros((self.search.owned, 3))
-        force = self.search.gathered("contact_force")
-        result[:, : force.shape[1]] = force / self.search.gathered("mass")[:, None]
+        result[:, : self.search.points.dimension] = self.search.gathered(name)
         return result
-
-    def numbers(self) -> dict[str, int]:
-        """Candidates and pairs that are near."""
-        return {"contact candidates": self.search.owned, "contact pairs": len(self.search.pairs.neighbour) // 2}
-
-
-def _send(message: Any) -> None:
-    if not message.silent:
-        message.start()
-        message.finish()

@@ -54,13 +54,9 @@ def slopes(q):
 
 
 def norm(dimension: int, radius: float) -> float:
-    """N R^-d [1/m^d]."""
-    return exact_norm(dimension) / radius**dimension
-
-
-def exact_norm(dimension: int) -> float:
-    """N in full precision: 7 3^7/(478 pi) in the plane, 3^7/(40 pi) in space."""
-    return {1: 243.0 / 40.0, 2: 7.0 * 3.0**7 / (478.0 * math.pi), 3: 3.0**7 / (40.0 * math.pi)}[dimension]
+    """N R^-d [1/m^d]; N is 7 3^7/(478 pi) in the plane, 3^7/(40 pi) in space."""
+    exact = {1: 243.0 / 40.0, 2: 7.0 * 3.0**7 / (478.0 * math.pi), 3: 3.0**7 / (40.0 * math.pi)}
+    return exact[dimension] / radius**dimension
 
 
 @cache

@@ -26,9 +26,8 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
         return []
     names = [body.name or f"bodies.{number}" for number, body in enumerate(scene.bodies)]
     lower, upper, velocity, spacing = body_motions(comm, count, systems)
-    home = {body: system for system in systems for body in system.bodies}
-    words = dict.fromkeys(system.settings.touching() for system in systems)
-    told = {how: _Pairs(names) for how in ("in contact", "tied", *words, "apart")}
+    touching = {body: system.settings.touching() for system in scene.systems for body in system.bodies}
+    told = {how: _Pairs(names) for how in ("in contact", "tied", *touching.values(), "apart")}
     blind, stated, bonded = _Pairs(names), _Stated(scene), scene.bonded
     for contact, members in stated.contacts:
         note = f" (friction {contact.friction:g})" if contact.friction else ""
@@ -42,7 +41,7 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
         gap = float(np.linalg.norm(np.maximum(np.maximum(lower[i] - upper[j], lower[j] - upper[i]), 0.0)))
         if gap <= _TOUCHING * max(spacing[i], spacing[j]) and bonded.has(i, j):
             near.add((i, j))
-            told[home[i].settings.touching()].add(i, j)
+            told[touching[i]].add(i, j)
     apart = ((i, j) for i, j in combinations(range(count), 2) if (i, j) not in near and not stated.has(i, j))
     told["apart"].add_all(apart, count * (count - 1) // 2 - len(near) - stated.count)
     # where boxes come by the end of the run

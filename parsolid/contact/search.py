@@ -113,7 +113,9 @@ class Search:
         self.segments = self._segments()
         self.owned = self.segments[-1].last if self.segments else 0
         self.pair = np.concatenate([np.zeros(0, np.int64), *(one.pair for one in self.segments)])
-        place, share = self.gathered("position"), self._shares()
+        place, share = self.gathered("position"), np.ones(self.owned)
+        for law, here, one in self.of_laws():
+            share[here] = shares_of(self.systems[one.system], one.rows[here - one.first], law)
         reach = float(reaches[boxes.near].max(initial=0.0))
         halo = Halo(self.comm, place, reach * REACH_MARGIN if reach > 0.0 else 1.0)
         whole = [cell_volumes(self.systems[one.system].particles)[one.rows] for one in self.segments]
@@ -124,7 +126,11 @@ class Search:
         rows[: self.owned, :d], rows[: self.owned, 3] = place, volume
         halo.forward(rows).now()
         pair, particle = halo.with_ghosts(self.pair), halo.with_ghosts(identifier)
-        start, neighbour = self._neighbours(np.ascontiguousarray(rows[:, :d]), pair, particle)
+        found: Any = (np.zeros(1, np.int64), np.empty(0, np.int32)) * 2
+        if self.owned:
+            everywhere = np.ascontiguousarray(rows[:, :d])
+            found = self._search.find(everywhere, np.ascontiguousarray(self.half[pair]), self.owned)
+        start, neighbour = directed(*found[:2], self.owned, *found[2:], pair, boxes.reverse, particle)
         if any(self_contact.touching):
             reference = halo.with_ghosts(self.gathered("reference_position"))
             row = np.repeat(np.arange(self.owned), np.diff(start))
@@ -138,13 +144,6 @@ class Search:
         if prune:
             active = may_press(points, pairs, skin, SEEN)
         self._prune(halo, points, pairs._replace(active=halo.with_ghosts(active) > 0), image, particle)
-
-    def _neighbours(self, place: np.ndarray, pair: np.ndarray, particle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Near candidates of the owned ones: starts, neighbours."""
-        found: Any = (np.zeros(1, np.int64), np.empty(0, np.int32)) * 2
-        if self.owned:
-            found = self._search.find(place, np.ascontiguousarray(self.half[pair]), self.owned)
-        return directed(*found[:2], self.owned, *found[2:], pair, self.boxes.reverse, particle)
 
     def _prune(self, halo: Halo, points: Candidates, pairs: Pairs, image: np.ndarray, particle: np.ndarray) -> None:
         """Keep the pairs of which one may press; collective. pairs.active, particle: with ghosts."""
@@ -170,12 +169,6 @@ class Search:
             if here.any()
         ]
         self.owned, self.pair = int(mine.sum()), self.pair[mine]
-
-    def _shares(self) -> np.ndarray:
-        result = np.ones(self.owned)
-        for law, here, one in self.of_laws():
-            result[here] = shares_of(self.systems[one.system], one.rows[here - one.first], law)
-        return result
 
     def of_laws(self) -> Iterator[tuple[ContactLaw, np.ndarray, Segment]]:
         """Each law with candidates that it is for, of one segment."""

@@ -106,6 +106,7 @@ class TiedFaces:
         self.rows = [self._near(side, other, 2.0 * reach) for side, other in (self.sides, self.sides[::-1])]
         self.first = len(self.rows[0])
         self.owned = self.first + len(self.rows[1])
+        self.parts = slice(self.first), slice(self.first, None)
         place = self._gathered("reference_position")[:, : self._dimension]
         # what a spring joins lies within two reaches and the way to the face of what it pulls
         halo = Halo(self.comm, place, 2.0 * reach + 2.0 * coarse)
@@ -225,7 +226,7 @@ class TiedFaces:
         if self.deletes:
             if ends:
                 self._end_springs()
-            for side, rows, here in zip(self.sides, self.rows, (slice(self.first), slice(self.first, None))):
+            for side, rows, here in zip(self.sides, self.rows, self.parts):
                 side.system.particles.owned_rows(START)[rows] = position[here]
         self.energy = tie_springs.pull(*self.lists(), self.counted, self.moved, self.owned, self.force)
 
@@ -236,7 +237,7 @@ class TiedFaces:
         self._message.now()
         force = np.zeros_like(self.force)
         tie_springs.pull(*self.lists(), self.counted, self.moved, self.owned, force)
-        return [(self.rows[0], force[: self.first]), (self.rows[1], force[self.first :])]
+        return [(rows, force[here]) for rows, here in zip(self.rows, self.parts)]
 
     def _end_springs(self) -> None:
         """Let springs go of particles that were deleted in the last step.
@@ -259,9 +260,7 @@ class TiedFaces:
 
     def pulled(self) -> list[tuple[TiedBody, np.ndarray, np.ndarray]]:
         """Both bodies with rows of particles and the forces [N] on them."""
-        cut = self.first
-        parts = (self.rows[0], self.force[:cut]), (self.rows[1], self.force[cut:])
-        return [(side, rows, force) for side, (rows, force) in zip(self.sides, parts) if len(rows)]
+        return [(side, rows, self.force[here]) for side, rows, here in zip(self.sides, self.rows, self.parts)]
 
     def frequency(self) -> float:
         """Square of the highest frequency [1/s^2] of what this rank owns, at most."""

@@ -59,8 +59,8 @@ class UndeclaredContact(Interaction):
             rows = system.particles.owned_rows
             np.maximum.at(spacing, np.array(system.bodies)[rows("body")], rows("spacing"))
         self._spacing = maximum(comm, spacing)
-        reach = [systems[k].settings.contact_distance(one) for k, one in zip(self.home, self._spacing)]
-        self._reach = np.array(reach)
+        settings = [scene.systems[k].settings for k in self.home]
+        self._reach = np.array([of.contact_distance(one) for of, one in zip(settings, self._spacing)])
         self._touching = self._touching_at_the_start()
 
     def _touching_at_the_start(self) -> set[tuple[int, int]]:

@@ -10,7 +10,7 @@ from parsolid.collective import SolverError, minimum, raise_together
 from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.forces import Resultant
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
-from parsolid.contact.tools.touch import STIFFNESS, Touch, touchable_by
+from parsolid.contact.tools.touch import STIFFNESS, Touch, axisymmetric, touchable_by
 from parsolid.contact.trials import TriedContact
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.leapfrog import taken_by_step_change
@@ -95,8 +95,7 @@ class RigidTools(TriedContact):
         """
         self.comm, self.systems, self.dimension = comm, systems, scene.dimension
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
-        polar = getattr(systems[0].settings, "geometry", None) == "axisymmetric"
-        self.tools = [Tool(stated, scene.dimension, polar) for stated in scene.tools]
+        self.tools = [Tool(stated, scene.dimension, axisymmetric(scene)) for stated in scene.tools]
         acceleration = scene.loads.acceleration
         self.gravity = None if acceleration is None else LoadHistory(acceleration, scene.loads)
         for system in systems:

@@ -6,6 +6,7 @@ import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.forces import tributary_mass
+from parsolid.contact.bodies import share_of
 from parsolid.contact.tools.forces import (
     Approach,
     Frame,
@@ -43,6 +44,11 @@ def level_of(tool: str) -> str:
     return f"level_{tool}"
 
 
+def axisymmetric(scene: Scene) -> bool:
+    """Whether masses and forces are those of a radian about the axis X = 0."""
+    return any(getattr(one.settings, "geometry", None) == "axisymmetric" for one in scene.systems)
+
+
 def declare_tool_fields(scene: Scene, system: ParticleSystem) -> None:
     """What a system's particles need to be touched by a scene's tools; nothing where there are none."""
     touching = [tool for tool in scene.tools if touchable_by(tool, scene, system).any()]
@@ -53,9 +59,8 @@ def declare_tool_fields(scene: Scene, system: ParticleSystem) -> None:
     in_cells = np.array([scene.bodies[number].placed_on == "cells" for number in system.bodies])
     moduli = np.array([system.wave_modulus(body)[0] for body in range(len(system.bodies))])
     radius, width = radii(particles, in_cells)
-    polar = getattr(system.settings, "geometry", None) == "axisymmetric"
     particles.declare(Field(RADIUS, 1, "m"), radius)
-    particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, polar))
+    particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, axisymmetric(scene)))
     for tool in touching:
         particles.declare(Field(level_of(tool.name), 1, "m"))
         if tool.friction > 0.0:
@@ -226,7 +231,7 @@ class Touch:
         warmed = self.touched.lost > 0.0
         rows = self.rows[warmed]
         # of whole particles
-        heat = 0.5 * self.touched.lost[warmed] / self.system.share[rows]
+        heat = 0.5 * self.touched.lost[warmed] / share_of(self.system.particles, rows)
         return self.system.take_heat(heat, rows)
 
     def give(self, step: float) -> None:
