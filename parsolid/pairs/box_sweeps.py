@@ -71,7 +71,8 @@ class BoxSweeps:
             None if np.any(part[0] >= part[1]) else part_of_box(one, part, bound)
             for one, part, bound in zip(boxes, own, bounds)
         ]
-        self._inner = {box.first: _inner_planes(box) if in_turn else (0, 0) for box in parts if box is not None}
+        found = {box.first: _inner_planes(box) if in_turn else (0, 0) for box in parts if box is not None}
+        self._inner = {row: [planes] if planes[0] < planes[1] else [] for row, planes in found.items()}
         in_ring = max([0, *(box.nodes for box in parts if box is not None and self.inner(box))])
         self.in_turn = in_ring > 0
         self.boxes: list[Box | None] = []
@@ -104,8 +105,7 @@ class BoxSweeps:
 
     def inner(self, box: Box) -> list[tuple[int, int]]:
         """First plane, and the one after the last, of the inner planes of a box, if there are any."""
-        first, last = self._inner[box.first]
-        return [(first, last)] if first < last else []
+        return self._inner[box.first]
 
     def edges(self, box: Box) -> list[tuple[int, int]]:
         """The same of its other planes, on either side."""

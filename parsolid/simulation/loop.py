@@ -206,7 +206,7 @@ class Simulation:
         self.agreement.begin_step(requests)
         self.ledger.begin_step()
         # those of places that are solved for are found with these
-        moving = any(system.bounded for system in self.systems)
+        moving = self.interactions and any(system.bounded for system in self.systems)
         for interaction in self.interactions if moving else ():
             interaction.start_step(self.clock.time, step, self.ledger)
         started = moment = clock.perf_counter()

@@ -84,25 +84,38 @@ class BoxBodies(StepBound):
         stored, sweeps = self.particles.storage, self.sweeps
         sweeps.exchange_motion(stored("velocity"), stored("position"))
         sound, dissipated, stable = True, 0.0, np.inf
-        initial = stored("initial_stress") if "initial_stress" in self.particles else None
-        time = step if relaxing is None else relaxing
+        time, signals = step if relaxing is None else relaxing, self.signals
         carried = [block.carried_fields(step, self.last_step) for block in self.blocks]
-        for in_turn, planes_of in ((False, sweeps.edges), (True, sweeps.inner)):
-            for (box, block), fields in zip(self.parts, carried):
-                for planes in planes_of(box):
-                    positive, lost, signal = advance_box(
-                        box, sweeps.scratch(box), *planes, in_turn, block.solid, step, self.dimension, self.signals,
-                        block.branches(time), block.places, sweeps.v,
-                        stored("deformation_gradient"), stored("jacobian")[0], block.branch_field, stored("volume")[0],
-                        initial, sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, sweeps.x,
-                        stored("stress_force"), stored("dissipative_force"), self._heat, fields,
-                    )  # fmt: skip
-                    sound, dissipated = sound and positive and block.sound, dissipated + lost
-                    stable = min(stable, self.step_of(block, signal))
-            if not in_turn:
+        edges, inner = self.particles.kept(("arrays of boxes", self), self._arrays_of_planes)
+        for planes in (edges, inner):
+            for number, box, arrays in planes:
+                block = self.blocks[number]
+                positive, lost, signal = advance_box(
+                    *box, step, self.dimension, signals, block.branches(time), *arrays, carried[number]
+                )
+                sound, dissipated = sound and positive and block.sound, dissipated + lost
+                stable = min(stable, self.step_of(block, signal))
+            if planes is edges:
                 self._reduce_edges()
                 sweeps.send_stress()
         return sound, dissipated, stable
+
+    def _arrays_of_planes(self) -> tuple[list[Any], list[Any]]:
+        """Of edges and of inner planes: number of the block, and what `advance_box` takes before and after the step, in
+        which nothing changes but numbers in arrays."""
+        stored, sweeps = self.particles.storage, self.sweeps
+        initial = stored("initial_stress") if "initial_stress" in self.particles else None
+        edges, inner = [], []
+        for number, (box, block) in enumerate(self.parts):
+            arrays = (
+                block.places, sweeps.v, stored("deformation_gradient"), stored("jacobian")[0], block.branch_field,
+                stored("volume")[0], initial, sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
+                sweeps.x, stored("stress_force"), stored("dissipative_force"), self._heat,
+            )  # fmt: skip
+            scratch = sweeps.scratch(box)
+            edges += [(number, (box, scratch, *one, False, block.solid), arrays) for one in sweeps.edges(box)]
+            inner += [(number, (box, scratch, *one, True, block.solid), arrays) for one in sweeps.inner(box)]
+        return edges, inner
 
     def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
         """Deformation after a stage of SSP-RK3 and stress before it: (whether all Jacobians are positive, dissipation
