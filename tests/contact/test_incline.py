@@ -1,4 +1,4 @@
-"""Blocks on an incline: where their weight acts at once they bounce, and slide while little presses, as Coulomb says."""
+"""Blocks on an incline: where their weight acts at once they bounce, and slide while little presses."""
 
 import numpy as np
 import pytest
