@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from solids import evolved, gathered, run_through_and_in_two, run_to_end
+from test_load_history import METAL
 from test_stages import run
 from test_static import box, static
 
@@ -52,7 +53,7 @@ def test_patch(shared_path, comm, weights, gap):
     # but for what the springs of contact give way
     assert 0.8 + gap < F[:, 3].mean() < 0.86 + gap
     P = sim.systems[0].shown("first_piola_kirchhoff_stress", 0, sim.systems[0].owned)
-    mean = np.einsum("n,nij->ij", sim.systems[0].particles.owned_rows("volume"), P)
+    mean = comm.allreduce(np.einsum("n,nij->ij", sim.systems[0].particles.owned_rows("volume"), P))
     np.testing.assert_allclose(mean[1, 1], -rows["press.force_y"][-1], rtol=1e-6)
     np.testing.assert_allclose(mean[0, 0], 0.0, atol=1e-6 * rows["press.force_y"][-1])
     assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-4)
@@ -73,9 +74,13 @@ def test_friction(comm):
 
 
 @pytest.mark.ranks(1, 2, 3)
-def test_ranks(comm):
-    """What tools alone hold is the same on all ranks."""
-    (_, rows), (_, on_all) = run_to_end(sliding(), MPI.COMM_SELF, of_tools), run_to_end(sliding(), comm, of_tools)
+@pytest.mark.parametrize("flows", [False, True])
+def test_ranks(comm, flows):
+    """What tools alone hold is the same on all ranks, also where it flows."""
+    data = sliding()
+    if flows:
+        data["bodies"][0]["material"] = METAL
+    (_, rows), (_, on_all) = run_to_end(data, MPI.COMM_SELF, of_tools), run_to_end(data, comm, of_tools)
     assert rows["friction_dissipation"][-1] > 1e-4 * rows["external_work"][-1]
     for name in rows:
         # forces of tools to the tolerance of the solution
