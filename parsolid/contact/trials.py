@@ -1,11 +1,12 @@
 """Contact in steps that are solved for: trials from the state that was kept, and their derivatives by differences."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
-from parsolid.collective import maximum
+from parsolid.collective import maximum, minimum
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 
@@ -40,19 +41,38 @@ class TriedContact(Interaction):
         self._places = self.systems[0].particles.owned_rows("position").copy()
         self.find(over, still, mean)
 
+    def linearise(self) -> None:
+        """See `Interaction`: forces on a particle depend on its own place alone."""
+        h, axes = _PART * self._narrowest, np.eye(self._places.shape[1])
+        moves = [np.broadcast_to(h * axis, self._places.shape) for axis in axes]
+        self._slopes = np.stack([self._differences(move, 0.0)[0] / h for move in moves], axis=2)
+
     def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray, float]:
         """See `Interaction`; what a trial has besides forces is lost."""
-        system, (over, mean) = self.systems[0], self._trial
-        of = system.particles.owned_rows
-        own = max(float(np.abs(change).max(initial=0.0)), abs(ahead) * self.fastest() if ahead else 0.0)
-        most, narrowest = maximum(self.comm, np.array([own, -float(of("spacing").min(initial=np.inf))]))
+        if ahead == 0.0:
+            return np.einsum("nij,nj->ni", self._slopes, change), 0.0
+        own = max(float(np.abs(change).max(initial=0.0)), abs(ahead) * self.fastest())
+        most = maximum(self.comm, own)
         if most == 0.0:
             return np.zeros(change.shape), 0.0
-        part, self.deeper = -_PART * narrowest / most, -_DEEPER * narrowest * (1.0 if self.closes else -1.0)
+        part = _PART * self._narrowest / most
+        force, power = self._differences(part * change, part * ahead)
+        return force / part, power / part
+
+    @cached_property
+    def _narrowest(self) -> float:
+        """The least spacing [m]; collective."""
+        return minimum(self.comm, float(self.systems[0].particles.owned_rows("spacing").min(initial=np.inf)))
+
+    def _differences(self, move: np.ndarray, ahead: float) -> tuple[np.ndarray, float]:
+        """Half of what the forces (owned, d) [N] and this rank's power [W] differ by between moves (owned, d) [m] to
+        both sides of the last trial, and a time `ahead` [s]; collective."""
+        of, (over, mean) = self.systems[0].particles.owned_rows, self._trial
+        self.deeper = _DEEPER * self._narrowest * (1.0 if self.closes else -1.0)
         fields = [of(name) for name in ("position", EXTERNAL_FORCE, EXTERNAL_IMPULSE)]
         kept, forces, powers = [field.copy() for field in fields], [], []
-        for sign in (part, -part):
-            fields[0][:] = self._places + sign * change
+        for sign in (1.0, -1.0):
+            fields[0][:] = self._places + sign * move
             fields[1][:], fields[2][:] = 0.0, 0.0
             self.later = sign * ahead
             self.find(over, False, mean)
@@ -62,7 +82,7 @@ class TriedContact(Interaction):
         for field, values in zip(fields, kept):
             field[:] = values
         self.deeper = self.later = 0.0
-        return (forces[0] - forces[1]) / (2.0 * part), (powers[0] - powers[1]) / (2.0 * part)
+        return 0.5 * (forces[0] - forces[1]), 0.5 * (powers[0] - powers[1])
 
     def settle(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """See `Interaction`."""

@@ -59,9 +59,13 @@ class Interaction:
         booked. still: nothing has moved since then. mean: the impulse [N s] besides, too, that makes the mean of the
         forces before and after the step that of all of it."""
 
+    def linearise(self) -> None:
+        """Find the tangent of the forces of the last trial."""
+
     def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray | float, float]:
         """By how much the forces (owned, d) [N] of the last trial and this rank's `power` [W] change where places
-        change by (owned, d) [m] while a time `ahead` [s] passes."""
+        change by (owned, d) [m] while a time `ahead` [s] passes; where none passes, the forces alone, linear in the
+        change, at the trial that `linearise` has taken."""
         return 0.0, 0.0
 
     def keep(self, ledger: EnergyLedger | None) -> None:

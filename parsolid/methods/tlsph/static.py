@@ -533,7 +533,7 @@ class Static:
     def _pushed(self, ahead: float) -> np.ndarray:
         """By how much the forces of contact (owned, d) [N] change as tools move on for a time [s]."""
         still, result = np.zeros(self.tangent.free.shape), np.zeros(self.free.shape)
-        for one in self.system.interactions:
+        for one in self.system.interactions if ahead > 0.0 else ():
             result[:, : self.system.dimension] += one.change_along(still, ahead)[0]
         return result
 

@@ -195,6 +195,8 @@ class Tangent:
                 self._add_stress(system.particles.owned_rows(added), bodies.blocks)
         if self.pressures is not None:
             self.pressures.linearise(self.moduli, self.index)
+        for one in system.interactions:
+            one.linearise()
 
     def force_of(self, stress: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Forces (owned, d) [N] of first Piola-Kirchhoff stresses (owned, d d) [Pa], and those of the stabilisers at a
