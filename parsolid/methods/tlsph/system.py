@@ -141,8 +141,11 @@ class TotalLagrangianSPH(Reports):
         if self.lists is not None:
             metric = metrics(particle_set.spacing, particle_set.axes, smoothing_of(self, particle_set))
             self.find_pairs(particle_set.position, particle_set.body, metric, particle_set.volume / share)
-        tied, touched = [pair[:2] for pair in tied_pairs(scene)], bodies_in_contact(scene)
-        self.statics = None if unknown is None else Static(self, "static" in kinds, tied, touched)
+        self.statics = None
+        if unknown is not None:
+            # the only system of its scene: of others a part does not have all bodies of a tie
+            tied = [pair[:2] for pair in tied_pairs(scene)]
+            self.statics = Static(self, "static" in kinds, tied, bodies_in_contact(scene))
         self.implicit = Implicit(self) if "implicit" in kinds else None
         self._take_stages(whole)
 
