@@ -2,9 +2,6 @@
 where fibres switch, work around a cycle; the stress of a uniform strain in every method; what is refused."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +15,6 @@ from parsolid.materials.hyperelastic import tissues
 from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, members, state_count
 from parsolid.materials.hyperelastic.rubbers import Yeoh
 from parsolid.materials.hyperelastic.softening import Softened
-from parsolid.materials.hyperelastic.transversely_isotropic import Guccione
 from parsolid.materials.hyperelastic.volume import Quadratic
 from parsolid.methods.small_scene import small_scene
 from parsolid.scene import SceneError, parse_scene
@@ -44,12 +40,9 @@ LAWS = {
 }
 # of moderate stiffness, so that strains of a quarter have stresses; a softened one unloads from its largest energy
 MODERATE = {
-    "aligned": TRANSVERSE,
     "dispersed": TRANSVERSE._replace(dispersion=0.2),
     "isotropic": TRANSVERSE._replace(dispersion=1.0 / 3.0),
     "not stiffening": TRANSVERSE._replace(fibre_exponent=0.0),
-    "two families": ARTERY._replace(fibre_modulus=3e4, fibre_exponent=1.5),
-    "heart muscle": Guccione(1.0, 2e4, 4.0, 1.0, 2.0, (0.6, 0.0, 0.8), Quadratic(1e6), *NONE),
     "softened rubber": Softened(1.0, YEOH, 1.6, 1e5, 0.1, 2e5, *NONE),
     "softened fibres": Softened(1.0, TRANSVERSE._replace(dispersion=0.1), 2.0, 2e5, 0.0, 1.5e5, *NONE),
 }
@@ -87,7 +80,7 @@ def test_softening_is_that_of_ogden_and_roxburgh_in_every_row():
 @pytest.mark.parametrize("name", MODERATE)
 def test_stress_tangent_and_waves_belong_to_the_energy(name):
     ratios = assert_derived_from_energy(MODERATE[name], deformations(60, 0.2), step=1e-5, symmetric=1e-7)
-    assert np.mean(ratios) < (2.0 if name == "heart muscle" else 1.2)
+    assert np.mean(ratios) < 1.2
 
 
 def test_fibres_in_compression_bear_nothing_and_switch_without_a_jump():
@@ -272,42 +265,3 @@ def test_the_scene_that_kernels_are_compiled_for_has_directions(fibre):
     small = parse_scene(small_scene(stated, stated.method), again=True).bodies[0].material
     assert np.isfinite(small.values_at(np.zeros((1, 2)), {})).all()
     assert type(small.build("plane-strain")) is type(stated.bodies[0].material.build("plane-strain"))
-
-
-_UNIFORM = """
-import sys
-sys.path.insert(0, sys.argv[1])
-import numpy as np
-from mpi4py import MPI
-from materials.test_fibres import SOFTENING, at_particle, after_step, arguments, parse_scene, scene, stress
-from parsolid.simulation.loop import Simulation
-from parsolid.observables.declared import Observables
-F = np.array([[1.15, 0.1, -0.05], [0.08, 0.95, 0.02], [0.03, -0.04, 1.1]])
-displacement = ["%r*X + %r*Y + %r*Z" % tuple(row) for row in (F - np.eye(3)).tolist()]
-for method in ("tlsph", "peridynamics", "mpm"):
-    more = SOFTENING | {"second_fibre": {"vector": ["1", "Y", "Z"]}}
-    data = scene(method, 3, [3] * 3, {"displacement": displacement}, **more)
-    data["bodies"][0]["shape"]["box"] = {"lower": [0.5] * 3, "upper": [1.5] * 3}
-    stated = parse_scene(data)
-    system = Simulation(MPI.COMM_SELF, stated).systems[0]
-    found = np.reshape(Observables([system]).field("stress"), (-1, 3, 3))
-    material = stated.bodies[0].material
-    values = material.values_at(system.particles.owned_rows("reference_position"), {})
-    worst = 0.0
-    for p in range(27):
-        law = after_step(at_particle(material.build("space"), values.ravel(), 27, p), *arguments(F))
-        expected = stress(law, F) @ F.T / np.linalg.det(F)
-        worst = max(worst, np.abs(found[p] - expected).max() / np.abs(expected).max())
-    print(method, worst)
-"""
-
-
-def test_a_uniform_strain_has_the_stress_of_the_law_in_every_method():
-    """With the directions of each particle's own place."""
-    env = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    run = subprocess.run(
-        [sys.executable, "-c", _UNIFORM, HERE.parent], env=env, capture_output=True, text=True, check=False
-    )
-    found = dict(line.split() for line in run.stdout.splitlines())
-    assert set(found) == {"tlsph", "peridynamics", "mpm"}, run.stderr[-2000:]
-    assert max(map(float, found.values())) < 1e-6, found

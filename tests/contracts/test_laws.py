@@ -1,0 +1,248 @@
+"""The table of laws and methods: each hyperelastic law, flow stress and kinematic hardening of the registry and of the
+files in `examples`, with constants made from what it declares. A law that is added is tried here without a change.
+
+One kernel of each hyperelastic law is compiled; runs in the methods are made in plain Python.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from materials.deformations import arguments, assert_derived_from_energy, deformations, energy, stress, tangent_of
+from materials.test_total_lagrangian import Point
+from mpi4py import MPI
+from solids import LINEAR_COPPER, Record
+
+from parsolid.materials import registry
+from parsolid.materials.declaration import NEEDED, Direction, OfParticle, Parameter, parameters_of
+from parsolid.materials.hyperelastic import evaluation
+from parsolid.materials.hyperelastic import functions as of
+from parsolid.materials.hyperelastic.at_particles import after_step, at_particle
+from parsolid.materials.viscoelastic.maxwell import branch_stress
+from parsolid.observables.declared import Observables
+from parsolid.scene import parse_scene
+from parsolid.scene.methods import SETTINGS
+from parsolid.scene.plasticity import library
+from parsolid.simulation.loop import Simulation
+
+TESTS = Path(__file__).parents[1]
+# where constants made from declarations would not be those of a solid, or not of all of it
+STATED = {
+    "formula": {
+        "energy": "mu*(lambda1bar**3 + lambda2bar**3 + lambda3bar**3 - 3) + mu*(I1bar - 3) + K/2*(J - 1)**2",
+        "constants": {"mu": 2e5, "K": 2e7},
+    },
+    "gasser-ogden-holzapfel": {"softening": {"r": 2.0, "m": 1e5, "beta": 0.05}},
+    "gent": {"limit": 90.0},
+    "mazars": {"tensile_strength": 1e4, "fracture_energy": 5e3},
+    "ogden": {"mu_2": -0.01e6, "alpha_2": -2.0},
+    "polynomial": {"c10": 0.15e6, "c01": 0.02e6, "c11": 2e3, "c20": 1e3, "c02": 0.0, "c30": 0.0},
+    "yeoh": {"c2": -1.5e3, "c3": 50.0},
+}
+# F of a uniform strain; of flow the rate of F [1/s], the step [s] and how many there are
+STRAINED = np.array([[1.15, 0.1, 0.0], [0.08, 0.95, 0.0], [0.0, 0.0, 1.0]])
+FLOW, STEP, STEPS = np.array([[3e3, 2e3], [0.5e3, -2e3]]), 4e-7, 10
+FLOWING = "flow-stress", "kinematic-hardening"
+BRANCH = {"branches": [{"modulus": 5e5, "tau": 0.02}]}
+
+
+@cache
+def of_files(role: str) -> dict[str, str]:
+    """Kind -> file:class of the laws of a role in examples/."""
+    pattern = rf'^@law\("{role}", "([a-z-]+)"\)\nclass (\w+)'
+    files = sorted((TESTS.parent / "examples").glob("*.py"))
+    return {kind: f"{file}:{name}" for file in files for kind, name in re.findall(pattern, file.read_text(), re.M)}
+
+
+def kinds(role: str) -> list[str]:
+    return [*registry.kinds(role), *of_files(role)]
+
+
+def declared(role: str, kind: str):
+    if kind not in of_files(role):
+        return registry.declared(role, kind)
+    path, name = of_files(role)[kind].rsplit(":", 1)
+    return registry.from_text(path, name, Path(path).read_text())
+
+
+def constants(role: str, kind: str, pressure: float) -> dict:
+    """A table of a law: constants in Pa as large as the pressure, a tenth of it where they need not be stated, and
+    numbers within their bounds."""
+    law, table = declared(role, kind), {"law": of_files(role)[kind]} if kind in of_files(role) else {"kind": kind}
+    chosen = [group[0] for group in getattr(law, "exactly_one", ())]
+    for name, (plain, note) in parameters_of(law).items():
+        if isinstance(note, Direction):
+            table[name] = {"vector": ["1", "0.5 + X"]}
+        if not isinstance(note, Parameter) or name == "density" or plain not in (float, float | None):
+            continue
+        needed = note.default is NEEDED or name in chosen
+        least = max(bound for bound in (note.above, note.at_least, 0.0) if bound is not None)
+        most = min((bound for bound in (note.below, note.at_most) if bound is not None), default=least + 4.0)
+        if note.unit == "Pa" and (needed or note.default == 0.0):
+            table[name] = pressure * (20.0 if name == "bulk_modulus" else 1.0 if needed else 0.1)
+        elif needed:
+            table[name] = 0.5 * (least + most)
+    return table | STATED.get(kind, {})
+
+
+def block(method: str, material: dict, size: float, boundaries=(), **body):
+    """4 x 4 particles in a square from (size, size)/2 on."""
+    kind = {"kind": method} | {"mpm": {"cell": 0.5 * size}, "ulsph": {"viscosity": False}}.get(method, {})
+    if method == "peridynamics" and material.get("kind") == "mazars":
+        kind["stabilisation"] = {"kind": "none"}
+    body |= {
+        "shape": {"box": {"lower": [0.5 * size] * 2, "upper": [1.5 * size] * 2}},
+        "particles": [4, 4],
+        "placement": "cells" if method in ("mpm", "ulsph") else "vertices",
+        "material": {"density": 1000.0} | material,
+    }
+    tables = {"dimension": 2, "end_time": 1.0, "method": kind, "bodies": [body], "boundaries": list(boundaries)}
+    return parse_scene(tables, trust_code=True)
+
+
+@cache
+def law_of(kind: str):
+    """A hyperelastic law at a place, with the state variables of time 0."""
+    material = block("tlsph", constants("hyperelastic", kind, 1e6), 1.0).bodies[0].material
+    values = material.values_at(np.array([[0.7, 0.9]]), {}, np.array([1e-3]))
+    return at_particle(material.build("plane-strain"), values.ravel(), 1, 0)
+
+
+@pytest.mark.parametrize("kind", kinds("hyperelastic"))
+def test_stress_tangent_and_waves_belong_to_the_energy(kind):
+    """And nothing is left at rest, whose moduli are those that the law tells."""
+    law, one = law_of(kind), np.eye(3)
+    ratios = assert_derived_from_energy(law, [1.01 * one, *deformations(60, 0.2, seed=7)])
+    shear, lame = of.elastic_moduli(law)
+    # differences of an energy see both sides of fibres that switch at rest
+    left = 1e-12 if of.stress.has(type(law)) else 1e-3
+    assert np.abs(stress(law, one)).max() < left * shear and abs(energy(law, one)) < 1e-12 * shear
+    if any(isinstance(note, OfParticle) for _, note in parameters_of(declared("hyperelastic", kind)).values()):
+        assert np.mean(ratios) < 1.8
+        return
+    tangent = tangent_of(lambda F: stress(law, F), one)
+    assert tangent[0, 1, 0, 1] == pytest.approx(shear, rel=1e-6)
+    assert tangent[0, 0, 1, 1] == pytest.approx(lame, rel=1e-6)
+    # a formula of the waves of an isotropic law is exact for equal stretches
+    if of.pressure_waves.has(type(law)):
+        assert ratios[:6] == pytest.approx([1.0] * 6, abs=1e-6)
+        assert np.mean(ratios) < (1.2 if kind == "saint-venant-kirchhoff" else 1.06)
+
+
+@pytest.mark.parametrize("kind", kinds("hyperelastic"))
+def test_kernels_have_the_values_of_python(kind):
+    law, F = law_of(kind), np.array(deformations(8, 0.2, seed=2))
+    P, Q, _ = evaluation.states(law, F)
+    W = evaluation.energies(law, F)
+    # second differences of an energy lose six digits
+    rounding = 1e-11 if of.pressure_waves.has(type(law)) else 1e-9
+    for n, one in enumerate(F):
+        np.testing.assert_allclose(P[n], stress(law, one), rtol=0.0, atol=1e-12 * np.abs(P[n]).max())
+        plain = evaluation.symmetric_tensors(np.array(of.pressure_waves(law, *arguments(one))))
+        np.testing.assert_allclose(Q[n], plain, rtol=0.0, atol=rounding * np.abs(plain).max())
+        assert W[n] == pytest.approx(energy(law, one), rel=1e-9)
+
+
+# --- in the methods -------------------------------------------------------------------------------------------------
+
+
+def of_uniform_strain(method: str, kind: str) -> tuple[float, float]:
+    """Largest difference from the stress of the law, over its largest component, of a block that starts with a strain,
+    and of the balance of energy over what it stores, in three steps."""
+    viscous = method != "mpm"
+    places = [f"{a!r}*X + {b!r}*Y" for a, b in (STRAINED - np.eye(3))[:2, :2].tolist()]
+    table = constants("hyperelastic", kind, 1e6) | (BRANCH if viscous else {})
+    scene = block(method, table, 1.0, displacement=places)
+    simulation, record = Simulation(MPI.COMM_SELF, scene), Record()
+    system, material = simulation.systems[0], scene.bodies[0].material
+    rows = system.particles.owned_rows
+    bands = rows("band").ravel() if "band" in system.particles else None
+    values = material.values_at(rows("reference_position"), {}, bands)
+    found, worst, F = np.reshape(Observables([system]).field("stress"), (-1, 3, 3)), 0.0, arguments(STRAINED)
+    for p in range(16):
+        law = after_step(at_particle(material.build("plane-strain"), values.ravel(), 16, p), *F)
+        P = stress(law, STRAINED)
+        if viscous:
+            P = P + np.reshape(branch_stress(5e5, (5e5, 5e5, 5e5, 0.0, 0.0, 0.0), *F), (3, 3))
+        expected = P @ STRAINED.T / F[2]
+        worst = max(worst, np.abs(found[p] - expected).max() / np.abs(expected).max())
+    record.write(simulation)
+    for _ in range(3):
+        assert simulation.take_step(0.3 * system.stable_step()) is not False
+        record.write(simulation)
+    columns = record.columns()
+    return float(worst), float(np.abs(columns["energy_error"]).max() / columns["strain_energy"].max())
+
+
+def metal(kind: str) -> dict:
+    """A material whose flow stress is of this kind, or whose kinematic hardening is."""
+    published = next((name for name, one in library().items() if one.flow_stress.kind == kind), None)
+    if published is not None:
+        return {"kind": "elastic-plastic", "library": published}
+    role = "flow-stress" if kind in kinds("flow-stress") else "kinematic-hardening"
+    return LINEAR_COPPER | {role.replace("-", "_"): constants(role, kind, 2e8)}
+
+
+def of_uniform_flow(method: str, kind: str) -> tuple[float, float]:
+    """Largest differences of the stress of a block whose particles all have a prescribed motion from that of a point,
+    and the largest among the particles, over the largest component."""
+    (a, b), (c, d) = FLOW.tolist()
+    velocity = [f"{p!r}*X + {q!r}*Y" for p, q in FLOW.tolist()]
+    prescribed = velocity
+    if method == "mpm":
+        # of the present places of nodes; a step has that of its start
+        t = f"(t - {STEP!r})"
+        x, y = f"((1 + {d!r}*{t})*X - {b!r}*{t}*Y)", f"((1 + {a!r}*{t})*Y - {c!r}*{t}*X)"
+        det = f"((1 + {a!r}*{t})*(1 + {d!r}*{t}) - {b * c!r}*{t}**2)"
+        prescribed = [f"({p!r}*{x} + {q!r}*{y})/{det}" for p, q in FLOW.tolist()]
+    everywhere = {"kind": "velocity", "box": {"lower": [-1.0] * 2, "upper": [1.0] * 2}, "velocity": prescribed}
+    scene = block(method, metal(kind), 1e-3, [everywhere], velocity=velocity)
+    simulation, F = Simulation(MPI.COMM_SELF, scene), np.eye(3)
+    point = Point(registry.law_of(scene.bodies[0].material, "plane-strain"))
+    for _ in range(STEPS):
+        simulation.take_step(STEP)
+        F[:2, :2] += STEP * FLOW
+        point.move(F.copy(), STEP)
+    if method == "tlsph":
+        # shows the stress of the state, whose shear modulus is that of the pressure at its end
+        point.move(F.copy(), 0.0)
+    found = np.reshape(Observables(simulation.systems).field("stress"), (-1, 3, 3))
+    size = np.abs(point.cauchy).max()
+    return float(np.abs(found - point.cauchy).max() / size), float(np.ptp(found, axis=0).max() / size)
+
+
+def in_python(table: str, method: str) -> dict[str, list[float]]:
+    """The two numbers of each law of a table in a method, by another process, which compiles nothing."""
+    code = f"import json; from contracts import test_laws as t; print(json.dumps(t.{table}({method!r})))"
+    env = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join([str(TESTS), *sys.path])}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def strained(method: str) -> dict[str, tuple[float, float]]:
+    return {kind: of_uniform_strain(method, kind) for kind in kinds("hyperelastic")}
+
+
+def flowing(method: str) -> dict[str, tuple[float, float]]:
+    return {kind: of_uniform_flow(method, kind) for role in FLOWING for kind in kinds(role)}
+
+
+@pytest.mark.parametrize("method", [kind for kind, one in SETTINGS.items() if "hyperelastic" in one.materials])
+def test_a_uniform_strain_has_the_stress_of_each_law(method):
+    for kind, (error, balance) in in_python("strained", method).items():
+        assert error < 1e-6 and balance < 0.05, (kind, error, balance)
+
+
+@pytest.mark.parametrize("method", [kind for kind, one in SETTINGS.items() if "elastic-plastic" in one.materials])
+def test_a_uniform_flow_has_the_stress_of_each_law(method):
+    """Methods that advance a deviator by rates leave out the pressure mu d:d of the elastic strain."""
+    bound = 1e-3 if method in ("mpm", "ulsph") else 1e-6
+    for kind, (error, spread) in in_python("flowing", method).items():
+        assert error < bound and spread < 1e-9, (kind, error, spread)
