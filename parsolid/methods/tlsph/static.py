@@ -373,7 +373,7 @@ class Static:
         if system.meshes is not None:
             # rows of the sweeps have places, too, which the energy needs
             system.meshes.begin()
-        return np.asarray(0.5 * (ends[0] - ends[1]))
+        return np.asarray(0.5 * (ends[0] - ends[1])[:, : system.dimension])
 
     # --- load steps ----------------------------------------------------------------------------------------------
 
