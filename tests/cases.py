@@ -237,7 +237,8 @@ for kind in KINDS:
 add("free spin", "tlsph branches free turns", spin(), balance=2e-3, angular=1e-12)
 add("turning bar, implicit", "tlsph free turns", turning_bar(), stops=(9,), balance=1e-6, agreement=1e-7)
 add("there and back", "tlsph static stages", there_and_back(), stops=(2, 12), balance=2e-4, grows=("stage_change",))
-add("sagging", "tlsph mesh static", sagging, stops=(3,), balance=2e-4)
+# the curvature of the path is a second difference of what is solved for
+add("sagging", "tlsph mesh static", sagging, stops=(3,), balance=2e-4, agreement=1e-8)
 for name, (material, lost) in {
     "flow": (METAL, "plastic_work"),
     "kinematic flow": (KINEMATIC, "plastic_work"),
