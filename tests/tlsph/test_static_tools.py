@@ -74,7 +74,7 @@ def test_friction(comm):
 
 
 @pytest.mark.ranks(1, 2, 3)
-@pytest.mark.parametrize("flows", [False, True])
+@pytest.mark.parametrize("flows", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_ranks(comm, flows):
     """What tools alone hold is the same on all ranks, also where it flows."""
     data = sliding()
