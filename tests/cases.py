@@ -238,7 +238,7 @@ add("free spin", "tlsph branches free turns", spin(), balance=2e-3, angular=1e-1
 add("turning bar, implicit", "tlsph free turns", turning_bar(), stops=(9,), balance=1e-6, agreement=1e-7)
 add("there and back", "tlsph static stages", there_and_back(), stops=(2, 12), balance=2e-4, grows=("stage_change",))
 # the rate and curvature of a path are differences of what is solved for
-add("sagging", "tlsph mesh static", sagging, stops=(3,), balance=2e-4, agreement=1e-8)
+add("sagging", "tlsph mesh static", sagging, stops=(3,), balance=2e-4, agreement=1e-7)
 for name, (material, lost) in {
     "flow": (METAL, "plastic_work"),
     "kinematic flow": (KINEMATIC, "plastic_work"),
@@ -249,7 +249,7 @@ for name, (material, lost) in {
         "tlsph mesh static flow",
         lambda folder, material=material: strip(folder, material),
         stops=(3,),
-        agreement=1e-8,
+        agreement=1e-7,
         balance=1e-4,
         grows=(lost,),
     )
@@ -355,8 +355,8 @@ for order, transfer in (("musl", "flip"), ("usl", "flip"), ("usl", "apic")):
 for basis in ("linear", "ugimp", "quadratic-spline", "cubic-spline"):
     d = 3 if basis in ("ugimp", "quadratic-spline") else 2
     bar = taylor_points(1.6e-3 if d == 3 else 8e-4, dimension=d, length=16e-3, basis=basis, order="usl")
-    # rounding grows to 4e-6 of energies on three ranks with quadratic splines, from the third step on
-    agreement = 1e-5 if basis == "quadratic-spline" else 1e-9
+    # rounding grows on three ranks with quadratic splines, from the third step on: 4e-6 of energies, 4e-5 of stresses
+    agreement = 1e-4 if basis == "quadratic-spline" else 1e-9
     add(f"taylor, {basis}", "mpm flow", bar, steps=40, balance=7e-2, agreement=agreement, grows=("plastic_work",))
 add("crossing", "mpm free migrates", crossing(), steps=250, stops=(100,), momentum=1e-9)
 add(
