@@ -8,7 +8,9 @@ from test_load_history import METAL
 from test_stages import run
 from test_static import box, static
 
+from parsolid.methods.tlsph.static import Failed, Static
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Simulation
 
 SIDES = [{"plane": "X = 0", "kind": "roller"}, {"plane": "Y = 0", "kind": "roller"}]
 
@@ -121,6 +123,23 @@ def test_pressed_then_let_go(comm):
     _, rows = run(data, comm)
     assert rows["kinetic"][-1] > 0.1 * rows["strain_energy"].max()
     assert np.abs(rows["energy_error"]).max() < 2e-3 * rows["strain_energy"].max()
+
+
+def test_parts_of_a_load_step_leave_no_remainder(monkeypatch):
+    """A tool meets the body after a seventh of a load step, and six parts as long follow."""
+    sim = Simulation(MPI.COMM_SELF, parse_scene(pressed([press(1.0, "-0.05")], particles=(3, 3))))
+    attempt, ends = Static._attempt, []
+
+    def tried(self, time, step, part, end, at):
+        ends.append(end)
+        return Failed("", part=1.0 / 7.0) if len(ends) == 1 else attempt(self, time, step, part, end, at)
+
+    sim.take_step(0.0)
+    monkeypatch.setattr(Static, "_attempt", tried)
+    monkeypatch.setattr(Static, "_growth", lambda self, taken: 1.0)
+    sim.take_step(0.07)
+    assert len(ends) == 8 and ends[-2] < 0.9
+    assert sim.systems[0].statics.load_step == pytest.approx(0.01)
 
 
 def test_free_tool_is_refused():
