@@ -201,12 +201,14 @@ class RankGrid:
     def _shared_candidates(self) -> list[np.ndarray]:
         """Words of this rank's nodes that each neighbour may have, too, rising."""
         cells, here, slack, width = self.cells, self.comm.rank, self.slack, self.cells.width
-        pairs = [self.partition.touching(cells.nodes + slack, width + 2 * slack, here)]
-        for mirror in cells.mirrors:
-            rows, images = reflected(cells.nodes, mirror, width)
-            found = self.partition.touching(images + slack, width + 2 * slack, here)
-            pairs.append(np.stack((rows[found[:, 0]], found[:, 1]), axis=1))
-        return [cells.node_words[rows] for rows in rows_of_ranks(np.concatenate(pairs), self.neighbours)]
+        # a rank has its cells' nodes and their images, where planes meet also images of images
+        rows, places = np.arange(len(cells.nodes)), cells.nodes
+        for mirror in reversed(cells.mirrors):
+            near, images = reflected(places, mirror, width)
+            rows, places = np.concatenate((rows, rows[near])), np.concatenate((places, images))
+        found = self.partition.touching(places + slack, width + 2 * slack, here)
+        pairs = np.stack((rows[found[:, 0]], found[:, 1]), axis=1)
+        return [cells.node_words[rows] for rows in rows_of_ranks(pairs, self.neighbours)]
 
     def shared_slots(self) -> np.ndarray:
         """Slots of the nodes that other ranks have, too, rising."""

@@ -355,9 +355,7 @@ for order, transfer in (("musl", "flip"), ("usl", "flip"), ("usl", "apic")):
 for basis in ("linear", "ugimp", "quadratic-spline", "cubic-spline"):
     d = 3 if basis in ("ugimp", "quadratic-spline") else 2
     bar = taylor_points(1.6e-3 if d == 3 else 8e-4, dimension=d, length=16e-3, basis=basis, order="usl")
-    # rounding grows on three ranks with quadratic splines, from the third step on: 4e-6 of energies, 4e-5 of stresses
-    agreement = 1e-4 if basis == "quadratic-spline" else 1e-9
-    add(f"taylor, {basis}", "mpm flow", bar, steps=40, balance=7e-2, agreement=agreement, grows=("plastic_work",))
+    add(f"taylor, {basis}", "mpm flow", bar, steps=40, balance=7e-2, grows=("plastic_work",))
 add("crossing", "mpm free migrates", crossing(), steps=250, stops=(100,), momentum=1e-9)
 add(
     "crossing in space",

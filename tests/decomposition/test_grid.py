@@ -209,6 +209,16 @@ def test_nodes_behind_mirrors_come_with_their_images(comm):
     check_sums(comm, grid, particles)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_ranks_share_nodes_behind_two_mirrors(comm, dimension):
+    """A rank may have a node only as the image of an image, where two planes meet."""
+    particles = particle_set(comm, dimension)
+    particles.position = (particles.position + 3.0) / 3.0
+    grid = RankGrid(comm, dimension, WIDTH, (Mirror(0, 2, 1), Mirror(1, 2, 1)))
+    assert grid.redistribute(particles)
+    check_sums(comm, grid, particles)
+
+
 def test_the_order_within_cells_is_that_of_storage():
     cells = OccupiedCells(2, 2)
     bases = np.array([[0, 0], [1, 0], [0, 0], [0, 1], [0, 0]])

@@ -9,7 +9,9 @@ from test_mesh_weights import RUBBER
 from test_stages import run
 from test_static import box, static
 
+from parsolid.methods.tlsph.static import Failed, Static
 from parsolid.scene import SceneError, parse_scene
+from parsolid.simulation.loop import Simulation
 
 SIDES = [{"plane": "X = 0", "kind": "roller"}, {"plane": "Y = 0", "kind": "roller"}]
 
@@ -143,6 +145,23 @@ def test_nearly_incompressible(shared_path, comm):
     rows = run_alone_and_on_all(data, comm, names=("time", "external_work", "strain_energy"))
     assert rows["time"][-1] == 1.0
     assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"][-1]
+
+
+def test_parts_of_a_load_step_leave_no_remainder(monkeypatch):
+    """A tool meets the body after a seventh of a load step, and six parts as long follow."""
+    sim = Simulation(MPI.COMM_SELF, parse_scene(pressed([press(1.0, "-0.05")], particles=(3, 3))))
+    attempt, ends = Static._attempt, []
+
+    def tried(self, time, step, part, end, at):
+        ends.append(end)
+        return Failed("", part=1.0 / 7.0) if len(ends) == 1 else attempt(self, time, step, part, end, at)
+
+    sim.take_step(0.0)
+    monkeypatch.setattr(Static, "_attempt", tried)
+    monkeypatch.setattr(Static, "_growth", lambda self, taken: 1.0)
+    sim.take_step(0.07)
+    assert len(ends) == 8 and ends[-2] < 0.9
+    assert sim.systems[0].statics.load_step == pytest.approx(0.01)
 
 
 def test_free_tool_is_refused():

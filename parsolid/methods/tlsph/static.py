@@ -61,6 +61,8 @@ _AHEAD = 0.1
 _FIRST, _LEAST = 0.1, 2.0**-10
 # of a load step, before which a contact that closes within it does not end it
 _TOUCHING = 1e-3
+# of a load step, what is left of it by rounding of its parts
+_ROUNDED = 1e-9
 # of a residual, what a solution without the change of loads leaves
 _ROUGH = 0.1
 # products with the tangent in one solution at most
@@ -397,7 +399,7 @@ class Static:
         at, work = first, np.zeros(self.free.shape)
         part, length, shortened, self.fault, self.reached = 0.0, 1.0, False, "", None
         while part < 1.0:
-            end = 1.0 if length >= 1.0 - part else part + length
+            end = part + length if part + length < 1.0 - _ROUNDED else 1.0
             tried = self._attempt(time, step, part, end, at)
             if isinstance(tried, Taken):
                 at, work = tried.end, work + tried.work
