@@ -1,5 +1,6 @@
 """Whole runs: a scene into a folder, with the error bars, targets and pictures that are asked for."""
 
+import gc
 import subprocess
 import tempfile
 import time as clock
@@ -241,6 +242,8 @@ def _run_campaign(
         if own.restart == NEWEST and not has_checkpoint(comm, folder):
             # it was stopped in its coarse runs: there is nothing to go on with
             own = replace(own, restart=None)
+        # of the run before this one: systems have references to themselves, and are large
+        gc.collect()
         return run_alone(comm, scene, folder, own, began)
 
     def say(text: str) -> None:

@@ -4,6 +4,7 @@ A run's folder is named by a digest of all that its numbers depend on, so that w
 what was stopped or killed goes on.
 """
 
+import gc
 import json
 import os
 import shlex
@@ -194,6 +195,8 @@ def run_into(comm: MPI.Intracomm, scene: Scene, folder: Path, limits: Limits) ->
         except OutputError:
             # it begins anew
             restart = None
+    # of the run before this one: systems have references to themselves, and are large
+    gc.collect()
     simulation = Simulation(comm, scene, restart)
     with (
         closing(RunFolder(comm, folder, restart.path if restart else None)) as files,

@@ -109,7 +109,8 @@ def parse(arguments: list[str]) -> argparse.Namespace:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command on all ranks; the exit status. Prints one message, on rank 0, for bad input and failed runs."""
     comm = MPI.COMM_WORLD
-    # modules, tables and kernels that are loaded stay: to look for garbage among them took a fifth of the start
+    # to look for cycles of garbage as often as usual took a fifth of the start: what is loaded stays, and steps leave
+    # none. A script that imports the package chooses for its process
     gc.set_threshold(50_000, *gc.get_threshold()[1:])
     CONTEXT.folder, CONTEXT.checkpoint, CONTEXT.job = None, None, comm.bcast(os.getpid())
     try:

@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import combinations
+from itertools import combinations, groupby
 from math import isfinite
 from typing import Annotated, Any, ClassVar, get_args
 
@@ -116,7 +116,7 @@ class SceneModel(BaseModel):
         try:
             result = handler(value)
         except ValidationError as error:
-            conflicts += [in_words(cls, item, value) for item in error.errors(include_url=False)]
+            conflicts += faults_in_words(cls, error.errors(include_url=False), value)
         if conflicts:
             raise ValidationError.from_exception_data(cls.__name__, conflicts)
         return result
@@ -176,6 +176,38 @@ _EXPECTED = {
     "literal_error": ("{expected}", "choice"),
     "union_tag_invalid": ("one of {expected_tags}", "choice"),
 }
+
+
+def faults_in_words(model: type[SceneModel], errors: list[Any], table: Any) -> list[InitErrorDetails]:
+    """Errors of pydantic in a raw table of a model, as `in_words`; one for a key that may have values of several types,
+    of which pydantic tells each."""
+    result: list[InitErrorDetails] = []
+    for key, found in groupby(errors, lambda error: _key_of_alternative(error, table)):
+        told = [in_words(model, error, table) for error in found]
+        if key is not None:
+            parts: list[Any] = [one["type"].context for one in told]  # type: ignore[union-attr]
+            # a bound is that of the type which the value has
+            told_by = next((one for one in parts if one["code"] == "bound"), parts[0])
+            expected = " or ".join(dict.fromkeys(one["expected"] for one in parts))
+            error = mismatch(expected, told[0]["input"], told_by["code"], bounds=told_by)
+            told = [InitErrorDetails(type=error, loc=key, input=told[0]["input"])]
+        result += told
+    return result
+
+
+def _key_of_alternative(error: Any, table: Any) -> tuple[Any, ...] | None:
+    """The place in a raw table of the key whose value an error refuses for one of its types, which pydantic appends to
+    the place; None of other errors."""
+    *place, last = error["loc"] or (None,)
+    if error["type"] in ("mismatch", "missing") or not place:
+        return None
+    try:
+        for key in place:
+            table = table[key]
+    except (LookupError, TypeError):
+        return None
+    stated = last in table if isinstance(table, dict) else isinstance(last, int)
+    return None if stated else tuple(place)
 
 
 def in_words(model: type[SceneModel], error: Any, table: Any) -> InitErrorDetails:

@@ -1,7 +1,7 @@
 """Terms of formulas: numpy functions of values and, where they are asked for, of rates of change in time.
 
-A term is a tree of constants, names, functions and tables. Its rate is found with dual numbers: every value has its
-rate, None where it does not change in time; at a jump or a corner it is the one after it.
+A term is a tree of constants, names, functions and tables, which are read from CSV files. Its rate is found with dual
+numbers: every value has its rate, None where it does not change in time; at a jump or a corner it is the one after it.
 """
 
 import csv

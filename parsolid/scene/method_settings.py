@@ -49,8 +49,8 @@ class MethodSettings(SceneModel):
     the state that another run may go on from; state_of_particles: those that only the very same particles may take;
     state_forces: what these, if they are all, take besides, and what others find anew; contact_variables: what contact
     and tools keep with particles, which the same particles take where results have it; stage_keys: what the stages of
-    a run may have otherwise, see `scene.stages`; in_cells: whether
-    lattices of particles are in the middle of cells, never on the surface.
+    a run may have otherwise, see `scene.systems.Stage`; in_cells: whether lattices of
+    particles are in the middle of cells, never on the surface.
     """
 
     system: ClassVar[str]

@@ -1,4 +1,4 @@
-"""Faults of a scene: one exception that carries all of them, and the words in which they are told."""
+"""Faults of a scene: one exception that carries all of them, the words in which they are told, and names of before."""
 
 import difflib
 import math

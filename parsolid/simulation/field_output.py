@@ -18,12 +18,12 @@ from parsolid.simulation.outputs import Cadence, Output
 
 
 class FieldOutput(Output):
-    """The fields that a scene shows, at its times unless others are given; steps end exactly there."""
+    """The fields that a scene shows, at its times; steps end exactly there."""
 
-    def __init__(self, simulation: Simulation, folder: RunFolder, every: Cadence | None = None):
+    def __init__(self, simulation: Simulation, folder: RunFolder):
         """Goes on with a file of the folder whose run is continued. Collective."""
         self.comm, self.scene, self.folder = simulation.comm, simulation.scene, folder
-        self.every = every or Cadence(times=tuple(self.scene.fields_times))
+        self.every = Cadence(times=tuple(self.scene.fields_times))
         self.observables = Observables(simulation.systems)
         time = simulation.clock.time if folder.continued else None
         capacity = max(1, sum(one > (-1.0 if time is None else time) for one in self.every.times))

@@ -124,16 +124,16 @@ def history_columns(scene: Scene) -> list[str]:
 class HistoryOutput(Output):
     """Rows at the start, at a cadence, after each jump of the loads and at the scene's end.
 
-    every: that of the scene unless given; last_row: the last row, column -> value.
+    last_row: the last row, column -> value.
     """
 
-    def __init__(self, simulation: Simulation, folder: RunFolder | None = None, every: Cadence | None = None):
+    def __init__(self, simulation: Simulation, folder: RunFolder | None = None):
         """folder: where history.csv is written, or gone on with; None: rows are kept in memory. Collective."""
         scene, stated = simulation.scene, simulation.scene.output
         self.simulation, self.folder = simulation, folder
         interval = stated.history_interval or scene.end_time / ROWS
-        usual = Cadence(time=interval) if stated.history_steps is None else Cadence(steps=stated.history_steps)
-        self.every = every or usual
+        steps = stated.history_steps
+        self.every = Cadence(time=interval) if steps is None else Cadence(steps=steps)
         self.probes = Probes(simulation.comm, scene, Observables(simulation.systems))
         self.last_row: dict[str, float] | None = None
         # without a folder

@@ -181,7 +181,7 @@ def _particle_set(values: dict[str, np.ndarray]) -> ParticleSet:
 
 
 class CheckpointOutput(Output):
-    """Checkpoints at the scene's cadence unless another is given; written after the other outputs of a state.
+    """Checkpoints at the scene's cadence, written after the other outputs of a state.
 
     history, errors: whose state goes into the checkpoint.
     """
@@ -192,11 +192,10 @@ class CheckpointOutput(Output):
         folder: RunFolder,
         history: "HistoryOutput",
         errors: "ReferenceErrors",
-        every: Cadence | None = None,
     ):
         """Collective."""
         stated = simulation.scene.output
-        self.every = every or Cadence(stated.checkpoint_interval, stated.checkpoint_steps, stated.checkpoint_wall)
+        self.every = Cadence(stated.checkpoint_interval, stated.checkpoint_steps, stated.checkpoint_wall)
         self.path, self.history, self.errors = folder.checkpoint, history, errors
         # read when the run starts; rank 0's goes into the file
         self._scene: dict[str, Any] = {}

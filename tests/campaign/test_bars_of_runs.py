@@ -1,17 +1,21 @@
 """`run --error-bars` and `--target` as a whole, on any number of ranks: bars, restarts in a coarse run, limits."""
 
+import gc
 import json
 import os
 import signal
 import subprocess
 import sys
+import weakref
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
+from parsolid.api import running
 from parsolid.api.running import RunOptions, run_scene
+from parsolid.campaign import runner
 from parsolid.campaign.error_bars import Campaign, ErrorTable
 from parsolid.campaign.estimate import Bar
 from parsolid.campaign.runner import InProcess, Interrupted, Record, VariantRun, read_files
@@ -22,7 +26,7 @@ from parsolid.commands.run import options_of
 from parsolid.exit_status import NOT_REACHED
 from parsolid.output.results import load
 from parsolid.scene import SceneError, load_scene, parse_scene
-from parsolid.simulation.loop import Limits
+from parsolid.simulation.loop import Limits, Simulation
 
 SCENE = Path(__file__).parents[2] / "runs" / "tlsph" / "tensile_smooth.toml"
 SMALL = ["bodies.0.particles=[17, 17]", "end_time=0.0008", "output.pictures=false", "output.fields_times=[]"]
@@ -77,6 +81,25 @@ def test_a_coarse_run_that_was_stopped_goes_on_with_the_same_bits(comm, shared_p
     for one in found[:2]:
         InProcess(comm, shared_path / "whole").run(one, begins=lambda: begun.append(1))
     assert not begun
+
+
+def test_a_run_begins_without_the_arrays_of_the_run_before_it(comm, shared_path, monkeypatch):
+    begun, alive = [], []
+
+    class Watched(Simulation):
+        def __init__(self, *given):
+            alive.append(sum(one() is not None for one in begun))
+            super().__init__(*given)
+            begun.extend(map(weakref.ref, self.systems))
+
+    for module in (runner, running):
+        monkeypatch.setattr(module, "Simulation", Watched)
+    gc.disable()
+    try:
+        assert run(comm, shared_path, "--error-bars", more=["end_time=1e-4"]) == 0
+    finally:
+        gc.enable()
+    assert len(alive) > 2 and not any(alive)
 
 
 def test_coarse_runs_that_cannot_be_set_up_or_fail_are_told_and_left_out(comm, shared_path):

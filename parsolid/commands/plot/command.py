@@ -197,7 +197,7 @@ def _draw_bodies(
 
 
 def cut_of(options: Any) -> tuple[int, float, bool | None, bool] | None:
-    """Axis, value, side and configuration of a `cuts.Cut`."""
+    """Axis, value, side and configuration of a `space.Cut`."""
     if options.clip is None and options.slice is None:
         return None
     letter, sign, value = options.clip or options.slice

@@ -73,7 +73,7 @@ class Look:
     view: "iso", "front", "side", "top", "below" or the direction towards the viewer; limits: of the colours, in SI
     units; size: of the whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the
     images in the planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements; cut:
-    the entries of a `cuts.Cut`; bodies: numbers of those that are drawn; up: the axis that is upright in space.
+    the entries of a `space.Cut`; bodies: numbers of those that are drawn; up: the axis that is upright in space.
     """
 
     view: str | tuple[float, float, float] = "iso"
@@ -151,7 +151,7 @@ class Sheet:
 
     @cached_property
     def cut(self) -> Any:
-        """The `cuts.Cut`, None where bodies are whole."""
+        """The `space.Cut`, None where bodies are whole."""
         from parsolid.commands.plot.space import Cut
 
         return Cut(*self.look.cut) if self.look.cut else None
