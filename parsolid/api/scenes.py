@@ -1,4 +1,4 @@
-"""Scenes made in Python, or read from TOML files."""
+"""Scenes made in Python, or read from TOML files, and checks of what else the Python interface is given."""
 
 import copy
 import os

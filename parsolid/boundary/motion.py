@@ -43,7 +43,7 @@ class _LocalCondition(NamedTuple):
 
 
 class _Values:
-    """Values (count,) of entries in time, sums of factors times modes, see `scene.space_time`."""
+    """Values (count,) of entries in time, sums of factors times modes, see `load_histories.Separated`."""
 
     def __init__(
         self, count: int, functions: list[tuple[_LocalCondition, Separated]], two_sided_times: frozenset[float]

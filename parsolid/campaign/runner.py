@@ -1,4 +1,4 @@
-"""Runs scenes and keeps what they left: on the ranks of this process, or as programs of their own.
+"""Runs scenes and keeps what they left, and measures of it: on the ranks of this process, or as programs of their own.
 
 A run's folder is named by a digest of all that its numbers depend on, so that what has been run is not run again, and
 what was stopped or killed goes on.

@@ -1,4 +1,4 @@
-"""Arguments that several commands take, and values that they may have."""
+"""What several commands share: arguments, the values that these may have, and the tables that they print."""
 
 import argparse
 from pathlib import Path

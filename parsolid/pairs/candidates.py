@@ -20,7 +20,7 @@ class Reach:
 
 
 def metrics(spacing: np.ndarray, axes: np.ndarray | None, smoothing: float) -> np.ndarray:
-    """Rows (n, 6) of M = h^{-2}, h = smoothing * spacing along the particle's own axes (see `pairs.weights`)."""
+    """Rows (n, 6) of M = h^{-2}, h = smoothing * spacing along the particle's own axes."""
     n, d = spacing.shape
     diagonal = np.ones((n, 3))
     diagonal[:, :d] = 1.0 / (smoothing * spacing) ** 2

@@ -29,7 +29,7 @@ LEAST_PART = 1.0 / 16.0
 
 def surface_area(comm: Any, particle_set: Any, planes: Any, closed: np.ndarray) -> np.ndarray:
     """Area vectors A_a (n, d) [m^2] of particles with their halves beyond mirror planes; particle_set:
-    `scene.ParticleSet`; closed (n,): particles whose weights are to be closed; collective.
+    `particles.particle_set.ParticleSet`; closed (n,): particles whose weights are to be closed; collective.
 
     Raises SolverError on all ranks when their areas are not where the particles are.
     """

@@ -1,6 +1,6 @@
 """Laws at one material point: what the driver asks of a law, and hyperelastic laws.
 
-A new kind of law is one class more with the methods of `PointLaw`, entered in `point.choice` under the type of its
+A new kind of law is one class more with the methods of `PointLaw`, entered in `driver.POINT_LAWS` under the type of its
 parameters; every hyperelastic law is one already. A class keeps the state of one point and calls the functions of the
 law; it repeats none of them.
 """

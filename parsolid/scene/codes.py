@@ -1,4 +1,4 @@
-"""Every code of a fault, a warning, a note and of the energy check: what it says, and what to do.
+"""Every code of a fault, a warning, a note and of the energy check: what it says, and what to do; warnings and notes.
 
 Codes never change; the manual's page of codes is made from these tables.
 """

@@ -253,10 +253,12 @@ class LoadHistory(SeparatedFunction):
 
 
 def corner_times(scene: Any) -> set[float]:
-    """Times [s] at which functions of time turn a corner in what a scene prescribes, and steps must end."""
+    """Times [s] at which functions of time turn a corner in what a scene prescribes, or velocities of tools jump, and
+    steps must end."""
     loads = (scene.loads.body_force, scene.loads.acceleration, scene.loads.heat_source)
     stated = [formulas for boundary in scene.boundaries for formulas in boundary.formulas.values()]
-    return {time for formulas in (*stated, *loads) if formulas is not None for time in formulas.corners}
+    turns = {time for formulas in (*stated, *loads) if formulas is not None for time in formulas.corners}
+    return turns | {time for tool in scene.tools if tool.motion is not None for time in tool.motion.jumps}
 
 
 class Loads(Timed):

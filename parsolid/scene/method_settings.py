@@ -33,24 +33,31 @@ COMMON_FIELDS = {"mass": "scalar", "share": "scalar", "spacing": "vector", "refe
 class MethodSettings(SceneModel):
     """What every method has, and what it says of itself to the other tables of a scene.
 
-    system: module and class, "module:class"; dimensions; materials: the roles of laws that the method takes;
-    boundaries: the kinds that it knows; refused: of others the reason, or what to use in place;
-    declared_fields, extra_fields: those that a scene may name besides `COMMON_FIELDS`, as declarations of particles or
-    by name -> "scalar", "vector" or "tensor"; extra_quantities: what the method computes, by name;
-    pictured_fields: what colours the bodies, the first that was written; prescribes: what of a motion is, of velocity
-    and displacement;
-    reactions: kinds of boundaries that can tell their force; pressed: keys of places where a
-    pressure acts; loads: keys of the table of that name; ledger_terms: see
-    `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills; shared_field: whether bodies
-    stick together on a field of velocities that they share, so that those which do not need systems of their own;
-    strained: whether stress is that of a
-    displacement or deformation gradient, which a start may have; initial_stress_refused: why a start has no stress of
-    its own, None where it may; state_variables: names (* for any end) of declared fields that, with the places, are
-    the state that another run may go on from; state_of_particles: those that only the very same particles may take;
-    state_forces: what these, if they are all, take besides, and what others find anew; contact_variables: what contact
-    and tools keep with particles, which the same particles take where results have it; stage_keys: what the stages of
-    a run may have otherwise, see `scene.systems.Stage`; in_cells: whether lattices of
-    particles are in the middle of cells, never on the surface.
+    system                  module and class, "module:class"
+    dimensions, materials   those of space, and the roles of laws, that the method takes
+    boundaries              the kinds that it takes; refused: of others the reason, or what to use in place
+    prescribes              what a scene may prescribe: "velocity", "displacement"
+    reactions               kinds of boundaries of which it knows the force
+    pressed                 keys of the places on which a pressure may act
+    loads                   keys of the table `loads` that it takes
+    declared_fields         those that a scene may name besides `COMMON_FIELDS`, as particles declare them
+    extra_fields            others, name -> "scalar", "vector" or "tensor"
+    extra_quantities        what it computes of all particles, by name
+    pictured_fields         what colours the bodies: the first of these that was written
+    ledger_terms            see `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills
+    shared_field            whether bodies share a field of velocities and so stick together; those that do not need
+                            systems of their own
+    in_cells                whether lattices of particles are in the middle of cells, never on the surface
+    strained                whether stress is that of a deformation gradient, so that a start may have one
+    initial_stress_refused  why a start has no stress of its own, None where it may
+    stage_keys              keys that a stage of a run may change, see `scene.systems.Stage`
+
+    What another run may start from, by names of declared fields (* for any end):
+
+    state_variables         the state, with the places
+    state_of_particles      those of the state that only the very same particles may take
+    state_forces            what these take besides, if they are all of the run, and what others find anew
+    contact_variables       what contact and tools keep with particles; the same particles take it where results have it
     """
 
     system: ClassVar[str]

@@ -87,6 +87,12 @@ class Motion(SceneModel):
     axis: Point | None = Field(None, description="the direction of the axis of rotation, in 3-D")
     about: Point | None = Field(None, description="a point of the axis of rotation at time 0 [m]")
 
+    @property
+    def jumps(self) -> set[float]:
+        """Times [s] at which velocity or rate jump."""
+        formulas = (*(self.velocity or ()), *([] if self.rate is None else [self.rate]))
+        return {time for formula in formulas for time in formula.jumps}
+
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "Motion":
         details: list[Any] = []

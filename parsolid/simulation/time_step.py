@@ -1,4 +1,6 @@
-"""How long a step is: at most the stable one, ending exactly where a run must land, of length 0 where loads jump."""
+"""How long a step is: at most the stable one, ending exactly where a run must land, of length 0 where loads jump; and
+how many steps each system takes in a common one.
+"""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence

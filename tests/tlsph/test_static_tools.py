@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import evolved, gathered, run_through_and_in_two, run_to_end
+from solids import evolved, gathered, run_alone_and_on_all, run_through_and_in_two, run_to_end
 from test_load_history import METAL
+from test_mesh_weights import RUBBER
 from test_stages import run
 from test_static import box, static
 
@@ -123,6 +124,27 @@ def test_pressed_then_let_go(comm):
     _, rows = run(data, comm)
     assert rows["kinetic"][-1] > 0.1 * rows["strain_energy"].max()
     assert np.abs(rows["energy_error"]).max() < 2e-3 * rows["strain_energy"].max()
+
+
+def test_jump(comm):
+    """A load step ends where the velocity of a tool jumps: here it turns back."""
+    _, rows = run(pressed([press(1.0, "-0.05*(1 - 2*step(t, 0.53))")], particles=(4, 4)), comm)
+    assert 0.53 in rows["time"]
+    work = rows["external_work"]
+    assert work[-1] < 0.02 * work.max()
+    assert np.abs(rows["energy_error"]).max() < 1e-4 * work.max()
+
+
+@pytest.mark.ranks(1, 2)
+def test_nearly_incompressible(shared_path, comm):
+    """A tool with friction on a mesh whose pressures are unknowns: the same on all ranks."""
+    law = RUBBER | {"poissons_ratio": 0.4999}
+    tools = [press(1.03, "-0.1", friction=0.1)]
+    data = static(shared_path, counts=(4, 4), scale=0.25, moving=0.0, boundaries=SIDES, tools=tools)
+    data["bodies"][0]["material"] = law
+    rows = run_alone_and_on_all(data, comm, names=("time", "external_work", "strain_energy"))
+    assert rows["time"][-1] == 1.0
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"][-1]
 
 
 def test_parts_of_a_load_step_leave_no_remainder(monkeypatch):

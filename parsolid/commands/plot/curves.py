@@ -1,4 +1,6 @@
-"""Curves of a run's history: energies, dissipations, energy error, probes, with the reference where a scene has one."""
+"""Curves of a run: energies, dissipations, energy error, probes, with the reference where a scene has one; forces over
+displacements of boundaries; fields over a coordinate.
+"""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -228,7 +230,7 @@ def _finish(panels: Any, unit: str) -> None:
             axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")
 
 
-_SIZE, _DOTS_PER_INCH = (640, 420), 100
+_SIZE = (640, 420)
 
 
 def write_lines(
@@ -245,7 +247,7 @@ def write_lines(
     farthest = max((np.abs(frame.position[:, axis]).max() for frame in frames), default=0.0)
     length, metres = prefixed("m", float(farthest))
     width, height = size or _SIZE
-    figure = Figure(figsize=(width / _DOTS_PER_INCH, height / _DOTS_PER_INCH), layout="constrained")
+    figure = Figure(figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), layout="constrained")
     axes = figure.subplots()
     for number, (frame, text) in enumerate(zip(frames, labels)):
         place = frame.position[:, axis]
@@ -258,7 +260,7 @@ def write_lines(
     axes.grid(alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(fontsize=9, frameon=False)
-    figure.savefig(path, dpi=_DOTS_PER_INCH)
+    figure.savefig(path, dpi=DOTS_PER_INCH)
 
 
 _OF_AXES = dict(zip("xyz", ("#1f77b4", "#d95f02", "#1b9e77")))
@@ -284,8 +286,7 @@ def write_forces(results: Results, path: Path) -> bool:
     panels = pairs(results.scene, list(history))
     if not panels:
         return False
-    figure = Figure(figsize=(4.6 * len(panels), 3.6), dpi=100, layout="constrained")
-    figure.suptitle(results.title, fontsize=12)
+    figure = _figure((_PANEL[0] * len(panels), _PANEL[1] + 30), results.title)
     for axes, (name, both) in zip(np.atleast_1d(figure.subplots(1, len(panels))).ravel(), panels.items()):
         moved, force = ([np.abs(history[one[k]]).max(initial=0.0) for one in both] for k in (0, 1))
         (length, metres), (unit, newtons) = prefixed("m", max(moved)), prefixed("N", max(force))
@@ -300,5 +301,5 @@ def write_forces(results: Results, path: Path) -> bool:
         axes.grid(alpha=0.25, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")
-    figure.savefig(path, dpi=figure.dpi)
+    figure.savefig(path, dpi=DOTS_PER_INCH)
     return True

@@ -94,7 +94,7 @@ class MaterialPoints(Particles):
         # FLIP has slopes beside driven nodes alone, see `conditions.GridConditions.keep_slopes_beside_driven`
         if settings.transfer != "flip" or "velocity" in boundaries:
             self.declare(Field("velocity_slope", 12, "1/s", checkpointed=True))
-        # see `heat.HeatedSurfaces`
+        # see `heat.heat_to_grid`
         if "heat-flux" in boundaries:
             self.declare(Field("temperature_slope", 4, "K/m", checkpointed=True))
         if settings.basis == "ugimp":

@@ -73,7 +73,7 @@ class PlasticStates:
 
     def __init__(self, bonds: Bonds, laws: list[tuple[int, int, Any]], distinct: list[Any], viscosity: Any) -> None:
         """laws: (first, last, law) of the rank's particles; distinct: the laws of the scene, as particles are sorted by
-        them; viscosity: `scene.viscosity.ArtificialViscosity`."""
+        them; viscosity: `method_settings.ArtificialViscosity`."""
         self.bonds, self.particles, self.plane = bonds, bonds.particles, True if bonds.d == 2 else None
         self.blocks = [MaterialBlock(*one) for one in laws if flows(one[2])]
         self.tiles = [new_tile(count_of(block.law.failure)) for block in self.blocks]
@@ -259,8 +259,8 @@ def store_damping(
     plane, first, last, law, factors, gradient, places, E, control, squares, inverse, volume, spacing, sums, M, heat,
     at_rest, viscosities
 ):  # fmt: skip
-    """M = -C L - q cof F K^-1 of particles first..last-1, with the viscous pressure q of `scene.viscosity`, and what it
-    takes [W].
+    """M = -C L - q cof F K^-1 of particles first..last-1, with the viscous pressure q of
+    `method_settings.ArtificialViscosity`, and what it takes [W].
 
     factors: linear and quadratic one of q; gradient (d d, n): F, components at `places`; E (n,) [J/m^3]; control: rows
     of C; squares: of `add_square_jumps`; spacing (n,) [m]; sums: of the gradient of velocities; at_rest: c_p [m/s];

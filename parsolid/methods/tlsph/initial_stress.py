@@ -29,7 +29,7 @@ class InitialStress:
         self._stored = 0.0
 
     def begin(self, *place: Any) -> None:
-        """Set it by the scene's formulas; place: as `scene.initial.initial_stress` takes it."""
+        """Set it by the scene's formulas; place: as `initial_fields.initial_stress` takes it."""
         rows = self.particles.owned_rows(FIELD)
         rows[:] = initial_stress(*place).reshape(rows.shape)
         self.resume()

@@ -45,14 +45,15 @@ from parsolid.solvers.grid_levels import SOFTEST
 from parsolid.solvers.minres import minres
 from parsolid.solvers.newton import State, newton
 
-# of a load, what the tangent of a step leaves; the share of a step's work that may be missing in the stored energy, at
-# most, and as lengths of steps are chosen; by how many powers of 2 these change at most
+# of a change of loads, the residual to which the tangent of a path is solved
 _TANGENT = 1e-4
-# of that, beside pressures: the error of minimal residuals is not without work, as that of conjugate gradients is
+# of that, with pressures as unknowns: errors of minimal residuals do work along the step, those of conjugate gradients
+# do not
 _SADDLE = 0.1
-_MISSING, _AIM = 2e-3, 1e-4
-# the same where particles begin to slip within steps
-_ROUGH_AIM = 5e-4
+# of the work of a load step, what the stored energy may lack: at most, and what the next length aims at, also where
+# particles begin to slip within steps
+_MISSING, _AIM, _ROUGH_AIM = 2e-3, 1e-4, 5e-4
+# the next load step is longer or shorter by so many powers of 2 at most
 _POWERS = 2.0
 # of a load step, where the tangent at its start is taken from bodies that flow: as they begin to, it changes at once
 _AHEAD = 0.1
@@ -115,8 +116,8 @@ class Tangential(NamedTuple):
 
 
 class Failed(NamedTuple):
-    """Why a load step does not count; critical: whether that is so at a limit of the load; part: of it, the next one
-    that is tried."""
+    """Why a load step does not count; critical: whether it may be for a limit point; part: of the step, what is tried
+    next."""
 
     fault: str
     critical: bool = False
@@ -234,10 +235,8 @@ class Static:
         for one in interactions:
             one.try_forces(self._kept_at, self._over, still)
         self._meeting = force.copy()
-        self._met = (
-            sum(one.energies()[1] for one in interactions),
-            *(sum(values) for values in ([one.lost() for one in interactions], [one.power() for one in interactions])),
-        )
+        stored = sum(one.energies()[1] for one in interactions)
+        self._met = (stored, sum(one.lost() for one in interactions), sum(one.power() for one in interactions))
 
     @property
     def _rubs(self) -> bool:
@@ -301,6 +300,7 @@ class Static:
         return result
 
     def loads_at(self, time: float, before_jump: bool) -> np.ndarray:
+        """Loads (owned, d) [N] at a time [s] in the present shape; before_jump: where they jump, those before it."""
         found = self.conditions.find_loads(time, before_jump)
         if found is None:
             return np.zeros(self.tangent.free.shape)
@@ -417,7 +417,7 @@ class Static:
                     self.load_step = min(length * step, self.settings.maximum_step or self.end)
                 continue
             self.retries, shortened = self.retries + 1, bool(tried.fault)
-            self._return_to(at)
+            self._return_to(at.unknowns)
             self.preconditioner.build()
             length = tried.part * (end - part)
             if not tried.fault:
@@ -447,7 +447,7 @@ class Static:
         if self.history is not None:
             self.history.remember()
         self._keep(time, None)
-        self._return_to(Equilibrium(u, u, 0.0))
+        self._return_to(u)
         self.preconditioner.inertia = None
         self.preconditioner.build()
         force = self.internal_force()
@@ -460,12 +460,12 @@ class Static:
             one.keep(ledger)
         self._kept_at, self._over = time, 0.0
 
-    def _return_to(self, last: Equilibrium) -> None:
+    def _return_to(self, unknowns: np.ndarray) -> None:
         """Find the forces of the last equilibrium."""
         self._over = 0.0
         if self.history is not None:
             self.history.elapsed = 0.0
-        self._deform(last.unknowns, still=True)
+        self._deform(unknowns, still=True)
         if self.history is not None:
             # which rounding would change
             self.history.recall()
@@ -654,6 +654,8 @@ class Static:
         """No equilibrium has been found beyond a time [s]."""
         self.reached = time
         limit = "a limit point of the load: beyond it there is no stable equilibrium near the last one"
+        if self.system.interactions:
+            limit += ", unless a tool's velocity jumps there"
         self.fault = f"{limit} ({tried.fault})" if tried.critical else tried.fault
 
     def _report(self, time: float, step: float, first: Equilibrium, last: Equilibrium, work: np.ndarray) -> None:

@@ -29,7 +29,7 @@ class Filling(Protocol):
 class Line:
     """Particles along one direction of a lattice from `lower` to `upper`; a closed line joins its end to its start.
 
-    grading: of nodes, see `grading.graded_shares`; even steps where there is none.
+    grading: of nodes, see `bodies.graded_shares`; even steps where there is none.
     """
 
     lower: float
