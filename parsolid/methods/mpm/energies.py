@@ -5,7 +5,7 @@ import numpy as np
 from parsolid.boundary.loads import Loads
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_KINETIC
-from parsolid.methods.mpm.external_forces import ExternalForces, LaggingWork
+from parsolid.methods.mpm.external_forces import ExternalForces, LaggingWork, power
 from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.protocol import EnergyLedger
@@ -55,7 +55,9 @@ class StepEnergies:
     Particles do not keep D = K_p + dK_i - K_p+ of the nodes' kinetic energy. MUSL strains matter with velocities u_i of
     the momentum that is mapped back instead of v_i, and loses sum_i m_i a_i . (v_i - u_i) / 2 less: where particles add
     all of the changes a_i, nothing. USL strains with all of a_i, of which the next step's nodes keep only what
-    particles took: it loses L = (sum_i m_i a_i^2 - sum_p m_p (sum_i w_ip a_i)^2) / 2 more.
+    particles took: it loses L = (sum_i m_i a_i^2 - sum_p m_p (sum_i w_ip a_i)^2) / 2 more. Where particles forget
+    velocities, stresses have worked on what the next step's nodes no longer have: there D = K_p + W - K_p+, W the work
+    of the step's stresses, for the first part on the strains of the last step, as velocities are behind places.
 
     Kinetic energy is that of velocities behind places; the work of stresses that they do not have yet is its offset.
     """
@@ -73,9 +75,23 @@ class StepEnergies:
         settings = points.settings
         self.adds_changes, self.remaps = settings.adds_changes, settings.order == "musl"
         self.loses = "velocity_slope" in points or not (self.adds_changes and self.remaps) or external is not None
+        self.forgets = not self.adds_changes and not self.remaps
+        self.work = 0.0
         self.kinetic = kinetic_energy(points.owned, points.motion) if self.loses else 0.0
         kept = forces is not None or (self.adds_changes and not self.remaps and external is None)
         self.before = points.motion[: points.owned].copy() if kept else None
+
+    def note_work(self, step: float) -> None:
+        """Work of stresses and external forces in a step [s] that has strained particles, before stresses change."""
+        if step == 0.0:
+            return
+        if self.external is not None:
+            self.external.note_work(step)
+            self.work = self.external.work
+        elif self.forgets:
+            storage = self.points.storage
+            rate = power(self.points.owned, storage("stress_and_volume"), storage("velocity_gradient"))
+            self.work = self.behind.work - (step - self.behind.lag) * rate
 
     def book(
         self,
@@ -96,8 +112,8 @@ class StepEnergies:
             supplied += duration * float((self.forces[: len(mean), :3] * mean).sum())
             loads.observe(duration, mean[:, : self.points.dimension].T)
         before = self.behind.work
-        if self.external is not None:
-            lost = self.kinetic + self.external.work + supplied - self._kinetic_now()
+        if self.external is not None or self.forgets:
+            lost = self.kinetic + self.work + supplied - self._kinetic_now()
         else:
             lost = self._lost() + caught
         ledger.add(1.0, 0.0, lost, supplied)

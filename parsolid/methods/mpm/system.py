@@ -107,6 +107,7 @@ class MaterialPoint(Reports):
             self.accelerate_nodes(time, step)
         assert self._energies is not None
         boundaries = self._move_particles(time + step, step)
+        self._energies.note_work(step)
         self._sound, materials = self.advance_stress(step)
         self._energies.book(ledger, step, boundaries, materials, self.loads)
         self._energies = None
@@ -136,8 +137,6 @@ class MaterialPoint(Reports):
                 grid_to_particles(*grid, nodes.motion, nodes.remapped, step, motion, None, None, rate, paths)
             else:
                 grid_to_particles(*grid, nodes.remapped, None, step, motion, None, None, rate, paths)
-        if external is not None and step > 0.0:
-            external.note_work(step)
         return supplied, lost
 
     def _remap(self, time: float) -> float:
