@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from free_modes import Solid, box_frequencies, ring_frequencies, sphere_frequencies
 from mpi4py import MPI
 
 from parsolid.api.modes import find_modes
-from parsolid.exact.free_modes import Solid, box_frequencies, ring_frequencies, sphere_frequencies
 from parsolid.scene import parse_scene
 
 SOLID = Solid(1.0, 0.3, 1.0)

@@ -13,7 +13,7 @@ from parsolid.particles.skins import Skin, skins_of
 from parsolid.particles.touching import TOUCHING, close_pairs, homes, within_touch
 from parsolid.scene import Scene
 from parsolid.scene.base_model import AXES
-from parsolid.scene.boundaries.condition import Condition
+from parsolid.scene.boundaries import Condition
 from parsolid.scene.contact import ALL
 
 # instants of a run at which loads that vary are looked at for the largest

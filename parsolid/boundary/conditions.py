@@ -23,8 +23,9 @@ Vectors are arrays (d, n) with a row for each component. `external_force` and `f
 of particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact,
 tools and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it.
 
-A new kind is a class of its keys in `scene/boundaries/`; if it derives from `Traction`, `Pressure` or `MotionCondition`
-there, that is all. A new load is a class in `boundary.forces`; a new constraint is one in `boundary.constraints`.
+A new kind is a class of its keys in `scene/boundaries.py`; if it derives from `Traction`, `Pressure` or
+`MotionCondition` there, that is all. A new load is a class in `boundary.forces`; a new constraint is one in
+`boundary.constraints`.
 """
 
 from collections.abc import Callable
@@ -44,8 +45,7 @@ from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
-from parsolid.scene.boundaries.condition import Condition
-from parsolid.scene.boundaries.support import Support
+from parsolid.scene.boundaries import Condition, Support
 from parsolid.scene.schema import Scene
 
 # fields (d, n) of particles on which contact, tools or ties act: their force [N] in the present places, and impulses

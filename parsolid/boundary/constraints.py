@@ -12,8 +12,7 @@ from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
-from parsolid.scene.boundaries.condition import Condition
-from parsolid.scene.boundaries.support import Support
+from parsolid.scene.boundaries import Condition, Support
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.schema import Scene
 

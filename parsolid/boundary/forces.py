@@ -1,7 +1,7 @@
 """Loads on particles: body forces, tractions, pressure that follows the surface, springs and dashpots.
 
 A load gives forces [N] on the parts of particles on this side of mirror planes. A new kind of load is a class of its
-keys in `scene/boundaries/` and a class here, entered with `@load_of`; all methods then apply it, account for its work
+keys in `scene/boundaries.py` and a class here, entered with `@load_of`; all methods then apply it, account for its work
 and report its force.
 """
 
@@ -14,9 +14,7 @@ from parsolid.boundary.kernels import deformed_areas, spring_forces
 from parsolid.boundary.surface import Surface
 from parsolid.materials.registry import laws_of
 from parsolid.particles.container import Particles, Selection
-from parsolid.scene.boundaries.condition import Condition
-from parsolid.scene.boundaries.surface import Pressure, Spring
-from parsolid.scene.boundaries.traction import Traction
+from parsolid.scene.boundaries import Condition, Pressure, Spring, Traction
 from parsolid.scene.load_histories import LoadHistory, SpaceTimeFunction
 from parsolid.scene.schema import Scene
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from parsolid.boundary.forces import DistributedLoad, Rows
 from parsolid.particles.container import Particles
-from parsolid.scene.boundaries.thermal import HeatFlux
+from parsolid.scene.boundaries import HeatFlux
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.schema import Scene

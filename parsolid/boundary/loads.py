@@ -11,7 +11,7 @@ from parsolid.boundary.reactions import Reaction
 from parsolid.boundary.surface import Surface
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.boundaries.condition import Condition
+from parsolid.scene.boundaries import Condition
 from parsolid.scene.schema import Scene
 
 _Kind = TypeVar("_Kind", bound=Condition)

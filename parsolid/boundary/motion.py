@@ -10,8 +10,7 @@ from parsolid.boundary.kernels import add_modes, put
 from parsolid.particles.container import Particles, Selection
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
-from parsolid.scene.boundaries.condition import Condition
-from parsolid.scene.boundaries.prescribed import MotionCondition
+from parsolid.scene.boundaries import Condition, MotionCondition
 from parsolid.scene.load_histories import LoadHistory, RigidMotion, Separated
 from parsolid.scene.schema import Scene
 

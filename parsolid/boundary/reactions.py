@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from parsolid.scene.boundaries.condition import Condition
+from parsolid.scene.boundaries import Condition
 
 
 class Reaction:

@@ -7,7 +7,7 @@ from parsolid.collective import raise_together
 from parsolid.particles.container import Particles, Selection
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
-from parsolid.scene.boundaries.condition import Condition
+from parsolid.scene.boundaries import Condition
 from parsolid.scene.schema import Scene
 
 

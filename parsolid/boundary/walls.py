@@ -6,7 +6,7 @@ from mpi4py import MPI
 from parsolid.boundary.loads import Loads
 from parsolid.boundary.reactions import Reaction
 from parsolid.collective import raise_together
-from parsolid.scene.boundaries.wall import Wall
+from parsolid.scene.boundaries import Wall
 
 # of a spacing: a particle in the middle of a cell on the wall touches it
 _TOUCHING = 1e-6

@@ -8,9 +8,7 @@ from mpi4py import MPI
 
 from parsolid.materials.declaration import Phrase
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.boundaries import Condition
-from parsolid.scene.boundaries.prescribed import MotionCondition
-from parsolid.scene.boundaries.support import Support
+from parsolid.scene.boundaries import Condition, MotionCondition, Support
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import fault

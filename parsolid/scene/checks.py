@@ -6,7 +6,7 @@ import numpy as np
 
 from parsolid.scene.base_model import FaultDetail, Plane
 from parsolid.scene.bodies import Extent
-from parsolid.scene.boundaries.condition import clashes, reaction_columns, reaction_details
+from parsolid.scene.boundary_faults import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
     CONTACT_TERMS,
     FRICTION_HEAT,

@@ -21,7 +21,7 @@ from parsolid.output.history import History, read_history
 from parsolid.output.run_folder import RunFolder
 from parsolid.particles.regions import nearest_particles
 from parsolid.scene import Scene
-from parsolid.scene.boundaries.condition import reaction_columns
+from parsolid.scene.boundary_faults import reaction_columns
 from parsolid.simulation.ledger import ledger_of
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.outputs import Cadence, Output

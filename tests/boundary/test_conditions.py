@@ -22,7 +22,7 @@ from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.generation import generate
 from parsolid.scene import load_scene, parse_scene
-from parsolid.scene.boundaries.surface import Pressure, Spring
+from parsolid.scene.boundaries import Pressure, Spring
 
 STEP = 0.01
 RUNS = __file__.rpartition("tests")[0] + "runs"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import jn_zeros
 
-from parsolid.exact.free_modes import Solid, box_frequencies, ring_frequencies, sphere_frequencies
+from benchmarks.free_modes import Solid, box_frequencies, ring_frequencies, sphere_frequencies
 
 STEEL = Solid(210e9, 0.3, 7800.0)
 

@@ -13,8 +13,7 @@ from parsolid.methods.peridynamics.tangent import Operator
 from parsolid.methods.peridynamics.tractions import Tractions, least_rows
 from parsolid.particles.generation import generate
 from parsolid.scene import parse_scene
-from parsolid.scene.boundaries.surface import Pressure
-from parsolid.scene.boundaries.traction import Traction
+from parsolid.scene.boundaries import Pressure, Traction
 from parsolid.solvers import conjugate_gradients
 
 SIZE = (1.0, 0.8, 0.7)

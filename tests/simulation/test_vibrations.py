@@ -6,9 +6,9 @@ from element_meshes import element_mesh
 from mpi4py import MPI
 from solids import SOFT, supports, tables
 
+from benchmarks.free_modes import Solid, box_frequencies, ring_frequencies
 from parsolid.api.modes import find_modes, modes
 from parsolid.collective import SolverError
-from parsolid.exact.free_modes import Solid, box_frequencies, ring_frequencies
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.vibrations import VibratingBodies
 

@@ -21,11 +21,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import region_of
 from parsolid.scene import Scene
 from parsolid.scene.base_model import Plane
-from parsolid.scene.boundaries.condition import Condition
-from parsolid.scene.boundaries.prescribed import MotionCondition
-from parsolid.scene.boundaries.support import Support
-from parsolid.scene.boundaries.thermal import HeatFlux, PrescribedTemperature
-from parsolid.scene.boundaries.wall import Wall
+from parsolid.scene.boundaries import Condition, HeatFlux, MotionCondition, PrescribedTemperature, Support, Wall
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.regions import NearestTo
 

@@ -27,7 +27,7 @@ from parsolid.particles.initial_fields import (
 )
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
-from parsolid.scene.boundaries.thermal import PrescribedTemperature
+from parsolid.scene.boundaries import PrescribedTemperature
 
 # F of the undeformed body: 11, 12, 21, 22, 33 in two dimensions, its rows in three
 _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)}

@@ -25,8 +25,7 @@ from parsolid.methods.plastic_particles import begin_plastic
 from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.particles.declaration import Columns, Field
 from parsolid.particles.initial_fields import initial_displacement, initial_velocity
-from parsolid.scene.boundaries.surface import Pressure
-from parsolid.scene.boundaries.traction import Traction
+from parsolid.scene.boundaries import Pressure, Traction
 
 
 class Peridynamics(Reports):

@@ -25,8 +25,7 @@ from parsolid.boundary.surface import Surface
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.particles.regions import selected
 from parsolid.scene.base_model import Plane
-from parsolid.scene.boundaries.surface import Pressure
-from parsolid.scene.boundaries.traction import Traction
+from parsolid.scene.boundaries import Pressure, Traction
 from parsolid.scene.codes import Warned
 from parsolid.scene.load_histories import SpaceTimeFunction
 from parsolid.solvers import start_vector

@@ -11,7 +11,7 @@ from parsolid.pairs.box_weights import REACH
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.particles.fillings import extent_of
 from parsolid.scene.base_model import Detail
-from parsolid.scene.boundaries.support import Support
+from parsolid.scene.boundaries import Support
 from parsolid.scene.validation_errors import SceneError
 
 # shapes whose particles stand on no lattice

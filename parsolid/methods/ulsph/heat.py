@@ -9,7 +9,7 @@ from parsolid.methods.ulsph.kinematics import symmetric_times
 from parsolid.particles.container import Particles
 from parsolid.particles.regions import selected
 from parsolid.scene import Scene
-from parsolid.scene.boundaries.thermal import PrescribedTemperature
+from parsolid.scene.boundaries import PrescribedTemperature
 
 
 @kernel

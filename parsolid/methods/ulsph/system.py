@@ -41,7 +41,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
 from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
-from parsolid.scene.boundaries.micro import MicroHard
+from parsolid.scene.boundaries import MicroHard
 
 # norm of the correction of gradients above which it is scaled down: 10 fails at 600 m/s
 _MOST_CORRECTION = 6.0

@@ -1,90 +1,10 @@
-"""What all boundary conditions have in common, and the table of their kinds."""
+"""Faults between the boundary conditions of a scene, and the columns of those that tell their force."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+from typing import Any
 
 import numpy as np
-from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.scene.base_model import Detail, Name, Plane, Point, SceneModel, check_kind, kinds_of, method_of, reject
-from parsolid.scene.formulas import Formula, FormulaVector
-from parsolid.scene.load_histories import LoadHistory, Timed
-from parsolid.scene.regions import Named, OnPlane
-from parsolid.scene.validation_errors import NOTHING
-
-if TYPE_CHECKING:
-    from parsolid.scene.regions import Region
-
-# kind -> the model of its table
-BOUNDARY_KINDS: dict[str, type[Condition]] = {}
-
-
-class Condition(SceneModel):
-    """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
-
-    on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are;
-    needs_bounding_plane: its plane must bound a body.
-    """
-
-    on_particles: ClassVar[bool] = True
-    needs_bounding_plane: ClassVar[bool] = False
-    if TYPE_CHECKING:
-        # fields of the kinds, in the order of their tables
-        kind: str
-        plane: Plane | None
-        body: str | None
-
-    @property
-    def region_name(self) -> str | None:
-        """The key `where` of kinds that hold in regions with a name."""
-        return getattr(self, "where", None)
-
-    @property
-    def reports(self) -> str | None:
-        """The name under which its force, moment and work are told, None unless that is asked for."""
-        return getattr(self, "name", None) if getattr(self, "reaction", None) else None
-
-    @property
-    def region(self) -> Region:
-        """Where it holds; the particles on its plane, or in a region with a name, unless a kind says otherwise."""
-        if self.region_name is not None:
-            return Named(self.region_name)
-        assert self.plane is not None
-        return OnPlane(self.plane)
-
-    @property
-    def formulas(self) -> dict[str, FormulaVector]:
-        """All formulas, by their key."""
-        stated = {key: getattr(self, key) for key in type(self).model_fields}
-        vectors = {key: FormulaVector((one,)) if isinstance(one, Formula) else one for key, one in stated.items()}
-        return {key: one for key, one in vectors.items() if isinstance(one, FormulaVector)}
-
-    @property
-    def prescribed(self) -> Any:
-        """The values in time of the only formulas, a `LoadHistory`; a `RigidMotion` of a rotation."""
-        (formulas,) = self.formulas.values()
-        return LoadHistory(formulas, self if isinstance(self, Timed) else None)
-
-
-class Reporting(SceneModel):
-    """Keys of conditions that can tell what force they take.
-
-    reaction: columns name.force, name.moment (about `moment_about`, the origin unless given) and name.work in the
-    history
-    """
-
-    name: Name | None = Field(None, description="what its forces are called in history.csv")
-    reaction: Literal[True] | None = Field(None, description="force, moment and work in the history, by the name")
-    moment_about: Point | None = Field(None, description="the point of the moments [m], the origin unless given")
-
-    @model_validator(mode="after")
-    def _named(self) -> Reporting:
-        if self.reaction and self.name is None:
-            reject((("reaction",), "a name, for the columns of the history", NOTHING))
-        if self.moment_about is not None and not self.reaction:
-            reject((("moment_about",), "no such key without reaction = true", self.moment_about))
-        return self
+from parsolid.scene.base_model import Detail
 
 
 def reaction_columns(name: str, dimension: int) -> list[str]:
@@ -198,25 +118,3 @@ def _is_zero(source: Any) -> bool:
         return float(source) == 0.0
     except ValueError:
         return False
-
-
-Kind = TypeVar("Kind", bound=Condition)
-
-
-def boundary_kind(model: type[Kind]) -> type[Kind]:
-    """Enter a kind in the table; raises ValueError for one that is there."""
-    for kind in kinds_of(model):
-        if kind in BOUNDARY_KINDS:
-            raise ValueError(f"boundary kinds: expected one of the name {kind!r}, found two")
-        BOUNDARY_KINDS[kind] = model
-    return model
-
-
-def of_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
-    """Refuse kinds that the scene's method does not know, or that of the body which a table names."""
-    if isinstance(value, dict):
-        method, kind = method_of(info, value), value.get("kind")
-        known = [one for one in getattr(method, "boundaries", BOUNDARY_KINDS) if one in BOUNDARY_KINDS]
-        why = getattr(method, "refused", {}).get(kind, "") if isinstance(kind, str) else ""
-        check_kind(value, info, BOUNDARY_KINDS, known, why)
-    return handler(value)
