@@ -191,6 +191,21 @@ def test_free_surfaces(tmp_path, material):
     assert np.abs(stress[side][:, 0, :2]).max() < 1e-3 * size < np.abs(stress[side][:, 1, 1]).min()
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_mesh_beside_a_box(shared_path, comm):
+    """A body without a mesh keeps the stress of its particles, and the mesh beside it the one that it has alone."""
+    file = write(shared_path / "part.vtu", *element_mesh("triangle", (4, 4), 0.3, 0.25))
+    part = of_mesh(file, 2, {"displacement": ["0.1*X*Y", "-0.05*X"], "name": "part"})
+    box = {"name": "box", "shape": {"box": {"lower": [5.0, 0.0], "upper": [7.0, 2.0]}}, "spacing": 0.25}
+    both = part | {"bodies": [{**box, "material": SOLID, "displacement": ["0.02*X", "0"]}, *part["bodies"]]}
+    (_, alone), sim = nodal(simulation(part)), simulation(both, comm)
+    (X, stress), (_, own) = nodal(sim), nodal(sim, "stress")
+    of_box = X[:, 0] > 4.0
+    assert of_box.sum() == 81
+    np.testing.assert_array_equal(stress[of_box], own[of_box])
+    np.testing.assert_allclose(stress[~of_box], alone, rtol=0.0, atol=1e-12 * np.abs(alone).max())
+
+
 def test_pressure_of_a_bore(shared_path, comm):
     """The traction on a bore in large strain is its pressure, along the normal of the deformed surface."""
     pressure = {"kind": "pressure", "where": "bore", "pressure": 0.05}

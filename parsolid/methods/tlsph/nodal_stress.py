@@ -78,13 +78,16 @@ class NodalStress:
         d, flip = self.dimension, 1.0 - 2.0 * np.eye(self.dimension, 3)
         self._signs = {(i, j): tuple(flip[:, i] * flip[:, j]) for i in range(3) for j in range(3)}
         reached = near[: self.owned] @ self.halo.with_ghosts((self.area > 0.0).astype(float))
+        # particles of bodies without a mesh share an element with none but themselves
+        meshed = np.diff(near.indptr)[: self.owned] > 1
         # inside, one layer tells as much
-        parts = [(np.flatnonzero(reached > 0.0), True), (np.flatnonzero(reached == 0.0), False)]
-        order = np.argsort(np.concatenate([rows for rows, _ in parts]))
-        found = [patches.weights(rows, centres, np.ones(d), wide)[0] for rows, wide in parts]
-        self._weights = sparse.vstack(found, format="csr")[order]
+        parts = [(np.flatnonzero(meshed & (reached > 0.0)), True), (np.flatnonzero(meshed & (reached == 0.0)), False)]
+        found = sparse.vstack([patches.weights(rows, centres, np.ones(d), wide)[0] for rows, wide in parts])
+        rows = np.concatenate([rows for rows, _ in parts])
+        at_rows = sparse.csr_matrix((np.ones(len(rows)), (rows, np.arange(len(rows)))), (self.owned, len(rows)))
+        self._weights = at_rows @ found
         # on planes of symmetry, of components that change their sign there
-        self._mirrored = np.flatnonzero(patches.mirrored[: self.owned].any(axis=1))
+        self._mirrored = np.flatnonzero(meshed & patches.mirrored[: self.owned].any(axis=1))
         odd = [signs for signs in set(self._signs.values()) if min(signs) < 0.0]
         self._odd_weights = {
             signs: patches.weights(self._mirrored, centres, np.array(signs), True)[0] for signs in sorted(odd)
