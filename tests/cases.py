@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from contact.meeting import BONDS as FREE_BONDS
 from contact.meeting import SPEED as SOFT_SPEED
 from contact.meeting import block, discs
 from contact.meeting import tables as touching
@@ -40,15 +41,19 @@ from peridynamics.test_unlike_series import LAWS as SERIES
 from peridynamics.test_unlike_series import TWO, beside
 from peridynamics.test_unlike_series import material as of_series
 from small_scenes import SCENES
-from solids import ONE_BRANCH, RUBBER, SOFT, column, punch, supports, tables
+from solids import COPPER, ONE_BRANCH, RUBBER, SOFT, column, punch, supports, tables
 from tlsph.test_implicit import spinning as turning_bar
 from tlsph.test_load_history import KINEMATIC, METAL, VISCOUS
 from tlsph.test_load_history import pulled as pulled_strip
 from tlsph.test_mesh_weights import of_mesh
 from tlsph.test_plastic_flow import BRITTLE, KINDS, bent
+from tlsph.test_pressures import cook, stiff_block
 from tlsph.test_shared_nodes import scene_of, two_groups
 from tlsph.test_stages import there_and_back
 from tlsph.test_static import sagging
+from tlsph.test_static_tools import press, pressed
+from tlsph.test_tied_equilibria import pulled as ends_pulled
+from tlsph.test_tied_equilibria import tied as two_tied
 from tools.test_free_tools import METHODS as TOOLED
 from tools.test_free_tools import hit
 from ulsph.plates import STEEL, impact
@@ -139,6 +144,12 @@ def loaded_mesh(folder) -> Tables:
     )  # fmt: skip
 
 
+def free_mesh(folder) -> Tables:
+    """All kinds of elements in one body that nothing holds, without dissipation."""
+    body, method = {"velocity": ["0.1*Y", "-0.2*X", "0"]}, {"dissipation": 0.0}
+    return of_mesh(folder, "mixed", 3, body=body, method=method, end_time=5.0)
+
+
 def struck_mesh(folder) -> Tables:
     """A ball on a mesh, whose particles have unlike masses on springs of contact."""
     shape = {"sphere": {"centre": [1.7, 1.31], "radius": 0.3}}
@@ -194,6 +205,21 @@ def strip(folder, material) -> Tables:
     return data
 
 
+def strap(folder) -> Tables:
+    """A strap of two meshes that do not match bears a load over its tie, and then moves from rest."""
+    kinds = ((0.5, "leapfrog"), (0.7, "implicit"))
+    stages = [{"start": start, "method": {"integrator": kind}} for start, kind in kinds]
+    return two_tied(folder, ends_pulled(["0.02*min(2*t, 1)", "0.002*min(2*t, 1)"]), stages=stages)
+
+
+def between_dies() -> Tables:
+    """A square that flows between two dies, which hold it by friction alone."""
+    floor = {"name": "floor", "shape": {"plane": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, "friction": 0.1}
+    data = pressed([press(1.0, "-0.05", friction=0.1), floor], particles=(4, 4), boundaries=supports(X=(0.0, "roller")))
+    data["bodies"][0]["material"] = METAL
+    return data | {"end_time": 0.2}
+
+
 LEAPS = {"integrator": "leapfrog"}
 MOVED = {"reference": "updated"}
 add("punch", "tlsph branches", punch(), steps=60, balance=1e-3)
@@ -206,14 +232,7 @@ for name, make in {"punch": punch, "column": column}.items():
     add(f"{name}, moved often", "tlsph branches updated", make(method=MOVED | {"update_every": 7}), steps=40)
     add(f"{name}, moved", "tlsph branches updated", make(method=MOVED | {"update_when": 0.05}), steps=40)
 add("mesh", "tlsph mesh", loaded_mesh, balance=1e-4, stops=(20,))
-add(
-    "mesh, free",
-    "tlsph mesh free",
-    lambda folder: of_mesh(folder, "mixed", 3, body={"velocity": ["0.1*Y", "-0.2*X", "0"]}, end_time=5.0),
-    steps=40,
-    stops=(20,),
-    balance=1e-4,
-)
+add("mesh, free", "tlsph mesh free turns", free_mesh, steps=40, stops=(20,), balance=1e-4, angular=1e-12)
 add("mesh and tool", "tlsph mesh tool contact", struck_mesh, balance=1e-2)
 add("groups of a mesh", "tlsph mesh", loaded_groups, balance=1e-4, stops=(20,))
 add("holed", "tlsph", held(holed(3, dissipation=1.0)), steps=20)
@@ -236,8 +255,37 @@ for kind in KINDS:
     )
 add("free spin", "tlsph branches free turns", spin(), balance=2e-3, angular=1e-12)
 add("turning bar, implicit", "tlsph free turns", turning_bar(), stops=(9,), balance=1e-6, agreement=1e-7)
+add(
+    "turning mesh, implicit",
+    "tlsph mesh free turns",
+    lambda folder: turning_bar(method={"accuracy": 1e-2}, folder=folder),
+    stops=(3,),
+    balance=1e-6,
+    agreement=1e-7,
+)
 add("there and back", "tlsph static stages", there_and_back(), stops=(2, 12), balance=2e-4, grows=("stage_change",))
+add(
+    "there and back, stiff",
+    "tlsph mesh static stages",
+    lambda folder: there_and_back(stiff_block(folder)),
+    stops=(3, 20),
+    balance=1e-6,
+    grows=("stage_change",),
+)
+add(
+    "tied strap", "tlsph mesh tie static stages", strap, stops=(2,), balance=1e-3, grows=("tie_energy",), agreement=1e-7
+)
+add(
+    "between dies",
+    "tlsph static tool contact friction flow",
+    between_dies(),
+    stops=(3,),
+    balance=1e-3,
+    grows=("friction_dissipation",),
+    agreement=1e-7,
+)
 # the rate and curvature of a path are differences of what is solved for
+add("cook", "tlsph mesh static", lambda folder: cook(folder, 4, 0.4999), stops=(2,), balance=1e-4, agreement=1e-7)
 add("sagging", "tlsph mesh static", sagging, stops=(3,), balance=2e-4, agreement=1e-7)
 for name, (material, lost) in {
     "flow": (METAL, "plastic_work"),
@@ -397,7 +445,7 @@ def whirling() -> Tables:
 add("whirling", "ulsph flow free migrates", whirling(), stops=(37,))
 for d in (2, 3):
     add(f"taylor, ulsph, {d}-D", "ulsph flow heat", taylor_flow(d), steps=60, balance=3e-2, grows=("plastic_work",))
-for kind, bound in {"tlsph": 1e-13, "peridynamics": 1e-9, "mpm": 3.5e-2, "ulsph": 5e-2}.items():
+for kind, bound in {"tlsph": 1e-13, "peridynamics": 1e-9, "mpm": 5e-4, "ulsph": 1e-2}.items():
     for law, (material, *_) in FLOWS.items():
         add(
             f"swinging {law}, {kind}",
@@ -450,6 +498,16 @@ def rubbing_copper() -> Tables:
     return data | {"loads": {"acceleration": ["0", "-1e5"]}}
 
 
+def on_one_rank() -> Tables:
+    """Two squares of material points in contact, whose points have one stencil, and so one owner."""
+    squares = [
+        {"name": name, "shape": {"box": {"lower": [low, 0.0], "upper": [low + 1.0, 1.0]}}, "particles": [3, 3]}
+        | {"placement": "cells", "material": COPPER, "velocity": [speed, "0"]}
+        for name, low, speed in (("a", 0.0, "100"), ("b", 1.0, "-100"))
+    ]
+    return touching(*squares, method={"kind": "mpm", "cell": 2.0})
+
+
 def flying_bars() -> Tables:
     """Two bars of material points that meet while both fly along, and across the cells of all ranks."""
     data = bars("points", "points", end_time=1.5 / SPEED)
@@ -475,6 +533,15 @@ add(
     balance=1e-3,
     grows=("contact_energy",),
 )
+add(
+    "discs of bonds",
+    "peridynamics contact friction free",
+    discs(12, 0.08, method=FREE_BONDS | {"stabilisation": {"coefficient": 0.125}}),
+    stops=(100,),
+    balance=4e-4,
+    grows=("friction_dissipation",),
+)
+add("on one rank", "mpm contact free", on_one_rank(), steps=3, stops=(1,))
 for kind in ("mpm", "ulsph"):
     add(
         f"hammered, {kind}",

@@ -8,7 +8,6 @@ from solids import Record, follow, simulation, tables
 
 from parsolid.boundary.loads import Loads
 from parsolid.boundary.reactions import Reaction
-from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.time_step import TimeSteps
 
 ELASTIC = {"kind": "neo-hookean", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
@@ -123,24 +122,6 @@ def test_a_traction_in_peridynamics_is_met_by_the_support(method):
         # 0.02 X about the middle, and 0.01 at a height of 1, of the particles half a spacing within
         np.testing.assert_allclose(rows["foot"][-1, :2], -rows["top"][-1, :2], rtol=1e-6)
         np.testing.assert_allclose(rows["foot"][-1, 2], -rows["top"][-1, 2], rtol=0.02)
-
-
-@pytest.mark.parametrize(
-    ("method", "boundary", "message"),
-    [
-        (MPM, {"kind": "roller", "plane": "Y = 0"}, r"boundaries.0.reaction: .* the kinds 'velocity', 'wall'"),
-        (
-            EXPLICIT,
-            {"kind": "roller", "plane": "Y = 0"},
-            r"boundaries.0.reaction: expected mirror = false, or a region",
-        ),
-    ],
-)
-def test_what_has_no_force_of_its_own_is_refused(method, boundary, message):
-    data = pulled(method, HELD)
-    data["boundaries"][0], data["regions"] = boundary | {"name": "foot", "reaction": True}, [HIGH]
-    with pytest.raises(SceneError, match=message):
-        parse_scene(data)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from contact.meeting import BONDS, SOFT, SPEED, bars, block, simulated, tables
+from contact.meeting import BONDS, SOFT, SPEED, block, simulated, tables
 from mpi4py import MPI
 from solids import Record
 
@@ -10,24 +10,6 @@ from parsolid.simulation.loop import Limits
 
 pytestmark = pytest.mark.slow
 LINEAR = {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
-STEEL = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"} | dict.fromkeys(
-    (
-        "energetic_length",
-        "dissipative_length",
-        "inertia_length",
-        "stress_relaxation_time",
-        "flux_relaxation_time",
-    ),
-    0.0,
-)
-
-
-def of(data: dict, method: dict, material: dict, scale: float = 1.0) -> dict:
-    """The same bodies by another method; scale: of their velocities."""
-    for body in data["bodies"]:
-        body["material"] = material
-        body["velocity"] = [scale * v for v in body["velocity"]]
-    return data | {"method": method}
 
 
 def follow(data: dict, comm) -> tuple[dict, np.ndarray]:
@@ -47,24 +29,6 @@ def rebounds(columns, left, right, speed, least):
     assert least < (right - left) / speed < 1.0 and abs(right + left) < 1e-12 * speed
     assert np.abs(columns["energy_error"]).max() < 0.02 * columns["kinetic"][0]
     assert columns["contact_energy"].max() > 0.005 * columns["kinetic"][0]
-
-
-def test_peridynamic_bars_rebound(comm):
-    data = of(bars(n=24, placement="cells", speed=0.03, gap=0.02, end_time=3.6 / SPEED), BONDS, LINEAR)
-    columns, (left, right) = follow(data, comm)
-    rebounds(columns, left, right, 0.03 * SPEED, 0.85)
-    # nothing damps the rattling of their faces, which fed on steps that damped bodies take: 1.2e-3
-    assert np.abs(columns["energy_error"]).max() < 6e-4 * columns["kinetic"][0]
-
-
-def test_updated_lagrangian_bars_rebound_and_migrate(comm):
-    method = {"kind": "ulsph", "viscosity": False}
-    data = of(bars(n=16, placement="cells", gap=0.002), method, STEEL)
-    sim = simulated(data | {"end_time": 1e-6}, comm)
-    speed = sim.interactions[0].contact_bodies.kinds[0].speed
-    data = of(bars(n=16, placement="cells", gap=0.002), method, STEEL, speed / SPEED)
-    columns, (left, right) = follow(data | {"end_time": 2.8 / speed}, comm)
-    rebounds(columns, left, right, 0.01 * speed, 0.85)
 
 
 def test_blocks_rebound_in_space(comm):

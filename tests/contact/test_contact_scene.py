@@ -16,19 +16,6 @@ from parsolid.simulation.history import Probes
 from parsolid.simulation.loop import Limits, Simulation
 
 
-def faults(**change) -> str:
-    with pytest.raises(SceneError) as error:
-        parse_scene(bars() | change)
-    return str(error.value)
-
-
-def test_stages_are_refused_where_forces_are_found_once_a_step():
-    staged, tool = SPH | {"integrator": "ssp-rk3"}, {"shape": {"sphere": {"centre": [9.0, 9.0], "radius": 1.0}}}
-    for more in ({}, {"contact": [], "tools": [tool | {"name": "ball"}]}):
-        assert "method.integrator" in faults(method=staged, **more)
-    assert parse_scene(bars(method={"kind": "tlsph"})).method.integrator == "leapfrog"
-
-
 @pytest.mark.parametrize(("method", "friction", "told"), [(BONDS, 0.3, True), (BONDS, 0.0, False), (SPH, 0.3, False)])
 def test_friction_of_bodies_that_nothing_damps_is_warned_of(method, friction, told):
     contact = [{"bodies": ["left", "right"], "friction": friction}]
@@ -122,17 +109,6 @@ def test_forces_of_contact_and_components_are_watched_by_the_names_of_their_colu
     assert found["whole.stress_xy"] == pytest.approx(found["part.stress_xy"], rel=1e-12) != 0.0
     assert observables.written(sim.scene.output.fields) == ["contact_force", "stress_xy"]
     assert observables.field("stress_xy").shape == (len(force),)
-
-
-@pytest.mark.parametrize("place", ["probes", "output"])
-@pytest.mark.parametrize("name", ["contact_force", "contact_force_x"])
-def test_no_force_of_contact_is_watched_where_there_is_none(place, name):
-    data = tables(block("alone", (0.0, 0.0), (1.0, 1.0), (4, 4), "cells"), contact=[])
-    data[place] = {"fields": [name]} if place == "output" else [{"name": "a", "at": [0.1, 0.1], "fields": [name]}]
-    with pytest.raises(SceneError) as error:
-        parse_scene(data)
-    key = "output.fields.0" if place == "output" else "probes.0.fields.0"
-    assert [fault.key for fault in error.value.faults] == [key]
 
 
 def test_components_that_a_field_does_not_have_are_unknown():

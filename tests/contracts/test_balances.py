@@ -35,14 +35,14 @@ def test_dissipation_is_never_given_back(runs, name):
         assert np.diff(values).min() >= -1e-12 * run.largest_energy, column
 
 
-@pytest.mark.ranks(1, 2)
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize("name", cases("free"))
 def test_momentum_is_kept(runs, name):
     momentum = runs.whole(name).columns["momentum"]
     assert np.abs(momentum - momentum[0])[:, :3].max() < CASES[name].momentum * momentum[:, 3].max()
 
 
-@pytest.mark.ranks(1, 2)
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize("name", cases("turns"))
 def test_angular_momentum_is_kept(runs, name):
     angular = runs.whole(name).columns["angular"]

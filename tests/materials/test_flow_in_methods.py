@@ -3,7 +3,7 @@ through a restart, with its energies."""
 
 import numpy as np
 import pytest
-from solids import LINEAR_COPPER, gathered, run_steps, supports, tables
+from solids import LINEAR_COPPER, run_steps, supports, tables
 
 from parsolid.observables.declared import Observables
 from parsolid.scene import SceneError, parse_scene
@@ -40,31 +40,15 @@ def swinging(kind, material=TURNING, **tables_besides):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("kind", METHODS)
-def test_flow_only_dissipates(kind, law):
-    material, field, least = LAWS[law]
-    data = swinging(kind, material)
-    single, one = run_steps(data, 80)
-    energy = one["kinetic"][0]
-    assert np.abs(gathered(single, field)[0]).max() > least
-    # a back stress stores a part of the work, and gives it back as the flow turns
-    work, stored = one["plastic_work"], one.get("back_stress_energy", np.zeros(1))
-    assert 0.0 <= stored[-1] < 0.5 * work[-1] and work[-1] > 0.1 * energy
-    assert np.diff(work - stored).min() >= -1e-12 * energy and (stored[-1] > 0.0) == (law == "back-stress")
-    bound = {"tlsph": 1e-13, "peridynamics": 1e-9, "mpm": 5e-4, "ulsph": 1e-2}[kind]
-    assert np.abs(one["energy_error"]).max() < bound * energy
-    shown = Observables(single.systems).field
-    if law == "soil":
-        np.testing.assert_array_equal(shown(field), single.systems[0].particles.owned_rows(field)[:, 0])
-    else:
-        # stress flows at the yield stress about the back stress in the axes of the stress
-        back, stress = shown(field), shown("stress")
-        relative = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3) - back
-        equivalent = np.sqrt(1.5 * np.sum(relative**2, axis=(1, 2))).max() / 200e6
-        # at the end the block of peridynamics has turned and flows nowhere
-        assert 0.5 < equivalent < 1.0 + 1e-9
-        assert kind == "peridynamics" or equivalent == pytest.approx(1.0, rel=1e-6)
+def test_stress_flows_at_the_yield_stress_about_the_back_stress(kind):
+    """In the axes of the stress; at the end the block of peridynamics has turned and flows nowhere."""
+    sim, _ = run_steps(swinging(kind), 80)
+    back, stress = (Observables(sim.systems).field(name) for name in ("back_stress", "stress"))
+    relative = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3) - back
+    equivalent = np.sqrt(1.5 * np.sum(relative**2, axis=(1, 2))).max() / 200e6
+    assert np.abs(back).max() > 5e7 and 0.5 < equivalent < 1.0 + 1e-9
+    assert kind == "peridynamics" or equivalent == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", METHODS)
@@ -90,55 +74,3 @@ def test_bonds_that_break_heat_nothing_again(law):
     for name, values in zip(names, before):
         found = sim.systems[0].particles.owned_rows(name)
         np.testing.assert_allclose(found, values, rtol=0.0, atol=1e-10 * np.abs(values).max(), err_msg=name)
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"kind": "armstrong-frederick", "modulus": 0.0}, "modulus"),
-        ({"kind": "armstrong-frederick", "modulus": 1e9, "recovery": -1.0}, "recovery"),
-        ({"kind": "armstrong-frederick"}, "modulus"),
-        ({"kind": "chaboche", "modulus": 1e9}, "kind"),
-    ],
-)
-def test_hardening_without_sense_is_refused(change, key):
-    with pytest.raises(SceneError) as refused:
-        parse_scene(swinging("mpm", TURNING | {"kinematic_hardening": change}))
-    assert f"kinematic_hardening.{key}" in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"friction_angle": 90}, "friction_angle"),
-        ({"dilation_angle": 31}, "dilation_angle"),
-        ({"friction_angle": 0, "dilation_angle": 0, "cohesion": 0, "tension": 0}, "cohesion"),
-        ({"tension": 200e6}, "tension"),
-        ({"cap_pressure": -1.0}, "cap_pressure"),
-        ({"compaction": 0.0}, "compaction"),
-    ],
-)
-def test_soils_without_sense_are_refused(change, key):
-    with pytest.raises(SceneError) as refused:
-        parse_scene(swinging("ulsph", POWDER | {"flow_stress": POWDER["flow_stress"] | change}))
-    assert f"flow_stress.{key}" in str(refused.value)
-
-
-def test_a_cap_needs_both_its_numbers_and_the_cone_its_elasticity():
-    flow = {name: value for name, value in POWDER["flow_stress"].items() if name != "compaction"}
-    moduli = {name: POWDER[name] for name in ("kind", "density", "specific_heat", "flow_stress")}
-    gas = {"kind": "mie-grueneisen", "sound_speed": 3000.0, "slope": 1.5, "gamma": 2.0}
-    shear = {"kind": "varshni", "modulus": 1e9, "drop": 1e8, "temperature": 300.0}
-    constant = {"kind": "constant", "modulus": 1e9}
-    for material, key in (
-        (POWDER | {"flow_stress": flow}, "flow_stress.compaction"),
-        (moduli | {"equation_of_state": gas, "shear_modulus": constant}, "equation_of_state.kind"),
-        (
-            moduli | {"equation_of_state": {"kind": "linear", "bulk_modulus": 1e9}, "shear_modulus": shear},
-            "shear_modulus",
-        ),
-        (POWDER | {"kinematic_hardening": TURNING["kinematic_hardening"]}, "kinematic_hardening"),
-    ):
-        with pytest.raises(SceneError) as refused:
-            parse_scene(swinging("tlsph", material))
-        assert f"material.{key}" in str(refused.value), key

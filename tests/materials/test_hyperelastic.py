@@ -29,12 +29,6 @@ def branches_of(law, F, A):
     return stored, rates
 
 
-def energy(law, F, A):
-    """W (n,) with that of the branches."""
-    stored = evaluation.energies(law, F)
-    return stored if law.branch_moduli is None else stored + branches_of(law, F, A)[0].sum(axis=1)
-
-
 @pytest.fixture
 def states(law, random_deformation, random_branches):
     """F (n, 3, 3) and A (n, m, 3, 3)."""
@@ -47,33 +41,6 @@ def derivative(function, step):
     return sum(w * (function((k + 1) * step) - function(-(k + 1) * step)) for k, w in enumerate(weights)) / step
 
 
-def test_the_stress_is_the_derivative_of_the_energy(law, states, random):
-    F, A = states
-    direction = random.standard_normal((50, 3, 3))
-    P = evaluation.stresses(law, F, branch_sum(law, A))
-    slope = derivative(lambda e: energy(law, F + e * direction, A), 3e-4)
-    product = np.einsum("nij,nij->n", P, direction)
-    assert slope == pytest.approx(product, rel=1e-7, abs=1e-7 * np.abs(P).max())
-
-
-def test_functions_of_the_law_are_plain_python_too(law, states):
-    F = states[0]
-    P, Q, S = evaluation.states(law, F)
-    for n in range(5):
-        plain, J = tuple(F[n].ravel().tolist()), float(np.linalg.det(F[n]))
-        H = tuple((J * np.linalg.inv(F[n]).T).ravel().tolist())
-        assert of.stress(law, plain, H, J) == pytest.approx(P[n].ravel(), rel=1e-12, abs=1e-12)
-        assert of.pressure_waves(law, plain, H, J) == pytest.approx(evaluation.symmetric_rows(Q[n])[0], rel=1e-12)
-        assert of.shear_waves(law, plain) == pytest.approx(evaluation.symmetric_rows(S[n])[0], rel=1e-12, abs=1e-12)
-        assert of.energy(law, plain, H, J) == pytest.approx(evaluation.energies(law, F[n]), rel=1e-12)
-
-
-def test_the_virgin_state_is_free_of_stress_and_energy(law):
-    one, A = np.eye(3)[None], np.tile(np.eye(3), (1, 2, 1, 1))
-    assert evaluation.stresses(law, one, branch_sum(law, A)) == pytest.approx(np.zeros((1, 3, 3)), abs=1e-14)
-    assert energy(law, one, A) == pytest.approx([0.0], abs=1e-14)
-
-
 def test_relaxed_branches_carry_neither_energy_nor_stress(viscous, random_deformation):
     F = random_deformation(10)
     relaxed = np.repeat(np.linalg.inv(np.swapaxes(F, 1, 2) @ F)[:, None], 2, axis=1)
@@ -83,18 +50,6 @@ def test_relaxed_branches_carry_neither_energy_nor_stress(viscous, random_deform
     )
     stored, rates = branches_of(viscous, F, relaxed)
     assert stored == pytest.approx(0.0, abs=1e-12) and rates == pytest.approx(0.0, abs=1e-24)
-
-
-def test_small_strain_moduli(law):
-    mu, lame = of.elastic_moduli(law)
-    zeta = getattr(law, "zeta", 0.0)
-    assert (mu, lame) == (2.0 * (law.xi + zeta), law.lambda_hat + 4.0 * zeta)
-    added = sum(law.branch_moduli or ())
-    strain = 1e-6 * np.array([[1.0, 0.5, -0.3], [0.5, -2.0, 0.7], [-0.3, 0.7, 0.4]])
-    A = np.tile(np.eye(3), (1, 2, 1, 1))
-    stress = evaluation.stresses(law, np.eye(3)[None] + strain, branch_sum(law, A))[0]
-    expected = 2.0 * (mu + added) * strain + lame * np.trace(strain) * np.eye(3)
-    assert stress == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
 
 
 def test_the_stress_turns_with_the_body(law, states, random):

@@ -85,13 +85,6 @@ def test_a_script_may_go_on_after_any_step(comm):
     assert stopping.time == whole.time and stopping.energies() == whole.energies()
 
 
-@pytest.mark.parametrize(("number", "code"), [(0, "bound"), (65, "bound"), (2.5, "type"), ("none", "type")])
-def test_a_wrong_number_of_steps_is_one_fault_at_its_key(number, code):
-    with pytest.raises(SceneError) as caught:
-        parse_scene(tables(number))
-    assert [(fault.key, fault.code) for fault in caught.value.faults] == [("methods.1.substeps", code)]
-
-
 def test_one_method_has_no_common_step():
     data = tables(None)
     del data["tie"], data["bodies"][1], data["methods"][1], data["bodies"][0]["method"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpm.points import COPPER, scene
-from solids import gathered, run_steps
+from solids import run_steps
 
 CRITERIA = [{"kind": "maximum-tension", "strength": 1.5e9}]
 SPREAD = {"modulus": 10.0, "seed": 3}
@@ -20,23 +20,6 @@ def torn(method=None, *, speed=200.0, end_time=4e-7, **failure) -> dict:
 
 
 METHODS = {"mpm": None, "ulsph": {"kind": "ulsph"}}
-
-
-@pytest.mark.parametrize("after", ["pressure", "delete"])
-@pytest.mark.parametrize("method", METHODS)
-def test_what_fails_is_counted_and_its_energy_accounted_for(comm, method, after):
-    data = torn(METHODS[method], speed=800.0, after=after)
-    sim, one = run_steps(data, 45, comm)
-    energy = one["kinetic"][0]
-    damage, mass = gathered(sim, "damage")[0], 8930.0 * 16e-6
-    told = sim.systems[0].summary()
-    assert told["failed_particles"] == (damage >= 1.0).sum() > 30
-    assert told["failed_mass"] == pytest.approx(mass * (damage >= 1.0).mean(), rel=1e-9)
-    if after == "delete":
-        gone = comm.allreduce(sim.systems[0].measure("deleted_mass")[1][0])
-        left = comm.allreduce(sim.systems[0].mass[: sim.systems[0].owned].sum())
-        assert gone > 0.2 * mass and gone + left == pytest.approx(mass, rel=1e-12)
-        assert one["deleted_kinetic"][-1] > 0.2 * energy and one["deleted_internal_energy"][-1] > 0.0
 
 
 @pytest.mark.parametrize("method", METHODS)

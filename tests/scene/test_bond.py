@@ -1,7 +1,7 @@
 """Bodies that touch are named by a table, bonds by bodies that touch, in every method and on any number of ranks."""
 
 import pytest
-from plain_tables import MATERIAL
+from scene.plain_tables import MATERIAL
 
 from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
@@ -76,35 +76,6 @@ def test_bodies_of_two_methods_are_tied_or_in_contact(comm):
     assert fault.key == "bond.0.bodies"
     for named in ("tie", "contact"):
         generate(parse_scene(data | {named: [{"bodies": ["a", "b"]}]}), comm)
-
-
-BAD = {
-    "unknown": ([{"bodies": ["a", "q"]}], "bond.0.bodies", "unknown-name"),
-    "one": ([{"bodies": ["a"]}], "bond.0.bodies", "length"),
-    "no list": ([{"bodies": 3}], "bond.0.bodies", "type"),
-    "twice the same": ([{"bodies": ["a", "a"]}], "bond.0.bodies", "repeated"),
-    "a pair again": ([{"bodies": ["a", "b"]}, {"bodies": ["c", "b", "a"]}], "bond.1.bodies", "repeated"),
-    "beside all": ([{"bodies": "all"}, {"bodies": ["a", "b"]}], "bond.0.bodies", "repeated"),
-    "in contact": ([{"bodies": ["a", "b", "c"]}], "bond.0.bodies", "refused"),
-    "no bodies": ([{}], "bond.0.bodies", "missing"),
-    "unknown key": ([{"bodies": "all", "stiffness": 1.0}], "bond.0.stiffness", "unknown-key"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_bonds_are_refused(name):
-    bond, key, code = BAD[name]
-    more = {"contact": [{"bodies": ["b", "c"]}]} if name == "in contact" else {}
-    with pytest.raises(SceneError) as caught:
-        parse_scene(tables(0.0, 1.0, 2.0, bond=bond, **more))
-    assert [(fault.key, fault.code) for fault in caught.value.faults] == [(key, code)]
-
-
-def test_all_faults_of_bonds_are_told_at_once():
-    bond = [{"bodies": ["a", "q"]}, {"bodies": ["b"]}, {"bodies": ["c", "c"]}]
-    with pytest.raises(SceneError) as caught:
-        parse_scene(tables(0.0, 1.0, 2.0, bond=bond, end_time=-1.0))
-    assert {fault.key for fault in caught.value.faults} == {"end_time", *(f"bond.{k}.bodies" for k in range(3))}
 
 
 def test_bonds_are_dumped_as_they_are_read(tmp_path):

@@ -34,34 +34,7 @@ def shell(**keys):
     }
 
 
-SUPPORT = {"plane": "Y = 0", "kind": "fixed"}
 PROBE = {"name": "p", "at": [0.0, 0.0, 0.0], "fields": ["velocity"]}
-
-
-def test_all_faults_at_once(cube):
-    broken = {
-        "title": 3,
-        "method.cfl": -1.0,
-        "bodies.0.material.density": 0.0,
-        "bodies.0.velocity": ["Q", "0", "("],
-        "boundaries": [{**SUPPORT, "plane": "Y = 1"}, {"kind": "roler"}],
-        "probes": [{**PROBE, "at": [0.0, 0.0, -9.0]}],
-        "outputs": {},
-    }
-    with pytest.raises(SceneError) as caught:
-        parse_scene(changed(cube, broken))
-    keys = [line.split(":")[0] for line in str(caught.value).splitlines()]
-    assert keys == [
-        "title",
-        "method.cfl",
-        "bodies.0.velocity.0",
-        "bodies.0.velocity.2",
-        "bodies.0.material.density",
-        "boundaries.1.kind",
-        "outputs",
-        "boundaries.0.plane",
-        "probes.0.at",
-    ]
 
 
 @pytest.mark.parametrize(

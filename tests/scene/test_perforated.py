@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from parsolid.particles.fillings import filling_of
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import parse_scene
 
 
 def body(dimension, placement=None, particles=(12, 9, 7), **shape):
@@ -67,9 +67,3 @@ def test_nodes_are_the_corners_of_the_kept_cells_and_no_others(dimension, centre
     assert np.allclose(area.sum(axis=0), 0.0, atol=1e-12)
     # the divergence theorem of volumes and areas
     assert np.einsum("ni,nj->ij", area, position) == pytest.approx(volume.sum() * np.eye(dimension), abs=1e-12)
-
-
-def test_a_direction_without_cells_is_refused():
-    with pytest.raises(SceneError, match=r"^bodies.0: expected two nodes or more along each .* found \[12, 1\]$"):
-        data = {"lower": [0.0, 0.0], "upper": [1.2, 0.9], "centre": [0.6, 0.4], "radius": 0.2}
-        body(2, "vertices", particles=[12, 1], perforated_box=data)

@@ -195,11 +195,6 @@ def test_what_scenes_may_name_is_what_is_computed():
     assert declared.FIELDS.keys() == observed.FIELDS.keys() - {"velocity", "position", "deformation_gradient"}
 
 
-def test_without_the_file_the_name_is_refused():
-    with pytest.raises(SceneError, match="probes.0.quantity: expected one of .*'maximum_speed'"):
-        parse_scene(punch() | {"probes": [{"name": "all", "quantity": "farthest_particle"}]})
-
-
 def test_a_system_that_has_none_does_not_hide_what_another_has():
     def system(tip):
         settings = SimpleNamespace(extra_quantities={"crack_tip": "vector"})

@@ -15,6 +15,7 @@ NEO = {key: value for key, value in RUBBER.items() if key != "kind"} | {"kind": 
 LINEAR = NEO | {"kind": "linear-elastic"}
 CASES = {
     "tlsph": ({"kind": "tlsph"}, NEO),
+    "tlsph of metal": ({"kind": "tlsph", "integrator": "leapfrog"}, COPPER),
     "peridynamics": ({"kind": "peridynamics"}, LINEAR),
     "mpm": ({"kind": "mpm", "cell": 0.4}, NEO),
     "mpm of metal": ({"kind": "mpm", "cell": 0.4}, COPPER),

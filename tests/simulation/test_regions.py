@@ -51,16 +51,6 @@ def test_probes_of_a_region(comm):
     assert [found["rest.velocity_x"], found["rest.velocity_y"]] == [pytest.approx(1.0), 0.0]
 
 
-def test_a_quantity_of_the_method_alone_is_refused_in_a_region():
-    material = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
-    data = tables((6, 6), material=material, regions=[STRIP])
-    data["method"] = {"kind": "mpm", "cell": 0.2}
-    data["bodies"][0]["placement"] = "cells"
-    data["probes"] = [{"name": "p", "where": "strip", "quantity": "upper_bounds"}]
-    with pytest.raises(SceneError, match="probes.0.quantity: expected one of .*'linear_momentum'.* in a region"):
-        simulation(data)
-
-
 def test_fields_of_a_region_are_written_in_the_order_of_its_particles(shared_path, comm):
     data = thrown(output={"where": "strip", "fields": ["velocity"]})
     sim = simulation(data, comm)

@@ -5,10 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from solids import punch, run_into
+from solids import punch
 
 from parsolid.collective import SolverError
-from parsolid.output.checkpoint import previous_name, read_checkpoint
 from parsolid.output.errors import OutputError
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation import restart as restarts
@@ -47,24 +46,6 @@ def simulation(energies=(0.0, 0.0)) -> SimpleNamespace:
     )
 
 
-def test_every_rank_goes_on_with_its_own_sums(comm):
-    sim = simulation()
-    restart(comm).apply(sim)
-    assert sim.ledger.values.tolist() == [4.0 * comm.rank + i for i in range(4)]
-    assert sim.ledger.initial == 42.0 and sim.taken == ["kept"]
-    assert (sim.clock.time, sim.clock.step, sim.stable, sim.time_steps.jumped) == (0.3, 7, 0.01, True)
-    assert sim.checked_step == 4
-    lost = sum(4.0 * rank + 1.0 for rank in range(comm.size))
-    assert sim.energy_check.state() == JUDGED and sim.energy_check.lost == lost
-
-
-def test_on_other_ranks_the_first_has_the_sums_of_all(comm):
-    sim, rows = simulation(), np.array([[1.0, 2.0, 3.0, 4.0], [10.0, 20.0, 30.0, 40.0], [100.0, 200.0, 300.0, 400.0]])
-    restart(comm, rows=rows, same=False).apply(sim)
-    assert sim.ledger.values.tolist() == ([111.0, 222.0, 333.0, 444.0] if comm.rank == 0 else [0.0] * 4)
-    assert sim.energy_check.lost == 222.0
-
-
 @pytest.mark.parametrize("terms", [3, 5])
 def test_other_energy_terms_are_refused(comm, terms):
     with pytest.raises(
@@ -100,18 +81,6 @@ def system(**fields) -> SimpleNamespace:
         forget=lambda: told.append("forgotten"),
         told=told,
     )
-
-
-def test_fields_come_in_the_order_of_the_particles_and_the_state_after_them(comm):
-    values = {"stress": np.arange(6.0).reshape(3, 2), "mass": np.arange(3.0)}
-    for allowed in ((), ("bodies.0.material",)):
-        one = restart(comm, values=[values, values], allowed=allowed, method_state="first", method_state_1="second")
-        both = [system(stress=np.zeros((5, 2)), mass=np.zeros(5)) for _ in range(2)]
-        one.apply_state(both, [np.array([2, 0, 1]), np.array([0, 2, 1])])
-        for each, order, state in zip(both, ([2, 0, 1], [0, 2, 1]), ("first", "second")):
-            put, *rest = each.told
-            assert all(np.array_equal(put[name], values[name][order]) for name in values) and len(put) == 2
-            assert rest == [state, "resumed", *(["forgotten"] if allowed else [])]
 
 
 @pytest.mark.parametrize(
@@ -162,34 +131,6 @@ def test_systems_and_the_time_are_compared_besides_the_scene(comm):
     one.check(scene)
     with pytest.raises(SceneError, match=r"end_time: expected at least 0.5 s, .*checkpoint.h5, found 0.4 s"):
         one.check(parse_scene(punch(end_time=0.4)))
-
-
-def test_a_file_is_all_that_a_run_goes_on_from(comm, shared_path, monkeypatch):
-    scene = parse_scene(punch((5, 5), end_time=0.1, output={"history_steps": 1, "fields_times": []}))
-    whole = run_into(shared_path / "whole", comm, scene, 5).simulation
-    run_into(shared_path / "pieces", comm, scene, 3)
-    file, moved = shared_path / "pieces" / "checkpoint.h5", []
-    monkeypatch.setattr(restarts, "distribute", lambda comm, *one: moved.append(one) or one[:2])
-    again = run_into(shared_path / "pieces", comm, scene, 2, Restart(comm, file)).simulation
-    assert not moved and again.clock.step == whole.clock.step == 5 and again.clock.time == whole.clock.time
-    assert np.array_equal(again.ledger.values, whole.ledger.values) and again.stable == whole.stable
-    for name, rows in again.systems[0].particles.checkpointed().items():
-        assert rows.tobytes() == whole.systems[0].particles.checkpointed()[name].tobytes(), name
-    for run in (whole, again):
-        header = read_checkpoint(comm, shared_path / ("whole" if run is whole else "pieces") / "checkpoint.h5")[0]
-        assert header["ranks"] == comm.size and header["particles"] == 25 and header["step"] == 5
-        # nothing has entered, so that the balance is what is compared with zero
-        assert header["energy_error"] == run.ledger.row(comm, *run.energies())["energy_error"]
-        judged = header["energy_check"]
-        assert judged["largest"] >= header["initial_energy"] > judged["worst"] >= 0.0
-    # particles of other ranks are dealt out anew
-    elsewhere = read_checkpoint(comm, previous_name(file))
-    monkeypatch.setattr(
-        restarts, "read_checkpoint", lambda *_: ({**elsewhere[0], "ranks": comm.size + 1}, *elsewhere[1:])
-    )
-    other = Restart(comm, file)
-    other.distribute(scene)
-    assert not other.same_ranks and len(moved) == 1
 
 
 def test_a_file_without_what_is_needed_is_no_checkpoint_of_a_run(comm, shared_path, monkeypatch):

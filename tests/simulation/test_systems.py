@@ -4,23 +4,18 @@ same bits.
 
 from itertools import pairwise
 
-import h5py
 import numpy as np
 import pytest
-from solids import Record, StableSteps, follow, run_into
+from solids import Record, StableSteps, follow
 from systems import BONDS, SPH, STIFF, plate, raw, two_systems
 
 from parsolid.api.report import report_of
-from parsolid.collective import SolverError, minimum
+from parsolid.collective import minimum
 from parsolid.methods.interaction import Interaction
 from parsolid.observables.declared import Observables
-from parsolid.output.checkpoint import read_checkpoint
-from parsolid.output.history import read_history
 from parsolid.scene import parse_scene
-from parsolid.scene.observation import stored_energy
 from parsolid.simulation.history import Probes
 from parsolid.simulation.loop import Simulation
-from parsolid.simulation.restart import Restart
 
 LEFT, RIGHT = plate("left", 0.0), plate("right", 5.0, STIFF)
 # one step for all runs
@@ -33,14 +28,6 @@ def pair(second: str) -> dict:
     return raw(LEFT, RIGHT, method=METHODS["tlsph"])
 
 
-def both(second: str, comm, restart=None) -> Simulation:
-    return Simulation(comm, two_systems(pair(second), METHODS[second]), restart)
-
-
-def alone(body: dict, kind: str, comm) -> Simulation:
-    return Simulation(comm, parse_scene(raw(body, method=METHODS[kind])))
-
-
 def state(system) -> dict[str, np.ndarray]:
     return {name: np.array(rows) for name, rows in system.particles.checkpointed().items()}
 
@@ -49,32 +36,6 @@ def state(system) -> dict[str, np.ndarray]:
 def second(request):
     """The method of the second body."""
     return request.param
-
-
-def test_each_system_is_what_it_is_alone_and_energies_add_exactly(comm, second):
-    comm = comm.Split(comm.rank)
-    sims = [both(second, comm), alone(LEFT, "tlsph", comm), alone(RIGHT, second, comm)]
-    together, *single = (follow(sim, Record(lambda s: {"own": s.energies()}), 20) for sim in sims)
-    assert sims[0].particles == 128 and [system.bodies for system in sims[0].systems] == [(0,), (1,)]
-    for index, sim in enumerate(sims[1:]):
-        wanted = state(sim.systems[0])
-        found = state(sims[0].systems[index])
-        shift = found.pop("identifier") - wanted.pop("identifier")
-        assert np.all(shift == 64 * index) and list(found) == list(wanted)
-        assert all(found[name].tobytes() == wanted[name].tobytes() for name in wanted)
-    assert np.array_equal(together["time"], single[0]["time"])
-    assert np.array_equal(together["own"], single[0]["own"] + single[1]["own"])
-    assert np.abs(together[stored_energy(together)]).max() > 0.01 * together["kinetic"][0]
-
-
-def test_the_ledger_is_the_sum_of_those_of_the_systems_alone(comm, second):
-    sims = [both(second, comm), alone(LEFT, "tlsph", comm), alone(RIGHT, second, comm)]
-    together, *single = (follow(sim, Record(), 20) for sim in sims)
-    for name, found in together.items():
-        # a method's own terms are only in its ledger
-        parts = [columns[name] for columns in single if name in columns]
-        wanted = sum(parts) if name != "time" else parts[0]
-        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12 * np.abs(together["kinetic"]).max())
 
 
 def test_the_step_is_the_least_of_all_systems(comm):
@@ -163,36 +124,6 @@ def test_probes_see_all_systems(comm, second):
         values.append(dict(zip(probes.columns, probes.sample())))
     assert list(values[0]) == list(values[1]) and values[0]["all.centre_of_mass_x"] > 3.0
     assert all(values[0][name] == pytest.approx(value, rel=1e-12) for name, value in values[1].items())
-
-
-def test_a_restart_goes_on_with_the_same_bits(comm, second, shared_path):
-    output = {"history_steps": 1, "fields_times": [1e-4]}
-    data = pair(second) | {"probes": PROBES, "output": output, "end_time": 2e-4}
-    scene = two_systems(data, METHODS[second])
-    whole = run_into(shared_path / "whole", comm, scene).simulation
-    run_into(shared_path / "pieces", comm, scene, steps=4)
-    file = shared_path / "pieces" / "checkpoint.h5"
-    recorder = run_into(shared_path / "pieces", comm, scene, restart=Restart(comm, file))
-    again, told = recorder.simulation, recorder.summary("finished")
-    for found, wanted in zip(again.systems, whole.systems):
-        assert all(rows.tobytes() == state(wanted)[name].tobytes() for name, rows in state(found).items())
-    assert again.clock.step == whole.clock.step == 10
-    header, systems, _ = read_checkpoint(comm, file)
-    assert {"method_state", "method_state_1"} < set(header) and len(systems) == 2
-    assert [comm.allreduce(len(fields["identifier"])) for fields in systems] == [64, 64]
-    assert told["pairs"] == sum(comm.allreduce(s.directed_pairs) for s in whole.systems) // 2
-    assert told["method"] == ("tlsph" if second == "tlsph" else "tlsph and peridynamics")
-    if comm.rank == 0:
-        histories = [read_history(shared_path / name / "history.csv") for name in ("whole", "pieces")]
-        assert histories[0] == histories[1] and len(histories[0]["step"]) == 11
-        for number in (0, 1):
-            with h5py.File(shared_path / "whole" / f"fields_system-{number}.vtkhdf") as fields:
-                points = fields["VTKHDF/PointData"]
-                # times 1e-4 and the end
-                assert len(points["pressure"]) == 2 * 64 and np.isfinite(points["pressure"][()]).all()
-                assert points["body"][()].tolist() == [number] * 64
-    with pytest.raises(SolverError, match="method: expected as many as in the checkpoint, 2, found 1"):
-        Simulation(comm, parse_scene(data), Restart(comm, file))
 
 
 def test_a_field_that_one_method_lacks_is_not_a_number_there(comm):

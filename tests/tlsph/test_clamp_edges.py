@@ -9,7 +9,7 @@ import pytest
 from solids import gathered, run_steps, run_to_end, simulation, supports, tables
 
 from parsolid.collective import SolverError
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import parse_scene
 
 PART = 0.6
 SCENES = Path(__file__).parents[2] / "runs" / "tlsph"
@@ -82,14 +82,6 @@ def error_of_bending(part: float) -> float:
 def test_the_error_of_bending_falls_to_a_third():
     assert error_of_bending(PART) < 0.02
     assert error_of_bending(0.0) > 0.05
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("method", [{}, {"weights": "closure"}])
-def test_it_is_refused_without_weights_in_closed_form(method):
-    data = tables([9, 9], method=method | {"clamp_edges": 0.5})
-    with pytest.raises(SceneError, match="method.clamp_edges: expected 0 unless a box has weights in closed form"):
-        simulation(data)
 
 
 FREE = {

@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from solids import SOFT, gathered, momenta, supports, tables
+from solids import gathered, supports, tables
 from tlsph.test_mesh_weights import of_mesh
 from tlsph.test_stages import MOVING, STILL, run, staged
 
-from parsolid.collective import SolverError
 from parsolid.methods.tlsph.implicit import solve_upper, upper_root
-from parsolid.scene import SceneError, parse_scene
 
 LONG = {"integrator": "implicit"}
 
@@ -55,20 +52,6 @@ def test_order_on_an_exact_vibration(comm):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.ranks(1, 2, 3)
-@pytest.mark.parametrize("kind", ["box", "mesh"])
-def test_what_is_kept(shared_path, comm, kind):
-    """Energy and angular momentum of a free bar, in steps of its own choice, the same on all ranks."""
-    data = spinning(method={"accuracy": 1e-2}, folder=shared_path if kind == "mesh" else None)
-    (alone, rows), (sim, on_all) = run(data, MPI.COMM_SELF), run(data, comm)
-    for name in rows:
-        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=1e-7 * rows["kinetic"].max())
-    assert np.abs(rows["energy_error"]).max() < 1e-6 * rows["kinetic"].max()
-    fresh = run(data | {"end_time": 1e-3, "output": {"fields_interval": 1e-3}}, comm)[0]
-    assert momenta(sim)["l"] == pytest.approx(momenta(fresh)["l"], rel=1e-7)
-    assert 1 < len(rows["time"]) < 0.7 * data["end_time"] / alone.systems[0].leapfrog.stable_step()
-
-
 def test_all_stages(comm):
     """Pressed in equilibrium, struck in short steps, and left to swing in long ones, beside short steps alone."""
     swings = LONG | {"accuracy": 2e-4}
@@ -93,28 +76,3 @@ def test_driven(comm):
     assert np.abs(rows["energy_error"]).max() < 1e-3 * np.abs(rows["external_work"]).max()
     X, x = gathered(sim, "reference_position", "position")
     np.testing.assert_allclose(x[X[:, 0] == 0.0], X[X[:, 0] == 0.0], rtol=0.0, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"method": {"safety": 0.5}}, "method.safety"),
-        ({"method": {"dissipation": 0.5}}, "method.dissipation"),
-        ({"method": {"weights": "kernel"}}, "method.weights"),
-        ({"method": {"integrator": "leapfrog", "accuracy": 0.1}}, "method.accuracy"),
-        ({"bodies": "branches"}, "bodies.0.material.branches"),
-        (
-            {"boundaries": [{"plane": "X = 0", "kind": "spring", "stiffness": 1.0, "damping": 1.0}]},
-            "boundaries.0.damping",
-        ),
-    ],
-)
-def test_refusals(change, key):
-    data = spinning()
-    if "bodies" in change:
-        data["bodies"][0]["material"] = SOFT | {"branches": [{"beta": 1.0, "tau": 1.0}]}
-    method = data["method"] | change.get("method", {})
-    boundaries = change.get("boundaries", [])
-    with pytest.raises((SceneError, SolverError)) as error:
-        parse_scene(data | {"method": method, "boundaries": boundaries})
-    assert key in {fault.key for fault in error.value.faults}

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from lattice_waves import lattice_operators, stable_step
 from solids import (
-    ONE_BRANCH,
     RUBBER,
     SOFT,
     Record,
@@ -22,7 +21,6 @@ from solids import (
 )
 
 from parsolid.methods.tlsph.leapfrog import wave_weights
-from parsolid.scene import SceneError, parse_scene
 
 LEAPFROG = {"integrator": "leapfrog"}
 DRIVEN = [
@@ -84,15 +82,6 @@ def test_the_balance_is_second_order_in_time_under_tractions_and_prescribed_moti
     balances = [abs(row["energy_error"]) for row in rows]
     assert all(coarse > 3.5 * fine for coarse, fine in itertools.pairwise(balances)), balances
     assert balances[-1] < 2e-4 * rows[-1]["external_work"]
-
-
-def test_prescribed_motion_is_followed_as_exactly_as_by_three_stages():
-    pull = {"plane": "X = 2", "kind": "velocity", "velocity": ["0.3*t**2", "0"]}
-    table = driven(10, [{"plane": "X = 0", "kind": "fixed"}, pull], 0.5).systems[0].particles
-    end = table.owned_rows("reference_position")[:, 0] > 1.99
-    np.testing.assert_allclose(table.owned_rows("velocity")[end], [[0.3 * 0.25, 0.0]] * 5, atol=1e-15)
-    moved = (table.owned_rows("position") - table.owned_rows("reference_position"))[end]
-    np.testing.assert_allclose(moved, [[0.1 * 0.125, 0.0]] * 5, atol=1e-15)
 
 
 @pytest.mark.parametrize("scene", [punch, column])
@@ -174,15 +163,6 @@ def test_a_small_free_body_is_stable_at_the_limit_and_not_beyond(dissipation):
     assert shaken(1.15, dissipation) > 1e2
 
 
-def test_the_agreed_step_is_that_of_the_state_with_the_fastest_particle():
-    data = tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}, method={**LEAPFROG, "safety": 0.5})
-    data["bodies"][0]["velocity"] = ["0.5*sin(3*Y)", "-0.4*Y"]
-    sim = simulation(data)
-    columns = follow(sim, Record(lambda s: {"found": s.systems[0].stable_step(), "agreed": s.stable}), 6)
-    np.testing.assert_allclose(columns["agreed"], columns["found"], rtol=1e-12)
-    assert np.ptp(columns["found"]) > 1e-3 * columns["found"][0]
-
-
 def test_at_rest_the_step_is_that_of_linear_elasticity():
     sim = simulation(tables((5, 6), material=RUBBER, method={**LEAPFROG, "safety": 0.5}))
     nu, rho = RUBBER["poissons_ratio"], RUBBER["density"]
@@ -214,18 +194,3 @@ def test_loads_jump_where_a_step_ends():
     sim.take_step(0.19)
     velocity = sim.systems[0].particles.owned_rows("velocity")
     np.testing.assert_allclose(velocity, [[0.31 - 2.0 * 0.19, 0.0]] * len(velocity), rtol=0.0, atol=1e-14)
-
-
-def test_a_setting_of_the_other_integrator_is_refused():
-    for method, message in (
-        ({"integrator": "leapfrog", "cfl": 0.5}, "method.cfl: expected no such key with the integrator 'leapfrog'"),
-        (
-            {"integrator": "ssp-rk3", "safety": 0.5},
-            "method.safety: expected no such key with the integrator 'ssp-rk3'",
-        ),
-    ):
-        with pytest.raises(SceneError, match=message):
-            parse_scene(tables((5, 5), method=method))
-    resolved = parse_scene(tables((5, 5), method=LEAPFROG)).resolved()
-    assert resolved["method"]["safety"] == 0.9 and "cfl" not in resolved["method"]
-    assert parse_scene(resolved).method.safety == 0.9

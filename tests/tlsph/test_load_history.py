@@ -5,7 +5,6 @@ import pytest
 from solids import Record, follow, gathered, run_to_end, simulation
 from tlsph.test_static import box, static
 
-from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.time_step import TimeSteps
 
 E, NU, YIELD, SLOPE = 200.0, 0.3, 0.4, 2.0
@@ -36,7 +35,6 @@ FAST = METAL | {
         "reference_temperature": 300.0,
     },
 }
-SOIL = METAL | {"flow_stress": {"kind": "drucker-prager", "friction_angle": 30, "dilation_angle": 10, "cohesion": 0.3}}
 VISCOUS = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
 VISCOUS |= {"branches": [{"beta": 1.0, "tau": 0.5}, {"beta": 0.5, "tau": 4.0}]}
 
@@ -172,15 +170,3 @@ def test_tangent(shared_path, comm, material):
     # that of flow lacks what is not symmetric, stresses beside moduli
     part = 1e-6 if material is VISCOUS else 5e-3
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=part * np.abs(expected).max())
-
-
-FAILURE = {"failure": {"criteria": [{"kind": "plastic-strain", "strain": 0.1}]}}
-
-
-@pytest.mark.parametrize(
-    ("material", "key"), [(METAL | FAILURE, "failure"), (SOIL, "flow_stress.dilation_angle")], ids=["failure", "soil"]
-)
-def test_refused(tmp_path, material, key):
-    with pytest.raises(SceneError) as refused:
-        parse_scene(static(tmp_path, body={"material": material}))
-    assert any(str(fault).startswith(f"bodies.0.material.{key}") for fault in refused.value.faults)

@@ -6,7 +6,6 @@ import pytest
 from solids import (
     COPPER,
     LINEAR_COPPER,
-    SOFT,
     gathered,
     run_steps,
     run_to_end,
@@ -163,50 +162,6 @@ def test_heat_at_constant_volume_is_pressure_at_the_start():
     np.testing.assert_allclose(
         stress, -2.02 * 8930.0 * 383.0 * 100.0 * np.broadcast_to(np.eye(3), stress.shape), atol=1.0
     )
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"method": {"integrator": "ssp-rk3"}}, "method.integrator"),
-        ({"material": {"conductivity": 386.0}}, "bodies.0.material.conductivity"),
-        ({"material": {"failure": BRITTLE | {"after": "delete"}}}, "bodies.0.material.failure.after"),
-        ({"output": {"fields": ["damage"]}}, "output.fields.0"),
-        ({"body": {"displacement": ["0.01*X", "0"]}}, "bodies.0.displacement"),
-    ],
-)
-def test_what_the_method_does_not_bear_is_refused(change, key):
-    method = {"integrator": "leapfrog"} | change.get("method", {})
-    material = COPPER | change.get("material", {})
-    rest = {"output": change["output"]} if "output" in change else {}
-    data = tables((4, 4), material=material, method=method, body=change.get("body"), **rest)
-    with pytest.raises(Exception, match=key.replace(".", r"\.")) as refused:
-        simulation(data)
-    assert isinstance(refused.value, SceneError) or "no strain" in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"method": {"solution": {"kind": "quasi-static", "step": 1.0}}}, "method.solution.kind"),
-        ({"method": {"plane": "stress"}}, "bodies.0.material.kind"),
-        ({"method": {"stabilisation": {"kind": "none", "viscous_coefficient": 0.1}}}, "method.stabilisation"),
-        ({"method": {"damage": {"criterion": "energy", "fracture_energy": 1.0}}}, "method.damage.criterion"),
-        ({"method": {"damage": {"fracture_energy": 1.0}}}, "method.damage.modulus"),
-        ({"material": {"conductivity": 386.0}}, "bodies.0.material.conductivity"),
-        ({"material": {"failure": BRITTLE | {"after": "delete"}}}, "bodies.0.material.failure.after"),
-        ({"material": {"failure": BRITTLE}, "method": {"damage": {"critical_stretch": 0.1}}}, "material.failure"),
-        ({"material": SOFT, "method": {"viscosity": {"linear": 0.1}}}, "method.viscosity"),
-        ({"output": {"fields": ["plastic_strain"]}, "material": SOFT}, "output.fields.0"),
-    ],
-)
-def test_what_bonds_do_not_bear_is_refused(change, key):
-    material = change.get("material", {})
-    material = material if "kind" in material else COPPER | material
-    rest = {"output": change["output"]} if "output" in change else {}
-    data = tables((4, 4), material=material, method=method_of("bonds") | change.get("method", {}), **rest)
-    with pytest.raises(SceneError, match=key.replace(".", r"\.")):
-        parse_scene(data)
 
 
 def test_fields_of_flow_are_for_bodies_that_flow():

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import evolved, gathered, random_of, run_alone_and_on_all, run_through_and_in_two, run_to_end, simulation
-from test_mesh_weights import RUBBER, of_mesh, write
-from test_stages import MOVING, STILL, run, staged, there_and_back
-from test_static import STRAIN, linear, static
-
-from parsolid.scene import parse_scene
+from solids import gathered, random_of, run_to_end, simulation
+from tlsph.test_mesh_weights import RUBBER, of_mesh, write
+from tlsph.test_stages import MOVING, STILL, run, staged, there_and_back
+from tlsph.test_static import STRAIN, linear, static
 
 STIFF = RUBBER | {"poissons_ratio": 0.4999}
 LONG = {"integrator": "implicit", "accuracy": 1e-2}
@@ -54,13 +52,6 @@ def test_accuracy(shared_path, comm):
         products.append(sim.systems[0].statics.most_products)
     assert max(products) < 1.2 * min(products)
     assert max(products) < 120
-
-
-@pytest.mark.ranks(1, 2, 3)
-def test_ranks(shared_path, comm):
-    """The same on all ranks."""
-    rows = run_alone_and_on_all(cook(shared_path, 4, 0.4999), comm, names=("time", "external_work", "strain_energy"))
-    assert rows["time"][-1] == 1.0
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -120,15 +111,3 @@ def test_long_steps(shared_path, comm):
         _, rows = run(staged(*stages, shape=shape, end_time=1.0 + 0.5 * (len(stages) == 2)), comm)
         assert rows["kinetic"].max() > (1e-3 if len(stages) == 3 else -1.0) * rows["strain_energy"].max()
         assert np.abs(rows["energy_error"]).max() < 1e-6 * rows["strain_energy"].max()
-
-
-@pytest.mark.ranks(1, 2)
-@pytest.mark.parametrize("first", [3, 20])
-def test_restart(shared_path, comm, first):
-    """A restart in equilibrium or in motion goes on with the same bits."""
-    scene = parse_scene(there_and_back(stiff_block(shared_path)))
-    jobs = run_through_and_in_two(shared_path, comm, scene, first, 40)
-    names = evolved(jobs[0].simulation.systems[0].particles)
-    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in jobs)):
-        assert np.array_equal(*both), name
-    assert jobs[0].history.last_row == jobs[1].history.last_row

@@ -6,7 +6,7 @@ from mpi4py import MPI
 from solids import Record, follow, gathered, simulation, tables
 from tlsph.test_mesh_weights import of_mesh
 
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.time_step import TimeSteps
 
@@ -85,29 +85,6 @@ def test_check_counts_the_steps_of_every_stage():
     of_motion = 0.75 / system.leapfrog.stable_step()
     of_loads = (scene.end_time - 0.75) / system.stable_step()
     assert system.steps_to(scene.end_time) == pytest.approx(of_motion + of_loads) and of_motion > 20.0
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"stages": [{"start": 3.0, "method": MOVING}]}, "stages.0.start"),
-        ({"stages": [{"start": 0.5, "method": MOVING}, {"start": 0.5, "method": STILL}]}, "stages.1.start"),
-        ({"stages": [{"start": 0.5, "method": {"safety": 0.5}}]}, "stages.0.method.integrator"),
-        ({"stages": [{"start": 0.5, "method": MOVING | {"weights": "cells"}}]}, "stages.0.method.weights"),
-        ({"stages": [{"start": 0.5, "method": MOVING | {"safety": -1.0}}]}, "stages.0.method.safety"),
-        ({"stages": [{"start": 0.5, "method": MOVING | {"tolerance": 1e-6}}]}, "stages.0.method.tolerance"),
-        ({"stages": [{"start": 0.5, "method": {"integrator": "ssp-rk3"}}]}, "stages.0.method.integrator"),
-        ({"method": {"kind": "peridynamics"}}, "stages"),
-        (
-            {"stages": [{"start": 0.5, "method": MOVING}, {"start": 0.6, "method": MOVING | {"dissipation": 0.2}}]},
-            "stages.1.method.dissipation",
-        ),
-    ],
-)
-def test_refusals(change, key):
-    with pytest.raises(SceneError) as error:
-        parse_scene(there_and_back() | change)
-    assert key in {fault.key for fault in error.value.faults}
 
 
 def test_settings_of_a_stage(comm):

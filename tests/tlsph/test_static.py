@@ -18,7 +18,6 @@ from tlsph.test_shared_nodes import scene_of, two_groups
 from parsolid.collective import SolverError
 from parsolid.commands.cli import main
 from parsolid.output.results import load
-from parsolid.scene import SceneError, parse_scene
 
 STRAIN = np.array([[0.3, 0.2, -0.1], [0.1, -0.2, 0.1], [0.0, 0.2, 0.1]])
 
@@ -197,27 +196,3 @@ def test_loose_body(shared_path, comm):
     data["bodies"] = [body | {"name": "sprung"}, {"shape": apart, "particles": [9, 9], "material": RUBBER}]
     with pytest.raises(SolverError):
         simulation(data, comm)
-
-
-REFUSED = {
-    "method.safety": {"method": {"safety": 0.5}},
-    "method.dissipation": {"method": {"dissipation": 0.5}},
-    "method.weights": {"method": {"weights": "kernel"}},
-    "bodies.0.velocity": {"body": {"velocity": ["1", "0"]}},
-    "boundaries.0.damping": {"boundaries": [{"plane": "X = 0", "kind": "spring", "stiffness": 1.0, "damping": 1.0}]},
-    "initial.0.velocity": {"initial": [{"velocity": ["1", "0"]}]},
-}
-
-
-@pytest.mark.parametrize("key", REFUSED)
-def test_refused(tmp_path, key):
-    with pytest.raises(SceneError) as refused:
-        parse_scene(static(tmp_path, **REFUSED[key]))
-    assert any(str(fault).startswith(key) for fault in refused.value.faults)
-
-
-def test_displacement_is_for_equilibria():
-    driven = {"plane": "X = 0", "kind": "displacement", "displacement": ["t", "0"]}
-    with pytest.raises(SceneError) as refused:
-        parse_scene(tables((4, 4), boundaries=[driven]))
-    assert any(str(fault).startswith("boundaries.0.kind") for fault in refused.value.faults)

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import evolved, gathered, run_alone_and_on_all, run_through_and_in_two, run_to_end
-from test_load_history import METAL
-from test_mesh_weights import RUBBER
-from test_stages import run
-from test_static import box, static
+from solids import gathered, run_alone_and_on_all, run_to_end
+from tlsph.test_mesh_weights import RUBBER
+from tlsph.test_stages import run
+from tlsph.test_static import box, static
 
 from parsolid.methods.tlsph.static import Failed, Static
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
 
 SIDES = [{"plane": "X = 0", "kind": "roller"}, {"plane": "Y = 0", "kind": "roller"}]
@@ -32,12 +31,6 @@ def pressed(tools, weights="cells", particles=(6, 6), boundaries=SIDES, **rest):
 def of_tools(sim):
     """Columns of the tools."""
     return dict(zip(sim.interactions[0].columns, sim.interactions[0].sample()))
-
-
-def sliding(friction=0.1):
-    """A square between two dies that hold it by friction alone, which slips."""
-    floor = {"name": "floor", "shape": {"plane": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, "friction": friction}
-    return pressed([press(1.0, "-0.05", friction=friction), floor], particles=(4, 4), boundaries=SIDES[:1])
 
 
 @pytest.mark.parametrize("weights", ["cells", "mesh"])
@@ -74,34 +67,6 @@ def test_friction(comm):
     assert force["press.force_x"] == pytest.approx(-0.2 * force["press.force_y"], rel=1e-6)
     assert rows["friction_dissipation"][-1] > 0.05 * rows["external_work"][-1]
     assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"][-1]
-
-
-@pytest.mark.ranks(1, 2, 3)
-@pytest.mark.parametrize("flows", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_ranks(comm, flows):
-    """What tools alone hold is the same on all ranks, also where it flows."""
-    data = sliding()
-    if flows:
-        data["bodies"][0]["material"], data["end_time"] = METAL, 0.2
-    (_, rows), (_, on_all) = run_to_end(data, MPI.COMM_SELF, of_tools), run_to_end(data, comm, of_tools)
-    assert rows["friction_dissipation"][-1] > 1e-4 * rows["external_work"][-1]
-    energy = rows["external_work" if flows else "strain_energy"].max()
-    for name in rows:
-        # forces of tools to the tolerance of the solution
-        limit = 1e-8 * rows["press.force_y"].max() if "." in name else 1e-9 * energy
-        limit = 1e-9 if name == "time" else limit
-        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=limit, err_msg=name)
-
-
-@pytest.mark.ranks(1, 2)
-def test_restart(shared_path, comm):
-    """A restart after three load steps goes on with the same bits."""
-    through, pieces = run_through_and_in_two(shared_path, comm, parse_scene(sliding()), 3)
-    names = evolved(through.simulation.systems[0].particles)
-    assert "stick_press" in names
-    for name, *both in zip(names, *(gathered(job.simulation, *names) for job in (through, pieces))):
-        assert np.array_equal(*both), name
-    assert through.history.last_row == pieces.history.last_row
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -162,9 +127,3 @@ def test_parts_of_a_load_step_leave_no_remainder(monkeypatch):
     sim.take_step(0.07)
     assert len(ends) == 8 and ends[-2] < 0.9
     assert sim.systems[0].statics.load_step == pytest.approx(0.01)
-
-
-def test_free_tool_is_refused():
-    with pytest.raises(SceneError) as refused:
-        parse_scene(pressed([press(1.0, "0") | {"motion": None, "mass": 1.0}]))
-    assert any(str(fault).startswith("tools.0.mass") for fault in refused.value.faults)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from element_meshes import element_mesh
-from mpi4py import MPI
 from solids import gathered
 from tlsph.test_mesh_weights import RUBBER, linear, write
 from tlsph.test_stages import run
@@ -50,22 +49,6 @@ def test_patch(shared_path, comm):
     assert off[np.abs(X[:, 0] - 1.0) > 0.41].max() < 0.03
     assert off.max() < 0.1
     assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["strain_energy"].max()
-
-
-@pytest.mark.ranks(1, 2, 3)
-def test_tied_strap(shared_path, comm):
-    """A strap bears a load over its tie, the same on all ranks, and then moves from rest."""
-    stages = [
-        {"start": start, "method": {"integrator": kind}} for start, kind in ((0.5, "leapfrog"), (0.7, "implicit"))
-    ]
-    load = ["0.02*min(2*t, 1)", "0.002*min(2*t, 1)"]
-    data = tied(shared_path, pulled(load), stages=stages)
-    (_, rows), (_, on_all) = run(data, MPI.COMM_SELF), run(data, comm)
-    for name in rows:
-        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=1e-8 * rows["strain_energy"].max())
-    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["strain_energy"].max()
-    assert rows["kinetic"].max() < 1e-9 * rows["strain_energy"].max()
-    assert rows["tie_energy"][-1] > 0.0
 
 
 def test_loose(shared_path, comm):

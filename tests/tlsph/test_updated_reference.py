@@ -20,7 +20,6 @@ from solids import (
 
 from parsolid.methods.tlsph import updated_reference
 from parsolid.methods.tlsph.updated_reference import bounded_places, smoothed_places
-from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import RunFailed
 
 RATE = np.array([[0.3, 0.5, -0.2], [0.1, -0.4, 0.3], [0.2, 0.1, 0.5]])
@@ -276,30 +275,6 @@ def test_updates_that_eat_a_sheared_block_end_the_run_before_it_is_torn(comm):
     system = sim.systems[0]
     jacobian = system.particles.owned_rows("jacobian")
     assert system.reference.fault is not None and comm.allreduce(int((jacobian < 0.3).sum())) == 0
-
-
-REFUSED = {
-    "interval of a fixed reference": ({"update_every": 3}, "method.update_every: expected no such key with .*'fixed'"),
-    "limit of a fixed reference": ({"update_when": 0.3}, "method.update_when: expected no such key with .*'fixed'"),
-    "no way to update": ({"reference": "updated"}, "method.reference: expected one of .*, found 'neither'"),
-    "two ways": (EVERY_STEP | {"update_when": 0.1}, "method.reference: expected one of update_every and update_when"),
-    "no steps": (EVERY_STEP | {"update_every": 0}, "method.update_every"),
-    "closure": (EVERY_STEP | {"weights": "closure"}, "method.weights: expected 'kernel' with"),
-}
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_settings_without_effect_are_refused(name):
-    method, message = REFUSED[name]
-    with pytest.raises(SceneError, match=message):
-        parse_scene(punch(method=method))
-
-
-def test_planes_that_are_exact_for_small_strain_only_are_refused():
-    data = punch(method=EVERY_STEP)
-    data["boundaries"][1]["kind"] = "antisymmetric"
-    with pytest.raises(SceneError, match="boundaries.1.kind: expected 'fixed' or 'roller' .* found 'antisymmetric'"):
-        parse_scene(data)
 
 
 def turned(method: dict, layers: int, turn: float) -> tuple[float, float]:

@@ -6,41 +6,8 @@ import pytest
 from tools.tool_scenes import METHODS, block, floor, run
 
 from parsolid.collective import SolverError
-from parsolid.scene import SceneError, parse_scene
 
 BALL = {"name": "ball", "shape": {"sphere": {"centre": [0.5, 0.9], "radius": 0.2}}}
-REFUSED = [
-    (floor(bodies=["blok"]), "tools.0.bodies.0: expected the name of a body (did you mean 'block'?), found 'blok'"),
-    (BALL | {"mass": 1.0, "motion": {"velocity": ["0", "t"]}}, "tools.0: expected at most one of motion, mass"),
-    (BALL | {"spin": 3.0}, "tools.0.spin: expected no such key without mass"),
-    (BALL | {"mass": 1.0, "free": ["X"], "spin": 2.0}, "tools.0.spin: expected no such key for a tool that does not"),
-    (BALL | {"mass": 1.0, "free": ["X"], "velocity": [0, 1]}, "tools.0.velocity: expected no velocity along Y"),
-    (BALL | {"mass": 1.0, "free": ["Z"]}, "tools.0.free: expected axes of 2-D"),
-    (floor(mass=1.0, free=["rotation"]), "tools.0.free: expected no rotation of an endless shape"),
-    (floor(motion={"velocity": ["X", "0"]}), "tools.0.motion: expected formulas in t alone"),
-    (floor(motion={}), "tools.0.motion: expected velocity, rate or both, found none"),
-    (
-        floor(motion={"velocity": ["1", "0"], "about": [0, 0]}),
-        "tools.0.motion.about: expected no such key without a rate",
-    ),
-    (floor(stiffness=1000.0), "tools.0.stiffness: expected a number <= 100, found 1000"),
-    ({"name": "c", "shape": {"cylinder": {"base": [0, 0], "axis": "Z", "radius": 1}}}, "expected a shape of this dim"),
-    (BALL | {"shape": {"sphere": {"centre": [0, 0, 0], "radius": 1}}}, "expected 2 components"),
-]
-
-
-@pytest.mark.parametrize("tool, told", REFUSED, ids=[told[:60] for _, told in REFUSED])
-def test_tables_that_are_refused(tool, told):
-    with pytest.raises(SceneError, match=".*") as error:
-        parse_scene(block("tlsph") | {"tools": [tool]})
-    assert told in str(error.value)
-
-
-def test_methods_without_motion_are_refused():
-    data = block("peridynamics") | {"tools": [floor()]}
-    data["method"] = data["method"] | {"solution": {"kind": "quasi-static", "step": 0.1}}
-    with pytest.raises(SceneError, match="tools: expected method.solution.kind"):
-        parse_scene(data)
 
 
 def test_a_tool_in_a_body_is_refused(comm):

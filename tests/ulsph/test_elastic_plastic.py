@@ -9,7 +9,6 @@ from solids import COPPER, Record, follow, gathered, run_to_end, simulation
 from parsolid.collective import SolverError
 from parsolid.exact.shock import Hugoniot
 from parsolid.materials.plastic import plastic_evaluation as evaluation
-from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import RunFailed
 
 LIQUID = COPPER | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 1e3}}
@@ -208,24 +207,6 @@ def test_compression_beyond_the_equation_of_state_ends_the_run(comm):
     text = str(error.value)
     assert set(comm.allgather(text)) == {text}
     assert "compressed beyond its equation of state" in text
-
-
-@pytest.mark.parametrize(
-    "changes, words",
-    [
-        ({"output": {"fields": ["micro_rate"]}}, "output.fields.0: expected something that a body of this scene has"),
-        ({"probes": [{"name": "a", "quantity": "micro_kinetic"}]}, "probes.0.quantity: expected something that a body"),
-        ({"method": {"viscous_heating": True}}, "method.viscous_heating: expected no such key"),
-        (
-            {"material": STEEL, "output": {"fields": ["internal_energy"]}},
-            "output.fields.0: expected something that a body of this scene has",
-        ),
-    ],
-)
-def test_what_has_no_effect_is_refused(changes, words):
-    with pytest.raises(SceneError) as error:
-        parse_scene(scene((6, 6), [3e-3, 3e-3], **changes))
-    assert words in str(error.value)
 
 
 def test_a_wall_within_a_body_is_refused(comm):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from solids import simulation
-from ulsph.plates import CLASSICAL, STEEL, block, scene
+from ulsph.plates import STEEL, block, scene
 
-from parsolid.scene import SceneError, parse_scene
+from parsolid.scene import SceneError
 
 
 def flowing(rate, material=STEEL, **rest) -> dict:
@@ -22,12 +22,6 @@ def test_it_is_set_by_place_and_held_where_clamped(comm):
     law = sim.systems[0].laws[0]
     wanted = 0.5 * law.inertia_length**2 * (sim.systems[0].mass * rows("micro_rate") ** 2).sum()
     assert kinetic == pytest.approx(wanted, rel=1e-12)
-
-
-@pytest.mark.parametrize("material", [CLASSICAL, {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}])
-def test_without_micro_inertia_there_is_none(material):
-    with pytest.raises(SceneError, match=r"bodies.0.micro_rate: expected no such key but for a body of micro-inertia"):
-        parse_scene(flowing("1e3", material))
 
 
 def test_flow_does_not_run_backwards(comm):

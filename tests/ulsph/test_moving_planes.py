@@ -79,23 +79,6 @@ def test_a_restart_goes_on_from_planes_that_have_moved(shared_path, comm):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(
-    "wall, key",
-    [
-        ({"kind": "fixed", "velocity": ["1", "free"]}, "boundaries.0.velocity.1"),
-        ({"kind": "roller", "velocity": ["1", "0"]}, "boundaries.0.velocity.1"),
-        ({"kind": "antisymmetric", "velocity": ["1", "1"]}, "boundaries.0.velocity.0"),
-        ({"kind": "fixed", "velocity": ["Y", "0"]}, "boundaries.0.velocity.0"),
-        ({"kind": "fixed", "velocity": ["1", "0"], "mirror": False}, "boundaries.0.velocity"),
-    ],
-)
-def test_motions_that_a_plane_cannot_have_are_refused(wall, key):
-    with pytest.raises(SceneError) as refused:
-        parse_scene(layer([{"plane": "X = 0", **wall}], ["0", "0"]))
-    assert [one.key for one in refused.value.faults] == [key]
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize("method", [{"kind": "tlsph"}, {"kind": "mpm", "cell": 0.2e-3}])
 def test_planes_of_other_methods_do_not_move(method):
     moving = [{"kind": "fixed", "plane": "X = 0", "velocity": ["1", "0"]}]
