@@ -164,28 +164,14 @@ class Mutant(NamedTuple):
     new: str
 
 
-_BINARY: dict[type, tuple[str, str]] = {
-    ast.Add: ("+", "-"),
-    ast.Sub: ("-", "+"),
-    ast.Mult: ("*", "/"),
-    ast.Div: ("/", "*"),
-    ast.Pow: ("**", "*"),
-    ast.FloorDiv: ("//", "*"),
-    ast.Mod: ("%", "*"),
-    ast.BitAnd: ("&", "|"),
-    ast.BitOr: ("|", "&"),
-}
-_COMPARED: dict[type, tuple[str, str]] = {
-    ast.Lt: ("<", ">="),
-    ast.LtE: ("<=", ">"),
-    ast.Gt: (">", "<="),
-    ast.GtE: (">=", "<"),
-    ast.Eq: ("==", "!="),
-    ast.NotEq: ("!=", "=="),
-    ast.Is: ("is", "is not"),
-    ast.IsNot: ("is not", "is"),
-    ast.In: ("in", "not in"),
-    ast.NotIn: ("not in", "in"),
+_TEXTS = "Add + -,Sub - +,Mult * /,Div / *,Pow ** *,FloorDiv // *,Mod % *,BitAnd & |,BitOr | &"
+_TEXTS += (
+    ",Lt < >=,LtE <= >,Gt > <=,GtE >= <,Eq == !=,NotEq != ==,In in not_in,NotIn not_in in,Is is is_not,IsNot is_not is"
+)
+# operator -> what it is written as and what is put there
+_OPERATORS: dict[type, tuple[str, str]] = {
+    getattr(ast, name): (old.replace("_", " "), new.replace("_", " "))
+    for name, old, new in map(str.split, _TEXTS.split(","))
 }
 _EXTREMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"}
 # a change of numbers beyond these by 1 % is none: round-off, and "never"
@@ -227,14 +213,14 @@ def _changes(tree: ast.AST) -> Iterator[tuple]:
     """(first and last place, what is put there, or what is replaced there by what)."""
     for node in _mutable(tree):
         whole = _place(node) if hasattr(node, "lineno") else ()
-        if isinstance(node, ast.BinOp) and type(node.op) in _BINARY and not _is_text(node.left, node.right):
-            yield _end(node.left), _begin(node.right), _BINARY[type(node.op)]
-        elif isinstance(node, ast.AugAssign) and type(node.op) in _BINARY and not _is_text(node.value):
-            yield _end(node.target), _begin(node.value), _BINARY[type(node.op)]
+        if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS and not _is_text(node.left, node.right):
+            yield _end(node.left), _begin(node.right), _OPERATORS[type(node.op)]
+        elif isinstance(node, ast.AugAssign) and type(node.op) in _OPERATORS and not _is_text(node.value):
+            yield _end(node.target), _begin(node.value), _OPERATORS[type(node.op)]
         elif isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]
             for left, right, operation in zip(sides, sides[1:], node.ops):
-                yield _end(left), _begin(right), _COMPARED[type(operation)]
+                yield _end(left), _begin(right), _OPERATORS[type(operation)]
         elif isinstance(node, ast.BoolOp):
             words = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
             yield _end(node.values[0]), _begin(node.values[1]), words

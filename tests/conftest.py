@@ -30,39 +30,31 @@ from mpi4py import MPI
 # before numpy, which most tests import first: no threads for linear algebra, which spin beside other tests
 import parsolid  # noqa: F401
 
+import numpy as np  # isort: skip
+
 WORLD = MPI.COMM_WORLD
 # a rank that failed waits this long for the others, and every phase of a test may take that long, in seconds
 GRACE, LONGEST = 60.0, 600.0
 _PASSED, _SKIPPED, _FAILED = range(3)
+# of several ranks: a communicator of their own for the talk about tests, and the error stream before pytest takes it
+_talk, _errors = None, None
 
 
-class _Step:
-    """Talk between ranks about the tests, on a communicator of its own."""
-
-    def __init__(self):
-        self.comm = WORLD.Dup()
-        self.errors = os.fdopen(os.dup(2), "w")
-
-    def agree(self, mine: int, name: str, text: str, patience: float) -> list[int]:
-        """Every rank's number; ends the job, showing the text, when the others do not come."""
-        everyone = [0] * self.comm.size
-        send, receive = bytearray(mine.to_bytes(8, "little")), bytearray(8 * self.comm.size)
-        request = self.comm.Iallgather([send, MPI.BYTE], [receive, MPI.BYTE])
-        end = time.monotonic() + patience
-        while not request.Test():
-            if time.monotonic() > end:
-                self.abort(f"{name}: rank {self.comm.rank} waited {patience:.0f} s in vain for the others\n{text}")
-            time.sleep(2e-4)
-        for rank in range(self.comm.size):
-            everyone[rank] = int.from_bytes(receive[8 * rank : 8 * rank + 8], "little")
-        return everyone
-
-    def abort(self, message: str) -> None:
-        print(f"\n{message}\n", file=self.errors, flush=True)
-        WORLD.Abort(1)
+def _agree(mine: int, name: str, text: str, patience: float) -> np.ndarray:
+    """Every rank's number; ends the job, showing the text, when the others do not come."""
+    everyone = np.zeros(_talk.size, np.int64)
+    request = _talk.Iallgather(np.array([mine]), everyone)
+    end = time.monotonic() + patience
+    while not request.Test():
+        if time.monotonic() > end:
+            _abort(f"{name}: rank {_talk.rank} waited {patience:.0f} s in vain for the others\n{text}")
+        time.sleep(2e-4)
+    return everyone
 
 
-_step = None
+def _abort(message: str) -> None:
+    print(f"\n{message}\n", file=_errors, flush=True)
+    WORLD.Abort(1)
 
 
 def pytest_addoption(parser):
@@ -81,10 +73,10 @@ _MARKERS = (
 
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
-    global _step
+    global _talk, _errors
     if WORLD.size > 1:
         # not before: while conftest is imported, pytest captures the error stream
-        _step = _Step()
+        _talk, _errors = WORLD.Dup(), os.fdopen(os.dup(2), "w")
     for marker in _MARKERS:
         config.addinivalue_line("markers", marker)
     reporter = config.pluginmanager.get_plugin("terminalreporter")
@@ -145,37 +137,37 @@ def _runs(config, item) -> bool:
 
 
 def pytest_collection_finish(session):
-    if _step is None:
+    if _talk is None:
         return
     found = zlib.crc32("\n".join(item.nodeid for item in session.items).encode())
-    everyone = _step.agree(found, "collection", "", GRACE)
-    if len(set(everyone)) > 1:
-        _step.abort(f"collection: rank {WORLD.rank} found {len(session.items)} tests, not the same as the others")
+    everyone = _agree(found, "collection", "", GRACE)
+    if len(set(everyone.tolist())) > 1:
+        _abort(f"collection: rank {WORLD.rank} found {len(session.items)} tests, not the same as the others")
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item, nextitem):
-    if _step is not None:
+    if _talk is not None:
         # all ranks waiting for each other: show where, and end the job
-        faulthandler.dump_traceback_later(LONGEST, exit=True, file=_step.errors)
+        faulthandler.dump_traceback_later(LONGEST, exit=True, file=_errors)
     try:
         return (yield)
     finally:
-        if _step is not None:
+        if _talk is not None:
             faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_makereport(item, call):
     report = yield
-    if _step is None:
+    if _talk is None:
         return report
     mine = _FAILED if report.failed else _SKIPPED if report.skipped else _PASSED
     name = f"{item.nodeid} ({report.when})"
-    everyone = _step.agree(mine, name, report.longreprtext, GRACE if mine == _FAILED else LONGEST)
-    if len(set(everyone)) == 1 and _FAILED not in everyone:
+    everyone = _agree(mine, name, report.longreprtext, GRACE if mine == _FAILED else LONGEST)
+    if len(set(everyone.tolist())) == 1 and mine != _FAILED:
         return report
-    texts = _step.comm.allgather(report.longreprtext if report.failed else None)
+    texts = _talk.allgather(report.longreprtext if report.failed else None)
     words = ("passed", "skipped", "failed")
     summary = [f"rank {rank} {words[outcome]}" for rank, outcome in enumerate(everyone)]
     parts = [f"--- rank {rank} ---\n{text}" for rank, text in enumerate(texts) if text]
