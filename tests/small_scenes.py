@@ -4,8 +4,9 @@ import copy
 from pathlib import Path
 
 import tomli_w
+from solids import COPPER, RUBBER
 
-SOFT = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.45}
+SOFT = RUBBER
 STIFF = SOFT | {"density": 1500.0, "youngs_modulus": 40e6, "poissons_ratio": 0.4}
 ONE = [{"beta": 1.0, "tau": 0.02}]
 THREE = [{"beta": 2.0, "tau": 0.001}, {"beta": 1.0, "tau": 0.01}, {"beta": 0.5, "tau": 0.3}]
@@ -120,14 +121,7 @@ PULLED = {
     "output": OUTPUT | {"fields_interval": 0.005},
 }
 
-METAL = {
-    "kind": "elastic-plastic",
-    "density": 8930.0,
-    "specific_heat": 383.0,
-    "equation_of_state": {"kind": "mie-grueneisen", "sound_speed": 3940.0, "slope": 1.489, "gamma": 2.02},
-    "shear_modulus": {"kind": "constant", "modulus": 47.7e9},
-    "flow_stress": {"kind": "linear-hardening", "yield_stress": 120e6, "hardening": 500e6},
-}
+METAL = COPPER | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 120e6, "hardening": 500e6}}
 
 # two laws, a wall that moves, particles that change their rank
 IMPACT = {

@@ -5,7 +5,7 @@ import random
 
 import pytest
 from plain_tables import MATERIAL
-from test_faults import DELETED, changed
+from small_scenes import changed
 
 from parsolid.scene import SceneError, parse_scene
 from parsolid.scene.validation_errors import Fault
@@ -54,7 +54,7 @@ SCENE = {
 
 # of each table of the scene: changes, the key at fault, the code
 FAULTS = [
-    [({"title": 3}, "title", "type"), ({"title": DELETED, "titel": "x"}, "titel", "unknown-key")],
+    [({"title": 3}, "title", "type"), ({"title": None, "titel": "x"}, "titel", "unknown-key")],
     [({"output.fields_interval": 1e-9}, "output.fields_interval", "refused"), ({"end_time": "x"}, "end_time", "type")],
     [
         ({"method.cfl": -1.0}, "method.cfl", "bound"),
@@ -73,7 +73,7 @@ FAULTS = [
         ({"bodies.1.spacing": 0.1}, "bodies.1", "exclusive"),
         ({"bodies.1.placement": "corners"}, "bodies.1.placement", "choice"),
     ],
-    [({"regions.0.shape": DELETED}, "regions.0", "exclusive"), ({"regions.0.side": "on"}, "regions.0.side", "refused")],
+    [({"regions.0.shape": None}, "regions.0", "exclusive"), ({"regions.0.side": "on"}, "regions.0.side", "refused")],
     [
         ({"boundaries.0.kind": "fixd"}, "boundaries.0.kind", "choice"),
         ({"boundaries.0.body": "lower"}, "boundaries.0.body", "unknown-name"),
@@ -82,11 +82,11 @@ FAULTS = [
     ],
     [
         ({"boundaries.1.plane": "Q = 0"}, "boundaries.1.plane", "refused"),
-        ({"boundaries.1.plane": DELETED}, "boundaries.1", "exclusive"),
-        ({"boundaries.1.where": "nowhere", "boundaries.1.plane": DELETED}, "boundaries.1.where", "unknown-name"),
+        ({"boundaries.1.plane": None}, "boundaries.1", "exclusive"),
+        ({"boundaries.1.where": "nowhere", "boundaries.1.plane": None}, "boundaries.1.where", "unknown-name"),
         ({"boundaries.1.reaction": True}, "boundaries.1.reaction", "refused"),
     ],
-    [({"boundaries.2.traction": DELETED}, "boundaries.2.traction", "missing")],
+    [({"boundaries.2.traction": None}, "boundaries.2.traction", "missing")],
     [
         ({"initial.0.body": "top"}, "initial.0.body", "unknown-name"),
         ({"initial.0.velocity": 1}, "initial.0.velocity", None),
@@ -132,7 +132,7 @@ def test_every_fault_is_told_at_once(seed):
 
 
 def test_a_mesh_that_is_not_there_makes_no_other_fault():
-    mesh = {"bodies.0.shape": {"mesh": {"file": "none.msh"}}, "bodies.0.particles": DELETED, "title": 3}
+    mesh = {"bodies.0.shape": {"mesh": {"file": "none.msh"}}, "bodies.0.particles": None, "title": 3}
     scene = changed(SCENE, mesh | {"method.weights": "mesh", "boundaries.1": {"kind": "fixed", "where": "a group"}})
     with pytest.raises(SceneError) as caught:
         parse_scene(scene)

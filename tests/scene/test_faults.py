@@ -1,30 +1,12 @@
 """Broken scenes: each names its key, what was expected and what was found."""
 
-import copy
-
 import pytest
+from small_scenes import changed
 
 from parsolid.particles.agreement import agree
 from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, load_scene, packaged_scene, parse_scene
 from parsolid.scene.validation_errors import describe
-
-DELETED = object()
-
-
-def changed(data, changes):
-    """A copy of plain tables with {"key.path": value}; DELETED removes the key."""
-    data = copy.deepcopy(data)
-    for path, value in changes.items():
-        *keys, last = (int(key) if key.isdigit() else key for key in path.split("."))
-        place = data
-        for key in keys:
-            place = place[key] if isinstance(place, list) else place.setdefault(key, {})
-        if value is DELETED:
-            del place[last]
-        else:
-            place[last] = value
-    return data
 
 
 def shell(**keys):
@@ -91,58 +73,43 @@ def test_files_that_are_no_scenes(tmp_path):
         load_scene(tmp_path / "bytes.toml")
 
 
+# found at particles: changes, and the key
 AT_GENERATION = {
-    "velocity": (
-        {"bodies.0.velocity": ["0", "log(X)", "0"]},
-        (
-            r"bodies.0.velocity.1: expected a finite value of a size up to 1e.60 at every particle, "
-            r"found -inf at particle 0 \(0, 0, 0\)"
-        ),
-    ),
+    "velocity": ({"bodies.0.velocity": ["0", "log(X)", "0"]}, "bodies.0.velocity.1"),
     "gradient": (
         {"bodies.0.deformation_gradient": [["1", "0", "0"], ["0", "1", "0"], ["0", "0", "sqrt(0.5-X)"]]},
-        r"bodies.0.deformation_gradient.2.2: .* found nan at particle 70 \(1, 0, 0\)",
+        "bodies.0.deformation_gradient.2.2",
     ),
-    "as good as infinite": (
-        {"bodies.0.velocity": ["0", "1e308", "0"]},
-        r"bodies.0.velocity.1: expected a finite value of a size up to 1e\+60 at every particle, found 1e\+308",
-    ),
-    "load": ({"loads.body_force": ["1/(Z-3)", "0", "0"]}, r"loads.body_force.0: .*found inf at particle 6 \(0, 0, 3\)"),
+    "as good as infinite": ({"bodies.0.velocity": ["0", "1e308", "0"]}, "bodies.0.velocity.1"),
+    "load": ({"loads.body_force": ["1/(Z-3)", "0", "0"]}, "loads.body_force.0"),
     "traction": (
         {"boundaries": [{"kind": "traction", "plane": "X = 1", "traction": ["sqrt(X-1)", "0", "arccos(Y)"]}]},
-        r"boundaries.0.traction.2: .*found nan at particle 91 \(1, 1.5, 0\)",
+        "boundaries.0.traction.2",
     ),
-    "more than the memory": (
-        {"bodies.0.particles": [9_000, 9_000, 9_000]},
-        r"bodies: expected particles that fit into the .* GiB .* on \d ranks?, found 729,000,000,000, .* 2.04e.05 GiB",
-    ),
-    "too small for floats": ({"bodies.0.shape.box.upper": [1e-60, 1.0, 1.0]}, "a body with sides from 1e-60"),
-    "far away": ({"bodies.0.shape.box.lower": [-1e60, 0.0, 0.0]}, "a body with sides from 1e-60 to 1e.60 m"),
+    "more than the memory": ({"bodies.0.particles": [9_000, 9_000, 9_000]}, "bodies"),
+    "too small for floats": ({"bodies.0.shape.box.upper": [1e-60, 1.0, 1.0]}, "bodies.0"),
+    "far away": ({"bodies.0.shape.box.lower": [-1e60, 0.0, 0.0]}, "bodies.0"),
     "empty region": (
         {
             "boundaries": [
-                {"kind": "velocity", "ball": {"centre": [9.0, 0.0, 0.0], "radius": 1.0}, "velocity": ["0", "0", "free"]}
+                {"kind": "velocity", "ball": {"centre": [9.0, 0.0, 0.0], "radius": 1.0}, "velocity": [0, 0, 0]}
             ]
         },
-        "boundaries.0: expected a region that holds particles, found 0",
+        "boundaries.0",
     ),
     "probe in a hole": (
-        {
-            "bodies.0.shape": shell(),
-            "bodies.0.particles": [40, 5, 2],
-            "probes": [{**PROBE, "at": [0.0, 0.0, 0.5]}],
-        },
-        r"probes.0.at: expected a point within one spacing of a particle \(the nearest is 0.95 m away\)",
+        {"bodies.0.shape": shell(), "bodies.0.particles": [40, 5, 2], "probes": [PROBE | {"at": [0.0, 0.0, 0.5]}]},
+        "probes.0.at",
     ),
 }
 
 
-@pytest.mark.parametrize(("changes", "message"), AT_GENERATION.values(), ids=AT_GENERATION)
-def test_fault_at_generation_is_the_same_on_all_ranks(cube, comm, changes, message):
+@pytest.mark.parametrize(("changes", "key"), AT_GENERATION.values(), ids=AT_GENERATION)
+def test_fault_at_generation_is_the_same_on_all_ranks(cube, comm, changes, key):
     scene = parse_scene(changed(cube, changes))
-    with pytest.raises(SceneError, match=message) as caught:
+    with pytest.raises(SceneError) as caught:
         generate(scene, comm)
-    assert len(caught.value.faults) == 1
+    assert [fault.partition(": ")[0] for fault in caught.value.faults] == [key]
     assert len(set(comm.allgather(str(caught.value)))) == 1
 
 

@@ -21,12 +21,6 @@ def scene(kind: str, body: dict) -> dict:
     return tables((9, 9), method={**METHODS[kind]}, body=placed)
 
 
-@pytest.mark.parametrize("kind", METHODS)
-def test_a_folded_start_is_refused(kind, comm):
-    with pytest.raises(SolverError, match=r"bodies\.0\.displacement: expected a start that is not folded.*inside out"):
-        simulation(scene(kind, FOLDED), comm)
-
-
 def test_a_negative_deformation_gradient_is_refused(comm):
     body = FOLDED | {"deformation_gradient": [["-0.5", "0"], ["0", "1"]]}
     with pytest.raises(SolverError, match=r"bodies\.0\.deformation_gradient: expected a start that is not folded"):

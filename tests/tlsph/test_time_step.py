@@ -57,10 +57,10 @@ def test_one_crushed_particle_rules_the_step():
     assert sim.systems[0].stable_step() == pytest.approx(0.7 * 0.2 / greatest_speed(sim), rel=1e-12)
 
 
-def test_the_step_found_while_advancing_is_that_of_the_new_state():
-    sim = simulation(
-        tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}, body={"velocity": ["0.5*sin(3*Y)", "-0.4*Y"]})
-    )
+@pytest.mark.parametrize("method", [{}, {"integrator": "leapfrog", "safety": 0.5}], ids=["stages", "leapfrog"])
+def test_the_step_found_while_advancing_is_that_of_the_new_state(method):
+    body = {"velocity": ["0.5*sin(3*Y)", "-0.4*Y"]}
+    sim = simulation(tables((5, 6), material={**SOFT, "branches": ONE_BRANCH}, method=method, body=body))
     record = Record(lambda s: {"stable": s.systems[0].stable_step(), "agreed": s.stable})
     columns = follow(sim, record, 6)
     np.testing.assert_allclose(columns["agreed"], columns["stable"], rtol=1e-12)
