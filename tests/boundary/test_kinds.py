@@ -22,6 +22,7 @@ def test_these_are_all_kinds():
     assert set(KINDS) == set(BOUNDARY_KINDS) == {kind for kinds in TAKEN.values() for kind in kinds}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_method_takes_a_kind_or_refuses_it(method, kind, comm):

@@ -39,6 +39,7 @@ def test_a_traction_has_the_area_of_the_facets_in_its_plane(shared_path, comm, d
     np.testing.assert_allclose(total, AREA[dimension] * np.array(traction), rtol=1e-13)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dimension", KINDS)
 @pytest.mark.parametrize(
     "load",

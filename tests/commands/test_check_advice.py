@@ -28,6 +28,7 @@ def beam(kind, across, placement, length=1.0, **rest) -> dict:
     )
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("kind, placement", sorted(BENDING))
 def test_few_particles_across_a_beam(comm, kind, placement):
     figures = BENDING[kind, placement]
@@ -130,6 +131,7 @@ def test_bodies_in_contact_are_told_what_their_methods_do_for_it(method, stated,
     assert same == (note.code, note.text.replace("method.", "methods.0."))
 
 
+@pytest.mark.serial
 def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_are(tmp_path, comm):
     import meshio
 

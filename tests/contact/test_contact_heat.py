@@ -52,6 +52,7 @@ def _watch(system, got, shown) -> None:
     system.take_heat = watched
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", [FLOW, POINTS, SPH, BONDS], ids=["ulsph", "mpm", "tlsph", "peridynamics"])
 def test_each_body_gets_half_of_it_and_the_ledger_counts_it_once(comm, method):
     material = COPPER if method in (FLOW, POINTS) else SHOCKED_COPPER

@@ -31,6 +31,7 @@ def rebounds(columns, left, right, speed, least):
     assert columns["contact_energy"].max() > 0.005 * columns["kinetic"][0]
 
 
+@pytest.mark.serial
 def test_blocks_rebound_in_space(comm):
     n, h = 5, 0.2
     left = block("left", [-1.0, 0.0, 0.0], [0.0, 0.6, 0.6], [n + 1, 4, 4], velocity=[0.005 * SPEED, 0.0, 0.0])
@@ -85,6 +86,7 @@ def cracked(contact, speed, upper_half) -> dict:
     return tables(plate, method=method, contact=contact, end_time=3.0)
 
 
+@pytest.mark.serial
 def test_faces_of_a_crack_meet_without_a_push_where_they_were(comm):
     named = [{"bodies": ["plate"]}]
     resting = simulated(cracked(named, 0.0, 1.0), comm)

@@ -37,6 +37,7 @@ def test_bars_exchange_their_velocities():
     assert columns["contact_energy"].max() > 0.01 * start and abs(columns["contact_energy"][-1]) < 1e-12 * start
 
 
+@pytest.mark.serial
 def test_a_bar_leaves_one_of_twice_its_impedance_with_a_third(comm):
     """Weights of fourth order, whose faces meet where those of the kernel do; with these the error is 3.5 %."""
     data = bars(n=26, wide=8, gap=0.002)

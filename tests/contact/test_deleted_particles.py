@@ -56,6 +56,7 @@ def followed(data: dict, comm, more=motion) -> tuple[Simulation, dict]:
     return sim, record.columns()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS)
 def test_contact_lets_go_of_what_is_deleted(comm, method):
     sim, rows = followed(hammered(method), comm)
@@ -69,6 +70,7 @@ def test_contact_lets_go_of_what_is_deleted(comm, method):
             assert not of("contact_force")[of("deleted_mass") > 0.0].any()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS)
 def test_ties_end_where_particles_are_deleted(comm, method):
     sim, rows = followed(torn(method), comm)

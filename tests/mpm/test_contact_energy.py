@@ -31,6 +31,7 @@ def face(**method) -> dict:
     return block(0.0, -10.0, **method) | {"boundaries": [{"kind": "roller", "plane": "X = 0"}]}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "case, order, balance, least_loss, largest_loss",
     [

@@ -23,6 +23,7 @@ def block(left: dict, right: dict | None, **rest) -> dict:
 HELD = {"roller": {"kind": "roller"}, "velocity": {"kind": "velocity", "velocity": ["0", "free"]}}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("held", HELD)
 @pytest.mark.parametrize("transfer", ["apic", "flip"])
 def test_a_bar_that_swings_keeps_its_energy_however_it_is_held(held, transfer, comm):
@@ -44,6 +45,7 @@ GRIDS = {
 }
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("grid", GRIDS)
 def test_a_plane_at_rest_holds_like_a_plane_of_symmetry(grid, comm):
     """Four periods: the energy that is left. Nodes behind a plane that are at rest, too, took 8 to 20 % more."""
@@ -60,6 +62,7 @@ def test_a_plane_at_rest_holds_like_a_plane_of_symmetry(grid, comm):
     assert kept["velocity"] > kept["roller"] - 0.02 and kept["velocity"] < 1.02
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "grid, boundary, told",
     [
@@ -78,6 +81,7 @@ def test_planes_at_rest_that_hold_badly_are_told(grid, boundary, told, comm):
     assert [one.code for one in simulation(data, comm).warnings] == told
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("strain, most", [(0.1, 0.05), (0.4, 0.08)])
 def test_a_block_that_is_pulled_does_not_part_from_what_pulls_it(strain, most, comm):
     """Slowly against its waves: the mean of P11 = lambda (J - 1) + mu (F - 1/F), by the energy."""

@@ -15,6 +15,7 @@ def bar(**body) -> dict:
     return scene([0.0, 0.0], [1e-3, 4e-3], 2.5e-4, 5e-4, material=HOT, end_time=1e-5, body=body)
 
 
+@pytest.mark.serial
 def test_a_hot_bar_is_free_of_stress(comm):
     sim, columns = run_to_end(bar(temperature=1235.0), comm)
     rows = sim.systems[0].particles.owned_rows
@@ -23,6 +24,7 @@ def test_a_hot_bar_is_free_of_stress(comm):
     assert np.abs(columns["energy_error"]).max() == 0.0 and (columns["internal_energy"] == 0.0).all()
 
 
+@pytest.mark.serial
 def test_heating_at_constant_volume_is_a_pressure(comm):
     """gamma rho C_v (T - T0), of the whole body before anything moves."""
     sim = simulation(bar(temperature=1235.0, thermal_reference="at-constant-volume"), comm)
@@ -32,6 +34,7 @@ def test_heating_at_constant_volume_is_a_pressure(comm):
     np.testing.assert_allclose(stress[:, 0], -pressure * volume, rtol=1e-12)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "body, words",
     [

@@ -26,6 +26,7 @@ def spin_and_energy(sim) -> np.ndarray:
     return sim.comm.allreduce(np.array([m @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]), 0.5 * m @ (v**2).sum(axis=1)]))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("stretch", [1.0, 1.2])
 def test_the_first_step_keeps_spin_and_energy(comm, stretch):
     sim = simulation(spinning(stretch), comm)

@@ -45,6 +45,7 @@ IN_R = {"name": "r", "plane": "X = 0.2", "side": "below"}
 AT_A_POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": [1.0, "free"]}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "changes, words",
     [
@@ -69,6 +70,7 @@ BLOCK = ([0.0, 0.0], [0.4, 0.3], 0.05, 0.1)
 WALL = {"plane": "X = 0", "kind": "wall", "side": "above"}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "wall, body, found",
     [
@@ -87,6 +89,7 @@ def test_a_wall_through_a_body_is_refused(comm, wall, body, found):
         simulation(data, comm)
 
 
+@pytest.mark.serial
 @pytest.mark.slow
 @pytest.mark.parametrize("order, transfer", [("usl", "flip"), ("musl", "flip"), ("usl", "apic"), ("musl", "apic")])
 def test_the_balance_is_zero_but_for_the_time_integration(comm, order, transfer):

@@ -8,6 +8,7 @@ from solids import run_to_end
 E, NU, PULL = 3.0, 0.3, 0.03
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("influence", ["constant", "cubic-spline"])
 @pytest.mark.parametrize(("dimension", "plane"), [(1, None), (2, "stress"), (2, "strain"), (3, None)])
 @pytest.mark.parametrize("placement", ["cells", "vertices"])

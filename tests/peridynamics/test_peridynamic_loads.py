@@ -106,6 +106,7 @@ CASES = {
 }
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_a_uniform_stress_is_exact(comm, case):
     body = Body(comm, **case)
@@ -140,6 +141,7 @@ def test_irregular_particles_carry_the_force_of_the_face(comm):
     assert body.total() == pytest.approx(STRESS * area(2), rel=1e-11)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_traction_that_varies_over_its_face_carries_its_moment(comm, dimension):
     """But for 1/N^2, what midpoints of N cells leave out of a square, and on top of a mean that is exact."""
@@ -181,6 +183,7 @@ HISTORY = {"rows": [[0.0, 1.0], [2.0, 3.0], [2.0, 0.0]]}
 PULL = {"kind": "traction", "plane": "X = 1", "traction": ["1e4*Y", 0.0], "history": HISTORY}
 
 
+@pytest.mark.serial
 def test_loads_in_time(comm):
     loads = {"body_force": [0.0, "-7*(t < 5)"], "acceleration": [2.0, 0.0], "jumps": [5.0]}
     body = Body(comm, 2, boundaries=[{"kind": "roller", "plane": "X = 0"}, PULL], loads=loads, end_time=10.0)
@@ -241,6 +244,7 @@ ALL_AROUND = {"kind": "pressure", "pressure": "2e4*(t < 5)", "jumps": [5.0]}
 HOLED = {"perforated_box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0], "centre": [1.0, 1.0], "radius": 0.6}}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_body_under_one_pressure_is_compressed_uniformly(comm, dimension):
     """Exactly, though its surface is made of stairs: a plate with a round notch on rollers, and a free ball."""
@@ -258,6 +262,7 @@ def test_a_body_under_one_pressure_is_compressed_uniformly(comm, dimension):
     assert body.conditions.times == (5.0,) and not body.operator.external(7.0).any()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("depth, told", [(0.01, True), (0.65, False)])
 def test_a_pressure_needs_a_region_of_two_horizons(depth, told, comm):
     """A block between rollers: the first layer alone bears 46 % of the pressure on its face."""

@@ -25,6 +25,7 @@ def run(folder, scene, *overrides, more=()):
     return summary["errors"], history, summary
 
 
+@pytest.mark.serial
 def test_creep_bar(shared_path):
     errors, history, _ = run(shared_path, "creep_bar.toml", "bodies.0.particles=[20]", "method.solution.step=0.2")
     assert set(errors) == {"tip.displacement_x"} and errors["tip.displacement_x"] < 2e-4
@@ -33,6 +34,7 @@ def test_creep_bar(shared_path):
     assert history["time"][1] == 0.0 and history["tip.displacement_x"][1] == pytest.approx(0.01 * place, rel=1e-7)
 
 
+@pytest.mark.serial
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "scene, solver", [("plate.toml", "conjugate-gradients"), ("plate_elastic_bulk.toml", "dynamic-relaxation")]
@@ -52,6 +54,7 @@ def test_plate_extension_and_recovery(shared_path, scene, solver):
     assert summary["iterations_per_step"] < (60 if solver == "dynamic-relaxation" else 25)
 
 
+@pytest.mark.serial
 def test_traction_on_the_last_column_alone_is_not_exact(shared_path):
     """What the consistent traction is for: the error of the single column is of first order, 2.8 % on ten columns."""
     errors, _, _ = run(
@@ -119,6 +122,7 @@ BEATING = pytest.param(
 HORIZONS = [(clamp, reach) for clamp in ("mirror", "layer") for reach in (3, 10, 15, 20)]
 
 
+@pytest.mark.serial
 @pytest.mark.long
 @pytest.mark.parametrize("state", ("instantaneous", "relaxed"))
 @pytest.mark.parametrize(("clamp", "reach"), [*HORIZONS[:-1], BEATING])
@@ -136,6 +140,7 @@ def test_period_at_every_horizon_of_the_paper(shared_path, state, reach, clamp):
     assert errors["decay_rate"] < 0.01
 
 
+@pytest.mark.serial
 @pytest.mark.long
 def test_undamped_bar_does_not_grow(shared_path):
     elastic = ("bodies.0.material.terms=[]", "bodies.0.material.youngs_modulus=68.9e6", "end_time=5.21")

@@ -30,6 +30,7 @@ def start(name: str, body: dict, comm, **rest):
     return simulation(data, comm)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("name", CASES)
 def test_a_folded_start_is_refused(name, comm):
     with pytest.raises(SolverError) as refused:
@@ -37,6 +38,7 @@ def test_a_folded_start_is_refused(name, comm):
     assert str(refused.value).startswith("bodies.0.displacement: ")
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(
     "displacement, strained",
@@ -54,6 +56,7 @@ def test_strain_at_the_start_needs_a_law_that_has_a_stress_for_it(name, displace
         start(name, {"displacement": displacement}, comm)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("name", ["mpm of metal", "ulsph"])
 def test_temperatures_are_absolute(name, comm):
     with pytest.raises(SceneError) as refused:

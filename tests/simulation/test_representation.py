@@ -24,6 +24,7 @@ def codes(data: dict, comm) -> list[str]:
     return [one.code for one in simulation(data, comm).warnings]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("kind", MATERIALS)
 @pytest.mark.parametrize(
     "across, held, found",
@@ -41,6 +42,7 @@ def test_a_body_of_one_layer(kind, across, held, found, comm):
     assert codes(strip(kind, across, boundaries=supports(**held)), comm) == found
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("cell, found", [(0.0999, ["cell-below-spacing"]), (0.1, []), (0.2, [])])
 def test_a_point_a_cell_and_direction(cell, found, comm):
     assert codes(strip("mpm", 4, cell), comm) == found
@@ -49,6 +51,7 @@ def test_a_point_a_cell_and_direction(cell, found, comm):
 FLIP = {"transfer": "flip"}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "across, cell, method, held, found",
     [
@@ -93,6 +96,7 @@ def test_slender_bodies_of_which_nothing_is_told_bend_right(across, cells, metho
     assert sunk.mean() == pytest.approx(2.0 * 0.1 * weight / (8.0 * stiffness), rel=0.12)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("above, found", [(0.61, ["thin-driven-layer"]), (0.51, []), (-1.0, [])])
 def test_driven_layers_of_ulsph_at_a_surface(above, found, comm):
     """Two layers of eight, three, and all."""

@@ -27,6 +27,7 @@ def test_a_negative_deformation_gradient_is_refused(comm):
         simulation(scene("tlsph", body), comm)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "body",
     [
@@ -42,11 +43,13 @@ def test_a_deformation_gradient_of_another_displacement_is_refused(kind, body, c
         simulation(scene(kind, body), comm)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("kind", ["tlsph", "mpm"])
 def test_one_that_fits_is_taken_on_either_side_of_a_kink(kind, comm):
     simulation(scene(kind, SHEARED | {"deformation_gradient": GRADIENT}), comm)
 
 
+@pytest.mark.serial
 def test_advice_is_of_what_the_scene_has_not(comm):
     for order, transfer, offered, not_offered in [
         ("usl", "flip", "order = 'musl' or transfer = 'apic'", "'usl'"),
@@ -60,6 +63,7 @@ def test_advice_is_of_what_the_scene_has_not(comm):
         assert offered in advice and not_offered not in advice
 
 
+@pytest.mark.serial
 def test_no_negative_step_is_told(comm):
     sim = simulation(scene("peridynamics", {}), comm)
 

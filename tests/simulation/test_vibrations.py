@@ -27,6 +27,7 @@ def frequencies(comm, scene, count):
     return found.rigid, 2.0 * np.pi * found.frequencies[found.rigid :]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("weights", "error"), [("cells", 0.04), ("fourth-order", 0.002)])
 def test_a_free_plate(comm, weights, error):
     rigid, found = frequencies(comm, scene_of((9, 17), (1.0, 2.0), weights), 6)
@@ -34,6 +35,7 @@ def test_a_free_plate(comm, weights, error):
     assert found == pytest.approx(box_frequencies(SOLID, (1.0, 2.0), 6), rel=error)
 
 
+@pytest.mark.serial
 def test_a_clamped_column_in_space(comm):
     scene = scene_of((6, 11, 6), (0.5, 1.0, 0.5), boundaries=supports(Y=(0.0, "fixed")))
     rigid, found = frequencies(comm, scene, 4)
@@ -87,6 +89,7 @@ def test_the_same_on_all_ranks(comm, shared_path):
     assert there.shares.sum(axis=0) == pytest.approx(alone.shares.sum(axis=0), abs=1e-7)
 
 
+@pytest.mark.serial
 def test_rigid_modes_of_two_bodies_and_their_shares(comm):
     """Two plates that nothing joins move for themselves; all rigid modes together have the whole mass."""
     scene = tables((5, 9), upper=[0.5, 1.0], method={"weights": "cells", "integrator": "leapfrog"})
@@ -100,6 +103,7 @@ def test_rigid_modes_of_two_bodies_and_their_shares(comm):
     assert found.frequencies[6::2] == pytest.approx(found.frequencies[7::2], rel=1e-6)
 
 
+@pytest.mark.serial
 def test_half_a_plate_beside_a_plane_of_symmetry(comm):
     """It has the modes of the whole plate that are symmetric, and slides along the plane."""
     whole = frequencies(comm, scene_of((17, 13), (1.0, 0.75), "fourth-order"), 8)[1]
@@ -114,6 +118,7 @@ def peridynamic(particles, upper, **rest):
     return parse_scene(data)
 
 
+@pytest.mark.serial
 def test_peridynamic_bodies(comm):
     """A free plate in plane strain, and a bar of one dimension, whose waves are n half lengths."""
     rigid, found = frequencies(comm, peridynamic((16, 32), (1.0, 2.0)), 4)
@@ -149,6 +154,7 @@ ABOVE = {**PLATE, "shape": {"box": {"lower": [0.0, 1.5], "upper": [1.0, 2.5]}}}
 TLSPH = {"kind": "tlsph", "weights": "cells"}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("changes", "place"),
     [
@@ -166,6 +172,7 @@ def test_what_does_not_vibrate_linearly_is_refused(comm, changes, place):
     assert [fault.key for fault in caught.value.faults] == [place]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("loads", [{"acceleration": ["0", "-9.81"]}, {"body_force": ["1", "0"]}, {}])
 def test_loads_that_do_not_act_are_told(comm, loads):
     notes = VibratingBodies(comm, scene_of((9, 9), (1.0, 1.0), loads=loads)).notes()
@@ -178,12 +185,14 @@ def test_a_tolerance_out_of_bounds_is_refused(tolerance):
         modes({"dimension": 2, "end_time": 1.0, "method": TLSPH, "bodies": [PLATE]}, 1, tolerance=tolerance)
 
 
+@pytest.mark.serial
 def test_a_body_that_is_held_all_over_is_refused(comm):
     scene = scene_of((2, 5), (1.0, 4.0), boundaries=supports(X0=(0.0, "fixed"), X1=(1.0, "fixed")))
     with pytest.raises(SolverError):
         find_modes(comm, scene, 2, None)
 
 
+@pytest.mark.serial
 def test_weights_that_do_not_close_are_refused(comm):
     with pytest.raises(SolverError):
         find_modes(comm, scene_of((9, 9), (1.0, 1.0), "kernel"), 2, None)

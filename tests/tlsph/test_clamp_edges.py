@@ -58,6 +58,7 @@ def test_check_says_that_mass_is_less():
     assert "clamp-edges" in {note.code for note in scene.method.notes(scene, (0,))}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("integrator", ["leapfrog", "ssp-rk3"])
 def test_energy_closes(integrator, comm):
     data = block((9, 9, 8))

@@ -36,6 +36,7 @@ def test_upper_root():
     np.testing.assert_allclose(root @ solve_upper(root, F), F, rtol=0.0, atol=1e-13)
 
 
+@pytest.mark.serial
 def test_order_on_an_exact_vibration(comm):
     """A block between rollers that swings along X and passes rest after a period, at an order of 2 in the step."""
     mu, lame = 3.0 / 2.6, 3.0 * 0.3 / (1.3 * 0.4)
@@ -52,6 +53,7 @@ def test_order_on_an_exact_vibration(comm):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.serial
 def test_all_stages(comm):
     """Pressed in equilibrium, struck in short steps, and left to swing in long ones, beside short steps alone."""
     swings = LONG | {"accuracy": 2e-4}

@@ -48,6 +48,7 @@ def bar(material, stretch):
     return data
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("material", [METAL, KINEMATIC], ids=["isotropic", "kinematic"])
 def test_bar(comm, material):
     """Pulled beyond yield and pushed beyond it: the stress of small strain, and energy that closes."""
@@ -70,6 +71,7 @@ def test_bar(comm, material):
     assert row["plastic_work"] == pytest.approx(there + back, rel=0.02)
 
 
+@pytest.mark.serial
 def test_rate(comm):
     """Pulled at a rate: the flow stress of Johnson and Cook at it, and energy that closes."""
     sim = simulation(bar(FAST, "0.02*t"), comm)
@@ -86,6 +88,7 @@ def test_rate(comm):
     assert abs(row["energy_error"]) < 1e-9 * row["external_work"]
 
 
+@pytest.mark.serial
 def test_relaxation(comm):
     """A block sheared at once relaxes as the exact solution of its branches, and loses what it does not store."""
     shear = 0.4
@@ -120,6 +123,7 @@ def crept(lame, shear, tau, t):
     return numerator(0.0) / denominator(0.0) + sum(parts)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("ratio", [0.3, 0.4999])
 def test_creep(shared_path, comm, ratio):
     """A plate under a load at once goes on to strain; of second order in the load step."""

@@ -67,6 +67,7 @@ def test_patch(shared_path, comm, dimension, kind):
     assert comm.allreduce(sim.systems[0].meshes.stabiliser_energy()) == pytest.approx(0.0, abs=1e-14)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("dimension", "kind"), ALL)
 def test_volumes_areas_and_masses(shared_path, comm, dimension, kind):
     sim = simulation(of_mesh(shared_path, kind, dimension), comm)
@@ -85,6 +86,7 @@ def test_volumes_areas_and_masses(shared_path, comm, dimension, kind):
     assert (mass > 0.4 * 1.1 * volume).all()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("dimension", "kind"), ALL)
 def test_rigid_motion(shared_path, comm, dimension, kind):
     """A body that is turned and moves has no stress, no dissipation, and no energy of the scheme."""
@@ -123,6 +125,7 @@ def test_forces_are_the_derivative_of_the_energy(shared_path, comm, dimension, k
     np.testing.assert_allclose(T.sum(axis=0), 0.0, atol=1e-13)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dissipation", [0.0, 0.3])
 def test_large_strains_keep_energy_to_the_third_order_of_the_step(shared_path, comm, dissipation):
     """Velocity Verlet alone leaves 2.9e-3, and a quarter of it at half the step."""

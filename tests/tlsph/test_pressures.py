@@ -41,6 +41,7 @@ def stiff_block(folder):
     return of_mesh(folder, "triangle", 2, moving=0.0, body={"material": STIFF})
 
 
+@pytest.mark.serial
 def test_accuracy(shared_path, comm):
     """Cook's membrane within 1 %, in as many products whatever the stiffness of its volumes."""
     products = []
@@ -54,6 +55,7 @@ def test_accuracy(shared_path, comm):
     assert max(products) < 120
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_patch(shared_path, comm, dimension):
     """An even strain that changes no volume has the law's pressure everywhere, 0."""

@@ -59,6 +59,7 @@ def test_there_and_back(shared_path, comm, kind):
     assert rows["strain_energy"][-1] == pytest.approx(alone["strain_energy"][-1], rel=1e-6)
 
 
+@pytest.mark.serial
 def test_equilibrium_stays(comm):
     """A motion from an equilibrium under the same loads has no velocity but that of its tolerance."""
     data = staged(STILL, (1.0, MOVING), load=["0", "-0.1*min(t, 1)"])
@@ -87,6 +88,7 @@ def test_check_counts_the_steps_of_every_stage():
     assert system.steps_to(scene.end_time) == pytest.approx(of_motion + of_loads) and of_motion > 20.0
 
 
+@pytest.mark.serial
 def test_settings_of_a_stage(comm):
     """Steps of a motion are as long as its own stage says."""
     data = staged(STILL, (1.0, MOVING), (1.5, MOVING | {"maximum_step": 0.01}))

@@ -56,6 +56,7 @@ def sagging(folder):
     return beam(folder, boundaries=[]) | {"loads": {"acceleration": ["0", "-3e-3*t"]}}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("kind", "dimension"), [("mixed", 2), ("mixed", 3), ("cells", 2), ("fourth-order", 2), ("fourth-order", 3)]
 )
@@ -170,6 +171,7 @@ def test_limit_point(shared_path, comm):
     assert (folder / "checkpoint.h5").exists()
 
 
+@pytest.mark.serial
 def test_jump_in_parts(shared_path, comm):
     """The shortest load step says nothing of a load that is there at the start, whose parts take no time."""
     data = beam(shared_path, boundaries=[], method={"minimum_step": 1e-3})
@@ -178,6 +180,7 @@ def test_jump_in_parts(shared_path, comm):
     assert found["strain_energy"][-1] == pytest.approx(found["external_work"][-1], rel=1e-3)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("ratio", "codes"), [(0.45, []), (0.46, ["stiff-volumes"])])
 def test_stiff_volumes(comm, ratio, codes):
     """That those of boxes take long is told; meshes have pressures (test_pressures)."""

@@ -33,6 +33,7 @@ def of_tools(sim):
     return dict(zip(sim.interactions[0].columns, sim.interactions[0].sample()))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("weights", ["cells", "mesh"])
 @pytest.mark.parametrize("gap", [0.0, 0.03])
 def test_patch(shared_path, comm, weights, gap):
@@ -69,6 +70,7 @@ def test_friction(comm):
     assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"][-1]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_bounce(comm, friction):
     """A square falls on a slope in long steps: its energy is kept but for what friction takes."""
@@ -82,6 +84,7 @@ def test_bounce(comm, friction):
     assert np.abs(rows["energy_error"]).max() < limit * rows["kinetic"][0]
 
 
+@pytest.mark.serial
 def test_pressed_then_let_go(comm):
     """One ledger where a tool presses a body in equilibrium and leaves it in motion."""
     data = pressed([press(1.0, "where(t < 1, -0.05, 2)")], particles=(4, 4))
@@ -91,6 +94,7 @@ def test_pressed_then_let_go(comm):
     assert np.abs(rows["energy_error"]).max() < 2e-3 * rows["strain_energy"].max()
 
 
+@pytest.mark.serial
 def test_jump(comm):
     """A load step ends where the velocity of a tool jumps: here it turns back."""
     _, rows = run(pressed([press(1.0, "-0.05*(1 - 2*step(t, 0.53))")], particles=(4, 4)), comm)

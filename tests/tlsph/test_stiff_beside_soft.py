@@ -8,6 +8,7 @@ from solids import Record, follow, simulation, tables
 NEO = {"kind": "neo-hookean", "density": 1e3, "poissons_ratio": 0.3}
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("ratio", [1e2, 1e4])
 def test_a_load_that_begins_on_a_soft_bar_is_accounted_for(ratio, comm):
     """The first steps of a load that grows from nothing, whose energies are below the rounding of J times the modulus
@@ -32,6 +33,7 @@ def test_a_load_that_begins_on_a_soft_bar_is_accounted_for(ratio, comm):
     assert sim.clock.step == 40 and sim.energy_check.violation is None
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("integrator", ["leapfrog", "ssp-rk3"])
 @pytest.mark.parametrize("stiffness, density", [(10.0, 10.0), (5.0, 29.0), (1.0, 1e3)])
 def test_a_light_bar_bonded_to_a_heavy_one_is_stable_at_the_usual_step(stiffness, density, integrator, comm):

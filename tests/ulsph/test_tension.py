@@ -63,6 +63,7 @@ def test_a_pulled_block_holds(particles, upper, method, comm):
         assert mean_stress(comm, sim.systems[0]) == pytest.approx(alone, rel=1e-9)
 
 
+@pytest.mark.serial
 def test_a_free_bar_swings_as_long_as_it_should(comm):
     """A bar, free all around, whose halves move apart: after half a period of its lowest wave along it they do so again
     the other way round, with their energy."""
@@ -77,6 +78,7 @@ def test_a_free_bar_swings_as_long_as_it_should(comm):
     assert comm.allreduce(float((np.sign(place - 0.6) * velocity).sum())) < 0.0
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("smoothing, told", [(1.3, True), (1.6, False)])
 def test_elastic_matter_that_tears_is_told(smoothing, told, comm):
     """All of it is driven to a stretch of 1.9, at which neighbours across a diagonal of wider kernels still reach one

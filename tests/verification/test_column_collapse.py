@@ -11,6 +11,7 @@ from parsolid.output.history import read_history
 RUNS = Path(__file__).parents[2] / "runs"
 
 
+@pytest.mark.serial
 @pytest.mark.slow
 @pytest.mark.parametrize("height", [0.1, 0.05])
 def test_a_column_of_sand_runs_out_as_far_as_measured(height, shared_path):

@@ -43,6 +43,7 @@ def cases(*methods: str) -> dict:
     return {case.title: case for study in studies for case in cases_of(study)}
 
 
+@pytest.mark.serial
 @pytest.mark.slow
 @pytest.mark.parametrize("title", FAST)
 def test_a_case_ends_as_the_study_says(title, comm, shared_path, capfd):

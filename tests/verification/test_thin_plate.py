@@ -23,6 +23,7 @@ def run(directory, *settings):
     return directory
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("dissipation", [0, 1])
 def test_linear_momentum_does_not_change(shared_path, dissipation):
     folder = run(
@@ -34,6 +35,7 @@ def test_linear_momentum_does_not_change(shared_path, dissipation):
     assert np.abs(momentum - momentum[:, :1]).max() <= 1e-11 * momentum[2, 0]
 
 
+@pytest.mark.serial
 @pytest.mark.slow
 def test_without_dissipation_the_pressure_checkerboards(shared_path):
     contents = []
