@@ -76,7 +76,7 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/campaign/verification.py": (PLAIN, _in("campaign", "verification")),
     "parsolid/commands/keys": (PLAIN, _in("commands", "keys", "command_words")),
     "parsolid/commands/plot": (COMPILED, _in("commands", "plot", "plot_forces", "cut_meshes")),
-    "parsolid/commands/point": (PLAIN, _in("commands", "point")),
+    "parsolid/commands/point.py": (PLAIN, _in("commands", "point")),
     "parsolid/contact": (PLAIN, _in("contact", "linear_weights", "contact_law", "contact_scene")),
     "parsolid/contact/ties.py": (COMPILED, _in("mixed", "ties")),
     "parsolid/contact/tie_springs.py": (COMPILED, _in("mixed", "ties")),
@@ -122,8 +122,7 @@ TESTS: dict[str, tuple[str, str]] = {
         PLAIN,
         _in("particles", "container", "extents", "machine") + " " + _in("scene", "overlap", "generation"),
     ),
-    "parsolid/particles/lattices/perforated.py": (PLAIN, _in("scene", "perforated")),
-    "parsolid/particles/lattices/perforated_nodes.py": (PLAIN, _in("scene", "perforated")),
+    "parsolid/particles/fillings.py": (PLAIN, _in("scene", "perforated")),
     "parsolid/particles/meshes": (PLAIN, _MESHES),
     "parsolid/point": (
         PLAIN,

@@ -8,7 +8,7 @@ from shutil import rmtree
 
 import parsolid
 from parsolid.campaign.verification import build_report
-from parsolid.commands.keys.listing import page as page_of_keys
+from parsolid.commands.keys import page as page_of_keys
 from parsolid.scene.codes import page as page_of_codes
 
 project, release = "parsolid", parsolid.__version__

@@ -1,10 +1,7 @@
 """What `check` says: the field table, and the cost of a scene in memory, messages and time."""
 
-import os
-import signal
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +15,6 @@ from parsolid.api.pictures import missing
 from parsolid.api.scenes import AnyScene, read_scene, require_whole_number, scene_on_all_ranks
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.contact.report import describe_contacts
-from parsolid.machine import cores, free_bytes
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.output.summary import peak_memory_bytes
 from parsolid.particles.meshes.slices import MeshSlices
@@ -26,51 +22,6 @@ from parsolid.scene import Scene
 from parsolid.scene.codes import Note, Warned
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.warmup import load_kernels, warm_up
-
-# of the memory that is free, what copies may take
-_SHARE = 0.5
-
-
-def cores_with_room(each: float) -> int:
-    """How many cores this process and copies of it may keep busy, which write to so many bytes each."""
-    left = free_bytes()
-    # where nothing tells there are no copies
-    room = _SHARE * left / max(each, 1.0) if left < float("inf") else 0.0
-    return min(cores(), 1 + int(room))
-
-
-@contextmanager
-def busy_cores(count: int, work: Callable[[], object]) -> Iterator[None]:
-    """Have so many cores busy, this one among them: copies of this process repeat `work` until the context is left.
-
-    They are copies as they are at the beginning, whose memory is shared until it is written to. No message of several
-    ranks may be in `work`.
-    """
-    copies: list[int] = []
-    parent = os.getpid()
-    try:
-        for _ in range(count - 1):
-            copy = os.fork()
-            if copy == 0:
-                # work until the process that this one is a copy of, the parent, ends it, or is no more; leave
-                # nothing behind
-                try:
-                    # a word from a copy would be one too many
-                    null = os.open(os.devnull, os.O_WRONLY)
-                    for stream in (1, 2):
-                        os.dup2(null, stream)
-                    while os.getppid() == parent:
-                        work()
-                finally:
-                    # without the ends of libraries, which are the parent's to make
-                    os._exit(0)
-            copies.append(copy)
-        yield
-    finally:
-        for copy in copies:
-            os.kill(copy, signal.SIGKILL)
-            os.waitpid(copy, 0)
-
 
 # steps that are measured, at least and at most, and for how long [s]
 _STEPS, _SECONDS = (3, 200), 2.0
@@ -223,24 +174,15 @@ def _mib(size: float) -> str:
 
 def _elsewhere(measured: "_Steps", ranks: int, base: int, work: float, idle: float) -> list[str]:
     """What the scene costs on another number of ranks, each with a core of its own, from the work [s] of a step on the
-    present ranks and of one without particles; measured again where more cores can be busy. Collective."""
+    present ranks and of one without particles. Collective."""
     comm, systems = measured.comm, measured.simulation.systems
-    # ranks that share caches and memory slow each other
-    busy = min(ranks, cores_with_room(peak_memory_bytes() - base)) if comm.size == 1 else comm.size
-    if busy != comm.size:
-        try:
-            work = measured.measure(busy)[1]
-        except OSError:
-            # the system lets this user have no more processes
-            busy = 1
     now, then = load_on(comm, systems, comm.size), load_on(comm, systems, ranks)
     step, messages = seconds_a_step(systems, work, maximum(comm, idle), now, then, ranks)
     program = maximum(comm, base) + (BESIDES if comm.size == 1 < ranks else 0)
     memory = memory_on(program, maximum(comm, peak_memory_bytes()) + program - maximum(comm, base), now, then)
-    how = f"measured with {busy} busy {'core' if busy == 1 else 'cores'} of {max(busy, cores())}"
     parts = f"{step * 1e3:.4g} ms of the processor, {messages * 1e3:.3g} ms messages"
     return [
-        f"\non {ranks} {'rank' if ranks == 1 else 'ranks'}, a core to each ({how}):",
+        f"\non {ranks} {'rank' if ranks == 1 else 'ranks'}, a core to each:",
         f"{'particles of a rank':<28} {then.particles:>14,.0f}   and {then.ghosts:,.0f} ghosts at most",
         f"{'memory a rank':<28} {_mib(memory)}   of which {program / 2**20:,.0f} MiB the program",
         f"{'time a step':<28} {(step + messages) * 1e3:>14,.4g} ms   of which {parts}",
@@ -317,24 +259,20 @@ class _Steps:
     def _work(self) -> float:
         return self.simulation.clock.loop_processor_seconds - self.simulation.phases.sent_processor
 
-    def measure(self, busy: int = 1) -> tuple[float, float]:
-        """Wall time of a step [s], and its work on the busiest rank, of the processor, without messages; collective.
-
-        busy: cores that are to have as much to do meanwhile, more than one for one rank alone.
-        """
+    def measure(self) -> tuple[float, float]:
+        """Wall time of a step [s], and its work on the busiest rank, of the processor, without messages; collective."""
         walls: list[float] = []
         work: list[float] = []
-        with busy_cores(busy, self.take):
-            # all ranks stop together; beyond the end nothing changes in equilibria, whose steps cost little there
-            while len(walls) < _STEPS[0] or (
-                self.simulation.clock.time < self.simulation.scene.end_time
-                and len(walls) < _STEPS[1]
-                and maximum(self.comm, sum(work)) < _SECONDS
-            ):
-                began, before = clock.perf_counter(), self._work
-                self.take()
-                walls.append(maximum(self.comm, clock.perf_counter() - began))
-                work.append(self._work - before)
+        # all ranks stop together; beyond the end nothing changes in equilibria, whose steps cost little there
+        while len(walls) < _STEPS[0] or (
+            self.simulation.clock.time < self.simulation.scene.end_time
+            and len(walls) < _STEPS[1]
+            and maximum(self.comm, sum(work)) < _SECONDS
+        ):
+            began, before = clock.perf_counter(), self._work
+            self.take()
+            walls.append(maximum(self.comm, clock.perf_counter() - began))
+            work.append(self._work - before)
         return float(np.median(walls)), maximum(self.comm, usual_mean(work))
 
 

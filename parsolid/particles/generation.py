@@ -1,33 +1,48 @@
 """From a scene to particles: every rank makes its own contiguous share of the ids, and no rank more than that."""
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from decomposition.pair_search import close_boxes
 from decomposition.slices import Slices
+from parsolid.collective import minimum
+from parsolid.machine import free_bytes
+from parsolid.materials.declaration import Phrase
 from parsolid.particles.agreement import agree
 from parsolid.particles.fillings import filling_of
-from parsolid.particles.held_twice import contradictions
 from parsolid.particles.initial_fields import meant
-from parsolid.particles.lattices.lattice import Filling
+from parsolid.particles.lattice import Filling
 from parsolid.particles.marks import mark_lattice
-from parsolid.particles.memory import check_memory
 from parsolid.particles.meshes.filling import MeshFilling
 from parsolid.particles.meshes.slices import MeshSlices, whole_mesh
-from parsolid.particles.overlap import overlap_faults
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import NOBODY, nearest_particles, particles_of, selected
 from parsolid.particles.touching import touching_faults
 from parsolid.scene.base_model import LEAST, MOST
 from parsolid.scene.bodies import Extent
+from parsolid.scene.boundaries import Condition, MotionCondition, Support
 from parsolid.scene.checks import unbounded_plane
 from parsolid.scene.formulas import Formula, FormulaVector
+from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.named_regions import Region, uses_of_regions
 from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import MeshFault, SceneError, fault, key_path, place_in_words, suggestion
+
+# parts of the end time at which values are compared, unlikely to be zeros of a load
+_MOMENTS = (0.0, 0.1372, 0.4619, 0.8317, 1.0)
+# of the larger value: the same motion in other words
+_SAME = 1e-9
+# of a spacing: a particle on a plane, which a support with images holds
+_ON_PLANE = 1e-6
+# shares of a spacing: round-off, and how far jitter moves a particle
+_ROUND_OFF, _JITTER = 1e-6, 0.5
+# no method needs less for a particle with its fields, lists and work arrays [bytes]
+LEAST_BYTES = 300
 
 
 def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None = None) -> ParticleSet:
@@ -75,6 +90,19 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
     agree(comm, faults + _not_finite(scene, particle_set, chosen, comm))
     agree(comm, contradictions(scene, particle_set, chosen, comm))
     return particle_set
+
+
+def check_memory(comm: MPI.Comm, particles: int) -> None:
+    """Raise SceneError, on all ranks, when their memory is too small for so many particles; collective."""
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    share = free_bytes() / machine.size
+    machine.Free()
+    room = minimum(comm, share) * comm.size
+    needed = particles * LEAST_BYTES
+    if needed > room:
+        free = f"the {room / 2**30:.3g} GiB of memory which are free on {comm.size} rank{'s' * (comm.size > 1)}"
+        found = f"{particles:,}, which take at least {needed / 2**30:.3g} GiB"
+        raise SceneError([f"bodies: expected particles that fit into {free}, found {found}"])
 
 
 def _fillings(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices]) -> list[Filling]:
@@ -238,3 +266,118 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
     lowest = np.empty_like(mine)
     comm.Allreduce(mine, lowest, op=MPI.MIN)
     return [text for text, own, low in zip(faults, mine, lowest) if text is not None and own == low]
+
+
+def contradictions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
+    """Faults of conditions that hold a component of the same particles to different values, the same on all ranks;
+    chosen: this rank's particles (n,) bool of each condition. Collective.
+
+    Where values are equal there is no fault: planes of rest and of symmetry meet at edges. Supports with images hold
+    the particles on their plane alone; those of surfaces of any direction hold no component.
+    """
+    held: dict[int, np.ndarray] = {}
+    for i, (one, here) in enumerate(zip(scene.boundaries, chosen)):
+        components = _held(one, particle_set, here)
+        if components is not None:
+            held[i] = components
+    pairs = list(itertools.combinations(held, 2))
+    counts = np.zeros((len(pairs), scene.dimension), np.int64)
+    for k, (j, i) in enumerate(pairs):
+        both = held[j] & held[i]
+        for axis in np.flatnonzero(both.any(axis=0)):
+            points = np.ascontiguousarray(particle_set.position[both[:, axis]])
+            counts[k, axis] = _unlike(scene, scene.boundaries[j], scene.boundaries[i], points, int(axis)).sum()
+    comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.SUM)
+    faults: list[str] = []
+    for (j, i), row in zip(pairs, counts):
+        axes = np.flatnonzero(row)
+        if len(axes):
+            along = " and ".join("XYZ"[axis] for axis in axes)
+            expected = (
+                f"no other motion along {along} of particles that boundaries.{j} ({scene.boundaries[j].kind!r}) holds"
+            )
+            faults.append(fault(("boundaries", i), expected, Phrase(f"{row.max()} particles in both"), "contradiction"))
+    return faults
+
+
+def _held(condition: Condition, particle_set: ParticleSet, here: np.ndarray) -> np.ndarray | None:
+    """Components (n, d) bool of particles that a condition holds, None for one that holds none."""
+    d = particle_set.position.shape[1]
+    if isinstance(condition, MotionCondition):
+        return np.asarray(here[:, None] & ~condition.prescribed.free[:d])
+    if not isinstance(condition, Support) or (condition.plane is None and condition.kind != "fixed"):
+        return None
+    if condition.plane is None:
+        return np.repeat(here[:, None], d, axis=1)
+    if condition.mirror:
+        away = np.abs(particle_set.position[:, condition.plane.axis] - condition.plane.offset)
+        here = here & (away <= _ON_PLANE * particle_set.spacing.min(axis=1))
+    return np.asarray(here[:, None] & condition.holds(d))
+
+
+def _unlike(scene: Scene, first: Condition, second: Condition, points: np.ndarray, axis: int) -> np.ndarray:
+    """At which points (n, d) [m] two conditions want other values of a component; a velocity and a displacement are
+    alike where both are zero."""
+    result = np.zeros(len(points), bool)
+    same_quantity = _quantity(first) in (None, _quantity(second)) or _quantity(second) is None
+    for moment in _MOMENTS:
+        values = [_values(one, points, moment * scene.end_time, axis) for one in (first, second)]
+        largest = np.maximum(*np.abs(values))
+        result |= (np.abs(values[0] - values[1]) > _SAME * largest) if same_quantity else largest > 0.0
+    return result
+
+
+def _quantity(condition: Any) -> str | None:
+    """ "velocity", "displacement", or None of what is at rest."""
+    if isinstance(condition, Support):
+        return None if condition.velocity is None else "velocity"
+    return str(condition.quantity)
+
+
+def _values(condition: Any, points: np.ndarray, time: float, axis: int) -> np.ndarray:
+    """Values (n,) of a component at points (n, d) [m] and a time [s]."""
+    if isinstance(condition, Support):
+        if condition.velocity is None:
+            return np.zeros(len(points))
+        return np.asarray(LoadHistory(condition.velocity).evaluate(points, time)[:, axis])
+    return np.asarray(condition.prescribed.evaluate(points, time)[:, axis])
+
+
+def overlap_faults(scene: Scene, fillings: list[Any], particle_set: ParticleSet, comm: MPI.Comm) -> list[str]:
+    """Pairs of bodies of which one has particles inside the other, the same on all ranks; collective.
+
+    Particles on a surface are in neither.
+    """
+    lower, upper = (np.array([getattr(one, name) for one in fillings], float) for name in ("lower", "upper"))
+    close = [(i, j) for i, j in np.transpose(close_boxes(lower, upper, 0.0)).tolist() if _near(fillings, i, j)]
+    pairs = sorted([*close, *((j, i) for i, j in close)])
+    counts = np.zeros(len(pairs), np.int64)
+    for number, (outer, inner) in enumerate(pairs):
+        shape: Any = scene.bodies[outer].shape
+        places = particle_set.position[particle_set.body == inner]
+        moved = scene.bodies[outer].jitter or scene.bodies[inner].jitter
+        margin = (_JITTER if moved else _ROUND_OFF) * max(fillings[outer].coarsest, fillings[inner].coarsest)
+        if shape.kind == "mesh":
+            # collective
+            counts[number] = fillings[outer].inside(places, margin)
+        elif len(places):
+            counts[number] = np.count_nonzero(shape.model.inside(places, margin))
+    comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.SUM)
+    return [
+        fault(
+            ("bodies", inner),
+            "a body that lies in no other",
+            Phrase(f"{count} particles of {_name(scene, inner)} inside {_name(scene, outer)}"),
+        )
+        for (outer, inner), count in zip(pairs, counts)
+        if count
+    ]
+
+
+def _near(fillings: list[Any], i: int, j: int) -> bool:
+    one, other = fillings[i], fillings[j]
+    return bool((one.lower < other.upper).all() and (other.lower < one.upper).all())
+
+
+def _name(scene: Scene, number: int) -> str:
+    return repr(scene.bodies[number].name or f"bodies.{number}")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.particles.fillings import filling_of
-from parsolid.particles.lattices.lattice import Lattice
+from parsolid.particles.lattice import Lattice
 from parsolid.particles.meshes.elements import ELEMENTS
 from parsolid.particles.meshes.imported import read_mesh
 from parsolid.scene.validation_errors import SceneError

@@ -1,15 +1,11 @@
 """What a scene would cost on other ranks, against what it costs on them."""
 
-import os
-import time
-
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from parsolid.api.forecast import _bisected, bytes_on_disk, load_on, memory_on, seconds_a_step
-from parsolid.api.report import busy_cores, cores_with_room, usual_mean
-from parsolid.machine import cores
+from parsolid.api.report import usual_mean
 from parsolid.output.checkpoint import write_checkpoint
 from parsolid.output.run_folder import RunFolder
 from parsolid.output.vtkhdf import published
@@ -80,24 +76,6 @@ def test_bytes_on_disk(comm, simulation, tmp_path):
 def test_parts_are_even():
     points = np.random.default_rng(0).random((1000, 3)) * [5.0, 1.0, 1.0]
     assert sorted(map(len, _bisected(points, 7))) == [142] * 1 + [143] * 6
-
-
-def test_copies_keep_cores_busy_and_are_gone_after(tmp_path):
-    def work():
-        (tmp_path / str(os.getpid())).touch()
-        time.sleep(1e-3)
-
-    with busy_cores(3, work):
-        until = time.monotonic() + 30.0
-        while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < until:
-            time.sleep(1e-3)
-    # none where there is no memory for them
-    assert cores_with_room(1e18) == 1 and cores_with_room(1.0) == cores()
-    copies = {int(path.name) for path in tmp_path.iterdir()}
-    assert len(copies) == 2 and os.getpid() not in copies
-    for copy in copies:
-        with pytest.raises(ProcessLookupError):
-            os.kill(copy, 0)
 
 
 def test_a_disturbance_does_not_count_and_what_recurs_does():

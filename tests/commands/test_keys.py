@@ -10,9 +10,7 @@ import pytest
 
 from parsolid.collective import SolverError
 from parsolid.commands.cli import main
-from parsolid.commands.keys.description import Table, scene_schema
-from parsolid.commands.keys.listing import listing
-from parsolid.commands.keys.starting import starting_scene
+from parsolid.commands.keys import Table, listing, scene_schema, starting_scene
 from parsolid.scene import parse_scene
 from parsolid.scene.methods import method_kinds
 from parsolid.scene.schema import Scene

@@ -420,7 +420,7 @@ def test_picture(comm, shared_path):
 
 
 def test_without_matplotlib_the_table_is_still_written(comm, shared_path, monkeypatch):
-    monkeypatch.delitem(sys.modules, "parsolid.commands.point.picture", raising=False)
+    monkeypatch.delitem(sys.modules, "parsolid.commands.point_picture", raising=False)
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"] + ["matplotlib"]:
         monkeypatch.setitem(sys.modules, name, None)
     assert run_point(comm, options(EXAMPLES / "relaxation.toml", shared_path)) == 0

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from parsolid.commands.point.report import describe, summarise, tabulate
+from parsolid.commands.point import describe, summarise, tabulate
 from parsolid.materials.registry import law_of
 from parsolid.point.driver import integrate, point_law
 from parsolid.point.laws import PathLost

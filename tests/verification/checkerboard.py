@@ -47,7 +47,7 @@ def checkerboard_of_run(directory: Path | str, field: str = "pressure") -> list[
     """
     from parsolid.output.results import Results
     from parsolid.particles.fillings import filling_of
-    from parsolid.particles.lattices.lattice import Lattice
+    from parsolid.particles.lattice import Lattice
     from parsolid.scene import SceneError
 
     results = Results(directory)

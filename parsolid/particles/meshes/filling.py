@@ -7,7 +7,7 @@ import numpy as np
 
 from decomposition.slices import Slices, count_before
 from parsolid.collective import maximum, minimum
-from parsolid.particles.lattices.lattice import jitter_offsets
+from parsolid.particles.lattice import jitter_offsets
 from parsolid.particles.marks import TOLERANCE
 from parsolid.particles.meshes.elements import shares_of_nodes
 from parsolid.particles.meshes.inside import Solid

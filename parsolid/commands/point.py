@@ -1,4 +1,4 @@
-"""What the command `point` writes: point.csv, point.png, point_summary.json and a few lines of text."""
+"""The command `point`: a material point driven along a prescribed deformation; no particles, one rank does it all."""
 
 import os
 import time as clock
@@ -7,18 +7,53 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.commands.arguments import TRUST_CODE
 from parsolid.materials.registry import law_at_origin
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
 from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import MaterialPoint, load_point
+from parsolid.scene.validation_errors import SceneError
+from parsolid.simulation.loop import RunFailed
 
 _SHOWN = (
     *("von_mises_stress", "plastic_strain_rate", "micro_stress"),
     *("plastic_strain", "temperature", "heat_given_away"),
 )
 TABLE, PICTURE, SUMMARY = "point.csv", "point.png", "point_summary.json"
+
+
+def add_arguments(parser: Any) -> None:
+    """Give the arguments of `point` to an argparse parser."""
+    parser.add_argument(
+        "path", metavar="PATH", help="TOML file with a material and the path of its deformation gradient"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", help="folder of the results (default: output.directory of the file)"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the file"
+    )
+    parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+
+
+def run_point(comm: Any, options: Any) -> int:
+    """Drive a material point; the exit status 0. Collective: rank 0 works, the others wait for its outcome.
+
+    Raises SceneError (bad input), OutputError or RunFailed (the path cannot be followed) on all ranks.
+    """
+    error = None
+    if comm.rank == 0:
+        try:
+            drive_and_report(options)
+        except (SceneError, OutputError, RunFailed) as found:
+            error = (type(found), *found.args)
+    error = comm.bcast(error)
+    if error is not None:
+        raise error[0](*error[1:])
+    return 0
 
 
 def drive_and_report(options: Any) -> dict[str, Any]:
@@ -33,8 +68,6 @@ def drive_and_report(options: Any) -> dict[str, Any]:
     try:
         record = integrate(law, point.path, point.end_time, point.longest_step)
     except PathLost as error:
-        from parsolid.simulation.loop import RunFailed
-
         raise RunFailed(str(error)) from None
     columns = tabulate(law, record, np.array(point.output.directions))
     summary = summarise(point, columns, clock.perf_counter() - began)
@@ -144,7 +177,7 @@ def _picture(point: MaterialPoint, columns: dict[str, np.ndarray], directory: Pa
     if not point.output.pictures:
         return "not wanted"
     try:
-        from parsolid.commands.point.picture import draw
+        from parsolid.commands.point_picture import draw
     except ImportError as error:
         return f"none, because {error.name or 'matplotlib'} is not installed (pip install 'parsolid[plot]')"
     draw(directory / PICTURE, point.title, columns)

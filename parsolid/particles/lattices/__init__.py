@@ -1,1 +1,0 @@
-"""Lattices that fill boxes, shells, cylinders and spheres, made piece by piece."""
