@@ -3,12 +3,21 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import combinations, groupby
+from itertools import combinations, groupby, pairwise
 from math import isfinite
 from typing import Annotated, Any, ClassVar, get_args
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
@@ -280,6 +289,28 @@ def _components(value: list[Any], info: ValidationInfo) -> list[Any]:
 
 OnePerDimension = AfterValidator(_components)
 Point = Annotated[list[float], OnePerDimension]
+
+
+def _not_zero(value: list[float]) -> list[float]:
+    if not any(value):
+        raise mismatch("a direction that is not zero", value)
+    return value
+
+
+def _rising(times: list[float]) -> list[float]:
+    late = [(i, after) for i, (before, after) in enumerate(pairwise(times), 1) if after <= before]
+    reject(*(((i,), "a time later than the one before", time) for i, time in late))
+    return times
+
+
+def _as_list(value: Any) -> Any:
+    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Direction = Annotated[Point, AfterValidator(_not_zero)]
+Times = Annotated[list[NotNegative], AfterValidator(_rising)]
+# what takes one number for a list of one
+OneOrMore = BeforeValidator(_as_list, json_schema_input_type=float | list[float])
 
 
 @dataclass(frozen=True)

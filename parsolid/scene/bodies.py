@@ -8,7 +8,17 @@ import numpy as np
 from pydantic import Field, ValidationInfo, WrapValidator, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Name, OnRestart, Positive, SceneModel, dimension_of, method_of, mismatch, reject
+from parsolid.scene.base_model import (
+    Name,
+    OneOrMore,
+    OnRestart,
+    Positive,
+    SceneModel,
+    dimension_of,
+    method_of,
+    mismatch,
+    reject,
+)
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.materials import Material
 from parsolid.scene.shapes import BodyShape
@@ -67,7 +77,7 @@ class FilledShape(SceneModel):
         description="number of particles along each of the shape's own directions: X, Y, Z of a box and of the "
         "bounding box of a cylinder or sphere; hoop, axial, radial of a shell (hoop, radial in 2-D)",
     )
-    spacing: list[Positive] | None = Field(
+    spacing: Annotated[list[Positive], OneOrMore] | None = Field(
         None,
         description="distance of particles [m] along the same directions, or one for all; rounded so that whole "
         "numbers fit",
@@ -85,11 +95,6 @@ class FilledShape(SceneModel):
         "particles on the boundary stay",
     )
     seed: int = Field(0, ge=0, description="of the random offsets")
-
-    @field_validator("spacing", mode="before", json_schema_input_type=Positive | list[Positive])
-    @classmethod
-    def _as_list(cls, value: Any) -> Any:
-        return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
 
     @field_validator("particles", "spacing")
     @classmethod

@@ -123,11 +123,6 @@ def unbounded_plane(place: int, boundary: Any, bodies: list[Any], extents: dict[
     return [(("boundaries", place, "plane"), expected, str(boundary.plane), "elsewhere")]
 
 
-def _away(extent: Extent, at: list[float]) -> float:
-    """Distance [m] of a point from a body's bounds."""
-    return float(np.linalg.norm(np.maximum(0.0, np.maximum(extent.lower - at, at - extent.upper))))
-
-
 def _misplaced_probes(scene: Scene, extents: dict[int, Extent], models_known: bool) -> list[FaultDetail]:
     """Probes at no body, and where methods are known their fields of bodies whose methods have no such field, where
     other methods of the scene have it."""
@@ -138,7 +133,10 @@ def _misplaced_probes(scene: Scene, extents: dict[int, Extent], models_known: bo
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
-        distance = {body: _away(extent, probe.at) for body, extent in extents.items()}
+        outside = {
+            i: np.maximum(0.0, np.maximum(one.lower - probe.at, probe.at - one.upper)) for i, one in extents.items()
+        }
+        distance = {body: float(np.linalg.norm(gap)) for body, gap in outside.items()}
         if min(distance[body] - extent.coarsest for body, extent in extents.items()) > 0.0:
             details.append((("probes", i, "at"), "a point within one spacing of a body", probe.at, "elsewhere"))
         near = [body for body, away in distance.items() if away == min(distance.values())]

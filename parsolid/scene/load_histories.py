@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import NotNegative, SceneModel, method_of, reject
+from parsolid.scene.base_model import SceneModel, Times, method_of, reject
 from parsolid.scene.formula_terms import read_csv_table
 from parsolid.scene.formulas import Formula, FormulaVector, Scalar, Vector
 from parsolid.scene.shapes import ExistingFile
@@ -167,18 +167,11 @@ class Timed(SceneModel):
     """Keys of a load that changes in time."""
 
     history: FactorHistory | None = Field(None, description="a factor of its formulas")
-    jumps: list[NotNegative] | None = Field(
+    jumps: Times | None = Field(
         None,
         description="times [s] at which the formulas themselves jump; quasi-static solutions insert a step of length "
         "zero there",
     )
-
-    @model_validator(mode="after")
-    def _rising(self) -> "Timed":
-        jumps = self.jumps or []
-        late = [(i, after) for i, (before, after) in enumerate(itertools.pairwise(jumps), 1) if after <= before]
-        reject(*((("jumps", i), "a time later than the one before", time) for i, time in late))
-        return self
 
     @property
     def jump_times(self) -> list[float]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo, field_validator, model_validator
 
-from parsolid.scene.base_model import Name, Plane, Point, SceneModel, dimension_of, mismatch, reject
+from parsolid.scene.base_model import Direction, Name, Plane, Point, SceneModel, dimension_of, mismatch, reject
 from parsolid.scene.formulas import Formula, InitialScalar
 from parsolid.scene.shapes import Shape
 from parsolid.scene.validation_errors import suggestion
@@ -22,14 +22,7 @@ class ObliquePlane(SceneModel):
     """A plane of any direction."""
 
     point: Point = Field(description="a point of the plane [m]")
-    normal: Point = Field(description="its normal, of any length")
-
-    @field_validator("normal")
-    @classmethod
-    def _some_direction(cls, normal: list[float]) -> list[float]:
-        if not np.linalg.norm(normal) > 0.0:
-            raise mismatch("a normal that is not zero", normal)
-        return normal
+    normal: Direction = Field(description="its normal, of any length")
 
     def height(self, places: np.ndarray) -> np.ndarray:
         """Distances (n,) [m] of places (n, d), positive on the normal's side."""

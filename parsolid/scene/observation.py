@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Detail, NotNegative, OnRestart, Positive, SceneModel, reject
+from parsolid.scene.base_model import Detail, NotNegative, OnRestart, Positive, SceneModel, Times, reject
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.probes import ShownField
 from parsolid.scene.shapes import ExistingFile
@@ -82,7 +82,7 @@ class Output(SceneModel):
     fields_interval: Positive | None = Field(
         default=None, description="time between fields [s], a twentieth of end_time unless given"
     )
-    fields_times: list[NotNegative] | None = Field(None, description="times at which fields are written [s]")
+    fields_times: Times | None = Field(None, description="times at which fields are written [s]")
     fields: list[ShownField] | None = Field(
         default=None, description="the fields to write, the usual ones unless given"
     )
@@ -96,14 +96,6 @@ class Output(SceneModel):
     pictures: bool | None = Field(
         None, description="draw the standard pictures at the end; unless said, of runs that have taken 20 s"
     )
-
-    @field_validator("fields_times")
-    @classmethod
-    def _in_order(cls, times: list[float] | None) -> list[float] | None:
-        if times is not None:
-            late = [(i, b) for i, (a, b) in enumerate(pairwise(times), 1) if b <= a]
-            reject(*(((i,), "a time later than the one before", b) for i, b in late))
-        return times
 
 
 _HYPERELASTIC, _PLASTIC, _PRONY = ("mooney-rivlin", "neo-hookean"), ("elastic-plastic",), ("prony", "linear-elastic")

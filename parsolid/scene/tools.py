@@ -3,20 +3,21 @@
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import (
     AXES,
     Detail,
+    Direction,
     FaultDetail,
     Name,
     NotNegative,
+    OneOrMore,
     Point,
     Positive,
     SceneModel,
     dimension_of,
-    mismatch,
     reject,
 )
 from parsolid.scene.formulas import Scalar, Vector
@@ -31,14 +32,7 @@ class HalfSpaceOfTool(SceneModel):
     """All that is below a plane; bodies are on the side that its normal points to."""
 
     point: Point = Field(description="a point of the plane [m]")
-    normal: Point = Field(description="the normal, towards the bodies; its length does not matter")
-
-    @field_validator("normal")
-    @classmethod
-    def _directed(cls, normal: list[float]) -> list[float]:
-        if not any(normal):
-            raise mismatch("a direction", normal)
-        return normal
+    normal: Direction = Field(description="the normal, towards the bodies; its length does not matter")
 
 
 class CylinderOfTool(SceneModel):
@@ -136,7 +130,7 @@ class Tool(SceneModel):
     mass: Positive | None = Field(
         None, description="of the tool [kg], of a metre of thickness in 2-D; with it gravity of [loads] acts, too"
     )
-    inertia: Annotated[list[Positive], Field(min_length=1)] | None = Field(
+    inertia: Annotated[list[Positive], Field(min_length=1), OneOrMore] | None = Field(
         None,
         description="about the centre [kg m^2]: a number in 2-D, in 3-D three about X, Y, Z; that of the shape unless "
         "given",
@@ -145,12 +139,9 @@ class Tool(SceneModel):
         None, description='components that follow the forces: "X", "Y", "Z", "rotation"; all unless given'
     )
     velocity: Point | None = Field(None, description="at time 0 [m/s]")
-    spin: list[float] | None = Field(None, description="angular velocity at time 0 [rad/s], one number in 2-D")
-
-    @field_validator("inertia", "spin", mode="before", json_schema_input_type=float | list[float])
-    @classmethod
-    def _as_list(cls, value: Any) -> Any:
-        return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else value
+    spin: Annotated[list[float], OneOrMore] | None = Field(
+        None, description="angular velocity at time 0 [rad/s], one number in 2-D"
+    )
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "Tool":
