@@ -87,7 +87,7 @@ def slides(acceleration: float, grows: float, evenly: bool) -> dict[str, Callabl
 
 def plates_that_meet() -> dict[str, Callable[[np.ndarray], np.ndarray]]:
     """runs/ulsph/linear_impact.toml until its fronts are at the free ends."""
-    from parsolid.exact.elastic_impact import ElasticImpact
+    from parsolid.exact.micro_inertia import ElasticImpact
     from parsolid.scene import load_scene
 
     exact = ElasticImpact.of_scene(load_scene(ROOT / "runs" / "ulsph" / "linear_impact.toml"))

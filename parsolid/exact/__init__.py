@@ -1,13 +1,10 @@
 """Closed-form solutions, for scenes, tests and studies alike."""
 
-from parsolid.exact.bar_vibration import BarVibration
-from parsolid.exact.delayed_heat import DelayedMode, DelayedPulse
-from parsolid.exact.elastic_impact import ElasticImpact
-from parsolid.exact.heat import CosineMode, HeatedSlab, PlasticLayer
+from parsolid.exact.heat import CosineMode, DelayedMode, DelayedPulse, HeatedSlab, PlasticLayer
+from parsolid.exact.linear_viscoelastic import BarVibration, UniaxialCreep
 from parsolid.exact.manufactured import AxisAligned, GeneralisedVortex
-from parsolid.exact.micro_layer import FreeMicroWave, MicroLayer, MicroWave
+from parsolid.exact.micro_inertia import ElasticImpact, FreeMicroWave, MicroLayer, MicroWave
 from parsolid.exact.shock import SteadyShock
-from parsolid.exact.uniaxial_creep import UniaxialCreep
 from parsolid.exact.viscoelastic_plate import ViscoelasticPlate
 
 SOLUTIONS = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from parsolid.commands.point import add_arguments, run_point
-from parsolid.exact.prony import PronySeries
+from parsolid.exact.linear_viscoelastic import PronySeries
 from parsolid.materials.registry import law_of
 from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.schema import MaterialPoint, load_point

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from parsolid.exact.linear_viscoelastic import UniaxialCreep
 from parsolid.exact.solution import Solution, View
-from parsolid.exact.uniaxial_creep import UniaxialCreep
 from parsolid.exact.viscoelastic_plate import ViscoelasticPlate
 from parsolid.scene import load_scene
 

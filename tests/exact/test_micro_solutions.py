@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from parsolid.exact.delayed_heat import DelayedHeat
-from parsolid.exact.elastic_impact import ElasticImpact
-from parsolid.exact.micro_layer import MicroLayer, MicroWave
+from parsolid.exact.heat import DelayedHeat
+from parsolid.exact.micro_inertia import ElasticImpact, MicroLayer, MicroWave
 from parsolid.materials.plastic.micro_inertia import StatedMicroInertia
 from parsolid.scene.materials import library_of_micro_inertia
 

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from lattice_bar import fundamental_period, lattice_frequency
 
-from parsolid.exact.bar_vibration import BarVibration, fitted_oscillation
-from parsolid.exact.prony import PronySeries
-from parsolid.exact.uniaxial_creep import UniaxialCreep
+from parsolid.exact.linear_viscoelastic import BarVibration, PronySeries, UniaxialCreep, fitted_oscillation
 
 _REFERENCE = Path(__file__).parents[2] / "runs" / "peridynamics" / "reference"
 YOUNG = PronySeries(6.89e6, [62.01e6], [1.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parsolid.exact.prony import PronySeries
+from parsolid.exact.linear_viscoelastic import PronySeries
 from parsolid.materials.viscoelastic.interconversion import shear_relaxation
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from parsolid.exact.prony import PronySeries
+from parsolid.exact.linear_viscoelastic import PronySeries
 from parsolid.materials.viscoelastic import prony
 from parsolid.materials.viscoelastic.prony_stated import StatedProny
 from parsolid.scene.declared import model_of

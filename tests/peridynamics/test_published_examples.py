@@ -8,8 +8,7 @@ import pytest
 from lattice_bar import fundamental_period
 
 from parsolid.commands.cli import main
-from parsolid.exact.bar_vibration import BarVibration
-from parsolid.exact.prony import PronySeries
+from parsolid.exact.linear_viscoelastic import BarVibration, PronySeries
 from parsolid.output.history import read_history
 
 _SCENES = Path(__file__).parents[2] / "runs" / "peridynamics"

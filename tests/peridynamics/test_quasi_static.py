@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from solids import simulation, tables
 
-from parsolid.exact.prony import PronySeries
+from parsolid.exact.linear_viscoelastic import PronySeries
 from parsolid.methods.peridynamics.equilibrium import Equilibrium
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic, lagrange_weights
 from parsolid.particles.container import Particles

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from parsolid.commands.cli import main
-from parsolid.exact.micro_layer import MicroLayer
+from parsolid.exact.micro_inertia import MicroLayer
 from parsolid.output.history import read_history
 from parsolid.scene import load_scene
 
