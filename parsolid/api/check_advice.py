@@ -95,7 +95,7 @@ def advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None = None) 
     ranks."""
     scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
     result += quality_advice(simulation, meshes)
-    result += cost_advice(simulation)
+    result += [note for system in simulation.systems for note in system.cost_notes()]
     for stated in scene.systems:
         result += stated.settings.choices(scene, stated.bodies)
     return result + thin_advice(simulation)
@@ -112,11 +112,6 @@ def thin_advice(simulation: Simulation) -> list[Note]:
             if thin is not None:
                 result += _few_layers(f"bodies.{i}", *thin, kind, scene.bodies[i].placed_on)
     return result
-
-
-def cost_advice(simulation: Simulation) -> list[Note]:
-    """What makes a run cost more than its particles say; collective, the same on all ranks."""
-    return [note for system in simulation.systems for note in system.cost_notes()]
 
 
 def quality_advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None = None) -> list[Note]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from parsolid.api.check_advice import cost_advice, scene_advice, size_advice, thin_advice
+from parsolid.api.check_advice import scene_advice, size_advice, thin_advice
 from parsolid.api.pictures import draw_at_end
 from parsolid.api.scenes import (
     AnyScene,
@@ -311,7 +311,8 @@ def _set_up(
 
 def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None, options: RunOptions) -> None:
     """Print warnings and notes on a run that is about to begin; collective."""
-    advised = size_advice(simulation) + thin_advice(simulation) + cost_advice(simulation)
+    advised = size_advice(simulation) + thin_advice(simulation)
+    advised += [note for system in simulation.systems for note in system.cost_notes()]
     advised += describe_contacts(simulation.comm, simulation.scene, simulation.systems)
     if simulation.comm.rank > 0:
         return

@@ -170,8 +170,3 @@ def _same(own: Any, value: Any) -> bool:
     if isinstance(own, dict) and isinstance(value, dict):
         return all(own.get(key) == one for key, one in value.items())
     return bool(own == value)
-
-
-def axes_of(scene: Scene) -> list[str]:
-    """Names of all axes of a scene."""
-    return sorted({axis for option in options_of(scene, []) for axis in option.axes})

@@ -80,14 +80,10 @@ class _OfToml(GenerateJsonSchema):
         return False
 
 
-def schema_of(model: type[SceneModel]) -> dict[str, Any]:
-    """The schema of a model's table, those within under "$defs"."""
-    return model.model_json_schema(schema_generator=_OfToml)
-
-
 def scene_schema() -> dict[str, Any]:
     """The schema of a scene."""
-    return {"$schema": _OfToml.schema_dialect, **schema_of(Scene), "title": "A scene of parsolid"}
+    schema = Scene.model_json_schema(schema_generator=_OfToml)
+    return {"$schema": _OfToml.schema_dialect, **schema, "title": "A scene of parsolid"}
 
 
 @dataclass(frozen=True)
@@ -112,7 +108,7 @@ class Table:
     @classmethod
     def of(cls, model: type[SceneModel]) -> "Table":
         """The table of a model."""
-        schema = schema_of(model)
+        schema = model.model_json_schema(schema_generator=_OfToml)
         return cls(schema, schema.get("$defs", {}))
 
     @property

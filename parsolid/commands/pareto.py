@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from parsolid.campaign.options import options_of
 from parsolid.commands.arguments import OVERRIDE, TRUST_CODE, seconds
 
 # core-seconds, unless given
@@ -32,7 +33,6 @@ def run_pareto(comm: Any, options: Any) -> int:
     coarser one can be made.
     """
     from parsolid.api.scenes import scene_on_all_ranks
-    from parsolid.campaign.options import axes_of
     from parsolid.campaign.pareto import plan_of, run_pareto
     from parsolid.campaign.runner import InProcess
     from parsolid.campaign.targets import columns_of
@@ -45,7 +45,7 @@ def run_pareto(comm: Any, options: Any) -> int:
     scene = scene_on_all_ranks(comm, lambda: load_scene(options.scene, options.set, options.trust_code))
     for word, names, known in (
         ("--column", [options.column], columns_of(scene)),
-        ("--axis", options.axis, axes_of(scene)),
+        ("--axis", options.axis, sorted({axis for option in options_of(scene, []) for axis in option.axes})),
     ):
         for name in names:
             if name not in known:

@@ -129,7 +129,9 @@ def pictured_fields(results: Results) -> list[str]:
 def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[int]:
     if options.times:
         steps = results.steps_at(list(options.times))
-        off = [f"{time:g}" for time in options.times if _far(results.times[steps], time, results.times[-1])]
+        # none of the times that are drawn is, to the eye, the one that was asked for
+        near, stored = 0.02 * results.times[-1], results.times[steps]
+        off = [f"{time:g}" for time in options.times if np.abs(stored - time).min() > near]
         if off:
             drawn = ", ".join(f"{results.times[step]:g}" for step in steps)
             print(f"note: no fields were written at {', '.join(off)} s; drawn are {drawn} s", file=sys.stderr)
@@ -138,11 +140,6 @@ def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[
     if options.every or moving or options.single or count <= STANDARD_TIMES:
         return list(range(count))
     return [int(step) for step in np.linspace(0, count - 1, STANDARD_TIMES).round()]
-
-
-def _far(drawn: np.ndarray, time: float, end: float) -> bool:
-    """Whether none of the times that are drawn is, to the eye, the one that was asked for."""
-    return bool(np.abs(drawn - time).min() > 0.02 * end)
 
 
 def _curves(results: Results, folder: Path) -> list[Path]:
