@@ -1,7 +1,8 @@
-"""python benchmarks/laws.py [--methods NAME ...] [--laws NAME ...]: what does each hyperelastic law cost?
+"""python benchmarks/laws.py [--methods NAME ...] [--laws NAME ...]: what does each law of solids cost?
 
 Steps one block with each law and with the Mooney-Rivlin law in alternation, in each method, and prints nanoseconds of
-processor time a particle and step and the median and quartiles of the ratios to Mooney-Rivlin of all pairs.
+processor time a particle and step and the median and quartiles of the ratios to Mooney-Rivlin of all pairs. In `ulsph`,
+which takes no hyperelastic law, the ratios are those to linear hardening. Metals and soils flow in all particles.
 
     --particles    along an edge of the block
     --steps        of each of both in a pair
@@ -16,6 +17,8 @@ from mpi4py import MPI
 
 from parsolid.materials import registry
 from parsolid.scene import parse_scene
+from parsolid.scene.methods import SETTINGS
+from parsolid.scene.plasticity import library
 from parsolid.simulation.loop import Simulation
 
 BESIDE = "mooney-rivlin"
@@ -60,11 +63,41 @@ LAWS = {
     "mooney-rivlin, softening": {"kind": BESIDE, "xi": 3e5, "zeta": 2e5, "lambda_hat": 4e6, **SOFTENING},
     "yeoh, softening": {"kind": "yeoh", "c1": 0.5e6, "c2": -1.5e3, "c3": 50.0, **BULK, **SOFTENING},
 }
+BRANCHES = {"branches": [{"modulus": 5e5, "tau": 1e-2}, {"modulus": 5e5, "tau": 1.0}]}
+LAWS["mooney-rivlin, two branches"] = LAWS[BESIDE] | BRANCHES
+LINEAR = "linear-hardening"
+COPPER = {
+    "kind": "elastic-plastic",
+    "density": 8930.0,
+    "specific_heat": 383.0,
+    "taylor_quinney": 0.9,
+    "equation_of_state": {"kind": "mie-grueneisen", "sound_speed": 3940.0, "slope": 1.489, "gamma": 2.02},
+    "shear_modulus": {"kind": "constant", "modulus": 47.7e9},
+    "flow_stress": {"kind": LINEAR, "yield_stress": 90e6, "hardening": 100e6},
+}
+SOIL = COPPER | {
+    "density": 1600.0,
+    "specific_heat": 800.0,
+    "equation_of_state": {"kind": "linear", "bulk_modulus": 2e7},
+    "shear_modulus": {"kind": "constant", "modulus": 1e7},
+    "flow_stress": {"kind": "drucker-prager", "friction_angle": 35, "cohesion": 1e3},
+}
+FLOWS = {
+    LINEAR: COPPER,
+    "armstrong-frederick": COPPER
+    | {"kinematic_hardening": {"kind": "armstrong-frederick", "modulus": 2e9, "recovery": 20}},
+    "voce": COPPER
+    | {"flow_stress": {"kind": "voce", "yield_stress": 90e6, "saturation": 100e6, "exponent": 16.9, "hardening": 1e8}},
+    "drucker-prager": SOIL,
+}
+for name, one in library().items():
+    FLOWS.setdefault(one.flow_stress.kind, {"kind": "elastic-plastic", "library": name})
 METHODS = {
     "tlsph box": ({"kind": "tlsph"}, {}),
     "tlsph list": ({"kind": "tlsph"}, {"jitter": 0.1}),
     "peridynamics": ({"kind": "peridynamics"}, {}),
     "mpm": ({"kind": "mpm"}, {"placement": "cells"}),
+    "ulsph": ({"kind": "ulsph"}, {"placement": "cells"}),
 }
 
 
@@ -76,11 +109,14 @@ class Block:
         more = {"cell": 2.0 / particles} if settings["kind"] == "mpm" else {}
         if law == "mazars" and settings["kind"] == "peridynamics":
             more = {"stabilisation": {"kind": "none"}}
+        material = FLOWS[law] if law in FLOWS else LAWS[law] | {"density": 1000.0}
+        # metals yield at strains of 1e-3 and have waves of 4 km/s
+        speed = 1.0 if law in LAWS else 5.0 if law == "drucker-prager" else 500.0
         table = {
             "shape": {"box": {"lower": [0.0] * 3, "upper": [1.0] * 3}},
             "particles": [particles] * 3,
-            "velocity": ["Y", "0.5*X*X", "X*Z"],
-            "material": LAWS[law] | {"density": 1000.0},
+            "velocity": [f"{speed}*Y", f"{speed}*0.5*X*X", f"{speed}*X*Z"],
+            "material": material,
             **body,
         }
         scene = parse_scene({"dimension": 3, "end_time": 1.0, "method": settings | more, "bodies": [table]})
@@ -100,10 +136,17 @@ class Block:
 
 def compare(method: str, law: str, options: argparse.Namespace) -> None:
     """Print a line of a law in a method."""
-    beside, block = (Block(name, method, options.particles) for name in (BESIDE, law))
+    with_which = LINEAR if method == "ulsph" else BESIDE
+    beside, block = (Block(name, method, options.particles) for name in (with_which, law))
     pairs = np.array([(beside.advance(options.steps), block.advance(options.steps)) for _ in range(options.pairs)])
     low, middle, high = np.percentile(pairs[:, 1] / pairs[:, 0], [25, 50, 75])
     print(f"{method:13} {law:37} {np.median(pairs[:, 1]):7.0f} ns  {middle:5.2f} ({low:.2f} to {high:.2f})", flush=True)
+
+
+def takes(method: str, law: str) -> bool:
+    """Whether a method takes a hyperelastic law."""
+    kind = METHODS[method][0]["kind"]
+    return "hyperelastic" in SETTINGS[kind].materials and not (kind == "mpm" and "branches" in LAWS[law])
 
 
 def main() -> None:
@@ -111,14 +154,15 @@ def main() -> None:
     assert set(registry.own_kinds("hyperelastic")) <= {table["kind"] for table in LAWS.values()}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
-    parser.add_argument("--laws", nargs="+", choices=LAWS, default=list(LAWS))
+    parser.add_argument("--laws", nargs="+", choices=LAWS | FLOWS, default=list(LAWS | FLOWS))
     parser.add_argument("--particles", type=int, default=24)
     parser.add_argument("--steps", type=int, default=20)
     parser.add_argument("--pairs", type=int, default=7)
     options = parser.parse_args()
     for method in options.methods:
         for law in options.laws:
-            compare(method, law, options)
+            if law in FLOWS or takes(method, law):
+                compare(method, law, options)
 
 
 if __name__ == "__main__":

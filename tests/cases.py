@@ -412,6 +412,18 @@ add(
     steps=150,
     momentum=1e-9,
 )
+relaxing_points = crossing(speed=0.0)
+relaxing_points["bodies"][0]["material"] |= {"branches": [{"beta": 1.0, "tau": 1e-3}, {"beta": 1.0, "tau": 0.1}]}
+add(
+    "relaxing points",
+    "mpm branches free",
+    relaxing_points,
+    steps=60,
+    stops=(30,),
+    balance=5e-3,
+    momentum=1e-9,
+    grows=("material_dissipation",),
+)
 for method in ({"transfer": "apic", "order": "usl"}, {"transfer": "aflip"}):
     turning = spinning_points(**method) | {"boundaries": [{"kind": "roller", "plane": "Y = -0.3"}]}
     turning["bodies"][0]["velocity"] = ["-20*(Y + 0.3)", "20*X"]

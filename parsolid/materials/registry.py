@@ -185,7 +185,7 @@ def _complete(declared: Declared) -> None:
         if states and not import_module(module).next_state.is_known_for(declared):
             lacking.append("next_state")
     if lacking:
-        raise LawError(f"a law with {' and '.join(lacking)} (see docs/laws.md)")
+        raise LawError(f"a law with {' and '.join(lacking)} (see docs/own-law.md)")
 
 
 def can_be_tried(declared: Declared) -> bool:

@@ -122,18 +122,25 @@ def test_motions_go_as_fine_equations_say(name):
         assert point.work == pytest.approx(work, rel=1.2e-3)
 
 
-@pytest.mark.parametrize(
-    ("name", "steps"), [("voce_shear", 20), ("voce_shear", 100), ("voce_circle", 50), ("voce_circle", 250)]
-)
+STEPPED = [(name, int(steps)) for name, rows in REFERENCE["stepped"].items() for steps in rows]
+
+
+@pytest.mark.parametrize(("name", "steps"), STEPPED)
 def test_steps_err_as_those_of_another_program(name, steps):
-    """Differences from the end values as an independent code of the same algorithm has them."""
+    """Differences from the end values as an independent code of the same algorithm has them; that one heats by the work
+    of the stress at the end of a step, of first order, which changes what depends on the temperature."""
     *_, (point, end) = along(name, steps)
     expected = REFERENCE["stepped"][name][str(steps)]
     sigma = point.cauchy[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
     found = np.abs(sigma - end[1:7]).max() / np.abs(end[1:7]).max()
-    assert found == pytest.approx(expected["stress"], rel=1e-6)
-    assert point[update.PLASTIC_STRAIN] / end[7] - 1.0 == pytest.approx(expected["ep"], rel=1e-4)
-    assert point[update.ENERGY] / end[9] - 1.0 == pytest.approx(expected["E"], rel=1e-4)
+    heated = end[8] > 294.0
+    assert found == pytest.approx(expected["stress"], rel=2e-3 if heated else 1e-6)
+    assert point[update.PLASTIC_STRAIN] / end[7] - 1.0 == pytest.approx(expected["ep"], rel=0.05 if heated else 1e-4)
+    if heated:
+        assert abs(point[update.TEMPERATURE] - end[8]) < 0.4 * expected["T"]
+        assert abs(point.work / end[10] - 1.0) < 0.4 * expected["plastic_work"]
+    else:
+        assert point[update.ENERGY] / end[9] - 1.0 == pytest.approx(expected["E"], rel=1e-4)
     metric = point.rows[update.METRIC : update.METRIC + 6, 0]
     assert np.linalg.det(metric[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]) == pytest.approx(1.0, abs=1e-13)
 

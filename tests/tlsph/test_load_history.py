@@ -5,6 +5,8 @@ import pytest
 from solids import Record, follow, gathered, run_to_end, simulation
 from tlsph.test_static import box, static
 
+from parsolid.materials.plastic.drucker_prager import cone
+from parsolid.observables.declared import Observables
 from parsolid.simulation.time_step import TimeSteps
 
 E, NU, YIELD, SLOPE = 200.0, 0.3, 0.4, 2.0
@@ -35,6 +37,7 @@ FAST = METAL | {
         "reference_temperature": 300.0,
     },
 }
+SOIL = METAL | {"flow_stress": {"kind": "drucker-prager", "friction_angle": 30, "dilation_angle": 30, "cohesion": 0.3}}
 VISCOUS = {"kind": "mooney-rivlin", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
 VISCOUS |= {"branches": [{"beta": 1.0, "tau": 0.5}, {"beta": 0.5, "tau": 4.0}]}
 
@@ -86,6 +89,23 @@ def test_rate(comm):
         strain = whole - stress / E
     np.testing.assert_allclose(P[:, 0, 0], stress * np.exp(-strain - 2.0 * NU * stress / E), rtol=0.005)
     assert abs(row["energy_error"]) < 1e-9 * row["external_work"]
+
+
+@pytest.mark.serial
+def test_soil(comm):
+    """Crushed between rollers with an associated flow: Drucker and Prager's strength in uniaxial compression."""
+    sim = simulation(bar(SOIL, "-0.02*t"), comm)
+    sim.ledger.row(comm, *sim.energies())
+    for _ in range(16):
+        sim.take_step(1.0 / 16.0)
+    row = sim.ledger.row(comm, *sim.energies())
+    eta, k = cone(np.radians(30.0), 0.3)
+    expected = np.zeros((3, 3))
+    expected[0, 0] = -k / (1.0 / np.sqrt(3.0) - eta / 3.0)
+    for stress in np.reshape(Observables(sim.systems).field("stress"), (-1, 3, 3)):
+        np.testing.assert_allclose(stress, expected, rtol=0.0, atol=1e-5)
+    assert abs(row["energy_error"]) < 1e-9 * row["external_work"]
+    assert row["plastic_work"] > 0.5 * row["external_work"]
 
 
 @pytest.mark.serial

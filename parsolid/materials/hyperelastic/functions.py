@@ -18,9 +18,9 @@ arguments because some integrators advance them separately (Lee et al.); differe
 
 from parsolid.kernels import inlined
 from parsolid.materials.law_functions import law_function
-from parsolid.tensors import IDENTITY, cofactor, determinant
+from parsolid.tensors import IDENTITY, cofactor, contract, determinant
 
-# of F; five-point first derivatives have an error of its fourth power, and 1e-16 over it of rounding
+# of F at rest; five-point first derivatives have an error of its fourth power, and 1e-16 over it of rounding
 _STEP = 1e-3
 
 
@@ -112,41 +112,52 @@ def energy_of(law, F):
 
 
 @inlined
-def _slope(law, F, c):
-    """dW/dF_c by five points."""
-    near = energy_of(law, _shifted(F, c, _STEP)) - energy_of(law, _shifted(F, c, -_STEP))
-    far = energy_of(law, _shifted(F, c, 2.0 * _STEP)) - energy_of(law, _shifted(F, c, -2.0 * _STEP))
-    return (8.0 * near - far) / (12.0 * _STEP)
+def _step_at(H, J):
+    """_STEP, less where a stretch is small: J over |H| is at most the least stretch, and 1/sqrt(3) at rest."""
+    return _STEP * min(1.0, J * (3.0 / contract(H, H)) ** 0.5)
+
+
+@inlined
+def _slope(law, F, h, c):
+    """dW/dF_c by five points a step h apart."""
+    near = energy_of(law, _shifted(F, c, h)) - energy_of(law, _shifted(F, c, -h))
+    far = energy_of(law, _shifted(F, c, 2.0 * h)) - energy_of(law, _shifted(F, c, -2.0 * h))
+    return (8.0 * near - far) / (12.0 * h)
 
 
 @stress.otherwise
 def stress_of_energy(law, F, H, J):
     """Differences of the energy."""
-    return (_slope(law, F, 0), _slope(law, F, 1), _slope(law, F, 2), _slope(law, F, 3), _slope(law, F, 4),
-            _slope(law, F, 5), _slope(law, F, 6), _slope(law, F, 7), _slope(law, F, 8))  # fmt: skip
+    h = _step_at(H, J)
+    return (_slope(law, F, h, 0), _slope(law, F, h, 1), _slope(law, F, h, 2), _slope(law, F, h, 3),
+            _slope(law, F, h, 4), _slope(law, F, h, 5), _slope(law, F, h, 6), _slope(law, F, h, 7),
+            _slope(law, F, h, 8))  # fmt: skip
 
 
 @inlined
-def second_slope(law, F, c, d):
+def _second_slope(law, F, h, c, d):
     """d2W/dF_c dF_d by central differences, within 1e-6 of the moduli."""
-    both = energy_of(law, _shifted(_shifted(F, c, _STEP), d, _STEP))
-    neither = energy_of(law, _shifted(_shifted(F, c, -_STEP), d, -_STEP))
-    first = energy_of(law, _shifted(_shifted(F, c, _STEP), d, -_STEP))
-    second = energy_of(law, _shifted(_shifted(F, c, -_STEP), d, _STEP))
-    return ((both - first) + (neither - second)) / (4.0 * _STEP * _STEP)
+    both = energy_of(law, _shifted(_shifted(F, c, h), d, h))
+    neither = energy_of(law, _shifted(_shifted(F, c, -h), d, -h))
+    first = energy_of(law, _shifted(_shifted(F, c, h), d, -h))
+    second = energy_of(law, _shifted(_shifted(F, c, -h), d, h))
+    return ((both - first) + (neither - second)) / (4.0 * h * h)
 
 
 @inlined
-def _trace_over_rows(law, F, K, L):
+def _trace_over_rows(law, F, h, K, L):
     """sum_i d2W/dF_iK dF_iL."""
-    return second_slope(law, F, K, L) + second_slope(law, F, 3 + K, 3 + L) + second_slope(law, F, 6 + K, 6 + L)
+    both = _second_slope(law, F, h, K, L) + _second_slope(law, F, h, 3 + K, 3 + L)
+    return both + _second_slope(law, F, h, 6 + K, 6 + L)
 
 
 @pressure_waves.otherwise
 def trace_of_acoustic_tensor(law, F, H, J):
     """N . Q N is the trace of the acoustic tensor along N, the sum of rho0 c^2 of all three waves."""
-    return (_trace_over_rows(law, F, 0, 0), _trace_over_rows(law, F, 1, 1), _trace_over_rows(law, F, 2, 2),
-            _trace_over_rows(law, F, 0, 1), _trace_over_rows(law, F, 0, 2), _trace_over_rows(law, F, 1, 2))  # fmt: skip
+    h = _step_at(H, J)
+    return (_trace_over_rows(law, F, h, 0, 0), _trace_over_rows(law, F, h, 1, 1), _trace_over_rows(law, F, h, 2, 2),
+            _trace_over_rows(law, F, h, 0, 1), _trace_over_rows(law, F, h, 0, 2),
+            _trace_over_rows(law, F, h, 1, 2))  # fmt: skip
 
 
 @shear_waves.otherwise

@@ -7,6 +7,7 @@ from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_KINETIC
 from parsolid.methods.mpm.external_forces import ExternalForces, LaggingWork, power
 from parsolid.methods.mpm.grid import Nodes
+from parsolid.methods.mpm.hyperelastic import MATERIAL
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene.method_settings import KINETIC_OFFSET
@@ -116,7 +117,7 @@ class StepEnergies:
             lost = self.kinetic + self.work + supplied - self._kinetic_now()
         else:
             lost = self._lost() + caught
-        ledger.add(1.0, 0.0, lost, supplied)
+        ledger.add(1.0, materials.pop(MATERIAL, 0.0), lost, supplied)
         loads.report(duration, ledger)
         for name, energy in (materials | self._delete(step, loads)).items():
             ledger.add_term(name, energy)

@@ -35,6 +35,8 @@ _IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
 TENSOR_ROWS = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
 # components of six that the deviator has in two and three dimensions
 SYMMETRIC_ROWS = {2: 4, 3: 6}
+# A of all Maxwell branches, 6 numbers each
+BRANCHES = "viscous_strain_inverses"
 # of the cell, for the gradients of formulas
 _DIFFERENCE = 1e-4
 
@@ -85,6 +87,11 @@ class MaterialPoints(Particles):
         self.declare(Field("grid_volume", 1, "m^3", layout=Within("motion", 7)), volume)
         F = _IDENTITY[d]
         self.declare(Field("deformation_gradient", len(F), "1", checkpointed=True, layout=Columns(), padding=F), F)
+        branches = max(len(getattr(law, "branch_moduli", None) or ()) for law in self.laws)
+        if branches:
+            rest = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0) * branches
+            kept = Field(BRANCHES, len(rest), "1", checkpointed=True, layout=Columns(), padding=rest)
+            self.declare(kept, rest)
         self.declare(Field("velocity_gradient", 12, "1/s"))
         self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
 

@@ -40,7 +40,7 @@ class MaterialPoint(MethodSettings):
     state_variables: ClassVar = (
         *("velocity", "velocity_slope", "velocity_gradient", "deformation_gradient", "unrotated_deviator"),
         *("temperature", "temperature_slope", "internal_energy", "plastic_strain", "plastic_rise"),
-        *("damage", "criterion_damage", "back_stress", "volume_flow"),
+        *("damage", "criterion_damage", "back_stress", "volume_flow", "viscous_strain_inverses"),
     )
     state_of_particles: ClassVar = ("deleted_*",)
     state_forces: ClassVar = ("stress_and_volume",)
@@ -194,13 +194,9 @@ class MaterialPoint(MethodSettings):
         return [Note("transfer-in-contact", text)] if names else []
 
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
-        """Maxwell branches; bodies beyond the axis; heat without conductivity; fields that no
-        body has.
-        """
+        """Bodies beyond the axis; heat without conductivity; fields that no body has."""
         details: list[Any] = []
         for i, body in enumerate(scene.bodies):
-            if getattr(body.material, "branch_moduli", None):
-                details.append((("bodies", i, "material", "branches"), "none with this method", body.material.branches))
             lower = getattr(body.shape.model, "lower", None)
             if self.geometry == "axisymmetric" and lower is not None and lower[0] < 0.0:
                 details.append((("bodies", i, "shape", "box", "lower", 0), "a radius of at least 0", lower[0]))

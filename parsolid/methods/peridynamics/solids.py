@@ -45,7 +45,7 @@ combine_symmetric, contract_symmetric = exact(tensors.combine_symmetric), exact(
 determinant_symmetric, inverse_symmetric = exact(tensors.determinant_symmetric), exact(tensors.inverse_symmetric)
 plus_symmetric, times_symmetric = exact(tensors.plus_symmetric), exact(tensors.times_symmetric)
 relaxed, inverse_right_cauchy_green = exact(maxwell.relaxed), exact(maxwell.inverse_right_cauchy_green)
-branch_energy, branch_dissipation = exact(maxwell.branch_energy), exact(maxwell.branch_dissipation)
+branch_energy, relaxation_loss = exact(maxwell.branch_energy), exact(maxwell.relaxation_loss)
 second_stress, solid_energy = exact(hyperelastic_series.second_stress), exact(hyperelastic_series.solid_energy)
 
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -194,13 +194,10 @@ def _maxwell_end_of_step(law, weights, history, a, G, plane):
     )
     stored, lost, old_C = hyperelastic.energy(law, F, H, J), 0.0, inverse_symmetric(old)
     for j in range(weights.shape[0]):
-        mu, tau, half_step = weights[j, 0], weights[j, 1], 0.5 * weights[j, 5]
-        A = tensor_at(history, 1 + j, a)
-        # the trapezoidal rule
-        lost += half_step * branch_dissipation(mu, tau, old_C, old, A)
-        A = relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), A, old, inverse)
-        lost += half_step * branch_dissipation(mu, tau, C, inverse, A)
-        stored += branch_energy(mu, C, J, A)
+        w, A_old = weights[j], tensor_at(history, 1 + j, a)
+        A = relaxed((w[2], w[3], w[4]), A_old, old, inverse)
+        lost += relaxation_loss(w[0], w[1], (w[5], w[6], w[7]), old_C, old, A_old, C, inverse, A)
+        stored += branch_energy(w[0], C, J, A)
         store_tensor(history, 1 + j, a, A)
     store_tensor(history, 0, a, inverse)
     return stored, lost, largest_principal_value(waves, plane), 1.0 / (J * J * determinant_symmetric(old))
@@ -307,7 +304,7 @@ def step_weights(law: Any, step: float) -> np.ndarray:
     """What a step [s] does to each branch, (terms, k).
 
     Of a Prony solid gamma_j and the weights of `branch_weights`, `dissipation_weights` and `free_work_weights`; else
-    mu_j [Pa] or gamma_j, tau_j [s], those of `maxwell.relaxation_weights`, and the step.
+    mu_j [Pa] or gamma_j, tau_j [s], those of `maxwell.relaxation_weights`, and of `maxwell.loss_weights` times tau_j.
     """
     if isinstance(law, Prony):
         kinds = (branch_weights, dissipation_weights, free_work_weights)
@@ -315,5 +312,8 @@ def step_weights(law: Any, step: float) -> np.ndarray:
         return np.array([(ratio, *sum((of(step, tau) for of in kinds), ())) for ratio, tau in terms]).reshape(-1, 8)
     factors = law.ratios if isinstance(law, HyperelasticSeries) else law.branch_moduli or ()
     terms = zip(factors, law.relaxation_times or ())
-    rows = [(factor, tau, *maxwell.relaxation_weights(step, tau), step) for factor, tau in terms]
-    return np.array(rows).reshape(-1, 6)
+    rows = [
+        (factor, tau, *maxwell.relaxation_weights(step, tau), *(tau * w for w in maxwell.loss_weights(step, tau)))
+        for factor, tau in terms
+    ]
+    return np.array(rows).reshape(-1, 8)
