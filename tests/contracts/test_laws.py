@@ -340,7 +340,7 @@ def test_a_uniform_strain_has_the_stress_of_each_law(method):
 def test_a_branch_relaxes_as_the_exact_solution_of_a_strain_that_is_held(method):
     """Of a step of 0.9 relaxation times the loss has an error of the square of the strain."""
     (small, balance), (large, large_balance) = in_python("relaxed", method).values()
-    assert small < 1e-12 and large < 1e-12
+    assert small < 1e-10 and large < 1e-10
     assert balance < 1e-3 and large_balance < 1.5e-2
 
 
