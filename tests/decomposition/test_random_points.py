@@ -7,9 +7,7 @@ hypothesis = pytest.importorskip("hypothesis")
 from hypothesis import given  # noqa: E402 (after it is known to be there)
 from hypothesis import strategies as st  # noqa: E402
 
-from decomposition.bisection import bisect  # noqa: E402
 from decomposition.halo import Halo  # noqa: E402
-from decomposition.migration import migrate  # noqa: E402
 
 # every rank draws as many examples and takes rank 0's, for constants of modules that a rank has loaded are drawn, too;
 # none looks for a smaller one while the others wait
@@ -35,35 +33,6 @@ def points_of(count: int, dimension: int, seed: int, kind: str) -> np.ndarray:
 def own(comm, count: int, seed: int) -> np.ndarray:
     """Which points this rank starts with: anything, some ranks may have none."""
     return np.flatnonzero(np.random.default_rng(seed + 1).integers(0, comm.size, count) == comm.rank)
-
-
-@TOGETHER
-@given(drawn=POINTS)
-def test_parts_are_even_and_every_point_has_one(comm, drawn):
-    count, dimension, seed, kind = comm.bcast(drawn)
-    points, rows = points_of(count, dimension, seed, kind), own(comm, count, seed)
-    owner = np.full(count, -1)
-    owner[rows] = bisect(comm, points[rows])
-    owner = np.max(comm.allgather(owner), axis=0)
-    assert owner.min(initial=0) >= 0 and owner.max(initial=0) < comm.size
-    sizes = np.bincount(owner, minlength=comm.size)
-    assert sizes.max() - sizes.min() <= 2 + np.log2(comm.size)
-
-
-@TOGETHER
-@given(drawn=POINTS)
-def test_migrated_rows_are_those_of_a_serial_model(comm, drawn):
-    count, dimension, seed, kind = comm.bcast(drawn)
-    points, rows = points_of(count, dimension, seed, kind), own(comm, count, seed)
-    target = np.random.default_rng(seed + 2).integers(0, comm.size, count)
-    arrays = {"identifier": rows, "points": points[rows], "flag": points[rows, 0] > 0.0}
-    found = migrate(comm, target[rows], arrays)
-    expected = np.concatenate(
-        [[i for i in comm.bcast(rows, root=rank) if target[i] == comm.rank] for rank in range(comm.size)]
-    ).astype(int)
-    assert found["identifier"].tolist() == expected.tolist()
-    assert found["points"].tobytes() == points[expected].tobytes()
-    assert found["flag"].tolist() == (points[expected, 0] > 0.0).tolist()
 
 
 @TOGETHER

@@ -234,37 +234,6 @@ def restarted(scene, state, fields, time):
     return again
 
 
-@every_dimension
-@mirrored
-def test_a_restart_goes_on_with_the_same_lists(comm, dimension, codes):
-    # dealt out in every rebuild
-    scene = Scene(comm, dimension, "random", codes and codes(dimension), rebalance=0.5)
-
-    def go_on(one, first, last):
-        for number in range(first, last):
-            if comm.allreduce(one.pairs.expires(one.time, 0.02)):
-                one.pairs.rebuild(one.time)
-            one.move(0.02 * (number + 1))
-
-    scene.pairs.rebuild(0.0)
-    go_on(scene, 0, 25)
-    fields = {name: array.copy() for name, array in scene.particles.checkpointed().items()}
-    again = restarted(scene, scene.pairs.state(), fields, scene.time)
-    before = scene.pairs.builds
-    for turn in range(2):
-        for name in ("inner", "outer", "mirror", "images"):
-            for one, other in zip(getattr(scene.pairs, name) or (), getattr(again.pairs, name) or ()):
-                np.testing.assert_equal(one, other)
-        local = scene.pairs.halo.owned + scene.pairs.halo.ghosts
-        np.testing.assert_array_equal(scene.particles["name"][:local], again.particles["name"][:local])
-        assert scene.pairs.state() == again.pairs.state()
-        if turn == 0:
-            go_on(scene, 25, 50)
-            go_on(again, 25, 50)
-    assert scene.pairs.builds > before
-    assert comm.size == 1 or scene.pairs.distributions > 1
-
-
 def test_a_restart_on_other_ranks_makes_lists_anew(comm):
     scene = Scene(comm, 2, "random")
     scene.pairs.rebuild(0.0)

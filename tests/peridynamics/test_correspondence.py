@@ -6,7 +6,6 @@ from peridynamics.bonds_of_bodies import (
     PLANES,
     SOFT,
     body_of,
-    gathered,
     gradients,
     random_field,
     scene,
@@ -122,17 +121,6 @@ def test_nonlinear_tangent_is_that_of_the_force():
         parts.append((behind - ahead) / (2.0 * h))
     expected = (4.0 * parts[0] - parts[1]) / 3.0
     np.testing.assert_allclose(tangent, expected, atol=1e-6 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("planes", ["free", "corner"])
-@whole_or_broken
-def test_ranks_share_what_one_computes(comm, dimension, planes, broken):
-    results = []
-    for where in (comm, comm.Split(comm.rank)):
-        method = body_of(dimension, planes, broken=broken, comm=where)
-        results.append(gathered(method, stiffness(method, random_field(method, 4))))
-    np.testing.assert_allclose(results[0], results[1], atol=ROUND_OFF * np.abs(results[1]).max())
 
 
 LAWS = {

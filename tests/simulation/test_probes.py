@@ -70,15 +70,6 @@ def test_a_twist_follows_its_particle_from_rank_to_rank(comm):
     assert states[0]["corner"][0] == pytest.approx(one["corner.twist"][-1], rel=1e-12)
 
 
-def test_a_weighted_probe_follows_its_particles(comm):
-    data = spinning() | {"probes": [{"name": "turn", "weight": "1 + 5*X", "fields": ["velocity", "pressure"]}]}
-    (many, _, sim), (one, *_) = sampled(data, comm, 100), sampled(data, comm.Split(comm.rank), 100)
-    assert sim.systems[0].summary()["migrated_particles"] > 0 or comm.size == 1
-    for name, values in one.items():
-        scale = SPEED if "velocity" in name else np.abs(values).max()
-        np.testing.assert_allclose(many[name], values, rtol=0.0, atol=1e-11 * scale, err_msg=name)
-
-
 def test_conditions_that_tell_their_forces_are_watched_like_probes(comm):
     data = punch((5, 5), probes=[{"name": "all", "quantity": "linear_momentum"}])
     data["boundaries"][1] |= {"name": "side", "reaction": True, "mirror": False}
@@ -86,14 +77,6 @@ def test_conditions_that_tell_their_forces_are_watched_like_probes(comm):
     names = [name for name in row if name != "owner"]
     assert names == ["all.linear_momentum_x", "all.linear_momentum_y", "side.force_x", "side.force_y", "side.moment"]
     assert np.abs(row["side.force_x"]).max() > 0.0 and probes.state() == {}
-
-
-def test_a_twist_is_restored(comm):
-    _, probes, sim = sampled(spinning(), comm, 10)
-    again = Probes(comm, sim.scene, Observables(sim.systems))
-    again.restore(probes.state())
-    before = dict(zip(probes.columns, probes.sample()))
-    assert dict(zip(again.columns, again.sample())) == before and before["corner.twist"] > 0.0
 
 
 def every_probe(scene: dict) -> list[dict]:
