@@ -387,12 +387,7 @@ TORN_BLOCK = {
 }
 add("notched", "peridynamics cracks", NOTCHED, stops=(100,), balance=3e-3, grows=("fracture_dissipation",))
 add(
-    "torn block",
-    "peridynamics cracks branches",
-    TORN_BLOCK,
-    stops=(30,),
-    balance=3e-3,
-    grows=("fracture_dissipation",),
+    "torn block", "peridynamics cracks branches", TORN_BLOCK, stops=(30,), balance=3e-3, grows=("fracture_dissipation",)
 )
 
 # --- material points and updated-Lagrangian SPH ------------------------------------------------------------------
@@ -564,38 +559,14 @@ for kind in ("mpm", "ulsph"):
         grows=RUBS,
     )
 add("torn tie", "mpm tlsph tie deletion", torn_tie("mpm"), stops=(20, 30), balance=2e-3, grows=("tie_energy",))
-add(
-    "closing in sight",
-    "tlsph contact",
-    closing_fast(LEAPFROG, CLOSING_RUBBER, 1.4e-3, 120.0),
-    steps=20,
-    stops=(1, 2, 4),
-    grows=("contact_energy",),
-)
-add(
-    "closing",
-    "tlsph contact",
-    closing_fast(LEAPFROG, CLOSING_RUBBER, 3e-3, 120.0),
-    steps=20,
-    stops=(1, 2, 4),
-    grows=("contact_energy",),
-)
-add(
-    "closing bonds",
-    "peridynamics contact",
-    closing_fast(BONDS, LINEAR, 3e-3, 60.0),
-    steps=20,
-    stops=(1, 2, 4),
-    grows=("contact_energy",),
-)
-add(
-    "closing bonds, fast",
-    "peridynamics contact",
-    closing_fast(BONDS, LINEAR, 3e-3, 120.0),
-    steps=20,
-    stops=(1, 3, 5),
-    grows=("contact_energy",),
-)
+for name, method, law, gap, speed, stops in (
+    ("in sight", LEAPFROG, CLOSING_RUBBER, 1.4e-3, 120.0, (1, 2, 4)),
+    ("out of sight", LEAPFROG, CLOSING_RUBBER, 3e-3, 120.0, (1, 2, 4)),
+    ("bonds", BONDS, LINEAR, 3e-3, 60.0, (1, 2, 4)),
+    ("bonds, fast", BONDS, LINEAR, 3e-3, 120.0, (1, 3, 5)),
+):
+    data = closing_fast(method, law, gap, speed)
+    add(f"closing {name}", f"{method['kind']} contact", data, steps=20, stops=stops, grows=("contact_energy",))
 for kind, method in {"mpm": POINTS, "ulsph": {"kind": "ulsph"}}.items():
     add(
         f"blocks at speed, {kind}",

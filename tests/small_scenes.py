@@ -166,14 +166,7 @@ FLIGHT = {
     "title": "Flight of a block",
     "dimension": 3,
     "end_time": 6e-3,
-    "method": {
-        "kind": "mpm",
-        "cell": 0.1,
-        "basis": "ugimp",
-        "order": "musl",
-        "flip_fraction": 0.99,
-        "rebalance": 1.05,
-    },
+    "method": {"kind": "mpm", "cell": 0.1, "basis": "ugimp", "order": "musl", "flip_fraction": 0.99, "rebalance": 1.05},
     "bodies": [
         {
             "shape": {"box": {"lower": [0.0, 0.0, 0.0], "upper": [0.4, 0.3, 0.2]}},

@@ -14,7 +14,6 @@ from parsolid.scene import parse_scene
 from parsolid.simulation.job import Job
 from parsolid.simulation.loop import Limits, Simulation
 from parsolid.simulation.outputs import Cadence, Output
-from parsolid.simulation.restart import Restart
 from parsolid.simulation.time_step import TimeSteps
 from parsolid.solvers.runge_kutta import Stage
 
@@ -174,14 +173,6 @@ def run_alone_and_on_all(data: dict, comm, names=("time", "kinetic", "strain_ene
         atol = 1e-9 * np.abs(alone[name]).max()
         np.testing.assert_allclose(together[name], alone[name], rtol=0.0, atol=atol, err_msg=name)
     return alone
-
-
-def run_through_and_in_two(folder, comm, scene, first: int, steps: int | None = None) -> tuple[Job, Job]:
-    """A run of so many steps, or to its end, and another that stops after its first ones and is restarted."""
-    through = run_into(folder / "through", comm, scene, steps)
-    run_into(folder / "pieces", comm, scene, first)
-    restart = Restart(comm, folder / "pieces" / "checkpoint.h5")
-    return through, run_into(folder / "pieces", comm, scene, steps and steps - first, restart)
 
 
 CONSTANT = ("identifier", "body", "reference_position", "volume", "spacing", "axes", "area")

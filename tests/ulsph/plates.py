@@ -8,19 +8,6 @@ from solids import simulation
 STEEL = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
 # all optional terms, with lengths that a spacing of a few tenths of a millimetre sees
 EVERYTHING = STEEL | {"energetic_length": 1e-3, "hardening_length": 1e-4, "dissipative_length": 1e-4}
-CLASSICAL = STEEL | dict.fromkeys(
-    (
-        "energetic_length",
-        "hardening_length",
-        "dissipative_length",
-        "inertia_length",
-        "stress_relaxation_time",
-        "flux_relaxation_time",
-        "heat_relaxation_time",
-        "conductivity",
-    ),
-    0.0,
-)
 
 
 def block(particles, upper, material=STEEL, lower=None, **keys) -> dict:
