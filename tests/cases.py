@@ -25,7 +25,7 @@ from mixed.bodies_apart import tables as apart
 from mixed.test_balances_in_contact import BONDS, LEAPFROG, LINEAR, POINTS, blocks
 from mixed.test_balances_in_contact import RUBBER as CLOSING_RUBBER
 from mixed.test_balances_in_contact import apart as closing
-from mixed.test_grid_contact import sliding
+from mixed.test_grid_contact import rubbing_copper
 from mixed.test_methods_meet import SPEED, bars
 from mixed.test_subcycling import tables as substepped
 from mixed.tied_blocks import blocks as tied
@@ -492,17 +492,6 @@ def closing_fast(method, law, gap, speed) -> Tables:
     for body in data["bodies"]:
         body["material"] = law
     return data
-
-
-def rubbing_copper() -> Tables:
-    """Contact on a grid whose friction heats both bodies."""
-    data = sliding(0.3, end_time=3e-4)
-    for body, speed in zip(data["bodies"], (0.0, 20.0)):
-        body |= {
-            "material": {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"},
-            "velocity": [speed, 0.0],
-        }
-    return data | {"loads": {"acceleration": ["0", "-1e5"]}}
 
 
 def on_one_rank() -> Tables:

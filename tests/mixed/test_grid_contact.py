@@ -72,13 +72,17 @@ def test_friction_takes_its_share_of_the_normal_impulse_and_is_heat():
     assert np.abs(rubbed["energy_error"]).max() < 1e-3 * rubbed["kinetic"][0]
 
 
-def test_friction_heats_both_bodies():
+def rubbing_copper() -> dict:
+    """Contact on a grid whose friction heats both bodies."""
     data = sliding(0.3, end_time=3e-4)
     copper = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
     for body, speed in zip(data["bodies"], (0.0, 20.0)):
         body |= {"material": copper, "velocity": [speed, 0.0]}
-    scene = parse_scene(data | {"loads": {"acceleration": ["0", "-1e5"]}})
-    whole = follow(Simulation(MPI.COMM_SELF, scene), Record(momenta), 16)
+    return data | {"loads": {"acceleration": ["0", "-1e5"]}}
+
+
+def test_friction_heats_both_bodies():
+    whole = follow(Simulation(MPI.COMM_SELF, parse_scene(rubbing_copper())), Record(momenta), 16)
     # all of it is in the temperatures, half of it in each body
     taken, heat = whole["friction_dissipation"], whole["friction_heat"]
     np.testing.assert_allclose(heat, taken, rtol=1e-12)

@@ -19,15 +19,11 @@ from solids import (
     simulation,
     tables,
 )
+from tlsph.test_loads import DRIVEN
 
 from parsolid.methods.tlsph.leapfrog import wave_weights
 
 LEAPFROG = {"integrator": "leapfrog"}
-DRIVEN = [
-    {"plane": "X = 0", "kind": "roller"},
-    {"plane": "X = 2", "kind": "velocity", "velocity": ["0.4*sin(6*t)", "free"]},
-    {"plane": "Y = 1", "kind": "traction", "traction": ["0.05*t", "-0.1*(1 + X*t)"]},
-]
 
 
 def driven(steps: int, boundaries=tuple(DRIVEN), end: float = 0.8, method=LEAPFROG, **keys):

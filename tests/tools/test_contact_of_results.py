@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from mpi4py import MPI
+from simulation.test_state_of_results import goes_on
 from solids import assert_same_fields, gathered, run_into, simulation
 from tools.tool_scenes import METHODS, block, floor
 
@@ -21,16 +22,6 @@ def slid(method: str) -> dict:
     data["method"] = data["method"] | {"maximum_step": 1e-4}
     floor_too = floor() | {"motion": {"velocity": ["2", "0"]}, "friction": 0.4}
     return data | {"tools": [floor_too, ROLLING | {"velocity": [1.0, -3.0], "spin": 5.0}], "end_time": 4e-3}
-
-
-def goes_on(folder, comm, data):
-    """The ends of a run, and of one that goes on from its results at half of it."""
-    end = data["end_time"]
-    output = {"fields_times": [0.5 * end, end], "fields": ["state"], "pictures": False}
-    whole = run_into(folder, comm, parse_scene(data | {"output": output})).simulation
-    taken = {"results": str(folder), "time": 0.5 * end, "fields": ["state"]}
-    later = data | {"initial": [taken], "end_time": 0.5 * end, "output": output | {"fields_times": [0.5 * end]}}
-    return whole, run_into(folder / "later", comm, parse_scene(later)).simulation
 
 
 def compare(whole, later, stick: str) -> None:
