@@ -66,7 +66,7 @@ class ParticleSystem:
     announced; rebuild_anywhere: whether any rank had, told before the next step.
     reactions: of conditions that report their force.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
-    ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.error_indicator`.
+    ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.field_output`.
     """
 
     comm: Any

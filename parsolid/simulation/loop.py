@@ -17,9 +17,8 @@ from parsolid.scene.codes import Warned
 from parsolid.scene.formulas import NOT_FINITE
 from parsolid.simulation.agreement import StepAgreement
 from parsolid.simulation.diagnosis import describe_failure, describe_meetings, meetings_in_words
-from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits
+from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits, MomentumBalance, isolated
 from parsolid.simulation.ledger import ledger_of, names_of_terms, viscous_terms_of
-from parsolid.simulation.momentum_balance import MomentumBalance, isolated
 from parsolid.simulation.outputs import Output, Outputs
 from parsolid.simulation.phases import Phases
 from parsolid.simulation.representation import representation

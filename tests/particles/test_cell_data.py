@@ -7,7 +7,7 @@ from element_meshes import element_mesh
 
 from parsolid.collective import SolverError
 from parsolid.particles.generation import generate
-from parsolid.particles.meshes.cell_data import cell_data_at
+from parsolid.particles.law_values import cell_data_at
 from parsolid.scene import SceneError, parse_scene
 from parsolid.simulation.loop import Simulation
 

@@ -5,8 +5,8 @@ import pytest
 from mpi4py import MPI
 
 from parsolid.particles.meshes.abaqus import read_abaqus
+from parsolid.particles.meshes.filling import Membership
 from parsolid.particles.meshes.imported import read_mesh
-from parsolid.particles.meshes.membership import Membership
 from parsolid.particles.meshes.slices import read_slices
 from parsolid.particles.meshes.topology import refuse_repeated
 from parsolid.scene.named_regions import Region

@@ -8,8 +8,7 @@ from solids import RUBBER, punch, simulation, supports, tables
 
 from parsolid.observables.declared import Observables
 from parsolid.output.run_folder import RunFolder
-from parsolid.simulation.error_indicator import NAME, indicate
-from parsolid.simulation.field_output import FieldOutput
+from parsolid.simulation.field_output import NAME, FieldOutput, indicate
 
 AMPLITUDE, WIDTH, START = 1e-6, 0.08, 0.35
 GAUSS = f"exp(-((X - {START})/{WIDTH})**2)"

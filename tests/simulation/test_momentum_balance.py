@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from solids import Record, follow, simulation
 
-from parsolid.simulation.momentum_balance import MomentumBalance, isolated
+from parsolid.simulation.energy_check import MomentumBalance, isolated
 
 METAL = {
     "kind": "elastic-plastic",

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.boundary.equilibrium import report_equilibrium
+from parsolid.boundary.reactions import report_equilibrium
 from parsolid.methods.peridynamics.equilibrium import Equilibrium
 from parsolid.methods.peridynamics.tangent import Settled, Work
 from parsolid.particles.declaration import Columns, Field

@@ -19,7 +19,7 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
-from parsolid.boundary.equilibrium import report_equilibrium
+from parsolid.boundary.reactions import report_equilibrium
 from parsolid.collective import minimum
 from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.conjugate_gradients import Solution

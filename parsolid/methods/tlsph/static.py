@@ -27,8 +27,8 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE
-from parsolid.boundary.equilibrium import report_equilibrium
 from parsolid.boundary.forces import DistributedLoad, SpringLoad
+from parsolid.boundary.reactions import report_equilibrium
 from parsolid.collective import minimum
 from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.load_history import LoadHistory
