@@ -1,6 +1,6 @@
 """What all tables of a scene share: strictness, exclusive keys, a kind that chooses the model, points and planes."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations, groupby, pairwise
@@ -62,6 +62,11 @@ def mismatch(
 # place of a fault in the tables of a scene, what was expected, what was found; and a code where that is not "refused"
 Detail = tuple[tuple[str | int, ...], str, object]
 FaultDetail = Detail | tuple[tuple[str | int, ...], str, object, str]
+
+
+def unknown_body(place: tuple[str | int, ...], name: str, names: Iterable[str | None]) -> FaultDetail:
+    """The fault of a name that none of the bodies has."""
+    return place, f"the name of a body{suggestion(name, [one for one in names if one])}", name, "unknown-name"
 
 
 def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused") -> None:

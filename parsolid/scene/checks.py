@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.scene.base_model import FaultDetail, Plane
+from parsolid.scene.base_model import FaultDetail, Plane, unknown_body
 from parsolid.scene.bodies import Extent
 from parsolid.scene.boundary_faults import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
@@ -54,8 +54,7 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
         details += [(place, expected, name) for place, name in named_observables(scene) if name in known]
     for i, boundary in enumerate(scene.boundaries):
         if boundary.body is not None and repairs.body_names is not None and boundary.body not in repairs.body_names:
-            expected = f"the name of a body{suggestion(boundary.body, repairs.body_names)}"
-            details.append((("boundaries", i, "body"), expected, boundary.body, "unknown-name"))
+            details.append(unknown_body(("boundaries", i, "body"), boundary.body, repairs.body_names))
         else:
             details += unbounded_plane(i, boundary, scene.bodies, extents)
     details += clashes(scene.boundaries)

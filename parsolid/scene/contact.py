@@ -9,10 +9,9 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import FaultDetail, NotNegative, SceneModel, mismatch
+from parsolid.scene.base_model import FaultDetail, NotNegative, SceneModel, mismatch, unknown_body
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.observation import holds_heat
-from parsolid.scene.validation_errors import suggestion
 
 # what contact and tools add to the ledger: parts of what is stored, and what friction takes; and the kinetic offset of
 # free tools, see `methods.leapfrog`; signs as in `simulation.ledger`
@@ -172,8 +171,7 @@ def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Fau
     for i, one in enumerate(contacts):
         for name in dict.fromkeys(one.bodies):
             if names is not None and name not in known:
-                expected = f"the name of a body{suggestion(name, names)}"
-                faults.append((("contact", i, "bodies"), expected, name, "unknown-name"))
+                faults.append(unknown_body(("contact", i, "bodies"), name, names))
         if len(set(one.bodies)) < len(one.bodies):
             expected = "each body once (one name alone: contact within it)"
             faults.append((("contact", i, "bodies"), expected, one.bodies))
@@ -246,9 +244,7 @@ def bond_faults(scene: Any) -> list[FaultDetail]:
             if len(scene.bond) > 1:
                 faults.append((place, "'all' in the only bond", Phrase(f"{len(scene.bond)} bonds"), "repeated"))
             continue
-        for name in one.bodies:
-            if name not in number:
-                faults.append((place, f"the name of a body{suggestion(name, number)}", name, "unknown-name"))
+        faults += [unknown_body(place, name, number) for name in one.bodies if name not in number]
         if len(set(one.bodies)) < len(one.bodies):
             faults.append((place, "each body once", one.bodies, "repeated"))
         known = {number[name]: name for name in one.bodies if name in number}
@@ -306,9 +302,7 @@ def tie_faults(scene: Any) -> list[FaultDetail]:
     names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     for i, one in enumerate(scene.tie):
         unknown = [name for name in one.bodies if name not in names]
-        for name in unknown:
-            hint = suggestion(name, [each for each in names if each])
-            faults.append((("tie", i, "bodies"), f"the name of a body{hint}", name, "unknown-name"))
+        faults += [unknown_body(("tie", i, "bodies"), name, names) for name in unknown]
         if not unknown and len(set(one.bodies)) < 2:
             faults.append((("tie", i, "bodies"), "two bodies", one.bodies))
     if faults or not scene.tie:

@@ -19,10 +19,11 @@ from parsolid.scene.base_model import (
     SceneModel,
     dimension_of,
     reject,
+    unknown_body,
 )
 from parsolid.scene.formulas import Scalar, Vector
 from parsolid.scene.shapes import AxisName, Box, MeshFile, OneShape, Sphere
-from parsolid.scene.validation_errors import NOTHING, suggestion
+from parsolid.scene.validation_errors import NOTHING
 
 # of a tool's columns of the history, with a suffix for each component
 _WATCHED = ("force", "moment", "place", "rotation")
@@ -200,9 +201,7 @@ def tool_faults(scene: Any, names: list[str] | None) -> list[FaultDetail]:
     for i, tool in enumerate(scene.tools):
         for k, name in enumerate(tool.bodies or ()):
             if names is not None and name not in names:
-                faults.append(
-                    (("tools", i, "bodies", k), f"the name of a body{suggestion(name, names)}", name, "unknown-name")
-                )
+                faults.append(unknown_body(("tools", i, "bodies", k), name, names))
         if tool.name in taken:
             faults.append(
                 (("tools", i, "name"), "a name other than that of a probe or tool before it", tool.name, "repeated")
