@@ -143,12 +143,6 @@ def compare(method: str, law: str, options: argparse.Namespace) -> None:
     print(f"{method:13} {law:37} {np.median(pairs[:, 1]):7.0f} ns  {middle:5.2f} ({low:.2f} to {high:.2f})", flush=True)
 
 
-def takes(method: str, law: str) -> bool:
-    """Whether a method takes a hyperelastic law."""
-    kind = METHODS[method][0]["kind"]
-    return "hyperelastic" in SETTINGS[kind].materials and not (kind == "mpm" and "branches" in LAWS[law])
-
-
 def main() -> None:
     """Compare what is asked for, every law in every method unless told."""
     assert set(registry.own_kinds("hyperelastic")) <= {table["kind"] for table in LAWS.values()}
@@ -161,7 +155,7 @@ def main() -> None:
     options = parser.parse_args()
     for method in options.methods:
         for law in options.laws:
-            if law in FLOWS or takes(method, law):
+            if law in FLOWS or "hyperelastic" in SETTINGS[METHODS[method][0]["kind"]].materials:
                 compare(method, law, options)
 
 

@@ -12,7 +12,7 @@ from parsolid.exit_status import DONE
 def add_arguments(parser: Any) -> None:
     """Add the command's arguments to an argparse parser."""
     parser.add_argument(
-        "data", metavar="DATA.csv", help="columns kind (uniaxial, equibiaxial, pure-shear), stretch, stress"
+        "data", metavar="DATA.csv", help="columns kind (uniaxial, equibiaxial, pure-shear, torsion), stretch, stress"
     )
     parser.add_argument("--law", required=True, metavar="KIND", help="of hyperelastic materials, such as yeoh or ogden")
     fixed = "hold a parameter of the law, such as alpha_1=1.3; may be repeated"
@@ -83,7 +83,7 @@ def read_tests(path: str) -> list[Any]:
     """The tests of a file by their kinds. Raises SolverError with the line."""
     import numpy as np
 
-    from parsolid.point.fit import KINDS, Measured
+    from parsolid.point.fit import KINDS, TORSION, Measured
 
     found: dict[str, list[tuple[float, float]]] = {}
     try:
@@ -99,12 +99,12 @@ def read_tests(path: str) -> list[Any]:
         if kind not in KINDS:
             raise SolverError(f"{here}: expected one of {', '.join(KINDS)}, found {kind!r}")
         stretch, stress = _number(row["stretch"]), _number(row["stress"])
-        if not (0.0 < stretch < np.inf and abs(stress) < np.inf):
+        if not ((0.0 < stretch or kind == TORSION) and abs(stretch) < np.inf and abs(stress) < np.inf):
             stated = f"{row['stretch']}, {row['stress']}"
             raise SolverError(f"{here}: expected a stretch above 0 and a stress [Pa], found {stated}")
         found.setdefault(kind, []).append((stretch, stress))
     tests = [Measured(kind, *np.array(points).T) for kind, points in found.items()]
-    if not tests or not all((one.stretch != 1.0).any() and one.stress.any() for one in tests):
+    if not tests or not all((one.stretch != one.at_rest).any() and one.stress.any() for one in tests):
         raise SolverError(f"{path}: expected points with stretch and stress in each test, found none")
     return tests
 

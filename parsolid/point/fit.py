@@ -1,4 +1,5 @@
-"""Parameters of a hyperelastic law from measured stretches and nominal stresses of sheets that keep their volume."""
+"""Parameters of a hyperelastic law from measured stretches and nominal stresses of sheets that keep their volume, and
+from torques of twisted cylinders."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, get_origin
@@ -18,7 +19,10 @@ _KINDS = {
     "equibiaxial": lambda a: (a, a, a**-2.0),
     "pure-shear": lambda a: (a, 1.0, 1.0 / a),
 }
-KINDS = tuple(_KINDS)
+# of a cylinder of fixed length: the shear at its surface in place of the stretch, the torque over its radius cubed
+TORSION = "torsion"
+KINDS = (*_KINDS, TORSION)
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 # starts of the search, and the range of pure numbers that they cover
 _STARTS, _NUMBERS = 24, (2.0, 30.0)
 # standard deviations in half a 95 % interval
@@ -31,11 +35,16 @@ _REFUSED, _LOST = 1e3, 1e2
 
 @dataclass(frozen=True)
 class Measured:
-    """One test: its kind, stretches (n,) and nominal stresses (n,) [Pa]."""
+    """One test: its kind, stretches (n,) and nominal stresses (n,) [Pa]; of torsion see `TORSION`."""
 
     kind: str
     stretch: np.ndarray
     stress: np.ndarray
+
+    @property
+    def at_rest(self) -> float:
+        """The stretch of no deformation."""
+        return 0.0 if self.kind == TORSION else 1.0
 
 
 @dataclass(frozen=True)
@@ -52,7 +61,9 @@ class Fit:
 
 def nominal_stress(law: Any, kind: str, stretch: np.ndarray) -> np.ndarray:
     """Nominal stress (n,) [Pa] along the first axis at constant volume, without stress on the free face, in uniaxial
-    tests on both."""
+    tests on both; of torsion see `TORSION`."""
+    if kind == TORSION:
+        return np.array([_torque(law, float(shear)) for shear in stretch])
     result = np.empty(len(stretch))
     for n, a in enumerate(map(float, stretch)):
         l1, l2, l3 = _KINDS[kind](a)
@@ -66,6 +77,17 @@ def nominal_stress(law: Any, kind: str, stretch: np.ndarray) -> np.ndarray:
 def _nominal(law: Any, l1: float, l2: float, l3: float) -> Any:
     F, H = (l1, 0.0, 0.0, 0.0, l2, 0.0, 0.0, 0.0, l3), (l2 * l3, 0.0, 0.0, 0.0, l1 * l3, 0.0, 0.0, 0.0, l1 * l2)
     return stress(law, F, H, 1.0)
+
+
+def _torque(law: Any, shear: float) -> float:
+    """2 pi int_0^1 s^2 tau(s shear) ds [Pa], tau the stress in simple shear."""
+    places = 0.5 * (1.0 + _NODES)
+    stresses = []
+    for g in map(float, shear * places):
+        F, H = (1.0, g, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0, -g, 1.0, 0.0, 0.0, 0.0, 1.0)
+        stresses.append(stress(law, F, H, 1.0)[1])
+    # of the part of P beside the pressure, which is along H
+    return float(np.pi * np.sum(_WEIGHTS * places**2 * stresses))
 
 
 def _free_stretches(law: Any, l1: float) -> tuple[float, float]:
@@ -101,8 +123,11 @@ def has_fibres(kind: str) -> bool:
 def fit(kind: str, tests: list[Measured], fixed: dict[str, float], angle: float = 0.0) -> Fit:
     """The least squares of all tests, each over its largest stress; fixed: parameters that stay; angle [degrees]: of
     fibres from the first axis, see `law_with`. Raises ValueError where nothing is left to fit, or no start leads
-    anywhere."""
+    anywhere, and for torsion of a law with fibres."""
     from scipy.optimize import least_squares
+
+    if has_fibres(kind) and any(one.kind == TORSION for one in tests):
+        raise ValueError("tests of sheets of a law with fibres, no torsion")
 
     parameters = {name: one for name, one in fitted_parameters(kind).items() if name not in fixed}
     if not parameters:
@@ -180,5 +205,5 @@ def _bound(excluded: float | None, included: float | None, otherwise: float) -> 
 
 def _modulus_of(test: Measured) -> float:
     """A modulus [Pa] of the first point of a test that is stretched or compressed."""
-    first = int(np.argmax(test.stretch != 1.0))
-    return float(abs(test.stress[first] / (test.stretch[first] - 1.0)) / 3.0) or 1.0
+    first = int(np.argmax(test.stretch != test.at_rest))
+    return float(abs(test.stress[first] / (test.stretch[first] - test.at_rest)) / 3.0) or 1.0

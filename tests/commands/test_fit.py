@@ -28,6 +28,16 @@ def test_nominal_stresses_are_those_of_the_closed_forms():
     law, a = law_with("yeoh", {"c1": 0.5e6}), STRETCH
     for kind, power in (("uniaxial", -2), ("equibiaxial", -5), ("pure-shear", -3)):
         np.testing.assert_allclose(nominal_stress(law, kind, a), 1e6 * (a - a ** float(power)), rtol=1e-12)
+    # a twisted cylinder has the torque pi/2 mu R^3 at the shear 1 of its surface, whatever the shear
+    np.testing.assert_allclose(nominal_stress(law, "torsion", a), 0.5 * np.pi * 1e6 * a, rtol=1e-12)
+
+
+def test_the_torque_of_rivlin():
+    """Of c10 (I1bar - 3) + c20 (I1bar - 3)^2: tau = 2 (c10 + 2 c20 g^2) g, whose torque is by hand (Rivlin, Phil.
+    Trans. R. Soc. A 242 (1949) 173)."""
+    law, g = law_with("yeoh", {"c1": 0.5e6, "c2": 2e4}), np.array([-0.5, 0.0, 2.0])
+    expected = 2.0 * np.pi * (2.0 * 0.5e6 * g / 4.0 + 4.0 * 2e4 * g**3 / 6.0)
+    np.testing.assert_allclose(nominal_stress(law, "torsion", g), expected, rtol=1e-12, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -89,6 +99,8 @@ def test_treloars_rubber(capsys, tmp_path):
         ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "-o", "missing/curve.csv"]),
         ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "yeoh", "--angle", "10"]),
         ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "guccione"]),
+        ("kind,stretch,stress\ntorsion,0.5,1e5\n", ["--law", "guccione", "--angle", "0"]),
+        ("kind,stretch,stress\ntorsion,0,1e5\n", ["--law", "yeoh"]),
     ],
 )
 def test_data_and_laws_that_are_none_are_refused(tmp_path, capsys, text, arguments):
