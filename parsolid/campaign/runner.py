@@ -133,13 +133,17 @@ def read_files(folder: Path) -> tuple[dict[str, Any], History]:
 
 
 def seconds_of(summary: dict[str, Any]) -> tuple[float, float]:
-    """Wall and processor seconds of a run's steps, the first one counted as one of the others."""
+    """Wall and processor seconds of a run's steps; the first, which loads kernels, counts as one of the others.
+
+    Not of quasi-static solutions, where the first step may have most of the iterations.
+    """
     steps, result = summary["steps"], []
+    alike = steps > 1 and not summary.get("iterations")
     for loop, first in (
         (summary["loop_seconds"], summary["first_step_seconds"]),
         (summary["loop_processor_seconds"], summary["first_step_processor_seconds"]),
     ):
-        result.append(float((loop - first) * steps / (steps - 1) if steps > 1 and first < loop else loop))
+        result.append(float((loop - first) * steps / (steps - 1) if alike and first < loop else loop))
     return result[0], result[1]
 
 

@@ -153,11 +153,12 @@ def _head(summaries: list[Summary]) -> list[str]:
         return ", ".join(dict.fromkeys(str(one[key]) for one in entries if one.get(key)))
 
     days = sorted(str(one["written_at"]) for one in entries if one.get("written_at"))
-    seconds, of_processor = (sum(one[key] for one in entries) for key in ("core_seconds", "processor_seconds"))
+    runs, seconds, of_processor = (
+        sum(one[key] for one in entries) for key in ("runs", "core_seconds", "processor_seconds")
+    )
     where = [f"Commit {all_of('git_hash') or 'unknown'}", f"host {all_of('host')}", all_of("cores")]
     lines = [
-        f"- {len(entries)} studies, {sum(one['runs'] for one in entries)} runs, {seconds:.3g} core-seconds, "
-        f"{of_processor:.3g} s of them of the processor.",
+        f"- {len(entries)} studies, {runs} runs, {seconds:.3g} core-seconds, {of_processor:.3g} s of the processor.",
         f"- {', '.join(filter(None, where))}; {' to '.join(dict.fromkeys(days[:1] + days[-1:]))}.",
     ]
     if published:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from parsolid.campaign.cases import cases_of, load_study
-from parsolid.campaign.runner import Record, energies_of, momentum_of, not_finite, read_record, wait
+from parsolid.campaign.runner import Record, energies_of, momentum_of, not_finite, read_record, seconds_of, wait
 from parsolid.campaign.study import error_rows, judge, seconds_left
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
@@ -350,3 +350,10 @@ def test_time_left_does_not_spread_the_rate_of_one_series_to_another():
     todo = [case(static, 4), case(explicit, 10**9)]
     # a start-up of 2 s each, 4 x 10 s, and the mean of 10 and 20 s
     assert seconds_left(made + todo, todo, repetitions=2) == pytest.approx(2 * (2 * 2.0 + 40.0 + 15.0))
+
+
+def test_the_first_step_of_equilibria_is_not_taken_for_one_of_the_others():
+    seconds = {"steps": 2, "loop_seconds": 5.0, "first_step_seconds": 4.0}
+    seconds |= {"loop_processor_seconds": 3.0, "first_step_processor_seconds": 2.5}
+    assert seconds_of(seconds) == (2.0, 1.0)
+    assert seconds_of(seconds | {"iterations": 21}) == (5.0, 3.0)

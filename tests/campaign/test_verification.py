@@ -132,7 +132,8 @@ def test_files_in_place_of_folders_are_refused(folder):
 
 def summary(folder, name, rows, **more):
     entries = {"study": name, "group": "waves", "remark": None, "rows": [row.as_stated() for row in rows]}
-    entries |= {"runs": 1, "faults": [], "core_seconds": 2.5, "git_hash": "abc", "host": "here", "cores": "2 cores"}
+    entries |= {"runs": 1, "faults": [], "core_seconds": 2.5, "processor_seconds": 1.0}
+    entries |= {"git_hash": "abc", "host": "here", "cores": "2 cores"}
     (folder / name).mkdir(parents=True)
     write_summary(folder / name / "summary.json", entries | {"written_at": "2026-01-02T03:04:05+00:00"} | more)
 
