@@ -12,19 +12,22 @@ from parsolid.output.summary import read_summary
 
 ROOT = Path(__file__).parents[2]
 STUDIES = [*studies_of([str(ROOT / "validation")]), *studies_of([])]
-# study, series that are run: some five minutes with --long
+# study, series that are run: about two minutes of one core in CI, some three more with --long
 CHEAP = [
     ("lame", ["peridynamics, infinite plate"]),
     ("brazilian", ["peridynamics"]),
+    ("kirsch", ["peridynamics"]),
+    ("cook", ["tlsph"]),
+    ("spinning_disc", ["peridynamics"]),
     ("taylor_4340", ["mpm, 208 m/s"]),
+    ("ring", ["tlsph, rate 8"]),
+    ("footing", ["tlsph"]),
+    ("die", ["tlsph"]),
+    ("ball_on_plate", ["mpm on tlsph"]),
     pytest.param("bar_vibration", ["tlsph", "peridynamics", "mpm", "ulsph"], marks=pytest.mark.long),
     pytest.param("restitution", ["tlsph", "mpm", "ulsph"], marks=pytest.mark.long),
-    pytest.param("kirsch", ["peridynamics"], marks=pytest.mark.long),
-    pytest.param("cook", ["tlsph"], marks=pytest.mark.long),
     pytest.param("upsetting", ["mpm"], marks=pytest.mark.long),
-    pytest.param("die", ["tlsph"], marks=pytest.mark.long),
     pytest.param("column_collapse", ["mpm, as high as wide"], marks=pytest.mark.long),
-    pytest.param("spinning_disc", ["tlsph"], marks=pytest.mark.long),
 ]
 
 
