@@ -20,6 +20,8 @@ MARKERS = "osD^vPX*<>hd"
 # of a panel
 MOST_CURVES = 8
 _DOTS_PER_INCH = 90
+# of the ends of an axis, up to which 2 and 5 of each decade have labels
+_DECADES = 300.0
 # what cannot be told apart on a picture
 _ALIKE = 0.02
 _OTHER_CODE = "another code, hollow"
@@ -181,10 +183,13 @@ def _triangles(place: Any, points: Any, slopes: tuple[int, ...]) -> None:
 
 
 def label_decades(axis: Any) -> None:
-    """Label an axis at 1, 2 and 5 of each decade, as such numbers are said: more labels would stand on each other."""
+    """Label an axis at 1, 2 and 5 of each decade, as such numbers are said, at 1 alone where it has many decades: more
+    labels would stand on each other.
+    """
     from matplotlib import ticker
 
-    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0) if high < _DECADES * low else (1.0,)))
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(ticker.NullFormatter())
     axis.set_tick_params(labelsize=8.5)
@@ -294,7 +299,7 @@ def draw_costs(rows: list[Row], path: Path) -> Path:
         place.set(xscale="log", yscale="log", xlabel=TIME.label, ylabel="error")
         place.set_title(title, fontsize=9)
         place.grid(True, which="both", alpha=0.25)
-        place.legend(fontsize=6.5)
+        place.legend(fontsize=6.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False)
         label_decades(place.xaxis)
     figure.savefig(path, dpi=_DOTS_PER_INCH)
     return path
