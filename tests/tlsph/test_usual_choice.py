@@ -89,31 +89,29 @@ def test_check_says_so():
     assert stated.systems[0].settings.choices(stated, (0,)) == []
 
 
-def test_a_study_does_not_change_its_method_between_two_resolutions(tmp_path):
+def settings_of_study(folder, more: dict[int, str]) -> list:
+    """Settings of the runs of a study of a block with so many particles along its sides, and what else is set."""
     lines = ["dimension = 2", "end_time = 1e-3", 'method = { kind = "tlsph" }', "[[bodies]]", "particles = [5, 5]"]
     lines += ["shape = { box = { lower = [0, 0], upper = [1, 1] } }", "[bodies.material]"]
     lines += [f"{key} = {json.dumps(value)}" for key, value in SOFT.items()]
-    (tmp_path / "block.toml").write_text("\n".join(lines))
-    settings = [f'{{ label = "{n}", spacing = {1 / n}, set = ["bodies.0.particles=[{n}, {n}]"] }},' for n in (5, 7, 9)]
-    axis = ["[[series.axes]]", 'name = "particles"', "settings = [", *settings, "]"]
-    (tmp_path / "study.toml").write_text(
-        "\n".join(['title = "B"', "[[series]]", 'name = "b"', 'scene = "block.toml"', *axis])
-    )
-    found = [case.scene.systems[0].settings for case in cases_of(load_study(tmp_path / "study.toml"))]
+    (folder / "block.toml").write_text("\n".join(lines))
+    runs = [
+        f'{{ label = "{n}", spacing = {1 / n}, set = ["bodies.0.particles=[{n}, {n}]"{words}] }},'
+        for n, words in more.items()
+    ]
+    study = ['title = "B"', "[[series]]", 'name = "b"', 'scene = "block.toml"', "[[series.axes]]", 'name = "particles"']
+    (folder / "study.toml").write_text("\n".join([*study, "settings = [", *runs, "]"]))
+    return [case.scene.systems[0].settings for case in cases_of(load_study(folder / "study.toml"))]
+
+
+def test_a_study_does_not_change_its_method_between_two_resolutions(tmp_path):
+    found = settings_of_study(tmp_path, {5: "", 7: "", 9: ""})
     assert {(one.pair_weights, one.integrator) for one in found} == {("best", "leapfrog")}
 
 
 def test_a_resolution_of_a_study_that_states_its_step_keeps_what_it_has(tmp_path):
-    lines = ["dimension = 2", "end_time = 1e-3", 'method = { kind = "tlsph" }', "[[bodies]]", "particles = [5, 5]"]
-    lines += ["shape = { box = { lower = [0, 0], upper = [1, 1] } }", "[bodies.material]"]
-    (tmp_path / "block.toml").write_text("\n".join([*lines, *(f"{k} = {json.dumps(v)}" for k, v in SOFT.items())]))
-    own = {5: ', "method.integrator=ssp-rk3", "method.cfl=0.3"', 9: ""}
-    settings = [
-        f'{{ label = "{n}", spacing = {1 / n}, set = ["bodies.0.particles=[{n}, {n}]"{own[n]}] }},' for n in own
-    ]
-    study = ['title = "B"', "[[series]]", 'name = "b"', 'scene = "block.toml"', "[[series.axes]]", 'name = "particles"']
-    (tmp_path / "study.toml").write_text("\n".join([*study, "settings = [", *settings, "]"]))
-    coarse, fine = (case.scene.systems[0].settings for case in cases_of(load_study(tmp_path / "study.toml")))
+    own = ', "method.integrator=ssp-rk3", "method.cfl=0.3"'
+    coarse, fine = settings_of_study(tmp_path, {5: own, 9: ""})
     assert (coarse.integrator, coarse.cfl, fine.integrator) == ("ssp-rk3", 0.3, "leapfrog")
 
 
