@@ -97,6 +97,17 @@ def test_elastic_constants_of_a_material():
     assert shear.instantaneous.poissons_ratio == pytest.approx(0.3)
 
 
+def test_maxwell_branches_stiffen_the_shear_alone():
+    solid = {"kind": "neo-hookean", "terms": None, "branches": [{"modulus": 1e6, "tau": 1.0}]}
+    material = parse_scene(plate(material=solid)).bodies[0].material
+    before, after = material.instantaneous, material.equilibrium
+    assert (after.youngs_modulus, after.poissons_ratio) == pytest.approx((7e6, 0.3), rel=1e-12)
+    assert before.shear_modulus - after.shear_modulus == pytest.approx(1e6, rel=1e-9)
+    # the first Lame constant stays
+    lame = [one.bulk_modulus - 2.0 / 3.0 * one.shear_modulus for one in (before, after)]
+    assert lame[0] == pytest.approx(lame[1], rel=1e-9)
+
+
 ROWS = [[0.0, 0.0], [1.0, 2.0], [1.0, 5.0], [3.0, 5.0], [3.0, 0.0]]
 
 
