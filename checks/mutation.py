@@ -47,7 +47,7 @@ _SCENES = (
     + " "
     + _in("scene", "all_faults", "faults", "schema", "mpm", "peridynamics", "generation", "named_regions", "bond")
 )
-_LAWS = _in("materials", "registry", "hyperelastic", "prony", "relaxation")
+_LAWS = _in("materials", "registry", "hyperelastic", "fibres", "prony", "relaxation")
 _FLOW = _in("materials", "flow_stress", "micro_inertia", "registry")
 # file or folder -> how kernels run and the tests, those that catch most first; the longest name that fits counts
 TESTS: dict[str, tuple[str, str]] = {
@@ -95,6 +95,10 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/methods/mpm/nodal_contact.py": (COMPILED, _in("mixed", "grid_contact")),
     "parsolid/methods/mpm/elastic_plastic.py": (COMPILED, _in("mpm", "plastic_update", "failed_points", "hot_start")),
     "parsolid/methods/mpm/energies.py": (COMPILED, _in("mpm", "contact_energy", "own_spin", "grid_steps")),
+    "parsolid/methods/mpm/points.py": (
+        PLAIN,
+        _in("mpm", "heat_laws", "grid_transfers", "grid_steps", "initial_slopes"),
+    ),
     "parsolid/methods/mpm/heat.py": (PLAIN, _in("mpm", "mpm_heat", "grid_heat")),
     "parsolid/methods/peridynamics": (PLAIN, _in("peridynamics", "bond_forces", "patch", "fragments")),
     "parsolid/methods/tlsph": (PLAIN, _in("tlsph", "point_update", "clamp_edges", "time_step", "reference_force")),
@@ -387,7 +391,8 @@ class Copy:
         self._forget(path)
         try:
             alive = self.passes(tests, longest)
-            return self._passes_together(tests) if alive and mutant.file.startswith("decomposition") else alive
+            shared = alive and mutant.file.startswith("decomposition")
+            return all(self._passes_together(tests, ranks) for ranks in (3, 2)) if shared else alive
         finally:
             path.write_text(text_of(mutant.file))
             self._forget(path)
@@ -395,7 +400,7 @@ class Copy:
             if kept.exists():
                 kept.rename(self.kernels)
 
-    def _passes_together(self, tests: str, ranks: int = 3) -> bool:
+    def _passes_together(self, tests: str, ranks: int) -> bool:
         """Whether tests pass on several ranks, for what one rank alone leaves out."""
         beside = Path(sys.executable).with_name("mpirun")
         words = ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "mpi and not slow", *tests.split()]

@@ -88,7 +88,7 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
     chosen = [selected(scene, one, particle_set, comm) if one.on_particles else everywhere for one in scene.boundaries]
     faults = _distant_probes(scene, particle_set, coarsest, comm) + _empty_regions(scene, particle_set, chosen, comm)
     agree(comm, faults + _not_finite(scene, particle_set, chosen, comm))
-    agree(comm, contradictions(scene, particle_set, chosen, comm))
+    agree(comm, contradictions(scene, particle_set.position, particle_set.spacing.min(axis=1), chosen, comm))
     return particle_set
 
 
@@ -268,16 +268,19 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
     return [text for text, own, low in zip(faults, mine, lowest) if text is not None and own == low]
 
 
-def contradictions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
-    """Faults of conditions that hold a component of the same particles to different values, the same on all ranks;
-    chosen: this rank's particles (n,) bool of each condition. Collective.
+def contradictions(
+    scene: Scene, places: np.ndarray, spacing: Any, chosen: list[np.ndarray], comm: MPI.Comm, what: str = "particles"
+) -> list[str]:
+    """Faults of conditions that hold a component of the same particles, or nodes of a grid, to different values, the
+    same on all ranks; places (n, d) [m] and spacing, a number or (n,) [m], of this rank's; chosen: those (n,) bool of
+    each condition. Collective.
 
     Where values are equal there is no fault: planes of rest and of symmetry meet at edges. Supports with images hold
     the particles on their plane alone; those of surfaces of any direction hold no component.
     """
     held: dict[int, np.ndarray] = {}
     for i, (one, here) in enumerate(zip(scene.boundaries, chosen)):
-        components = _held(one, particle_set, here)
+        components = _held(one, places, spacing, here)
         if components is not None:
             held[i] = components
     pairs = list(itertools.combinations(held, 2))
@@ -285,7 +288,7 @@ def contradictions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndar
     for k, (j, i) in enumerate(pairs):
         both = held[j] & held[i]
         for axis in np.flatnonzero(both.any(axis=0)):
-            points = np.ascontiguousarray(particle_set.position[both[:, axis]])
+            points = np.ascontiguousarray(places[both[:, axis]])
             counts[k, axis] = _unlike(scene, scene.boundaries[j], scene.boundaries[i], points, int(axis)).sum()
     comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.SUM)
     faults: list[str] = []
@@ -294,15 +297,15 @@ def contradictions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndar
         if len(axes):
             along = " and ".join("XYZ"[axis] for axis in axes)
             expected = (
-                f"no other motion along {along} of particles that boundaries.{j} ({scene.boundaries[j].kind!r}) holds"
+                f"no other motion along {along} of {what} that boundaries.{j} ({scene.boundaries[j].kind!r}) holds"
             )
-            faults.append(fault(("boundaries", i), expected, Phrase(f"{row.max()} particles in both"), "contradiction"))
+            faults.append(fault(("boundaries", i), expected, Phrase(f"{row.max()} {what} in both"), "contradiction"))
     return faults
 
 
-def _held(condition: Condition, particle_set: ParticleSet, here: np.ndarray) -> np.ndarray | None:
-    """Components (n, d) bool of particles that a condition holds, None for one that holds none."""
-    d = particle_set.position.shape[1]
+def _held(condition: Condition, places: np.ndarray, spacing: Any, here: np.ndarray) -> np.ndarray | None:
+    """Components (n, d) bool that a condition holds, None for one that holds none."""
+    d = places.shape[1]
     if isinstance(condition, MotionCondition):
         return np.asarray(here[:, None] & ~condition.prescribed.free[:d])
     if not isinstance(condition, Support) or (condition.plane is None and condition.kind != "fixed"):
@@ -310,8 +313,8 @@ def _held(condition: Condition, particle_set: ParticleSet, here: np.ndarray) -> 
     if condition.plane is None:
         return np.repeat(here[:, None], d, axis=1)
     if condition.mirror:
-        away = np.abs(particle_set.position[:, condition.plane.axis] - condition.plane.offset)
-        here = here & (away <= _ON_PLANE * particle_set.spacing.min(axis=1))
+        away = np.abs(places[:, condition.plane.axis] - condition.plane.offset)
+        here = here & (away <= _ON_PLANE * spacing)
     return np.asarray(here[:, None] & condition.holds(d))
 
 

@@ -32,6 +32,9 @@ from parsolid.simulation.restart import Restart
 _DIFFERENCE, _TOLERANCE = 1e-5, 1e-3
 # that counts as one
 _STRAIN = 1e-8
+# energy that the balance has the round-off of, over modulus times volume: 1e-12 of it, see `energy_check`, is four to
+# five times what one bit of J is worth in the particles' strain energy
+_ROUNDED = 1e-3
 
 
 def refuse_unsound_start(comm: Any, scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> None:
@@ -73,33 +76,59 @@ def _inside_out(scene: Scene, system: ParticleSystem) -> str | None:
 def _strained(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> str | None:
     """The first particle that starts folded, or with a strain of which its law has no stress."""
     place, body = particle_set.position, particle_set.body
-    if not len(particle_set) or initial_displacement(scene, body[:1], place[:1], _first(particle_set.regions)) is None:
+    first = body[:1], place[:1], _first(particle_set.regions)
+    given = initial_deformation_gradient(scene, *first) is not None
+    if not len(particle_set) or (not given and initial_displacement(scene, *first) is None):
         return None
     small = _DIFFERENCE * float(particle_set.spacing.min())
     F = np.stack(
         [_column(scene, particle_set, axis, step) for axis, step in enumerate(small * np.eye(len(place[0])))], 2
     )
     stated = ~taken_from_results(scene, body, particle_set.regions)
-    folded = stated & ~(np.linalg.det(F) > 0.0)
+    folded = stated & (~(np.linalg.det(F) > 0.0) | _jumps_over(scene, particle_set))
     if folded.any():
         return _start_of(system, particle_set, folded, "a start that is not folded")
     carries = [(bool(system.settings.strained) and one.material.kind != "elastic-plastic") for one in scene.bodies]
-    strain = np.abs(F.swapaxes(1, 2) @ F - np.eye(len(place[0]))).max(axis=(1, 2))
     # rounding of places far away is no strain
     rounding = np.finfo(float).eps * (1.0 + np.abs(system.particles.owned_rows("position")).max(initial=0.0)) / small
-    lost = stated & (strain > _STRAIN + 10.0 * rounding) & ~np.array(carries)[body]
-    if not lost.any():
-        return None
-    return _start_of(system, particle_set, lost, "no strain (this law's stress is integrated in time, not of a strain)")
+    expected = "no strain (this law's stress is integrated in time, not of a strain)"
+    wanted = initial_deformation_gradient(scene, body, place, particle_set.regions)
+    for key, gradient in (("displacement", F), ("deformation_gradient", F if wanted is None else wanted[0])):
+        strain = np.abs(gradient.swapaxes(1, 2) @ gradient - np.eye(len(place[0]))).max(axis=(1, 2))
+        lost = stated & (strain > _STRAIN + 10.0 * rounding) & ~np.array(carries)[body]
+        if lost.any():
+            return _start_of(system, particle_set, lost, expected, key)
+    return None
+
+
+def _jumps_over(scene: Scene, particle_set: ParticleSet) -> np.ndarray:
+    """Which particles (n,) bool of boxes a displacement that jumps turns over with the next ones along the axes."""
+    result = np.zeros(len(particle_set), bool)
+    for number, body in enumerate(scene.bodies):
+        here = particle_set.body == number
+        if body.shape.box is None or not here.any():
+            continue
+        # to the next particle of the box, or to the one before
+        place, steps = particle_set.position, np.eye(scene.dimension) * particle_set.spacing[here].max(axis=0)
+        columns = []
+        with np.errstate(all="ignore"):
+            for axis, step in enumerate(steps):
+                inside = place[:, axis] + 0.99 * step[axis] < body.shape.box.upper[axis]
+                ahead, behind = (_column(scene, particle_set, axis, sign * step) for sign in (1.0, -1.0))
+                columns.append(np.where(inside[:, None], ahead, behind))
+            result |= here & (np.linalg.det(np.stack(columns, 2)) <= 0.0)
+    return result
 
 
 def _first(regions: np.ndarray | None) -> np.ndarray | None:
     return None if regions is None else regions[:1]
 
 
-def _start_of(system: ParticleSystem, particle_set: ParticleSet, bad: np.ndarray, expected: str) -> str:
+def _start_of(
+    system: ParticleSystem, particle_set: ParticleSet, bad: np.ndarray, expected: str, key: str = "displacement"
+) -> str:
     index = int(np.argmax(bad))
-    key = f"bodies.{system.bodies[int(particle_set.body[index])]}.displacement"
+    key = f"bodies.{system.bodies[int(particle_set.body[index])]}.{key}"
     return f"{key}: expected {expected}, found one at X = ({_numbers(particle_set.position[index])})"
 
 
@@ -173,6 +202,10 @@ def build_systems(
             systems.append(system)
             if not restart:
                 system.begin(part, particle_sets[-1])
+            # rounding of J alone gives strain energies of the modulus times it
+            modulus = np.array([system.wave_modulus(body)[0] for body in range(len(plan.bodies))])
+            stiffness = comm.allreduce(float(modulus[particle_sets[-1].body] @ particle_sets[-1].volume))
+            system.energy_scale = max(system.energy_scale, _ROUNDED * stiffness)
         if not restart:
             refuse_unsound_start(comm, part, system, particle_sets[-1])
     for particle_set in particle_sets:

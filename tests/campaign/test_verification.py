@@ -150,6 +150,8 @@ def test_a_report_is_that_of_the_summaries(tmp_path):
     assert "10 core-seconds" in text and "abc" in text and "2026-01-02" in text
     rows = [line for line in text.splitlines() if line.startswith("| ") and " m |" in line]
     assert [row.split(" | ")[-1].strip(" |") for row in rows] == [INSIDE, OUTSIDE, NOT_AS_STATED]
+    # in per cent of a reference, or as it is
+    assert "+3 %" in rows[0] and "+29 %" in rows[1] and "2.00e-02" in rows[2] and "%" not in rows[2]
     assert "103" in rows[0] and "1.5" in rows[0] and "no idea" in text
     assert (page / "waves.png").exists() and (page / "cracks.png").exists()
     assert len((page / "report.csv").read_text().splitlines()) == 4

@@ -15,6 +15,7 @@ from parsolid.materials.hyperelastic import tissues
 from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, members, state_count
 from parsolid.materials.hyperelastic.rubbers import Yeoh
 from parsolid.materials.hyperelastic.softening import Softened
+from parsolid.materials.hyperelastic.transversely_isotropic import Guccione
 from parsolid.materials.hyperelastic.volume import Quadratic
 from parsolid.methods.small_scene import small_scene
 from parsolid.scene import SceneError, parse_scene
@@ -75,6 +76,15 @@ def test_softening_is_that_of_ogden_and_roxburgh_in_every_row():
         if stretch > 1.0:
             virgin = stress(YEOH, F)
             assert (stress(law, F)[0, 0] - U * H[0, 0]) / (virgin[0, 0] - U * H[0, 0]) == pytest.approx(eta, rel=1e-8)
+
+
+def test_the_energy_of_heart_muscle_keeps_its_digits_at_small_strains():
+    """C/2 (exp(Q) - 1) of stretches along the fibres that keep the volume."""
+    law = Guccione(1.0, 2e3, 8.0, 2.0, 4.0, (1.0, 0.0, 0.0), Quadratic(1e5), *NONE)
+    for stretch in 1.0 + np.array([1e-6, 1e-4, 1e-3, 5e-3, 9e-3, 0.02, 0.3]):
+        along, across = 0.5 * (stretch**2 - 1.0), 0.5 * (stretch**-2 - 1.0)
+        exact = 1e3 * np.expm1(8.0 * along**2 + 2.0 * across**2)
+        assert energy(law, np.diag([stretch, 1.0 / stretch, 1.0])) == pytest.approx(exact, rel=1e-9)
 
 
 def test_fibres_in_compression_bear_nothing_and_switch_without_a_jump():

@@ -53,6 +53,16 @@ def test_the_energy_of_a_temperature_is_the_integral_of_the_specific_heat(materi
     np.testing.assert_allclose(sim.systems[0].particles.owned_rows("temperature"), T, rtol=1e-12)
 
 
+def test_heat_from_outside_warms_light_points():
+    """Points of 2 g/m, which contact gives heat."""
+    sim = simulation(block(COPPER))
+    system, rows = sim.systems[0], np.array([3, 0])
+    own, heat = system.particles.owned_rows, np.array([0.1, 0.3])
+    before = own("temperature")[rows]
+    assert system.take_heat(heat, rows) == pytest.approx(0.4, rel=1e-12)
+    np.testing.assert_allclose(own("temperature")[rows] - before, heat / (383.0 * system.mass[rows]), rtol=1e-12)
+
+
 @pytest.mark.parametrize("material", [WARMER, BY_POINTS], ids=["line", "points"])
 def test_plastic_heat_raises_the_temperature_by_the_integral(material):
     law = law_of(material | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 2e9}})

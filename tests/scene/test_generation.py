@@ -315,4 +315,7 @@ def test_the_coarsest_spacing_is_that_of_the_widest_step(filling, coarsest):
     body = {"shape": RECTANGLE, "material": MATERIAL} | filling
     method = {"kind": "tlsph", "weights": "best", "integrator": "leapfrog"}
     scene = parse_scene({"dimension": 2, "end_time": 1.0, "method": method, "bodies": [body]})
-    assert filling_of(scene.bodies[0], 2).coarsest == pytest.approx(coarsest)
+    whole_box = filling_of(scene.bodies[0], 2)
+    assert whole_box.coarsest == pytest.approx(coarsest)
+    places = whole_box.piece(0, whole_box.count).position
+    assert max(np.diff(np.unique(places[:, axis])).max() for axis in (0, 1)) == pytest.approx(coarsest)

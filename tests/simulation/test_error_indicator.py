@@ -8,8 +8,9 @@ from solids import RUBBER, punch, simulation, supports, tables
 
 from parsolid.observables.declared import Observables
 from parsolid.output.run_folder import RunFolder
-from parsolid.simulation.field_output import NAME, FieldOutput, indicate
+from parsolid.simulation.field_output import FieldOutput, fit_of_neighbours, indicate
 
+NAME = "error_indicator"
 AMPLITUDE, WIDTH, START = 1e-6, 0.08, 0.35
 GAUSS = f"exp(-((X - {START})/{WIDTH})**2)"
 
@@ -30,6 +31,17 @@ def pulse(across: int) -> dict:
     sides = supports(Y0=(0.0, "roller"), Y1=(4.0 / across, "roller"))
     data = tables([across + 1, 5], [1.0, 4.0 / across], material=RUBBER, body=body, boundaries=sides)
     return data | {"end_time": 0.25 / speed}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("length", [1e-6, 1.0, 1e6])
+def test_a_fit_of_neighbours_has_linear_fields_whatever_the_length(length):
+    place = length * np.random.default_rng(2).uniform(size=(60, 2))
+    values = 3.0 + place @ np.array([[2.0, -1.0], [0.5, 4.0]]) / length
+    body = np.repeat([0.0, 1.0], 30)
+    values[30:] += 100.0
+    found = fit_of_neighbours(place, body, np.column_stack((place, body, values)), 0.6 * length, 2)
+    np.testing.assert_allclose(found, values, rtol=1e-9)
 
 
 @pytest.mark.serial

@@ -93,6 +93,30 @@ def test_distances_are_negative_inside_and_those_of_the_surface_outside():
         assert np.linalg.norm(normal) == pytest.approx(1.0)
 
 
+def test_the_nearest_place_of_oblique_triangles():
+    """Of tetrahedra: the nearest of the feet on planes and edges of their faces."""
+    chance, faces = np.random.default_rng(4), np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    for _ in range(20):
+        points = chance.normal(size=(4, 3))
+        if np.linalg.det(points[1:] - points[0]) < 0.0:
+            points = points[[1, 0, 2, 3]]
+        shape = make_surface(points, faces)
+        for place in 3.0 * chance.normal(size=(40, 3)):
+            feet, heights = [], []
+            for corners in points[faces]:
+                edges = np.roll(corners, -1, axis=0) - corners
+                normal = np.cross(edges[0], edges[1])
+                heights.append((place - corners[0]) @ normal)
+                foot = place - normal * heights[-1] / (normal @ normal)
+                if (np.cross(edges, foot - corners) @ normal >= 0.0).all():
+                    feet.append(foot)
+                along = np.einsum("ij,ij->i", place - corners, edges) / (edges**2).sum(axis=1)
+                feet.extend(corners + np.clip(along, 0.0, 1.0)[:, None] * edges)
+            away = np.linalg.norm(place - feet, axis=1).min()
+            wanted = away if max(heights) > 0.0 else -away
+            assert distance(shape, *place, np.inf)[0] == pytest.approx(wanted, abs=1e-12)
+
+
 def test_particles_that_the_tool_reaches_limit_the_step():
     """Of three particles at 0.1, 0.3 and 0.9 from a half-space, by the speed of the tool and their own."""
     places = np.array([[0.2, 0.0, 0.0], [0.4, 0.0, 0.0], [1.0, 0.0, 0.0]])

@@ -90,3 +90,18 @@ def test_elastic_matter_that_tears_is_told(smoothing, told, comm):
     assert sim.systems[0].validity_warning() is None
     sim.run()
     assert (sim.systems[0].validity_warning() is not None) == told
+
+
+@pytest.mark.parametrize("flowed", [False, True])
+def test_a_tear_between_ranks_is_told(flowed, comm):
+    """The half of a block moves away from the other one, which on two ranks no rank has a pair across; matter of one
+    half that has flowed parts freely."""
+    data = pulled((8, 4), (1.0, 0.5), 200.0, 0.18)
+    everywhere = {"lower": [-1.0, -1.0], "upper": [2.0, 2.0]}
+    data["boundaries"] = [{"kind": "velocity", "box": everywhere, "velocity": ["where(X > 0.5, 200, 0)", "0"]}]
+    data["bodies"][0]["velocity"] = ["where(X > 0.5, 200, 0)", "0"]
+    sim = simulation(data, comm)
+    rows = sim.systems[0].particles.owned_rows
+    rows("plastic_strain")[:] = 0.1 * flowed * (rows("reference_position")[:, 0] > 0.5)
+    sim.run()
+    assert (sim.systems[0].validity_warning() is None) == flowed

@@ -1,5 +1,6 @@
 """Boundary conditions on the nodes of a background grid: mirror planes, walls, prescribed velocities, temperatures."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,11 @@ from parsolid.collective import SolverError, maximum, minimum
 from parsolid.kernels import kernel
 from parsolid.methods.mpm.grid import FoldedPlane, Nodes, sum_in_order
 from parsolid.methods.mpm.points import MaterialPoints
+from parsolid.particles.generation import contradictions
 from parsolid.particles.initial_fields import initial_displacement
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import region_of
-from parsolid.scene import Scene
+from parsolid.scene import Scene, SceneError
 from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries import Condition, HeatFlux, MotionCondition, PrescribedTemperature, Support, Wall
 from parsolid.scene.load_histories import LoadHistory
@@ -145,16 +147,26 @@ class DrivenRegion:
         if self._seen != nodes.changes or self._chosen_at != self.moved:
             self._seen, self._chosen_at = nodes.changes, self.moved
             places = nodes.places[:, : nodes.points.dimension]
-            if self.plane is None:
-                inside = self.region.contains(places, _NEAR * nodes.spacing)
-            else:
-                axis, side, offset = self.plane
-                beyond = side * (places[:, axis] - offset - self.moved)
-                inside = beyond >= -((0.5 if self.stays else 1.0) - _NEAR) * nodes.spacing
+            inside = self.contains(places, nodes.spacing)
+            if self.plane is not None:
+                beyond = self._beyond(places)
                 self._find_images(nodes, np.flatnonzero(inside & (beyond > _NEAR * nodes.spacing)), beyond)
             self._slots = np.flatnonzero(inside)
             self._places = np.ascontiguousarray(places[self._slots])
         return self._slots
+
+    def contains(self, places: np.ndarray, spacing: float) -> np.ndarray:
+        """Which nodes (n,) bool at places (n, d) [m] it drives."""
+        if self.plane is None:
+            return np.asarray(self.region.contains(places, _NEAR * spacing))
+        # a plane whose place is no number drives all nodes, so that the run ends
+        return np.asarray(~(self._beyond(places) < -((0.5 if self.stays else 1.0) - _NEAR) * spacing))
+
+    def _beyond(self, places: np.ndarray) -> np.ndarray:
+        """How far places (n, d) [m] are behind its plane [m]."""
+        assert self.plane is not None
+        axis, side, offset = self.plane
+        return np.asarray(side * (places[:, axis] - offset - self.moved))
 
     def _find_images(self, nodes: Nodes, behind: np.ndarray, beyond: np.ndarray) -> None:
         """Of nodes behind a plane that stays, those nearest to their mirror images, and their distances over those."""
@@ -260,7 +272,8 @@ class GridConditions:
 
     def __init__(self, comm: MPI.Comm, scene: Scene, particle_set: ParticleSet, points: MaterialPoints):
         """points: those of the particle set. Raises SolverError on all ranks when a plane lies neither on nodes nor
-        halfway between, or does not bound all bodies, and for a condition that a grid cannot obey. Collective."""
+        halfway between, or does not bound all bodies, and for a condition that a grid cannot obey; SceneError where
+        conditions contradict one another on nodes. Collective."""
         position = particle_set.position
         self.points, self.dimension = points, scene.dimension
         self.lower = minimum(comm, position.min(axis=0, initial=np.inf))
@@ -278,7 +291,23 @@ class GridConditions:
             for key, motion in self.loads.of(MotionCondition)
         ]
         self.imposed += self.driven
+        if self.driven:
+            self._refuse_contradictions(comm, scene, position)
         self._beside, self._seen = np.zeros(0, bool), -1
+
+    def _refuse_contradictions(self, comm: MPI.Comm, scene: Scene, position: np.ndarray) -> None:
+        """Raise SceneError on all ranks where conditions hold a component of a node differently, of those that are
+        corners of cells with particles at positions (n, d) [m]. Collective."""
+        d, cell, origin = self.dimension, scene.method.cell, self.points.origin[: self.dimension]
+        lowest = np.unique(np.floor((position - origin) / cell), axis=0)
+        corners = [lowest + corner for corner in itertools.product((0.0, 1.0), repeat=d)]
+        places = origin + cell * np.unique(np.concatenate(corners), axis=0)
+        chosen = [np.full(len(places), isinstance(one, Support)) for one in scene.boundaries]
+        for region in self.driven:
+            chosen[int(region.key.rpartition(".")[2])] = region.contains(places, cell)
+        faults = contradictions(scene, places, cell, chosen, comm, "nodes")
+        if faults:
+            raise SceneError(faults)
 
     def _folded(self, scene: Scene) -> list[FoldedPlane]:
         supports = self.loads.of(Support)

@@ -216,7 +216,7 @@ class MaterialPoint(Reports):
         """What conduction allows for the first step, and how much heat there is; collective."""
         if self.conduction is not None:
             self.conduction.refresh()
-            self.energy_scale = self.comm.allreduce(self.points.heat())
+            self.energy_scale = max(self.energy_scale, self.comm.allreduce(self.points.heat()))
 
     def state(self) -> dict[str, Any]:
         """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""

@@ -44,10 +44,6 @@ from parsolid.scene.contact import bodies_in_contact, tied_pairs
 from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.scene.systems import settings_of_stages
 
-# energy that the balance has the round-off of, over modulus times volume: 1e-12 of it, see `energy_check`, is four to
-# five times what one bit of J is worth in the particles' strain energy
-_ROUNDED = 1e-3
-
 
 class TotalLagrangianSPH(Reports):
     """The method on one rank.
@@ -113,9 +109,6 @@ class TotalLagrangianSPH(Reports):
         density, share = np.array([law.density for law in self.laws])[particle_set.body], self.conditions.share
         self.particles.declare(Field("mass", 1, "kg"), particle_set.volume / share * density)
         self.particles.declare(Field("share", 1, "1"), share)
-        modulus = np.array([self.wave_modulus(body)[0] for body in range(len(self.laws))])[particle_set.body]
-        # rounding of J alone gives strain energies of the modulus times it
-        self.energy_scale = _ROUNDED * comm.allreduce(float(modulus @ particle_set.volume))
         # the narrowest spacing of all ranks bounds the step (79), so that it does not depend on their number
         others = ~np.isin(particle_set.body, meshes)
         self.spacing = minimum(comm, float(particle_set.spacing[others].min(initial=np.inf)))

@@ -56,8 +56,8 @@ class Neighbours:
     plane_forces (codes, 2, d): of stresses and of the viscosity, of images by each code on the particles [N], where
     planes move.
 
-    torn: whether neighbours of this rank on the lattice, neither of which has flowed or failed, have come so far apart
-    that the weight which they keep in tension is about to go.
+    torn: whether neighbours on the lattice, one of them here, which have neither flowed nor failed, have come so far
+    apart that the weight which they keep in tension is about to go.
     """
 
     plane_forces: np.ndarray
@@ -125,7 +125,7 @@ class Neighbours:
         reference = self._reference(pairs.images, pairs.codes) if self._corrected else None
         self._parts = {id(one): self._by_bodies(one, read, reference) for one, read in lists if one is not None}
         if reference is not None:
-            self.torn = self.torn or self._has_torn(reference[0])
+            self.torn = self._has_torn(reference[0]) or self.torn
         if pairs.images is not None and pairs.mirror is not None and pairs.codes.moving:
             code = pairs.images.code[pairs.mirror.neighbour - known]
             every = [(pairs.mirror.where(code == one), one) for one in range(len(pairs.codes.planes))]
@@ -175,19 +175,23 @@ class Neighbours:
         return np.ascontiguousarray(place), np.ascontiguousarray(length)
 
     def _has_torn(self, place: np.ndarray) -> bool:
-        """Whether `torn` becomes true; reference positions (rows, d) [m]."""
-        of, inner = self.particles, self.pairs.inner
+        """Whether pairs of this rank make `torn` true; reference positions (rows, d) [m]. Collective."""
+        of, pairs = self.particles, self.pairs
         sound = of.owned_rows("plastic_strain") == 0.0
         if "damage" in of:
             sound &= of.owned_rows("damage") == 0.0
-        chosen = sound[inner.particle] & sound[inner.neighbour]
-        a, b = inner.particle[chosen], inner.neighbour[chosen]
         spacing = np.prod(of.owned_rows("spacing"), axis=1) ** (1.0 / self.dimension)
-        near = np.linalg.norm(place[b] - place[a], axis=1) < _DIAGONAL * np.minimum(spacing[a], spacing[b])
-        near &= of.owned_rows("body")[a] == of.owned_rows("body")[b]
-        a, b, x, h = a[near], b[near], of.owned_rows("position"), of.owned_rows("smoothing_length")
-        apart = np.linalg.norm(x[b] - x[a], axis=1)
-        return bool((apart > _LETTING_GO * self.smoothing.support * 0.5 * (h[a] + h[b])).any())
+        known = pairs.halo.with_ghosts(np.column_stack((sound, spacing, of.owned_rows("body"))))
+        x, h = of["position"], of["smoothing_length"]
+        for one in (pairs.inner, pairs.outer) if pairs.outer is not None else (pairs.inner,):
+            a, b = one.particle, one.neighbour
+            near = np.linalg.norm(place[b] - place[a], axis=1) < _DIAGONAL * np.minimum(known[a, 1], known[b, 1])
+            near &= (known[a, 0] * known[b, 0] == 1.0) & (known[a, 2] == known[b, 2])
+            a, b = a[near], b[near]
+            apart = np.linalg.norm(x[b] - x[a], axis=1)
+            if (apart > _LETTING_GO * self.smoothing.support * 0.5 * (h[a] + h[b])).any():
+                return True
+        return False
 
     def _by_bodies(self, pairs: Pairs, rows: int, reference: Any) -> list[tuple[NearPairs, bool, int | None]]:
         """A list, which reads the first rows, as that of pairs within bodies and that of pairs between two, with
