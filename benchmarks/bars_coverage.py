@@ -20,6 +20,7 @@ from mpi4py import MPI
 from parsolid.campaign.coarsening import NotCoarsened, coarsen, parsed
 from parsolid.campaign.error_bars import error_table, on_times
 from parsolid.campaign.orders import kind_of
+from parsolid.campaign.recovery import COLUMN
 from parsolid.campaign.reference import exact_values, series_of
 from parsolid.campaign.runner import InProcess
 from parsolid.campaign.variants import SPACING, Variant, coarse_variants, history_alone
@@ -464,8 +465,9 @@ def method_of(scene: Any) -> str:
     return f"{kinds}, contact" if scene.contact or len(scene.bodies) > 1 else f"{kinds}, tool" if scene.tools else kinds
 
 
-def cases_of(folder: Path) -> tuple[list[Case], int]:
-    """All cases of what has been run, and how many have no bar because resolutions differ by as much as a column."""
+def cases_of(folder: Path, alone: bool = False) -> tuple[list[Case], int]:
+    """All cases of what has been run, and how many have no bar because resolutions differ by as much as a column;
+    alone: with the bars of recovery, of runs without coarser ones."""
     cases, without = [], 0
     for file in sorted(folder.glob("*.pickle")):
         for found in pickle.loads(file.read_bytes()):
@@ -473,8 +475,10 @@ def cases_of(folder: Path) -> tuple[list[Case], int]:
             if not own.history:
                 continue
             scene = parse_scene(found["tables"])
-            known = ("step", "time", *found["true"])
-            table = error_table(scene, {name: own.history[name] for name in known}, others)
+            if alone and scene.method.integrator != "static":
+                continue
+            known = ("step", "time", *found["true"], *((COLUMN, "strain_energy") if alone else ()))
+            table = error_table(scene, {name: own.history[name] for name in known}, [] if alone else others)
             time = own.history["time"]
             rows = [int(np.argmin(np.abs(time - share * scene.end_time))) for share in SHARES]
             for column, true in found["true"].items():
@@ -511,9 +515,9 @@ def print_rows(title: str, cases: list[Case], key: Any) -> None:
         print(f"| {name or 'all'} | {len(rows)} | {told} |")
 
 
-def report(folder: Path) -> None:
-    """Tables by method and kind and by scene, and every miss."""
-    cases, without = cases_of(folder)
+def report(folder: Path, alone: bool = False) -> None:
+    """Tables by method and kind and by scene, and every miss; alone: see `cases_of`."""
+    cases, without = cases_of(folder, alone)
     seen = [one for one in cases if one.method == "tlsph" or one.scene.startswith("vibrating bar")]
     print_rows("part", cases, lambda one: "constants chosen on" if one in seen else "judged on")
     print_rows("method, kind", cases, lambda one: f"{one.method}, {one.kind}")

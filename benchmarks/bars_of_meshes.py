@@ -97,6 +97,7 @@ def at_rest(
 
 
 RATIOS = (1.0, 1.4, 2.0)
+WATCHED = {"name": "recovery", "quantity": "element_variation"}
 
 
 def parts() -> Iterator[tuple[str, Any]]:
@@ -192,6 +193,8 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     if options.report:
         report(folder)
+        print("\nBy recovery, of the finest run alone:")
+        report(folder, True)
         return
     for part, one in parts():
         for given in (False, True):
@@ -207,6 +210,7 @@ def main() -> None:
                 known = [column for column in one.formulas if not column.startswith("side.displacement")]
                 one = one._replace(formulas={}, truth=dict.fromkeys(known, ""), finer=0.4)
             tables = one.tables | {"bodies": [body | {"shape": mesh_of(part, folder.resolve(), given)}]}
+            tables["probes"] = [*tables["probes"], WATCHED]
             if tables["method"].get("integrator") != "static":
                 tables["method"] = {"kind": "tlsph"}
             kept.write_bytes(pickle.dumps(run(one._replace(name=name, tables=tables), folder)))

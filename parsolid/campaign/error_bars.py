@@ -30,6 +30,7 @@ from parsolid.campaign.orders import (
     without_order,
 )
 from parsolid.campaign.probes import Corners, at_particles, at_requested
+from parsolid.campaign.recovery import COLUMN, recovery_bars, watched
 from parsolid.campaign.runner import History, InProcess, Interrupted, VariantRun, read_files, seconds_of
 from parsolid.campaign.variants import LOOSER, SOLVER, SPACING, STEP, Variant, coarse_variants
 from parsolid.exit_status import TO_BE_CONTINUED
@@ -115,6 +116,9 @@ def run_with_error_bars(campaign: Campaign, scene: Scene) -> int:
     runs = campaign.run_variants(variants, folder)
     if runs is None:
         return TO_BE_CONTINUED
+    if not variants and (scene_of_recovery := watched(scene, campaign.trust_code)) is not None:
+        say("error bars: estimated from the recovery of gradients in this run, without coarser ones")
+        scene = scene_of_recovery
     status = campaign.alone(scene, folder)
     if status:
         say("error bars: at the end of the run, which the same command goes on with when --restart is added")
@@ -166,6 +170,8 @@ def error_table(
     coarse = sorted((one for one in runs if one.variant.purpose == SPACING and one.history), key=lambda one: one.ratio)
     times = history["time"]
     columns = {name: values for name, values in history.items() if name not in NO_RESULTS}
+    if not runs and COLUMN in history:
+        return ErrorTable(times, columns, recovery_bars(scene, times, columns), steps=history["step"])
     if not coarse or len(times) < 2:
         faults = [f"{one.variant.title}: {one.record.message}" for one in runs if one.record.message]
         return ErrorTable(times, columns, {}, "; ".join(faults) or "no coarser run could be made")

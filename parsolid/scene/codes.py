@@ -67,6 +67,10 @@ WARNINGS = {
         'bodies that have met though no contact names them (`undeclared_contact = "warn"`)', "`[[contact]]`"
     ),
     "one-layer": Code("one layer of particles across a body that is free there", "two layers or more, or plane strain"),
+    "stiff-in-motion": Code(
+        "bodies from meshes with a Poisson's ratio above .45 in motion: coarse ones are too stiff",
+        "finer meshes; equilibria and long steps have pressures as unknowns (`method.integrator`)",
+    ),
     "wrong-bending": Code(
         "slender bodies in `mpm` that the transfer `flip` bends wrongly, stiffer most often",
         '`transfer = "apic"`; or four points across and two a cell and direction',

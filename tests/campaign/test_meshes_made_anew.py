@@ -13,6 +13,7 @@ from parsolid.campaign.coarsening import NotCoarsened, coarsen, parsed
 from parsolid.campaign.error_bars import error_table
 from parsolid.campaign.estimate import OF_MESHES, Series, spacing_bar
 from parsolid.campaign.probes import at_particles
+from parsolid.campaign.recovery import watched
 from parsolid.campaign.runner import InProcess
 from parsolid.campaign.variants import SPACING, Variant, coarse_variants
 from parsolid.particles.fillings import filling_of
@@ -149,3 +150,19 @@ def test_the_bar_of_a_bushing_of_quads_holds_what_finer_elements_say(tmp_path):
     *runs, own, exact = [runner.run(one).history if one in last else runner.run(one) for one in (*found, *last)]
     bar = error_table(scene, own, runs).bars["bore.moment"].error[-1]
     assert 0.0 < abs(own["bore.moment"][-1] - exact["bore.moment"][-1]) < bar < 0.1 * own["bore.moment"][-1]
+
+
+def test_an_imported_mesh_has_bars_by_recovery(tmp_path):
+    """The same bushing, of which no coarser mesh is made: bars of equilibria hold the finer torque and energy."""
+    import_mesh(str(RUNS / "tlsph" / "meshes" / "bushing.msh"), str(tmp_path / "bushing.h5"))
+    overrides = ["output={history_interval=0.5, pictures=false}"]
+    given = load_scene(RUNS / "tlsph" / "bushing_static.toml", overrides)
+    shape = f"bodies.0.shape={{file={str(tmp_path / 'bushing.h5')!r}}}"
+    scene = load_scene(RUNS / "tlsph" / "bushing_static.toml", [*overrides, shape])
+    assert coarse_variants(scene, False)[0] == []
+    fine = parsed(coarsen(given, 0.6, 0.0).tables, False, 1.0)
+    runner = InProcess(MPI.COMM_WORLD, tmp_path)
+    own, exact = (runner.run(Variant(one, SPACING, 1.0, "")).history for one in (watched(scene, False), fine))
+    bars = error_table(scene, own, []).bars
+    for column in ("bore.moment", "strain_energy"):
+        assert 0.0 < abs(own[column][-1] - exact[column][-1]) < bars[column].error[-1] < 0.1 * abs(own[column][-1])

@@ -13,8 +13,9 @@ from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.plastic_fields import FLOW_FIELDS
 from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, shown_flow, take_heat
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.tlsph.pressures import nearly_incompressible
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
-from parsolid.scene.codes import Note
+from parsolid.scene.codes import Note, Warned
 from parsolid.scene.observed import NODAL_STRESS, NODAL_VON_MISES
 
 
@@ -107,7 +108,9 @@ class Reports(ParticleSystem):
         return take_heat(self.particles, self.plastic_blocks, heat, rows)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
-        """See `ParticleSystem`: of plastic flow and of failure."""
+        """See `ParticleSystem`: of plastic flow, of failure and of meshes."""
+        if name == "element_variation":
+            return "sum", np.array([0.0 if self.meshes is None else self.meshes.element_variation()])
         return measure_flow(self.particles, self.mass * self.share, name)
 
     def advice(self) -> str:
@@ -189,6 +192,18 @@ class Reports(ParticleSystem):
     def progress(self) -> list[str]:
         """Iterations and residual of equilibria."""
         return self.statics.progress() if self.settings.integrator == "static" else []
+
+    def warnings(self) -> list[Warned]:
+        """Nearly incompressible meshes in motion, where no pressures are unknowns."""
+        if not any(one.integrator == "leapfrog" for one in self.stages):
+            return []
+        stiff = []
+        for number, law, kind in zip(self.bodies, self.laws, self.body_weights):
+            if kind == "mesh" and nearly_incompressible(law):
+                shear, lame = elastic_moduli(law)
+                stiff.append(f"bodies.{number}: Poisson's ratio {0.5 * lame / (lame + shear):.6g}")
+        told = "coarse meshes are too stiff in motion, by tens of percent with 10 elements across where they bend"
+        return [Warned("stiff-in-motion", f"{', '.join(stiff)}: {told}")] if stiff else []
 
     def cost_notes(self) -> list[Note]:
         """Elements of second order, of which the corners are taken; what load steps take."""

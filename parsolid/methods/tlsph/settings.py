@@ -44,6 +44,8 @@ FIXED_WALLS = "fixed_wall_work"
 _IN_EQUILIBRIUM = "with equilibria instead of motion"
 # integrators that solve for displacements, and what that means for others
 _SOLVED = frozenset(("static", "implicit"))
+# stabilisation of meshes in the plane
+_IN_PLANE = 0.5
 _SOLUTION = "with method.integrator = 'static' or 'implicit'"
 
 
@@ -73,6 +75,7 @@ class TotalLagrangianSPH(MethodSettings):
         "maximum_plastic_strain": "scalar",
         "maximum_damage": "scalar",
         "failed_mass": "scalar",
+        "element_variation": "scalar",
     }
     pictured_fields: ClassVar = (NODAL_VON_MISES, *MethodSettings.pictured_fields)
     materials: ClassVar = ("hyperelastic", "elastic-plastic")
@@ -159,7 +162,7 @@ class TotalLagrangianSPH(MethodSettings):
         ge=0,
         le=1,
         description="part of their own shear energy by which elements resist what differs from their nodes' mean "
-        'strain; of weights = "mesh"',
+        'strain; of weights = "mesh", where it is .5 in the plane unless given',
     )
     clamp_edges: float = Field(
         0.0,
@@ -240,6 +243,14 @@ class TotalLagrangianSPH(MethodSettings):
         return terms | ({FIXED_WALLS: -1} if images else {})
 
     def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
+        """Weights that fit the bodies, and what their elements resist in the plane (docs/tlsph.md)."""
+        weights = self._weights_for(scene, bodies)
+        if scene.dimension == 3 or "stabilisation" in self.model_fields_set:
+            return weights
+        kinds = weights_of_bodies(weights.get("weights", self.pair_weights), self._own(scene, bodies))
+        return weights | ({"stabilisation": _IN_PLANE} if "mesh" in kinds else {})
+
+    def _weights_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the
         tables confirms them: of eight nodes or more along each axis that no bond joins, whatever they meet but tools
         with mass."""
@@ -279,7 +290,7 @@ class TotalLagrangianSPH(MethodSettings):
         """Weights, where the scene leaves them to its bodies."""
         if self.integrators(scene) & _SOLVED:
             return []
-        usual = self.defaults_for(scene, bodies)
+        usual = self._weights_for(scene, bodies)
         told = " and ".join(f"method.{key} = {value!r}" for key, value in usual.items())
         why = f"boxes of {RESOLVED} nodes or more along each axis have weights that close"
         if usual.get("weights") == "mesh":
