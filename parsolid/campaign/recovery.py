@@ -3,7 +3,7 @@
 The nodes of a mesh have mean gradients of the elements around them. What the elements store beyond these, E, over the
 strain energy W is the square of the relative error in energy that linear elements would have (Zienkiewicz and Zhu, Int.
 J. Numer. Meth. Eng. 33 (1992) 1331); errors of this method fall with it. Energies and forces err by a factor times E/W,
-stresses at nodes by one times its root, with factors by which 95 of 100 values lie within their bars (docs/error-bars.md).
+stresses at nodes by one times its root, with factors by which 95 of 100 values lie within them (docs/error-bars.md).
 Displacements, and all in motion, have no such bar: their errors over E/W differ from part to part by factors of ten and
 more.
 """
