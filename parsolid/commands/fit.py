@@ -12,7 +12,9 @@ from parsolid.exit_status import DONE
 def add_arguments(parser: Any) -> None:
     """Add the command's arguments to an argparse parser."""
     parser.add_argument(
-        "data", metavar="DATA.csv", help="columns kind (uniaxial, equibiaxial, pure-shear, torsion), stretch, stress"
+        "data",
+        metavar="DATA.csv",
+        help="columns kind (uniaxial, equibiaxial, pure-shear, torsion), stretch, stress; time of held sheets",
     )
     parser.add_argument("--law", required=True, metavar="KIND", help="of hyperelastic materials, such as yeoh or ogden")
     fixed = "hold a parameter of the law, such as alpha_1=1.3; may be repeated"
@@ -32,7 +34,7 @@ def run_fit(comm: Any, options: Any) -> int:
         return DONE
     from parsolid.materials import registry
     from parsolid.output.log import print_line
-    from parsolid.point.fit import directions_at, fit, fitted_parameters, has_fibres
+    from parsolid.point.fit import directions_at, fit, fit_branches, fitted_parameters, has_fibres, law_with
     from parsolid.scene.validation_errors import suggestion
 
     kinds = [kind for kind in registry.kinds("hyperelastic") if kind != "formula" and fitted_parameters(kind)]
@@ -51,9 +53,13 @@ def run_fit(comm: Any, options: Any) -> int:
     if has_fibres(options.law) != (options.angle is not None):
         expected = "an angle of the fibres" if options.angle is None else "no angle of a law without fibres"
         raise SolverError(f"--angle: expected {expected}, found {'none' if options.angle is None else options.angle}")
-    tests = read_tests(options.data)
+    tests, relaxed = read_tests(options.data)
+    angle, branches = options.angle or 0.0, None
     try:
-        found = fit(options.law, tests, fixed, options.angle or 0.0)
+        found = fit(options.law, tests, fixed, angle)
+        if relaxed:
+            law = law_with(options.law, dict(zip(found.names, found.values)) | fixed, angle)
+            branches = fit_branches(law, relaxed)
     except ValueError as error:
         raise SolverError(f"--law {options.law}: expected {error}, found none") from error
     print_line(f"[bodies.material]\nkind = {json.dumps(options.law)}")
@@ -63,6 +69,10 @@ def run_fit(comm: Any, options: Any) -> int:
         print_line(f"{name} = {value:g}    # held")
     for name, stated in directions_at(options.law, options.angle or 0.0).items():
         print_line(f"{name} = {{ vector = [{', '.join(f'{x:.6g}' for x in stated['vector'])}] }}")
+    if branches is not None:
+        terms = [f"{{ modulus = {mu:.6g}, tau = {tau:.6g} }}" for mu, tau in zip(branches.moduli, branches.times)]
+        print_line(f"branches = [{', '.join(terms)}]    # moduli +- {', '.join(f'{x:.2g}' for x in branches.spread)}")
+        print_line(f"# held: root mean square of the differences {branches.error:.3g} of the largest stress")
     points = sum(len(one.stretch) for one in tests)
     print_line(
         f"# {points} points: root mean square of the differences {found.error:.3g} of the largest stress of a test"
@@ -79,13 +89,15 @@ def run_fit(comm: Any, options: Any) -> int:
     return DONE
 
 
-def read_tests(path: str) -> list[Any]:
-    """The tests of a file by their kinds. Raises SolverError with the line."""
+def read_tests(path: str) -> tuple[list[Any], list[Any]]:
+    """The slow tests of a file and those of held sheets (rows with a time), by their kinds. Raises SolverError with the
+    line."""
     import numpy as np
 
-    from parsolid.point.fit import KINDS, TORSION, Measured
+    from parsolid.point.fit import KINDS, TORSION, Measured, Relaxed
 
     found: dict[str, list[tuple[float, float]]] = {}
+    held: dict[str, list[tuple[float, float, float]]] = {}
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
             rows = csv.DictReader(file)
@@ -102,11 +114,17 @@ def read_tests(path: str) -> list[Any]:
         if not ((0.0 < stretch or kind == TORSION) and abs(stretch) < np.inf and abs(stress) < np.inf):
             stated = f"{row['stretch']}, {row['stress']}"
             raise SolverError(f"{here}: expected a stretch above 0 and a stress [Pa], found {stated}")
-        found.setdefault(kind, []).append((stretch, stress))
+        if not (row.get("time") or "").strip():
+            found.setdefault(kind, []).append((stretch, stress))
+            continue
+        time = _number(row["time"])
+        if not 0.0 < time < np.inf or kind == TORSION:
+            raise SolverError(f"{here}: expected a time above 0 [s] of a sheet, found {row['time']} of {kind}")
+        held.setdefault(kind, []).append((time, stretch, stress))
     tests = [Measured(kind, *np.array(points).T) for kind, points in found.items()]
     if not tests or not all((one.stretch != one.at_rest).any() and one.stress.any() for one in tests):
         raise SolverError(f"{path}: expected points with stretch and stress in each test, found none")
-    return tests
+    return tests, [Relaxed(kind, *np.array(points).T) for kind, points in held.items()]
 
 
 def _number(text: str | None) -> float:

@@ -74,6 +74,54 @@ def nominal_stress(law: Any, kind: str, stretch: np.ndarray) -> np.ndarray:
     return result
 
 
+@dataclass(frozen=True)
+class Relaxed:
+    """Stresses of sheets of a kind that are held: times since the stretch [s], stretches and nominal stresses [Pa]
+    (n,)."""
+
+    kind: str
+    time: np.ndarray
+    stretch: np.ndarray
+    stress: np.ndarray
+
+
+@dataclass(frozen=True)
+class FittedBranches:
+    """Moduli [Pa] of Maxwell branches and half the width of their 95 % intervals, relaxation times [s], and the root
+    mean square of the difference over the largest stress."""
+
+    moduli: np.ndarray
+    spread: np.ndarray
+    times: np.ndarray
+    error: float
+
+
+def fit_branches(law: Any, tests: list[Relaxed]) -> FittedBranches:
+    """Branches with a relaxation time a decade of the times, from what stresses lie above those of the law: sums of
+    mu exp(-t/tau) (l1 - l3^2/l1) of a jump to a stretch, l3 that of the free face, by least squares in which no modulus
+    is negative. Raises ValueError where no stress lies above those of the law."""
+    from scipy.optimize import nnls
+
+    time = np.concatenate([one.time for one in tests])
+    stress = np.concatenate([one.stress for one in tests])
+    largest = np.abs(stress).max()
+    slow = np.concatenate([nominal_stress(law, one.kind, one.stretch) for one in tests])
+    stretches = [_KINDS[one.kind](float(a)) for one in tests for a in one.stretch]
+    held = np.array([l1 - l3 * l3 / l1 for l1, _, l3 in stretches])
+    decades = round(float(np.log10(time.max() / time.min())))
+    times = np.geomspace(time.min(), time.max(), decades + 1)
+    columns = held[:, None] * np.exp(-time[:, None] / times)
+    moduli = nnls(columns, (stress - slow) / largest)[0] * largest
+    kept = moduli > 1e-6 * moduli.max(initial=0.0)
+    if not kept.any():
+        raise ValueError("stresses of held sheets above those of slow tests")
+    moduli, times, columns = moduli[kept], times[kept], columns[:, kept]
+    difference = columns @ moduli + slow - stress
+    variance = np.sum(difference**2) / max(len(stress) - len(moduli), 1)
+    spread = _CONFIDENCE * np.sqrt(variance * np.diag(np.linalg.pinv(columns.T @ columns)))
+    return FittedBranches(moduli, spread, times, float(np.sqrt(np.mean(difference**2)) / largest))
+
+
 def _nominal(law: Any, l1: float, l2: float, l3: float) -> Any:
     F, H = (l1, 0.0, 0.0, 0.0, l2, 0.0, 0.0, 0.0, l3), (l2 * l3, 0.0, 0.0, 0.0, l1 * l3, 0.0, 0.0, 0.0, l1 * l2)
     return stress(law, F, H, 1.0)

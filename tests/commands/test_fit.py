@@ -1,5 +1,6 @@
 """Parameters of laws from measured curves: those that made the data come back, and Treloar's rubber."""
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -79,8 +80,29 @@ def test_treloars_rubber(capsys, tmp_path):
     assert float(told["shear_modulus"].split()[0]) == pytest.approx(0.29e6, rel=0.05)
     assert float(told["limit"].split()[0]) == pytest.approx(88.0, rel=0.05)
     assert len((tmp_path / "curve.csv").read_text().splitlines()) == 1 + sum(
-        len(one.stretch) for one in command.read_tests(str(TRELOAR))
+        len(one.stretch) for one in command.read_tests(str(TRELOAR))[0]
     )
+
+
+def test_branches_of_held_sheets_come_back(tmp_path, capsys):
+    """Relaxing as two branches with a decade between, of which the times that are told have others, too."""
+    law, slow, held, time = (
+        law_with("yeoh", {"c1": 0.2e6}),
+        np.array([1.2, 1.5, 2.0]),
+        1.5,
+        np.geomspace(0.1, 100.0, 31),
+    )
+    rows = [f"uniaxial,{a},{s!r}," for a, s in zip(slow, nominal_stress(law, "uniaxial", slow).tolist())]
+    above = (held - held**-2) * (1e5 * np.exp(-time) + 3e5 * np.exp(-time / 10.0))
+    stresses = nominal_stress(law, "uniaxial", np.array([held])) + above
+    rows += [f"uniaxial,{held},{s!r},{t!r}" for t, s in zip(time.tolist(), stresses.tolist())]
+    data = tmp_path / "held.csv"
+    data.write_text("\n".join(["kind,stretch,stress,time", *rows]))
+    assert main(["fit", str(data), "--law", "yeoh", "--fix", "c2=0", "--fix", "c3=0"]) == 0
+    (told,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("branches"))
+    found = tomllib.loads(told)["branches"]
+    assert [one["tau"] for one in found] == pytest.approx([1.0, 10.0])
+    assert [one["modulus"] for one in found] == pytest.approx([1e5, 3e5], rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -101,6 +123,8 @@ def test_treloars_rubber(capsys, tmp_path):
         ("kind,stretch,stress\nuniaxial,1.5,1e5\n", ["--law", "guccione"]),
         ("kind,stretch,stress\ntorsion,0.5,1e5\n", ["--law", "guccione", "--angle", "0"]),
         ("kind,stretch,stress\ntorsion,0,1e5\n", ["--law", "yeoh"]),
+        ("kind,stretch,stress,time\nuniaxial,1.5,1e5,1\n", ["--law", "yeoh"]),
+        ("kind,stretch,stress,time\nuniaxial,1.5,1e5,\nuniaxial,1.5,1e5,-1\n", ["--law", "yeoh"]),
     ],
 )
 def test_data_and_laws_that_are_none_are_refused(tmp_path, capsys, text, arguments):
