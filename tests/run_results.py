@@ -45,8 +45,8 @@ def natural_scales(columns: dict[str, np.ndarray]) -> dict[str, float]:
     energy = max(scales[name] for name in HISTORY_COLUMNS if name in scales)
     for name in columns:
         # heat that only moves within bodies is supplied but for rounding, in any of several systems, as is the work of
-        # a viscosity that a scene turns off
-        if name in HISTORY_COLUMNS or name.startswith(("heat_supplied", "viscous_work")):
+        # a viscosity that a scene turns off, and the offset of a kinetic energy at rest
+        if name in HISTORY_COLUMNS or name.startswith(("heat_supplied", "viscous_work", "kinetic_offset")):
             scales[name] = max(scales[name], 1e-3 * energy)
         elif "." in name:
             family = [other for other in columns if other.rpartition("_")[0] == name.rpartition("_")[0] != ""]
