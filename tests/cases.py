@@ -206,10 +206,10 @@ def strip(folder, material) -> Tables:
 
 
 def strap(folder) -> Tables:
-    """A strap of two meshes that do not match bears a load over its tie, and then moves from rest."""
+    """A strap of two meshes that do not match bears a growing load over its tie, in equilibrium and in motion."""
     kinds = ((0.5, "leapfrog"), (0.7, "implicit"))
     stages = [{"start": start, "method": {"integrator": kind}} for start, kind in kinds]
-    return two_tied(folder, ends_pulled(["0.02*min(2*t, 1)", "0.002*min(2*t, 1)"]), stages=stages)
+    return two_tied(folder, ends_pulled(["0.04*t", "0.004*t"]), stages=stages)
 
 
 def between_dies() -> Tables:
@@ -283,7 +283,6 @@ add(
     stops=(3,),
     balance=1e-3,
     grows=("friction_dissipation",),
-    agreement=1e-7,
 )
 # the rate and curvature of a path are differences of what is solved for
 add("cook", "tlsph mesh static", lambda folder: cook(folder, 4, 0.4999), stops=(2,), balance=1e-4, agreement=1e-7)
