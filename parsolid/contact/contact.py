@@ -12,21 +12,23 @@ from typing import Any
 
 import numpy as np
 
+from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.contact import forces
 from parsolid.contact.bodies import ContactBodies, areas_of, most_partners, share_of
 from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.depth import fill_depths, overlap
-from parsolid.contact.forces import Candidates, Pairs, Pressure, Rubbing
+from parsolid.contact.forces import APART, FREE, PRESSED, STICKS, Candidates, Pairs, Pressure, Rubbing
 from parsolid.contact.search import Search, Segment
 from parsolid.contact.self_contact import SelfContact
-from parsolid.contact.time_step import FAST, Seen, StepRule, penetrations_after
+from parsolid.contact.time_step import FAST, SEEN, Seen, StepRule, penetrations_after
+from parsolid.contact.trials import TriedContact
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_INTERNAL
-from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.particles.declaration import Field, Rows
+from parsolid.particles.generated import cell_volumes
 from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, of_model
@@ -36,6 +38,10 @@ from parsolid.scene.contact import CONTACT_TERMS, of_model
 _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
 # steps from when lists are made to the end of the first that they bound
 _UNSEEN = 3.0
+# of what lists may miss, by which particles may have moved since they were made, when a state is kept and in trials
+_KEPT, _TRIED = 0.1, 0.5
+# of a spacing, by what penetrations are rounding, and by what the faces of lattices are rough
+_TOUCHING, _ROUGH = 1e-9, 1e-3
 # bodies that one particle may be near at once, at most
 _PARTNERS = 12
 
@@ -110,11 +116,12 @@ def taken_by_deletion(points: Candidates, pairs: Pairs, volume: np.ndarray, acti
     return taken
 
 
-class KernelContact(Interaction):
+class KernelContact(TriedContact):
     """All contacts of a scene, on one rank. energy, stuck [J]: stored in penetrations, and in springs of friction;
     checkpoint: what `set_state` was given, None once used."""
 
-    terms = CONTACT_TERMS
+    # colours are smooth, and of places that differ by less their differences are rounding
+    terms, local, difference = CONTACT_TERMS, False, 1e-5
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
         """systems: of the scene, whose particles have the fields of `declare_fields`. Collective."""
@@ -135,10 +142,29 @@ class KernelContact(Interaction):
         self.checkpoint: dict[str, Any] | None = None
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         self.corrects, self.most = False, min(most_partners(scene), _PARTNERS)
+        # as far apart candidates look that lists may leave out [m]
+        self.apart = (1.0 - SEEN) * min(float(law.colour[0] / law.slope.max()) for _, law in self.contact_bodies.laws)
+        self.roughness = self._roughness()
         self._placed: tuple[int | None, ...] = ()
         self._steps_to_look = 0
         # whether rows of earlier lists may still show a force
         self._listed_anew = False
+        # of the state that was kept: energies that the ledger knows [J], fields, and these in the columns of the lists
+        self._booked, self._kept, self._tried = np.zeros(2), list[np.ndarray](), list[np.ndarray]()
+        # whether forces are those of a trial, and of one in which nothing has moved
+        self.tries, self._still = False, False
+
+    def _roughness(self) -> float:
+        """See `Interaction`: of faces of bodies of mean volume, as deep in one another as lattices are rough;
+        collective."""
+        volume = 0.0
+        for system in self.systems:
+            numbers = np.array(system.bodies)[system.particles.owned_rows("body")]
+            volume += float(cell_volumes(system.particles)[np.isin(numbers, list(self.contact_bodies.kinds))].sum())
+        volume = float(sums(self.comm, [volume])[0]) / len(self.contact_bodies.kinds)
+        d = self.systems[0].dimension
+        deepest = max(law.stiffness * own.spacing**2 for own, law in self.contact_bodies.laws) * _ROUGH**2
+        return 0.25 * deepest * volume ** ((d - 1.0) / d)
 
     def begin(self, time: float) -> None:
         """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies lie in
@@ -150,7 +176,7 @@ class KernelContact(Interaction):
             fill_depths(self.comm, self.contact_bodies, self.systems, self.names)
             stable = minimum(self.comm, min(one.stable_step() for one in self.systems))
             steps.last = max(steps.shortest, stable)
-        self.rebuild(time)
+        self.rebuild(time, any(system.bounded for system in self.systems))
         # found anew, forces of friction differ from those that made them in the last bits
         forces_kept = [system.particles.owned_rows("contact_force").copy() for system in self.systems]
         depth, where = self.find_forces(None, held=True)
@@ -163,6 +189,7 @@ class KernelContact(Interaction):
         else:
             self._take_back(kept, forces_kept)
         self.act(0.0)
+        self._booked = np.array([self.energy, self.stuck])
         first, self.checkpoint = kept is None and self.rebuilds == 1, None
         fault = None
         if first and where >= 0:
@@ -255,8 +282,9 @@ class KernelContact(Interaction):
 
     # --- lists ----------------------------------------------------------------------------------------------------
 
-    def rebuild(self, time: float) -> None:
-        """Boxes, candidates and lists in the present places; collective."""
+    def rebuild(self, time: float, moves: bool = True) -> None:
+        """Boxes, candidates and lists in the present places; moves: whether velocities are those of a motion.
+        Collective."""
         self._placed = self.placements
         self.boxes.agree(time)
         self.self_contact.look()
@@ -265,9 +293,8 @@ class KernelContact(Interaction):
             rows("contact_listed")[:] = rows("position")
             if self.rebuilds == 0 or self.checkpoint is not None:
                 rows("contact_start")[:] = rows("position")
-        fast = self._reach_ahead()
-        last = self.steps.last
-        prune = not fast and self.boxes.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last
+        fast, last = moves and self._reach_ahead(), self.steps.last
+        prune = not moves or (not fast and self.boxes.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last)
         self.search.build(self.self_contact, self._constants, prune)
         self.rebuilds += 1
         self.rebuild_needed, self._steps_to_look = fast, 1
@@ -311,13 +338,16 @@ class KernelContact(Interaction):
         # what was too far away to be a candidate has seen nothing of the other body
         blind = -search.points.threshold * search.points.per_slope
         before = np.where(self.fresh, blind, self._from_fields("contact_level", 1).ravel())
-        self.pressure = Pressure(np.zeros(owned), before, *np.zeros((2, whole)))
+        self._to_fields("contact_level", before[:, None])
+        self.pressure = Pressure._make([np.zeros(owned), before, np.full(owned, FREE), *np.zeros((2, whole))])
         self.force, self.correction, self.heat = np.zeros((owned, 3)), np.zeros((owned, 3)), np.zeros(owned)
         vectors = [np.zeros((whole, 3)) for _ in range(3)]
         self.rubbing: Any = None
         sent = [self.pressure.pull, self.pressure.correction]
         if self.rubs:
             lost, per_colour, given = np.zeros(owned), np.zeros(whole), np.zeros(whole)
+            held = self._from_fields("contact_stick", search.points.dimension)
+            self._to_fields("contact_stick", np.where(self.fresh[:, None], 0.0, held))
             self.rubbing = Rubbing._make([friction, np.zeros((owned, 3)), lost, per_colour, *vectors, given])
             sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
         self.places = search.halo.forward(search.points.rows, search.points.moved)
@@ -385,7 +415,7 @@ class KernelContact(Interaction):
         deepest = self._find_penetrations(known=not held)
         if self.deletes and not held and ledger is not None and (volume != search.points.rows[:, 3]).any():
             ledger.add_term(DELETED_INTERNAL, taken_by_deletion(search.points, search.pairs, volume, active))
-        if not held:
+        if not held and not self.tries:
             self.steps.update(self._seen(), before)
         if rubbing is not None:
             self._rub(ledger, follows=not held)
@@ -400,7 +430,8 @@ class KernelContact(Interaction):
         for system, acted_on in zip(self.systems, self.acted_on):
             of = system.particles.owned_rows
             of("contact_force")[slice(None) if self._listed_anew else acted_on] = 0.0
-            of("contact_start")[acted_on] = of("position")[acted_on]
+            if not self.tries:
+                of("contact_start")[acted_on] = of("position")[acted_on]
         for one in search.segments:
             of, here = self.systems[one.system].particles.owned_rows, slice(one.first, one.last)
             add_to_rows(one.rows, self.part[here], self.force[here], of("contact_force"))
@@ -434,12 +465,11 @@ class KernelContact(Interaction):
     def _rub(self, ledger: EnergyLedger | None, follows: bool) -> None:
         """Friction of the owned candidates, whose springs the particles keep."""
         search, rubbing, d = self.search, self.rubbing, self.search.points.dimension
-        rubbing.stretch[:, :d] = np.where(self.fresh[:, None], 0.0, self._from_fields("contact_stick", d))
+        rubbing.stretch[:, :d] = self._from_fields("contact_stick", d)
         self.stuck = forces.rub(search.points, search.pairs, follows, self.pressure, rubbing)
         self._to_fields("contact_stick", rubbing.stretch[:, :d])
-        self.fresh[:] = False
         if ledger is not None:
-            ledger.add_term("friction_dissipation", float(rubbing.lost.sum()))
+            ledger.add_term("friction_dissipation", self.lost())
         if self.warms:
             forces.own_heat(search.points.share, rubbing, self.heat)
 
@@ -456,6 +486,86 @@ class KernelContact(Interaction):
                 stored += system.take_heat(taken[warmed], warmed)
         if stored:
             ledger.add_term("friction_heat", stored)
+
+    # --- in steps that are solved for -----------------------------------------------------------------------------
+
+    def keep(self, ledger: EnergyLedger | None) -> None:
+        """See `Interaction`."""
+        if ledger is not None:
+            self._book(ledger)
+        for system in self.systems:
+            system.particles.owned_rows("contact_start")[:] = system.particles.owned_rows("position")
+        self._kept = [field.copy() for field in self._memory]
+        self._tried = self._kept
+        self._build_where_moved(_KEPT)
+
+    def _book(self, ledger: EnergyLedger) -> None:
+        """What the last forces have stored, and friction has taken."""
+        now = np.array([self.energy, self.stuck])
+        for name, change in zip(("contact_energy", "stick_energy"), now - self._booked):
+            ledger.add_term(name, float(change))
+        self._booked = now
+        ledger.add_term("friction_dissipation", self.lost())
+        if self.warms:
+            self._warm(ledger)
+
+    @property
+    def _memory(self) -> list[np.ndarray]:
+        """Fields of what contact knows of the last forces, with the numbers of the other bodies last."""
+        names = ["contact_level", "contact_stick", "contact_partner"]
+        of = [system.particles for system in self.systems]
+        return [one.owned_rows(name) for name in names for one in of if name in one]
+
+    def _build_where_moved(self, part: float) -> None:
+        """Lists of the kept state's partners in the present places, where any particle has moved by a part of what they
+        may miss since they were made; collective."""
+        most = 0.0
+        for system in self.systems:
+            of = system.particles.owned_rows
+            moved = of("position") - of("contact_listed")
+            most = max(most, float(np.einsum("ni,ni->n", moved, moved).max(initial=0.0)))
+        most = float(np.sqrt(maximum(self.comm, most)))
+        # of places that are no numbers nothing is found
+        if part * float(self.boxes.beyond.min()) < most < np.inf:
+            for field, kept in zip(self._memory, self._kept):
+                field[:] = kept
+            self.rebuild(self._time, moves=False)
+            self._tried = [field.copy() for field in self._memory]
+
+    def find(self, over: float, still: bool, mean: bool) -> None:
+        """See `TriedContact`."""
+        self.tries, self._still = True, still
+        if self.deeper == 0.0:
+            self._build_where_moved(_TRIED)
+            self.pressure.branch[:] = FREE
+        else:
+            self.pressure.branch[:] = self._branch
+        for field, tried in zip(self._memory, self._tried):
+            field[:] = tried
+        self.pressure.penetration[:] = self._from_fields("contact_level", 1).ravel()
+        self.find_forces(None, held=still)
+        self.act(over if mean else 0.0)
+        self.tries = False
+
+    def hold(self) -> None:
+        """See `TriedContact`; before anything moves what just touches presses, and what presses sticks."""
+        least = -_TOUCHING * self.narrowest if self._still else 0.0
+        self._branch = np.where(self.pressure.penetration > least, STICKS if self._still else PRESSED, APART)
+
+    def lost(self) -> float:
+        """See `Interaction`."""
+        return float(self.rubbing.lost.sum()) if self.rubs else 0.0
+
+    def clearances(self) -> np.ndarray:
+        """See `Interaction`: of each body to any other."""
+        result = np.full(self.boxes.bodies, self.apart)
+        np.minimum.at(result, self.boxes.own[self.search.pair], -self.pressure.penetration)
+        return result
+
+    def settle(self, time: float, step: float, ledger: EnergyLedger) -> None:
+        """See `Interaction`; a motion that follows begins with short steps and new lists."""
+        super().settle(time, step, ledger)
+        self.rebuild_needed, self.steps.allowed = True, min(self.steps.allowed, self.steps.shortest)
 
     # --- what the step rule looks at ------------------------------------------------------------------------------
 

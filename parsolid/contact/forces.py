@@ -17,6 +17,9 @@ from parsolid.contact.friction import combined, dot, gap_correction, linear_weig
 from parsolid.contact.kernel import shape, slope
 from parsolid.kernels import inlined, kernel
 
+# what a candidate is held to be, so that forces are smooth where they begin or slip: apart, pressed without slip,
+# pressed; or none of these
+APART, STICKS, PRESSED, FREE = 0, 1, 2, -1
 # in place of a distance [m], or of one over R, of none
 _NONE = 1e-300
 # of its threshold, what a candidate that presses no more sees at least of the body that it rubbed on, for its weights
@@ -54,12 +57,14 @@ class Pairs(NamedTuple):
 
 
 class Pressure(NamedTuple):
-    """colour c (m,); penetration (m,) [m], negative before faces meet; and of all candidates (n,): pull
-    kappa A g/(2 s) [N], and what the impulse at the end of the step has of it besides, see `friction.gap_correction`.
+    """colour c (m,); penetration (m,) [m], negative before faces meet; branch (m,): FREE, or what it is held to be; and
+    of all candidates (n,): pull kappa A g/(2 s) [N], and what the impulse at the end of the step has of it besides, see
+    `friction.gap_correction`.
     """
 
     colour: np.ndarray
     penetration: np.ndarray
+    branch: np.ndarray
     pull: np.ndarray
     correction: np.ndarray
 
@@ -159,7 +164,8 @@ def find_penetrations(points, pairs, known, pressure):
         factor = points.stiffness[a] * points.per_slope[a]
         if known:
             pressure.correction[a] = factor * gap_correction(pressure.penetration[a], now)
-        pressure.penetration[a], depth = now, max(0.0, now)
+        pressed = now > 0.0 if pressure.branch[a] == FREE else pressure.branch[a] != APART
+        pressure.penetration[a], depth = now, now if pressed else 0.0
         pressure.pull[a] = factor * depth
         energy += 0.5 * points.share[a] * points.stiffness[a] * depth * depth
         if depth > deepest:
@@ -267,7 +273,8 @@ def rub(points, pairs, follows, pressure, rubbing):
         stiffness, colour, share = points.stiffness[a], pressure.colour[a], points.share[a]
         rubbing.per_colour[a], rubbing.lost[a], rubbing.given[a] = 0.0, 0.0, 0.0
         rubbing.traction[a, :], rubbing.tilt[a, :], rubbing.centre[a, :] = 0.0, 0.0, 0.0
-        if not (pressure.pull[a] > 0.0 and rubbing.coefficient[a] > 0.0):
+        pressed = pressure.pull[a] > 0.0 if pressure.branch[a] == FREE else pressure.branch[a] != APART
+        if not (pressed and rubbing.coefficient[a] > 0.0):
             rubbing.lost[a] = share * _released(points, pairs, a, follows, colour, rubbing)
             continue
         scale = points.norm[a] / colour
@@ -278,6 +285,7 @@ def rub(points, pairs, follows, pressure, rubbing):
             slip = tangential(_slip(points, pairs, a, scale, mean, tilt), normal)
             before = turned(stretch, normal)
             most = rubbing.coefficient[a] * pressure.pull[a] * length * points.norm[a] * points.per_reach[a]
+            most = np.inf if pressure.branch[a] == STICKS else most
             stretch, lost = return_mapping(before, combined(1.0, before, 1.0, slip), stiffness, most)
             rubbing.lost[a] = share * lost
         rubbing.per_colour[a] = 1.0 / colour

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parsolid.contact.bodies import ContactBodies
-from parsolid.contact.forces import Candidates, Pairs, Pressure, find_penetrations
+from parsolid.contact.forces import FREE, Candidates, Pairs, Pressure, find_penetrations
 from parsolid.kernels import kernel
 
 # of its threshold, what a particle sees of a body that it has met
@@ -76,7 +76,7 @@ def penetrations_after(points: Candidates, pairs: Pairs, displacement: np.ndarra
     """Penetrations (m,) [m] of owned candidates when all n have moved by displacements (n, 3) [m]."""
     rows, count = points.rows.copy(), len(points.share)
     rows[:, :3] += displacement
-    found = Pressure(*(np.zeros(size) for size in (count, count, len(rows), len(rows))))
+    found = Pressure._make([*np.zeros((2, count)), np.full(count, FREE), *np.zeros((2, len(rows)))])
     find_penetrations(points._replace(rows=rows), pairs, False, found)
     return found.penetration
 

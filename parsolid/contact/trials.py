@@ -10,7 +10,8 @@ from parsolid.collective import maximum, minimum
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 
-# of a spacing, by what differences move particles, and by what they count as deeper then, see `Interaction.closes`
+# of a spacing, by what differences move particles unless stated, and by what they count as deeper then, see
+# `Interaction.closes`
 _PART, _DEEPER = 1e-7, 2e-7
 
 
@@ -19,13 +20,18 @@ class TriedContact(Interaction):
 
     Parts: `find(over, still, mean)` adds forces, and impulses where `mean`, a time over [s] after the kept state, with
     all particles deeper by `deeper` [m], after what moves by itself has gone on for a time `later` [s] with its present
-    velocity, of which `fastest()` is the greatest [m/s].
+    velocity, of which `fastest()` is the greatest [m/s]. local: whether forces on a particle depend on its own place
+    alone; others differ along each change, see `hold`. difference: of a spacing, by what differences move particles at
+    most.
     """
 
     comm: Any
     systems: list[ParticleSystem]
+    local: bool = True
+    difference: float = _PART
     deeper: float = 0.0
     later: float = 0.0
+    _time: float = 0.0
 
     def find(self, over: float, still: bool, mean: bool) -> None:
         """See above."""
@@ -41,26 +47,32 @@ class TriedContact(Interaction):
         self._places = self.systems[0].particles.owned_rows("position").copy()
         self.find(over, still, mean)
 
+    def hold(self) -> None:
+        """Take what presses and what slips in the last trial for what does so in differences, which are linear then."""
+
     def linearise(self) -> None:
-        """See `Interaction`: forces on a particle depend on its own place alone."""
-        h, axes = _PART * self._narrowest, np.eye(self._places.shape[1])
+        """See `Interaction`."""
+        if not self.local:
+            self.hold()
+            return
+        h, axes = self.difference * self.narrowest, np.eye(self._places.shape[1])
         moves = [np.broadcast_to(h * axis, self._places.shape) for axis in axes]
         self._slopes = np.stack([self._differences(move, 0.0)[0] / h for move in moves], axis=2)
 
     def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray, float]:
         """See `Interaction`; what a trial has besides forces is lost."""
-        if ahead == 0.0:
+        if ahead == 0.0 and self.local:
             return np.einsum("nij,nj->ni", self._slopes, change), 0.0
         own = max(float(np.abs(change).max(initial=0.0)), abs(ahead) * self.fastest())
         most = maximum(self.comm, own)
         if most == 0.0:
             return np.zeros(change.shape), 0.0
-        part = _PART * self._narrowest / most
+        part = self.difference * self.narrowest / most
         force, power = self._differences(part * change, part * ahead)
         return force / part, power / part
 
     @cached_property
-    def _narrowest(self) -> float:
+    def narrowest(self) -> float:
         """The least spacing [m]; collective."""
         return minimum(self.comm, float(self.systems[0].particles.owned_rows("spacing").min(initial=np.inf)))
 
@@ -68,7 +80,7 @@ class TriedContact(Interaction):
         """Half of what the forces (owned, d) [N] and this rank's power [W] differ by between moves (owned, d) [m] to
         both sides of the last trial, and a time `ahead` [s]; collective."""
         of, (over, mean) = self.systems[0].particles.owned_rows, self._trial
-        self.deeper = _DEEPER * self._narrowest * (1.0 if self.closes else -1.0)
+        self.deeper = _DEEPER * self.narrowest * (1.0 if self.closes else -1.0)
         fields = [of(name) for name in ("position", EXTERNAL_FORCE, EXTERNAL_IMPULSE)]
         kept, forces, powers = [field.copy() for field in fields], [], []
         for sign in (1.0, -1.0):

@@ -25,6 +25,7 @@ class Interaction:
     rebuild_needed: whether this rank has found, by the end of a step, what all ranks must act on at the step after the
     next one, such as lists used up; it travels with the minimum of the next step. rebuild_anywhere: whether any
     rank had.
+    roughness: an energy [J] of all ranks below which its forces say nothing in steps that are solved for.
     rubs: whether it has friction, whose forces have no potential. closes: whether what just touches presses in
     `change_along`, as it does after a state and not before it.
     met: bodies that have met and that no table of the scene names, and where [m], until the loop has taken them; the
@@ -33,6 +34,7 @@ class Interaction:
 
     terms: Mapping[str, int] = {}
     energy_scale: float = 0.0
+    roughness: float = 0.0
     rebuild_needed: bool = False
     rebuild_anywhere: bool = False
     rubs: bool = False

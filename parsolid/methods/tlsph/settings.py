@@ -336,8 +336,8 @@ class TotalLagrangianSPH(MethodSettings):
         return 10.0
 
     def contact_refused(self, scene: Any) -> str | None:
-        """Bodies in motion can."""
-        return _SOLUTION if self.integrators(scene) & _SOLVED else None
+        """They can."""
+        return None
 
     def tie_refused(self, scene: Any) -> str | None:
         """Ties are linear in the displacement."""

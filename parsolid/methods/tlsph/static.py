@@ -59,7 +59,7 @@ _POWERS = 2.0
 _AHEAD = 0.1
 # of the scene's end, the first load step; of one that was asked for, the shortest that is tried
 _FIRST, _LEAST = 0.1, 2.0**-10
-# of a load step, before which a contact that closes within it does not end it
+# of a load step, how near its start or end a contact that closes within it does not end it
 _TOUCHING = 1e-3
 # of a load step, what is left of it by rounding of its parts
 _ROUNDED = 1e-9
@@ -550,7 +550,7 @@ class Static:
         now = self._clearances()
         closes = (before > 0.0) & (now < 0.0)
         parts = before[closes] / (before[closes] - now[closes])
-        return min(parts[parts > _TOUCHING].tolist(), default=1.0)
+        return min(parts[(parts > _TOUCHING) & (parts < 1.0 - _TOUCHING)].tolist(), default=1.0)
 
     def _taken(
         self,
@@ -615,7 +615,8 @@ class Static:
 
     def _scale(self, taken: Taken) -> float:
         """Energy [J] beside which what is missing counts."""
-        return max(abs(taken.total), 0.01 * abs(taken.end.stored))
+        rough = sum(one.roughness for one in self.system.interactions)
+        return max(abs(taken.total), 0.01 * abs(taken.end.stored), rough)
 
     @property
     def _rounding(self) -> float:
@@ -657,6 +658,8 @@ class Static:
         if self.system.interactions:
             limit += ", unless a tool's velocity jumps there"
         self.fault = f"{limit} ({tried.fault})" if tried.critical else tried.fault
+        if (self._clearances() > 0.0).any():
+            self.fault += "; a tool, or a body in contact, touches nothing, so that it holds nothing"
 
     def _report(self, time: float, step: float, first: Equilibrium, last: Equilibrium, work: np.ndarray) -> None:
         """Forces and works of conditions in a step [s] from a time [s]."""

@@ -1,0 +1,115 @@
+"""Contact between bodies in equilibria and long steps: patch, energy, friction, ranks, stages."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from solids import SOFT, gathered, run_to_end
+from tlsph.test_stages import run
+
+from parsolid.scene import parse_scene
+from parsolid.simulation.loop import Simulation
+
+FLAT = [{"plane": "X = 0", "kind": "roller"}, {"plane": "X = 1", "kind": "roller"}]
+
+
+def moved(plane, *displacement):
+    """A face with a prescribed displacement."""
+    return {"plane": plane, "kind": "displacement", "displacement": list(displacement)}
+
+
+def square(name, low, particles, **keys):
+    """A square of one metre that begins at a height."""
+    shape = {"box": {"lower": [0.0, low], "upper": [1.0, low + 1.0]}}
+    return {"name": name, "shape": shape, "particles": list(particles), "material": SOFT, **keys}
+
+
+def stacked(boundaries, gap=0.0, particles=((5, 5), (5, 5)), end=1.0, method=None, **contact):
+    """Two squares, one above the other, that touch or nearly do."""
+    return {
+        "dimension": 2,
+        "end_time": end,
+        "method": {"kind": "tlsph", "integrator": "static", "weights": "cells", **(method or {})},
+        "bodies": [square("low", 0.0, particles[0]), square("high", 1.0 + gap, particles[1])],
+        "contact": [{"bodies": ["low", "high"], **contact}],
+        "boundaries": boundaries,
+        "output": {"fields_interval": end},
+    }
+
+
+def rubbing(gap=0.01):
+    """A square that is pressed on another one and drawn along it, so that it slips."""
+    boundaries = [{"plane": "Y = 0", "kind": "fixed"}, moved(f"Y = {2.0 + gap}", "0.06*t", "-0.04*t")]
+    return stacked(boundaries, gap, ((4, 4), (5, 5)), friction=0.1)
+
+
+@pytest.mark.serial
+def test_patch(comm):
+    """Equal lattices that meet after a gap are strained evenly along the face, by the work of what moves them."""
+    boundaries = [*FLAT, {"plane": "Y = 0", "kind": "roller"}, moved("Y = 2.02", "free", "-0.22*t")]
+    sim, rows = run(stacked(boundaries, 0.02), comm)
+    X, F = gathered(sim, "reference_position", "deformation_gradient")
+    strain = F[:, 3] - 1.0
+    for height in np.unique(X[:, 1]):
+        assert np.ptp(strain[X[:, 1] == height]) < 1e-3 * abs(strain.mean())
+    # beyond the layers that the forces between the bodies reach
+    far = strain[(X[:, 1] < 0.1) | (X[:, 1] > 1.9)]
+    assert np.ptp(far) < 0.02 * abs(far.mean())
+    assert np.abs(rows["energy_error"]).max() < 1e-4 * rows["external_work"][-1]
+    assert rows["contact_energy"][-1] > 0.02 * rows["external_work"][-1]
+
+
+def test_tangent():
+    """Forces are the gradient of the energy, and the tangent that of the forces, where some particles press."""
+    sim = Simulation(MPI.COMM_SELF, parse_scene(rubbing() | {"contact": [{"bodies": ["low", "high"]}]}))
+    sim.take_step(0.0)
+    statics, random = sim.systems[0].statics, np.random.default_rng(1)
+    X = sim.systems[0].particles.owned_rows("reference_position")
+    u = 0.01 * random.standard_normal(X.shape) * statics.free
+    u[:, 1] -= 0.05 * (X[:, 1] > 1.0)
+    change, part = random.standard_normal(X.shape) * statics.free, 1e-5
+    one, other = (statics.evaluate(u + sign * part * change) for sign in (1.0, -1.0))
+    state = statics.evaluate(u)
+    statics.linearise()
+    product = statics.stiffness(change) * statics.free
+    assert sim.interactions[0].energy > 1e-3
+    assert (one.energy - other.energy) / (2.0 * part) == pytest.approx(-np.vdot(state.residual, change), rel=1e-6)
+    np.testing.assert_allclose((one.residual - other.residual) / (-2.0 * part), product, atol=1e-6 * abs(product).max())
+
+
+@pytest.mark.slow
+@pytest.mark.ranks(2)
+def test_ranks(comm):
+    """What slips is the same on all ranks; friction takes what the work has beyond what is stored."""
+    (_, rows), (_, on_all) = run_to_end(rubbing(), MPI.COMM_SELF), run_to_end(rubbing(), comm)
+    work = rows["external_work"][-1]
+    assert rows["friction_dissipation"][-1] > 1e-3 * work
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * work
+    for name in rows:
+        limit = 1e-9 if name == "time" else 1e-7 * work
+        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=limit, err_msg=name)
+
+
+@pytest.mark.serial
+def test_bounce(comm):
+    """A square that falls on another one in long steps: momentum and energy are kept."""
+    data = stacked([], 0.05, ((4, 4), (5, 5)), 1.2, {"integrator": "implicit", "maximum_step": 0.02})
+    data["bodies"][1]["velocity"] = ["0.1", "-0.3"]
+    sim, rows = run_to_end(data, comm)
+    assert rows["contact_energy"].max() > 0.05 * rows["kinetic"][0]
+    assert np.abs(rows["energy_error"]).max() < 5e-3 * rows["kinetic"][0]
+    velocity, mass, body = gathered(sim, "velocity", "mass", "body")
+    momentum = mass @ velocity
+    np.testing.assert_allclose(momentum, mass[body == 1].sum() * np.array([0.1, -0.3]), rtol=1e-6)
+
+
+@pytest.mark.serial
+def test_pressed_then_let_go(comm):
+    """One ledger where bodies are pressed on one another in equilibrium and drawn apart in motion."""
+    drawn = "where(t < 0.1, -0.4*t, t - 0.14)"
+    boundaries = [*FLAT, {"plane": "Y = 0", "kind": "roller"}, moved("Y = 2", "free", drawn)]
+    data = stacked(boundaries, 0.0, ((4, 4), (4, 4)), 0.4)
+    _, rows = run(data | {"stages": [{"start": 0.1, "method": {"integrator": "leapfrog"}}]}, comm)
+    pressed = rows["time"] <= 0.1
+    assert rows["contact_energy"].max() > 0.02 * rows["strain_energy"][pressed].max()
+    assert rows["contact_energy"][-1] < 0.5 * rows["contact_energy"].max()
+    assert np.abs(rows["energy_error"]).max() < 5e-3 * rows["external_work"].max()
