@@ -238,7 +238,7 @@ class Leapfrog:
     def open_step(self, time: float, step: float) -> None:
         """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
         if self.work_offset is not None:
-            self.work_offset.open(self._arrays()[0], self._arrays()[1])
+            self.work_offset.open(*self._arrays()[:2])
         self.conditions.begin_with_mean(time, step)
         self.opening = self._half_kick(True, time, step)
 
@@ -279,8 +279,8 @@ class Leapfrog:
             ledger.add_term(offset_term, second.offset - first.offset + taken + grown)
 
     def _half_kick(self, opening: bool, time: float, step: float) -> KickEnergies:
-        particles, conditions = self.particles, self.conditions
-        velocity, force, damping, mass, share, interaction = particles.kept(("arrays of kicks", self), self._arrays)
+        conditions = self.conditions
+        velocity, force, damping, mass, share, interaction = self._arrays()
         external = conditions.external_force(time, force, damping, before_jump=not opening)
         if not opening:
             conditions.observe(0.5 * step)
@@ -288,7 +288,7 @@ class Leapfrog:
             external, interaction = self._shared(external), self._shared(interaction)
         self.external = external
         arrays = velocity, force, damping, mass, share, external, interaction, conditions.free
-        return KickEnergies(*kick(particles.owned, opening, 0.5 * step, *arrays))
+        return KickEnergies(*kick(self.particles.owned, opening, 0.5 * step, *arrays))
 
     def _shared(self, force: np.ndarray | None) -> np.ndarray | None:
         """A force (d, n) of which particles that move as one have their shares; collective."""
@@ -300,7 +300,10 @@ class Leapfrog:
 
     def _arrays(self) -> tuple[Any, ...]:
         """Velocities, forces, masses of whole particles, their parts on this side of mirror planes, and forces of
-        contact, as kernels take them."""
+        contact, as kernels take them; found once for as long as there are no other arrays."""
+        return self.particles.kept(("arrays of kicks", self), self._find_arrays)
+
+    def _find_arrays(self) -> tuple[Any, ...]:
         storage, of = self.particles.storage, self.particles.owned_rows
         return (
             *(storage("velocity"), storage(self._force), None if self._damping is None else storage(self._damping)),

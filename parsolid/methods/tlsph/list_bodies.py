@@ -112,12 +112,12 @@ class ListBodies(StepBound):
         self._begin_gradients()
         sound, dissipated, stable = True, 0.0, np.inf
         time = step if relaxing is None else relaxing
-        for block, fields in self._kept_fields():
+        for block, fields, pressures in self._kept_fields():
             positive, lost, signal = advance_step(
                 block.solid, step, self.dimension, self.signals, block.branches(time), self.half,
                 block.first, block.last, block.places, *fields, self.near.inner, self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
-                block.carried_fields(step, self.last_step), *self._pressures,
+                block.carried_fields(step, self.last_step), *pressures,
             )  # fmt: skip
             sound, dissipated = sound and positive and block.sound, dissipated + lost
             stable = min(stable, self.step_of(block, signal))
@@ -145,12 +145,12 @@ class ListBodies(StepBound):
             stable = min(stable, staged.step_of(block.law, modulus))
         return sound, dissipated, stable
 
-    def _kept_fields(self) -> list[tuple[Any, tuple[Any, ...]]]:
-        """Every block with its fields, found once for as long as there are no other arrays."""
-        found: list[tuple[Any, tuple[Any, ...]]] = self.particles.kept(
-            ("fields of blocks", self), lambda: [(block, self._fields(block)) for block in self.blocks]
+    def _kept_fields(self) -> list[tuple[Any, tuple[Any, ...], tuple[Any, Any]]]:
+        """Every block with its fields and pressures, found once for as long as there are no other arrays."""
+        return self.particles.kept(
+            ("fields of blocks", self),
+            lambda: [(block, self._fields(block), self._pressures) for block in self.blocks],
         )
-        return found
 
     def _fields(self, block: Any) -> tuple[Any, ...]:
         """Deformation gradient, Jacobian, branches, volumes, updated reference, initial stress."""

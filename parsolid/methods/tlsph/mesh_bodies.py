@@ -219,6 +219,8 @@ class MeshBodies(ListBodies):
         self.least_masses = dict(enumerate(minimum(comm, least).tolist()))
         # both particles of a pair are of one body
         self.stiffness = [self.stabiliser[row] * one for row, one in zip(near.rows_of_pairs, near.stretch)]
+        lists = zip(near.lists, near.surface, self.stiffness)
+        self.lists_with_pairs = [one for one in lists if len(one[0].neighbour)]
         self.limited = int(sums(comm, np.array([float(near.limited)]))[0])
         self.largest_step = self._largest_step()
 
@@ -335,12 +337,12 @@ class MeshBodies(ListBodies):
         return shear + total_modulus(law.branch_moduli), lame
 
     def _add_own_sums(self) -> None:
-        for pairs in self.near.surface:
-            surface_gradient(*pairs, self.motion, self.record)
+        for _, surface, _ in self.lists_with_pairs:
+            surface_gradient(*surface, self.motion, self.record)
 
     def _add_own_forces(self, stretched: int) -> None:
         place = self.motion, stretched, self.dimension
-        for pairs, surface, stiffness in zip(self.near.lists, self.near.surface, self.stiffness):
+        for pairs, surface, stiffness in self.lists_with_pairs:
             surface_divergence(*surface, self.record, self.columns.stress, self.force)
             stretch_forces(pairs.start, pairs.neighbour, stiffness, *place, self.force)
 

@@ -88,7 +88,8 @@ class LawBlock:
         self.tiles, self.places = make_tiles(), PLACES[self.dimension]
         self.A, self.branch_sum = make_branch_tiles(len(self.moduli))
         self.push = make_tile(9)
-        self._none = self._branches((), (), ())
+        over, losses = np.zeros((2, len(self.times), 3))
+        self._of_step = Branches(self.moduli, self.times, over, losses, over)
 
     def carried_fields(self, step: float, last_step: float) -> Any:
         """What `update_tile` takes of what particles have besides, in a step [s] after one of another length; what
@@ -118,12 +119,14 @@ class LawBlock:
             ledger.add_term(SOFTENING, float(self._dissipated.sum()))
 
     def branches(self, step: float) -> Branches:
-        """Over a step [s] of leapfrog."""
-        if not len(self.times):
-            return self._none
-        over = np.array([relaxation_weights(step, time) for time in self._relaxation_times])
-        losses = np.array([loss_weights(step, time) for time in self._relaxation_times]) * self.times[:, None]
-        return Branches(self.moduli, self.times, over, losses, over)
+        """Over a step [s] of leapfrog, in arrays that the next call fills anew."""
+        over, losses = self._of_step.weights, self._of_step.losses
+        # number by number: arrays of lists of tuples take three times as long
+        for k, time in enumerate(self._relaxation_times):
+            over[k, 0], over[k, 1], over[k, 2] = relaxation_weights(step, time)
+            start, mixed, end = loss_weights(step, time)
+            losses[k, 0], losses[k, 1], losses[k, 2] = start * time, mixed * time, end * time
+        return self._of_step
 
     def branches_at_stage(self, time: float, step: float) -> Branches:
         """At a stage of SSP-RK3, time: 0, 1/2 or 1 of the step [s]."""
