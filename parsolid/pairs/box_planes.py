@@ -22,7 +22,7 @@ The dissipation is that of the acoustic Riemann problem between nearest neighbou
 to a is Z_s u + (Z_p - Z_s) (u . n) n [Pa].
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -116,6 +116,18 @@ def plane_scratch(box: Box, d: int) -> PlaneScratch:
         aligned_zeros((d, n + 1)),
         aligned_zeros(box.nodes),
     )
+
+
+def unnamed(it: Any) -> Any:
+    """A tuple, and those in it, without names: a call of a kernel takes .6 us more for each that has some."""
+    return tuple(map(unnamed, it)) if isinstance(it, tuple) else it
+
+
+@inlined
+def box_in(it):
+    """The `Box` that `unnamed` was given."""
+    windows = (Window(*it[4]), Window(*it[5]), Window(*it[6]))
+    return Box(*(it[:4] + windows + it[7:]))
 
 
 @inlined

@@ -25,10 +25,13 @@ from parsolid.methods.tlsph.tile_fields import (
 )
 from parsolid.pairs.box_on_rank import BoxOnRank
 from parsolid.pairs.box_planes import (
+    PlaneScratch,
+    box_in,
     dissipative_forces_in_plane,
     gradient_in_plane,
     place_of,
     stress_forces_in_plane,
+    unnamed,
     weights_along,
 )
 from parsolid.pairs.box_stabiliser import BoxStabiliser, StabilisedBox
@@ -91,7 +94,7 @@ class BoxBodies(StepBound):
             for number, box, arrays in planes:
                 block = self.blocks[number]
                 positive, lost, signal = advance_box(
-                    *box, step, self.dimension, signals, block.branches(time), *arrays, carried[number]
+                    *box, step, self.dimension, signals, tuple(block.branches(time)), *arrays, carried[number]
                 )
                 sound, dissipated = sound and positive and block.sound, dissipated + lost
                 stable = min(stable, self.step_of(block, signal))
@@ -112,9 +115,9 @@ class BoxBodies(StepBound):
                 stored("volume")[0], initial, sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
                 sweeps.x, stored("stress_force"), stored("dissipative_force"), self._heat,
             )  # fmt: skip
-            scratch = sweeps.scratch(box)
-            edges += [(number, (box, scratch, *one, False, block.solid), arrays) for one in sweeps.edges(box)]
-            inner += [(number, (box, scratch, *one, True, block.solid), arrays) for one in sweeps.inner(box)]
+            of_box = unnamed((box, sweeps.scratch(box)))
+            edges += [(number, (*of_box, *one, False, block.solid), arrays) for one in sweeps.edges(box)]
+            inner += [(number, (*of_box, *one, True, block.solid), arrays) for one in sweeps.inner(box)]
         return edges, inner
 
     def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
@@ -283,12 +286,13 @@ def advance_box(
     """Leapfrog: state of the nodes of planes begin to end - 1 of a box after a step [s] with their velocity gradients
     in its middle.
 
-    Fields (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,)
-    [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. force,
-    dissipation (d, n) [N]: fields of V Div P and V D, which are filled while stresses are in the cache, if the planes
-    take turns. heat: see `dissipative_forces_in_plane`. Otherwise as in `list_update.advance_step`, as is what is
-    returned.
+    box, scratch, branches: tuples without names (`unnamed`). Fields (components, n): gradient, the deformation gradient
+    F, jacobian (n,), field_A of the branches, volume (n,) [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which
+    are filled. Z: None without dissipation. force, dissipation (d, n) [N]: fields of V Div P and V D, which are filled
+    while stresses are in the cache, if the planes take turns. heat: see `dissipative_forces_in_plane`. Otherwise as in
+    `list_update.advance_step`, as is what is returned.
     """
+    box, scratch = box_in(box), PlaneScratch(*scratch)
     values, least, most, dissipated = scratch.values, np.ones(TILE), np.zeros(TILE), 0.0
     row = box.first + (begin - box.first_plane) * (box.last_node - box.first_node)
     # out of their tuples once: each time costs a count of references
@@ -297,7 +301,7 @@ def advance_box(
         places.tensor, places.symmetric, tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
     )  # fmt: skip
     slow_Z, signal, lost, stress = tile_Z[TILE:], tiles.signal, tiles.lost, tiles.initial
-    of_branches, third = (branches.moduli, branches.times, branches.weights, branches.losses), 0.0 if d == 2 else 1.0
+    of_branches, third = branches[:4], 0.0 if d == 2 else 1.0
     if d == 2:
         tile_G[:] = 0.0
     for i in range(begin, end):

@@ -114,8 +114,8 @@ class ListBodies(StepBound):
         time = step if relaxing is None else relaxing
         for block, fields, pressures in self._kept_fields():
             positive, lost, signal = advance_step(
-                block.solid, step, self.dimension, self.signals, block.branches(time), self.half,
-                block.first, block.last, block.places, *fields, self.near.inner, self.motion,
+                block.solid, step, self.dimension, self.signals, tuple(block.branches(time)), self.half,
+                block.first, block.last, block.places, *fields, tuple(self.near.inner), self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
                 block.carried_fields(step, self.last_step), *pressures,
             )  # fmt: skip
@@ -147,10 +147,11 @@ class ListBodies(StepBound):
 
     def _kept_fields(self) -> list[tuple[Any, tuple[Any, ...], tuple[Any, Any]]]:
         """Every block with its fields and pressures, found once for as long as there are no other arrays."""
-        return self.particles.kept(
+        found: list[tuple[Any, tuple[Any, ...], tuple[Any, Any]]] = self.particles.kept(
             ("fields of blocks", self),
             lambda: [(block, self._fields(block), self._pressures) for block in self.blocks],
         )
+        return found
 
     def _fields(self, block: Any) -> tuple[Any, ...]:
         """Deformation gradient, Jacobian, branches, volumes, updated reference, initial stress."""
@@ -219,7 +220,7 @@ class ListBodies(StepBound):
                 heat[near.owned :] = 0.0
         self._add_own_forces(stretched)
         for block in self.blocks:
-            find_forces(self.dimension, near.inner, block.first, block.last, *rows, *fields)
+            find_forces(self.dimension, tuple(near.inner), block.first, block.last, *rows, *fields)
 
     def add_stiffness(self, result: np.ndarray) -> None:
         """Add to a field (d, n) [N/m] about what the diagonal of the tangent is at rest; collective."""

@@ -22,6 +22,7 @@ from parsolid.pairs.list_sweeps import (
     stress_divergence_in_plane,
     stress_divergence_in_space,
 )
+from parsolid.pairs.pair_list import PairList
 from parsolid.pairs.rows_of_four import combine_rows, load_row, scale, store_row
 
 _ZERO = (0.0, 0.0, 0.0, 0.0)
@@ -136,7 +137,8 @@ def advance_step(
     Arguments as in `point_update.update_tile`; fields (components, n): deformation gradient, jacobian (n,), A of the
     branches, push and inverse of an updated reference, initial stress [Pa]; volume (n,) [m^3]; operator, record:
     rows, see `list_sweeps`. Fields and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
-    carried: see there; pressure, released: see `add_pressure`, or None.
+    branches, pairs: tuples without names, which a call takes faster. carried: see there; pressure, released: see
+    `add_pressure`, or None.
 
     Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
     """
@@ -147,7 +149,7 @@ def advance_step(
         places.tensor, places.symmetric, tiles.F, tiles.J, tiles.G, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
         tiles.initial,
     )  # fmt: skip
-    of_branches = branches.moduli, branches.times, branches.weights, branches.losses
+    of_branches, pairs = branches[:4], PairList(*pairs)
     if d == 2:
         G[:] = 0.0
     for i in range(first, last, TILE):
@@ -197,11 +199,12 @@ def add_forces(d, pairs, first, last, motion, record, fast, slow, force, heat):
 @kernel
 def find_forces(d, pairs, first, last, motion, record, fast, slow, force, heat, T, D, W):
     """Add the forces of the pairs of particles first .. last - 1 and put T and D [N] of these into fields (d, n), and
-    what D takes [W] into W (1, n), None where nobody asks.
+    what D takes [W] into W (1, n), None where nobody asks; pairs: as in `advance_step`.
 
     What the next step gathers in rows begins at zero again. Tile by tile, while rows are in the cache: those of a tile
     are complete, and nobody reads them any more, when their pairs and those of all rows before have been added.
     """
+    pairs = PairList(*pairs)
     for i in range(first, last, TILE):
         end = min(i + TILE, last)
         add_forces(d, pairs, i, end, motion, record, fast, slow, force, heat)
