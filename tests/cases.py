@@ -51,6 +51,7 @@ from tlsph.test_pressures import cook, stiff_block
 from tlsph.test_shared_nodes import scene_of, two_groups
 from tlsph.test_stages import there_and_back
 from tlsph.test_static import sagging
+from tlsph.test_static_contact import rubbing
 from tlsph.test_static_tools import press, pressed
 from tlsph.test_tied_equilibria import pulled as ends_pulled
 from tlsph.test_tied_equilibria import tied as two_tied
@@ -283,6 +284,16 @@ add(
     stops=(3,),
     balance=1e-3,
     grows=("friction_dissipation",),
+)
+add(
+    "rubbing squares",
+    "tlsph static contact friction",
+    rubbing(),
+    steps=6,
+    stops=(3, 5),
+    balance=1e-3,
+    grows=("friction_dissipation",),
+    agreement=1e-7,
 )
 # the rate and curvature of a path are differences of what is solved for
 add("cook", "tlsph mesh static", lambda folder: cook(folder, 4, 0.4999), stops=(2,), balance=1e-4, agreement=1e-7)

@@ -1,4 +1,4 @@
-"""Contact between bodies in equilibria and long steps: patch, energy, friction, ranks, stages."""
+"""Contact between bodies in equilibria and long steps: patch, energy, stages; `cases` has friction and ranks."""
 
 import numpy as np
 import pytest
@@ -36,10 +36,11 @@ def stacked(boundaries, gap=0.0, particles=((5, 5), (5, 5)), end=1.0, method=Non
     }
 
 
-def rubbing(gap=0.01):
+def rubbing():
     """A square that is pressed on another one and drawn along it, so that it slips."""
-    boundaries = [{"plane": "Y = 0", "kind": "fixed"}, moved(f"Y = {2.0 + gap}", "0.06*t", "-0.04*t")]
-    return stacked(boundaries, gap, ((4, 4), (5, 5)), friction=0.1)
+    boundaries = [{"plane": "Y = 0", "kind": "fixed"}, moved("Y = 2", "0.12*t", "-0.12*t")]
+    # the rate of a path is a difference of what is solved for
+    return stacked(boundaries, particles=((3, 4), (4, 4)), method={"tolerance": 1e-11}, friction=0.1)
 
 
 @pytest.mark.serial
@@ -65,7 +66,7 @@ def test_tangent():
     statics, random = sim.systems[0].statics, np.random.default_rng(1)
     X = sim.systems[0].particles.owned_rows("reference_position")
     u = 0.01 * random.standard_normal(X.shape) * statics.free
-    u[:, 1] -= 0.05 * (X[:, 1] > 1.0)
+    u[:, 1] -= 0.1 * (X[:, 1] > 1.0)
     change, part = random.standard_normal(X.shape) * statics.free, 1e-5
     one, other = (statics.evaluate(u + sign * part * change) for sign in (1.0, -1.0))
     state = statics.evaluate(u)
@@ -74,19 +75,6 @@ def test_tangent():
     assert sim.interactions[0].energy > 1e-3
     assert (one.energy - other.energy) / (2.0 * part) == pytest.approx(-np.vdot(state.residual, change), rel=1e-6)
     np.testing.assert_allclose((one.residual - other.residual) / (-2.0 * part), product, atol=1e-6 * abs(product).max())
-
-
-@pytest.mark.slow
-@pytest.mark.ranks(2)
-def test_ranks(comm):
-    """What slips is the same on all ranks; friction takes what the work has beyond what is stored."""
-    (_, rows), (_, on_all) = run_to_end(rubbing(), MPI.COMM_SELF), run_to_end(rubbing(), comm)
-    work = rows["external_work"][-1]
-    assert rows["friction_dissipation"][-1] > 1e-3 * work
-    assert np.abs(rows["energy_error"]).max() < 1e-3 * work
-    for name in rows:
-        limit = 1e-9 if name == "time" else 1e-7 * work
-        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=limit, err_msg=name)
 
 
 @pytest.mark.serial
