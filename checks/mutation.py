@@ -73,6 +73,7 @@ TESTS: dict[str, tuple[str, str]] = {
         _in("campaign", "estimate", "comparison", "coarsening", "probes_of_runs", "pareto", "study"),
     ),
     "parsolid/campaign/pictures.py": (PLAIN, _in("campaign", "pictures")),
+    "parsolid/campaign/report.py": (PLAIN, _in("campaign", "verification")),
     "parsolid/campaign/verification.py": (PLAIN, _in("campaign", "verification")),
     "parsolid/commands/keys": (PLAIN, _in("commands", "keys", "command_words")),
     "parsolid/commands/plot": (COMPILED, _in("commands", "plot", "plot_forces", "cut_meshes")),

@@ -161,8 +161,8 @@ def add_totals(fields, first, count, tile):
         totals[RELEASED_HEAT] += volume * tile[RELEASED * TILE + p]
         totals[DISSIPATED] += volume * tile[HEAT * TILE + p]
         room = tile[ROOM * TILE + p]
-        # also where it is not a number
-        if not room >= totals[ROOM_LEFT]:
+        # what is not a number stays
+        if room < totals[ROOM_LEFT] or np.isnan(room):
             totals[ROOM_LEFT] = room
 
 

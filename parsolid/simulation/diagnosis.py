@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 Found = dict[str, Any]
 
 
+# numbers that are not finite are what is looked for
+@np.errstate(all="ignore")
 def describe_failure(simulation: "Simulation", otherwise: str) -> str:
     """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
     found = _first_of(simulation.comm, _unsound_particle(simulation.scene, simulation.systems))

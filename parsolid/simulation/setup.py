@@ -37,6 +37,8 @@ _STRAIN = 1e-8
 _ROUNDED = 1e-3
 
 
+# numbers that are not finite are what is looked for
+@np.errstate(all="ignore")
 def refuse_unsound_start(comm: Any, scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -> None:
     """scene, particle_set: of the system alone. Raises SolverError, on all ranks, which names the key; collective."""
     raise_together(comm, _misfit(scene, system, particle_set))
@@ -111,12 +113,11 @@ def _jumps_over(scene: Scene, particle_set: ParticleSet) -> np.ndarray:
         # to the next particle of the box, or to the one before
         place, steps = particle_set.position, np.eye(scene.dimension) * particle_set.spacing[here].max(axis=0)
         columns = []
-        with np.errstate(all="ignore"):
-            for axis, step in enumerate(steps):
-                inside = place[:, axis] + 0.99 * step[axis] < body.shape.box.upper[axis]
-                ahead, behind = (_column(scene, particle_set, axis, sign * step) for sign in (1.0, -1.0))
-                columns.append(np.where(inside[:, None], ahead, behind))
-            result |= here & (np.linalg.det(np.stack(columns, 2)) <= 0.0)
+        for axis, step in enumerate(steps):
+            inside = place[:, axis] + 0.99 * step[axis] < body.shape.box.upper[axis]
+            ahead, behind = (_column(scene, particle_set, axis, sign * step) for sign in (1.0, -1.0))
+            columns.append(np.where(inside[:, None], ahead, behind))
+        result |= here & (np.linalg.det(np.stack(columns, 2)) <= 0.0)
     return result
 
 

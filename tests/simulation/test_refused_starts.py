@@ -242,15 +242,17 @@ def test_a_formula_that_is_never_a_number_is_refused(text):
 
 
 LATER = "sqrt(1e-9 - t)"
+DRIVEN_LATER = {"boundaries": [{"kind": "velocity", "plane": "X = 0", "velocity": [LATER, "0"]}]}
 
 
 @pytest.mark.parametrize(
     "name, acting",
     [
         ("tlsph", {"loads": {"body_force": [f"1e3*{LATER}", "0"]}}),
-        ("mpm", {"boundaries": [{"kind": "velocity", "plane": "X = 0", "velocity": [LATER, "free"]}]}),
+        *((name, DRIVEN_LATER) for name in ("mpm", "peridynamics", "ulsph")),
     ],
 )
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_what_acts_and_is_no_number_later_is_told_with_its_formula(name, acting, comm):
     NOT_FINITE.clear()
     sim = start(name, {}, comm, **acting)

@@ -202,3 +202,16 @@ def test_elements_of_second_order_are_taken_by_their_corners(tmp_path):
     for name in ("volume", "mass", "area"):
         np.testing.assert_allclose(system.particles.owned_rows(name), plain.particles.owned_rows(name), atol=1e-15)
     assert system.cost_notes() and not plain.cost_notes()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("ratio", "integrator", "told"), [(0.45, "leapfrog", 0), (0.49, "leapfrog", 1), (0.49, "static", 0)]
+)
+def test_nearly_incompressible_meshes_in_motion_are_warned_of(tmp_path, ratio, integrator, told):
+    """Equilibria have pressures as unknowns."""
+    data = of_mesh(tmp_path, "triangle", 2, body={"material": RUBBER | {"poissons_ratio": ratio}})
+    data["method"] = {"kind": "tlsph", "integrator": integrator}
+    data["boundaries"] = [{"kind": "fixed", "plane": "X = 0"}]
+    warned = [one for one in simulation(data).warnings if one.code == "stiff-in-motion"]
+    assert len(warned) == told and all("bodies.0" in one.text for one in warned)

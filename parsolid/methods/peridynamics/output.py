@@ -118,6 +118,8 @@ class Reports(ParticleSystem):
         if not self.forces.sound:
             jacobian = np.linalg.det(self._tensors("deformation_gradient"))
             index = int(np.argmin(np.where(np.isfinite(jacobian), jacobian, -np.inf)))
+            if not np.isfinite(jacobian[index]):
+                return index, "a number is no longer finite"
             return index, f"the Jacobian is {jacobian[index]:.4g}, not positive: matter is turned inside out"
         return self.solver.first_invalid()
 

@@ -57,8 +57,8 @@ def least_transit(n, velocity, sound_speed, smoothing_length):
         for c in range(velocity.shape[0]):
             square += velocity[c, a] * velocity[c, a]
         transit = smoothing_length[0, a] / (sound_speed[0, a] + square**0.5)
-        # also where it is not a number
-        if not transit >= least:
+        # what is not a number stays
+        if transit < least or np.isnan(transit):
             least = transit
     return least
 
