@@ -148,10 +148,10 @@ _DOUBTFUL = (1e-9, 3600.0)
 
 
 def size_advice(simulation: Simulation) -> list[Note]:
-    """The size of parts from meshes in words, and those so large for their waves and the run's time that they may be in
-    millimetres; collective, the same on all ranks.
+    """What of meshes is left out or turned, the size of parts from them in words, and those so large for their waves
+    and the run's time that they may be in millimetres; collective, the same on all ranks.
     """
-    scene, result = simulation.scene, list[Note]()
+    scene, result = simulation.scene, list(simulation.particle_sets[0].notes)
     for stated, system in zip(scene.systems, simulation.systems):
         for number, i in enumerate(stated.bodies):
             if scene.bodies[i].shape.kind != "mesh":

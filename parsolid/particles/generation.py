@@ -26,6 +26,7 @@ from parsolid.scene.base_model import LEAST, MOST
 from parsolid.scene.bodies import Extent
 from parsolid.scene.boundaries import Condition, MotionCondition, Support
 from parsolid.scene.checks import unbounded_plane
+from parsolid.scene.codes import Note
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.named_regions import Region, uses_of_regions
@@ -81,6 +82,7 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
         for filling in fillings
         if isinstance(filling, MeshFilling) and filling.body.placed_on == "vertices"
     }
+    particle_set.notes = _notes(fillings)
     agree(comm, overlap_faults(scene, fillings, particle_set, comm))
     agree(comm, touching_faults(scene, particle_set, comm))
     del fillings
@@ -145,6 +147,22 @@ def _fillings(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices]) -> li
         faults += [fault(*detail) for detail in unbounded_plane(i, boundary, scene.bodies, extents)]
     agree(comm, faults)
     return list(fillings.values())
+
+
+def _notes(fillings: list[Filling]) -> list[Note]:
+    """What is left out of meshes, or turned, without a change of the bodies."""
+    notes, files = list[Note](), set()
+    for i, filling in enumerate(fillings):
+        if not isinstance(filling, MeshFilling):
+            continue
+        key = filling.body.shape.model.mesh_key
+        if filling.unused and key not in files:
+            notes.append(Note("unused-nodes", f"bodies.{i}: {filling.unused} nodes of no element, which are left out"))
+        files.add(key)
+        if filling.turned:
+            text = f"{filling.turned} elements whose nodes are ordered inside out, which are turned"
+            notes.append(Note("turned-elements", f"bodies.{i}: {text}"))
+    return notes
 
 
 def _mark_meshes(scene: Scene, fillings: list[Filling], known: dict[str, Region]) -> list[str]:

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.scene.codes import Note
+
 
 @dataclass
 class ParticleSet:
@@ -21,6 +23,7 @@ class ParticleSet:
     regions    (n, r) int64 1 in each of the scene's r regions with a name, else 0; None without any
     surfaces   (n, r d)     outward area vectors [m^2] of what of its boundary is in each of them
     meshes                  slices of the meshes that they are nodes of, by their keys, until systems are set up
+    notes                   on the meshes, the same on all ranks
     """
 
     identifier: np.ndarray
@@ -34,6 +37,7 @@ class ParticleSet:
     regions: np.ndarray | None = None
     surfaces: np.ndarray | None = None
     meshes: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    notes: list[Note] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.identifier)

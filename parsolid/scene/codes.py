@@ -105,6 +105,10 @@ NOTES = {
     "restart-energy": Code("energy that allowed changes have given to the state of a restart", "nothing, if meant"),
     "load-step-cost": Code("unknowns of equilibria, and what a load step takes", "nothing"),
     "results-moved": Code("results of an earlier run that are in another folder now", "another `-o`, if not meant"),
+    "turned-elements": Code(
+        "elements of a mesh whose nodes are ordered inside out, which are turned", "nothing, or another export"
+    ),
+    "unused-nodes": Code("nodes of a mesh that no element has, which are left out", "nothing, or elements there"),
     "second-order-elements": Code("elements of second order, which are taken by their corners", "nothing"),
     "sheared-part": Code(
         "a part that is sheared between held regions, and how soft it is", "`method.stabilisation.coefficient = 1`"

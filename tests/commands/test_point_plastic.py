@@ -150,3 +150,12 @@ def test_the_sum_that_is_told_adds_up(driven, tmp_path):
     line = describe(summarise(run.point, columns, 0.0) | {"picture": "none"}, tmp_path).splitlines()[1]
     work, stored, dissipated = map(float, re.findall(r"(?:work|stored|dissipated) ([-0-9.e+]+)", line))
     assert work == pytest.approx(stored + dissipated, rel=5e-3) and work == pytest.approx(run.work[-1], rel=1e-5)
+
+
+def test_what_failed_matter_stored_is_dissipated(driven):
+    """Sheared at its volume it stores nothing any more, but for what steps lose."""
+    failing = '[material.failure]\ncriteria = [{ kind = "plastic-strain", strain = 0.05 }]\n'
+    run = driven(f'end_time = 1e-3\nsteps = 200\n{STEEL}{failing}[path]\nkind = "simple-shear"\nshear = "200*t"\n')
+    before = np.argmax(run.damage >= 1.0) - 1
+    assert 0 < before < 198 and run.strain_energy[before] > 1e5
+    assert np.abs(run.strain_energy[before + 1 :]).max() < 0.05 * run.strain_energy[before]

@@ -97,6 +97,19 @@ def test_a_rank_may_read_nodes_of_no_element_alone(shared_path, comm):
     assert comm.allreduce(sim.systems[0].owned) == 4
 
 
+@pytest.mark.parametrize(
+    "second, more, told", [([0, 2, 3], 0, []), ([0, 3, 2], 3, ["unused-nodes", "turned-elements"])]
+)
+def test_what_is_left_out_or_turned_is_told(shared_path, comm, second, more, told):
+    """And the body is the same."""
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]] + [[9, i] for i in range(more)]
+    sim = simulation(scene_of(shared_path, square, [("triangle", [[0, 1, 2], second])], 2), comm)
+    notes = [note for note in size_advice(sim) if note.code != "part-size"]
+    assert [note.code for note in notes] == told
+    assert [note.text.split()[1] for note in notes] == ["3", "1"][: len(told)]
+    assert comm.allreduce(sim.systems[0].particles.owned_rows("volume").sum()) == pytest.approx(1.0)
+
+
 def test_a_quad_beside_two_triangles_is_no_hinge(shared_path, comm):
     points, blocks = cubes([0, 0, 0])
     number = {tuple(row): i for i, row in enumerate(points.tolist())}

@@ -72,12 +72,12 @@ def _at_gauss_points(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return factor.prod(axis=2), gradient
 
 
-def lumped_volumes(kind: str, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Volume of each element lumped to its nodes, and which elements are sound.
+def lumped_volumes(kind: str, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Volume of each element lumped to its nodes, which elements are sound, and which are turned inside out.
 
-    nodes is (elements, nodes, d) [m]; returns (elements, nodes) [m^3] and (elements,) bool. Elements turned inside out
-    as a whole (all Jacobians negative) are counted with the opposite order of their nodes; those with Jacobians of both
-    signs, or zero, are not sound. The quadrature is exact.
+    nodes is (elements, nodes, d) [m]; returns (elements, nodes) [m^3] and (elements,) bool twice. Elements turned
+    inside out as a whole (all Jacobians negative) are counted with the opposite order of their nodes; those with
+    Jacobians of both signs, or zero, are not sound. The quadrature is exact.
     """
     element = ELEMENTS[kind]
     if element.product is None:
@@ -85,15 +85,15 @@ def lumped_volumes(kind: str, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray
         volume = np.linalg.det(arms) / math.factorial(element.dimension)
         size = largest(np.abs(arms).reshape(len(arms), element.dimension**2)) ** element.dimension
         count = nodes.shape[1]
-        return np.repeat(np.abs(volume)[:, None] / count, count, axis=1), np.abs(volume) > 1e-14 * size
+        return np.repeat(np.abs(volume)[:, None] / count, count, axis=1), np.abs(volume) > 1e-14 * size, volume < 0.0
     values, gradient = _at_gauss_points(CORNERS[element.dimension])
     jacobian = np.linalg.det(np.einsum("eni,gnj->egij", nodes[:, element.product], gradient))
-    sound = (jacobian > 0.0).all(axis=1) | (jacobian < 0.0).all(axis=1)
+    turned = (jacobian < 0.0).all(axis=1)
     of_product = np.abs(jacobian) @ values
     result = np.zeros(nodes.shape[:2])
     for column, node in enumerate(element.product):
         result[:, node] += of_product[:, column]
-    return result, sound
+    return result, (jacobian > 0.0).all(axis=1) | turned, turned
 
 
 def largest(rows: np.ndarray) -> np.ndarray:

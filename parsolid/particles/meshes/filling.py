@@ -31,7 +31,9 @@ class MeshFilling:
 
     nodes: volumes of the elements and areas of the boundary facets lumped to their nodes, the spacing is the mean
     length of the edges that meet; nodes of no element are dropped. cells: one particle an element, the spacing is its
-    volume to the power 1/d. mesh: the slices; groups: names of those that the mesh has. See `lattice.Filling`.
+    volume to the power 1/d. mesh: the slices; groups: names of those that the mesh has; turned: how many elements are
+    inside out; unused: how many nodes no element of the file has, 0 with elements of second order. See
+    `lattice.Filling`.
     """
 
     def __init__(
@@ -52,12 +54,14 @@ class MeshFilling:
         group = body.shape.model.group
         self.mesh = mesh = part_of_body(self.whole, body.shape.model)
         self.groups = sorted(mesh.groups.names)
-        volumes = sound_volumes(mesh)
+        volumes, self.turned = sound_volumes(mesh)
         refuse_repeated(mesh)
         points = mesh.local.points
         self.lower = minimum(comm, points.min(axis=0, initial=np.inf))
         self.upper = maximum(comm, points.max(axis=0, initial=-np.inf))
         self.facets, self.edge = boundary_facets(mesh), mean_edge(mesh)
+        # nodes beyond the corners are of no element, either
+        self.unused = 0 if mesh.of_second_order else comm.allreduce(_unused(self.whole))
         # of the facets, those that another body of the mesh has, too, are on no surface
         self.outer = self.facets if group is None else self._without_neighbours({group, *groups})
         self.solid = Solid(mesh, self.facets)
@@ -213,6 +217,12 @@ class MeshFilling:
             regions=rows.get("regions"),
             surfaces=rows.get("surfaces"),
         )
+
+
+def _unused(mesh: MeshSlices) -> int:
+    """How many of the kept nodes no element of any rank has. Collective."""
+    come = mesh.nodes.deliver(mesh.local.nodes)
+    return int((~_marked(len(mesh.nodes), come["number"])).sum())
 
 
 def _summed(count: int, number: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -17,15 +17,17 @@ _SEEDS = np.array([0x243F6A8885A308D3, 0x13198A2E03707344], np.uint64)
 Facets = list[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
-def sound_volumes(mesh: MeshSlices) -> list[np.ndarray]:
-    """Volumes (own elements, nodes) [m^3] of each block lumped to the nodes.
+def sound_volumes(mesh: MeshSlices) -> tuple[list[np.ndarray], int]:
+    """Volumes (own elements, nodes) [m^3] of each block lumped to the nodes, and how many elements of all ranks are
+    turned inside out, but wedges: programs do not agree on their order.
 
     Raises SceneError, on all ranks, where elements are inside out or flat. Collective.
     """
     lumped, numbers, counts, places = [], [], [], []
-    start, points = 0, mesh.local.points
+    start, points, inverted = 0, mesh.local.points, 0
     for kind, cells in mesh.local.blocks:
-        volumes, sound = lumped_volumes(kind, points[cells])
+        volumes, sound, turned = lumped_volumes(kind, points[cells])
+        inverted += int(turned.sum()) if kind != "wedge" else 0
         bad = np.flatnonzero(~sound)
         lumped.append(volumes)
         counts.append(len(bad))
@@ -39,7 +41,7 @@ def sound_volumes(mesh: MeshSlices) -> list[np.ndarray]:
             f"{total[b]} {mesh.local.blocks[b][0]} elements inside out or flat, the first at ({place_in_words(place)})"
         )
         raise SceneError([MeshFault("element", "elements of positive volume", found)])
-    return lumped
+    return lumped, mesh.comm.allreduce(inverted)
 
 
 def refuse_repeated(mesh: MeshSlices) -> None:
