@@ -54,13 +54,15 @@ def test_the_energy_of_a_temperature_is_the_integral_of_the_specific_heat(materi
 
 
 def test_heat_from_outside_warms_light_points():
-    """Points of 2 g/m, which contact gives heat."""
+    """Points of 2 g/m, which contact gives heat, but for deleted ones, which take none."""
     sim = simulation(block(COPPER))
-    system, rows = sim.systems[0], np.array([3, 0])
-    own, heat = system.particles.owned_rows, np.array([0.1, 0.3])
-    before = own("temperature")[rows]
+    system, rows = sim.systems[0], np.array([3, 0, 5])
+    own, heat = system.particles.owned_rows, np.array([0.1, 0.3, 0.7])
+    before, mass = own("temperature")[rows], system.mass[rows]
+    system.points.motion[5, 3] = 0.0
     assert system.take_heat(heat, rows) == pytest.approx(0.4, rel=1e-12)
-    np.testing.assert_allclose(own("temperature")[rows] - before, heat / (383.0 * system.mass[rows]), rtol=1e-12)
+    rise = heat / (383.0 * mass) * (1.0, 1.0, 0.0)
+    np.testing.assert_allclose(own("temperature")[rows] - before, rise, rtol=1e-12)
 
 
 @pytest.mark.parametrize("material", [WARMER, BY_POINTS], ids=["line", "points"])

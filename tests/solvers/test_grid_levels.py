@@ -1,6 +1,6 @@
 """The hierarchy of grids: what its functions represent, its symmetry, and iterations that do not grow."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -86,6 +86,18 @@ def test_iterations_do_not_grow_with_the_body(comm, small, large):
 def test_a_slender_body_is_bent_without_being_sheared(comm):
     """A grid of one cell across: functions that cannot turn would take hundreds of iterations."""
     assert iterations(comm, (4, 60))[0] <= 45
+
+
+@pytest.mark.parametrize("counts", [(4, 1500), (5, 9, 120)])
+def test_cells_grow_twice_as_wide_but_across_one(comm, counts):
+    places, _, free, diagonal = on_ranks(comm, counts)
+    levels = levels_of(comm, places, free, diagonal)
+    grids = [level.nodes for level in levels.levels] + [levels.coarsest.nodes]
+    assert (grids[-1].cells == 1).any() and len(grids) > 1
+    for finer, coarser in pairwise(grids):
+        wider = [1 if cells == 1 else 2 for cells in finer.cells]
+        assert list(coarser.width / finer.width) == wider
+        assert list(coarser.cells) == [-(-cells // times) for cells, times in zip(finer.cells, wider)]
 
 
 @pytest.mark.parametrize("counts", [(13, 30), (5, 6, 25)])

@@ -5,6 +5,7 @@ import pytest
 from ulsph.plates import EVERYTHING, block, evaluate, randomized, scene
 
 from parsolid.materials.plastic.tile_update import deviatoric_strain
+from parsolid.methods.ulsph.micro_inertia import TILE, load_vectors
 from parsolid.tensors import congruence, spin_rotation
 
 SPACE = {"energetic_length": 1e-2, "dissipative_length": 1e-2, "hardening_length": 1e-3}
@@ -119,3 +120,13 @@ def test_rigid_rotation_has_no_strain(comm):
         old = np.array([[before[a, 0], before[a, 3]], [before[a, 3], before[a, 1]]])
         new = R @ old @ R.T
         assert np.abs(np.array([[S[0], S[3]], [S[3], S[1]]]) - new).max() < 1e-9 * np.abs(old).max() + 1e-2
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("d", [2, 3])
+def test_vectors_of_a_tile_are_those_of_the_field(d):
+    """And have no third component in the plane, whatever the tile held."""
+    tile, field = np.ones(5 * TILE), np.random.default_rng(1).normal(size=(d, 9))
+    load_vectors(field, 2, 4, tile, 1)
+    found = tile.reshape(5, TILE)[1:4, :4]
+    np.testing.assert_array_equal(found, np.concatenate([field, np.zeros((3 - d, 9))])[:, 2:6])
