@@ -215,7 +215,7 @@ def _percent(share: float) -> str:
 # kinds of boundaries that exert no force
 _FORCELESS = ("temperature", "heat-flux", "micro-hard")
 # of sum m |x| |v|, up to which the motion about the centre of mass may be rounding
-_ROUND_OFF = 1e-9
+_ANGULAR_ROUND_OFF = 1e-9
 
 
 def isolated(scene: Scene) -> bool:
@@ -269,7 +269,7 @@ class MomentumBalance:
         sizes = np.empty_like(own)
         self.comm.Allreduce(own, sizes)
         linear, angular, about_origin = sizes
-        return total[1 + d :], np.array([linear, angular if angular > _ROUND_OFF * about_origin else 0.0]), centre
+        return total[1 + d :], np.array([linear, angular if angular > _ANGULAR_ROUND_OFF * about_origin else 0.0]), centre
 
     def shares(self) -> tuple[float, float]:
         """Linear and angular momentum that were lost, over the largest sums of parts; 0 where nothing has moved."""
