@@ -342,9 +342,11 @@ def _unlike(scene: Scene, first: Condition, second: Condition, points: np.ndarra
     result = np.zeros(len(points), bool)
     same_quantity = _quantity(first) in (None, _quantity(second)) or _quantity(second) is None
     for moment in _MOMENTS:
-        values = [_values(one, points, moment * scene.end_time, axis) for one in (first, second)]
-        largest = np.maximum(*np.abs(values))
-        result |= (np.abs(values[0] - values[1]) > _SAME * largest) if same_quantity else largest > 0.0
+        values = [_values(one, points, moment * scene.end_time) for one in (first, second)]
+        # beside the other components, so that rounding of one is none
+        rounding = _SAME * np.linalg.norm(values, axis=2).max(axis=0)
+        one, other = (value[:, axis] for value in values)
+        result |= np.abs(one - other) > rounding if same_quantity else np.maximum(abs(one), abs(other)) > rounding
     return result
 
 
@@ -355,13 +357,14 @@ def _quantity(condition: Any) -> str | None:
     return str(condition.quantity)
 
 
-def _values(condition: Any, points: np.ndarray, time: float, axis: int) -> np.ndarray:
-    """Values (n,) of a component at points (n, d) [m] and a time [s]."""
+def _values(condition: Any, points: np.ndarray, time: float) -> np.ndarray:
+    """Values (n, d) at points (n, d) [m] and a time [s]; 0 of components that are free."""
+    d = points.shape[1]
     if isinstance(condition, Support):
         if condition.velocity is None:
-            return np.zeros(len(points))
-        return np.asarray(LoadHistory(condition.velocity).evaluate(points, time)[:, axis])
-    return np.asarray(condition.prescribed.evaluate(points, time)[:, axis])
+            return np.zeros(points.shape)
+        return np.asarray(LoadHistory(condition.velocity).evaluate(points, time)[:, :d])
+    return np.asarray(np.where(condition.prescribed.free[:d], 0.0, condition.prescribed.evaluate(points, time)[:, :d]))
 
 
 def overlap_faults(scene: Scene, fillings: list[Any], particle_set: ParticleSet, comm: MPI.Comm) -> list[str]:

@@ -269,7 +269,8 @@ class MomentumBalance:
         sizes = np.empty_like(own)
         self.comm.Allreduce(own, sizes)
         linear, angular, about_origin = sizes
-        return total[1 + d :], np.array([linear, angular if angular > _ANGULAR_ROUND_OFF * about_origin else 0.0]), centre
+        moves = angular > _ANGULAR_ROUND_OFF * about_origin
+        return total[1 + d :], np.array([linear, angular if moves else 0.0]), centre
 
     def shares(self) -> tuple[float, float]:
         """Linear and angular momentum that were lost, over the largest sums of parts; 0 where nothing has moved."""

@@ -18,7 +18,7 @@ PUSHED = [
     {"kind": "wall", "plane": "X = 0", "side": "above", "velocity": [230.0, 0.0], "name": "pusher", "reaction": True},
     {
         "kind": "velocity",
-        "box": {"lower": [0.4, 0.0], "upper": [0.85, 0.4]},
+        "box": {"lower": [0.4, 0.05], "upper": [0.85, 0.4]},
         "velocity": ["150", "5"],
         "name": "gate",
         "reaction": True,

@@ -1,5 +1,6 @@
 """Geometry that Gmsh meshes: CAD files and closed surfaces, sizes, groups, and what is refused."""
 
+import os
 import sys
 
 import meshio
@@ -41,6 +42,18 @@ def scene_of(dimension=3, **shape):
 def generated(data, *names):
     sim = simulation(data)
     return gathered(sim, *names)
+
+
+@pytest.mark.serial
+def test_a_broken_pipe_stays_an_error_of_the_write(tmp_path):
+    """Gmsh makes it end the program, in the middle of a run of which nobody reads the output."""
+    file = write(tmp_path / "plate.step", plate)
+    simulation(scene_of(file=file, size=4e-3, scale=1e-3))
+    reader, writer = os.pipe()
+    os.close(reader)
+    with pytest.raises(BrokenPipeError):
+        os.write(writer, b"nobody reads this")
+    os.close(writer)
 
 
 @pytest.mark.serial

@@ -17,7 +17,7 @@ modes = import_module("modes")
     ("shape", "spacings", "weights", "method", "largest", "order"),
     [
         ("ring", (8, 16), "mesh", {"stabilisation": 0.5}, 5e-3, 0.9),
-        ("ring", (16, 24), "mesh", {}, 6e-3, 1.4),
+        ("ring", (16, 24), "mesh", {"stabilisation": 0.35}, 6e-3, 1.4),
         ("disc", (8, 16), "mesh", {"stabilisation": 0.5}, 1e-2, 1.7),
         ("disc", (12, 16), "mesh", {}, 1e-2, 1.6),
         ("sphere", (6, 8), "mesh", {}, 3e-2, 1.7),

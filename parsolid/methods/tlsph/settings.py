@@ -162,7 +162,7 @@ class TotalLagrangianSPH(MethodSettings):
         ge=0,
         le=1,
         description="part of their own shear energy by which elements resist what differs from their nodes' mean "
-        'strain; of weights = "mesh", where it is .5 in the plane unless given',
+        'strain; of weights = "mesh", where unless given it is .5 in the plane and no material flows',
     )
     clamp_edges: float = Field(
         0.0,
@@ -247,8 +247,10 @@ class TotalLagrangianSPH(MethodSettings):
         weights = self._weights_for(scene, bodies)
         if scene.dimension == 3 or "stabilisation" in self.model_fields_set:
             return weights
-        kinds = weights_of_bodies(weights.get("weights", self.pair_weights), self._own(scene, bodies))
-        return weights | ({"stabilisation": _IN_PLANE} if "mesh" in kinds else {})
+        own = self._own(scene, bodies)
+        kinds = weights_of_bodies(weights.get("weights", self.pair_weights), own)
+        flows = any(body.material.kind == "elastic-plastic" for body in own.bodies)
+        return weights | ({"stabilisation": _IN_PLANE} if "mesh" in kinds and not flows else {})
 
     def _weights_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
         """Those of their elements for bodies from meshes, and for boxes weights that close where every example of the

@@ -6,7 +6,9 @@ faces and volumes; a face without a name is "face-N" by its number in the file, 
 """
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -79,6 +81,9 @@ def gmsh_model(path: str) -> Iterator[Any]:
     own = not gmsh.isInitialized()
     if own:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
+        # Gmsh sets it to end the program where nobody reads its output any more
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE))
     try:
         gmsh.model.add("parsolid")
         for option, value in (("General.Terminal", 0), ("General.NumThreads", 1), ("Mesh.OptimizeNetgen", 1)):
