@@ -92,11 +92,8 @@ def relax_branches(branches, step, F, rates):
         for p in range(TILE):
             old = load(F, p)
             C_old, C = gram(old), gram(combine(1.0, old, step, matmul(load(rates, p), old)))
-            C_old_inverse, C_inverse, A_old = (
-                inverse_symmetric(C_old),
-                inverse_symmetric(C),
-                load_symmetric(A_of_all, p),
-            )
+            C_old_inverse, C_inverse = inverse_symmetric(C_old), inverse_symmetric(C)
+            A_old = load_symmetric(A_of_all, p)
             A = relaxed((n[2], n[3], n[4]), A_old, C_old_inverse, C_inverse)
             store_symmetric(A_of_all, p, A)
             total = combine_symmetric(1.0, load_symmetric(branches.total, p), n[0], A)

@@ -659,7 +659,7 @@ class Static:
             limit += ", unless a tool's velocity jumps there"
         self.fault = f"{limit} ({tried.fault})" if tried.critical else tried.fault
         if (self._clearances() > 0.0).any():
-            self.fault += "; a tool, or a body in contact, touches nothing, so that it holds nothing"
+            self.fault += "; a tool, or a body in contact, touches nothing"
 
     def _report(self, time: float, step: float, first: Equilibrium, last: Equilibrium, work: np.ndarray) -> None:
         """Forces and works of conditions in a step [s] from a time [s]."""
