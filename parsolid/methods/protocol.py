@@ -187,7 +187,7 @@ class ParticleSystem:
         return 1.0
 
     def wave_modulus(self, body: int) -> tuple[float, float]:
-        """lambda + 2 mu [Pa] and density [kg/m^3] of one of its bodies, undeformed."""
+        """lambda + 2 mu [Pa] and density [kg/m^3] of one of its bodies, undeformed; of methods with stress."""
         raise NotImplementedError
 
     def broken_pairs(self) -> BrokenPairs | None:
