@@ -22,8 +22,6 @@ from parsolid.simulation.loop import FINISHED
 SHARE = 0.05
 INSIDE, NEAR, OUTSIDE = "inside the bars", "within the tolerance", "outside"
 UNRESOLVED, MISSING = "not resolved", "no value"
-# of the published value, beyond which a run's bar does not count
-WIDE = 0.25
 AS_STATED, NOT_AS_STATED, SHOWN = "as stated", "not as stated", "shown"
 # verdicts of what agrees
 AGREES = (INSIDE, NEAR, AS_STATED)
@@ -213,6 +211,11 @@ class Comparison(SceneModel):
         """How far a run may be off where the source gives no scatter, in the unit of the value."""
         return (self.tolerance or SHARE) * (abs(self.value) or 1.0)
 
+    @property
+    def widest(self) -> float:
+        """The widest bar of a run that can show a disagreement, in the unit of the value."""
+        return max(self.scatter or 0.0, self.allowed)
+
     def computed(self, history: Mapping[str, np.ndarray]) -> float:
         """The number of a run. Raises ValueError where its history does not give it."""
         found = {name: one.value(history) for name, one in self.readings.items()}
@@ -222,13 +225,15 @@ class Comparison(SceneModel):
         return value
 
     def verdict(self, computed: float, bar: float | None) -> str:
-        """Whether a computed number agrees with the published one; a bar that is wide does not count."""
-        miss, wide = abs(computed - self.value), (bar or 0.0) > WIDE * (abs(self.value) or 1.0)
-        if miss <= (self.scatter or 0.0) + (0.0 if wide else bar or 0.0):
-            return INSIDE
-        if self.scatter is None and miss <= self.allowed:
-            return NEAR
-        return UNRESOLVED if wide else OUTSIDE
+        """Whether a computed number agrees with the published one, where its bar is narrow enough to tell."""
+        miss, bar = abs(computed - self.value), bar or 0.0
+        near = self.scatter is None and miss <= self.allowed
+        inside = miss <= (self.scatter or 0.0) + bar
+        if not (inside or near):
+            return OUTSIDE
+        if bar > self.widest:
+            return UNRESOLVED
+        return INSIDE if inside else NEAR
 
 
 @dataclass
@@ -256,8 +261,8 @@ class Row:
     """One line of a report; numbers are None where there is none.
 
     error: of the computed number over the published one, or a relative error against an exact solution; tolerance: of
-    it; remark: the stated cause of a difference; reason: why there is no number; line: the runs' name in pictures;
-    levels: from coarse to fine, of a row without a published number those of its error
+    it; remark: the stated cause of a difference; reason: why there is no number, or why it tells nothing; line: the
+    runs' name in pictures; levels: from coarse to fine, of a row without a published number those of its error
     """
 
     case: str
@@ -286,8 +291,8 @@ class Row:
 
     @property
     def faulty(self) -> bool:
-        """Whether it disagrees and nobody has said why, or has no number."""
-        return self.verdict == MISSING or (self.agrees is False and not self.remark)
+        """Whether it disagrees and nobody has said why, or has no number; what is not resolved does not disagree."""
+        return self.verdict == MISSING or (self.agrees is False and self.verdict != UNRESOLVED and not self.remark)
 
     def errors(self) -> list[tuple[float, float]]:
         """Processor seconds and |error| of its levels that have both."""
@@ -338,6 +343,9 @@ def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
     row.bar, row.order = _bar(stated, line[-1].scene, row.levels)
     row.error = (row.computed - stated.value) / (abs(stated.value) or 1.0)
     row.verdict = stated.verdict(row.computed, row.bar)
+    if row.verdict == UNRESOLVED:
+        values = ", ".join("none" if one.value is None else f"{one.value:.4g}" for one in row.levels)
+        row.reason = f"the bar, {row.bar:.2g}, is wider than {stated.widest:.2g}; from coarse to fine: {values}"
     return row
 
 

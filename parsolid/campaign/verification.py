@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import parsolid
-from parsolid.campaign.comparison import INSIDE, NEAR, SHARE, Row
+from parsolid.campaign.comparison import INSIDE, NEAR, SHARE, UNRESOLVED, Row
 from parsolid.campaign.report import comparison_table
 from parsolid.campaign.study import Planned, make_runs, new_console, report
 from parsolid.exit_status import DONE, WENT_WRONG
@@ -167,7 +167,8 @@ def _head(summaries: list[Summary]) -> list[str]:
         lines.append(
             f"- {len(published)} numbers beside published ones: {counted}. *{INSIDE}*: no farther apart than the run's "
             f"bar and the published scatter together; *{NEAR}*: within {100.0 * SHARE:g} %, or the tolerance that is "
-            "shown, where the source gives no scatter."
+            f"shown, where the source gives no scatter; *{UNRESOLVED}*: not farther apart, but the run's bar is wider "
+            "than scatter and tolerance, and could show no disagreement of that size."
         )
     if asked:
         lines.append(f"- {len(asked)} numbers with a bound: {sum(bool(row.agrees) for row in asked)} as stated.")

@@ -113,14 +113,21 @@ def test_formulas_of_named_numbers():
     [
         ({"value": 2.0}, 2.09, None, NEAR),
         ({"value": -2.0}, -2.11, None, OUTSIDE),
-        ({"value": 2.0}, 2.11, 0.12, INSIDE),
+        ({"value": 2.0}, 2.07, 0.08, INSIDE),
+        ({"value": 2.0, "tolerance": 0.1}, 2.11, 0.12, INSIDE),
         ({"value": 2.0, "scatter": 0.05}, 2.09, None, OUTSIDE),
         ({"value": 2.0, "scatter": 0.05}, 2.09, 0.05, INSIDE),
         ({"value": 2.0, "scatter": 0.05}, 1.96, None, INSIDE),
         ({"value": 2.0, "tolerance": 0.01}, 2.03, 0.02, OUTSIDE),
         ({"value": 0.0, "tolerance": 0.01}, 0.009, None, NEAR),
+        # a bar wider than the tolerance, or than scatter and 5 %, cannot show a disagreement of that size
         ({"value": 2.0}, 2.4, 0.6, UNRESOLVED),
-        ({"value": 2.0}, 2.05, 0.6, NEAR),
+        ({"value": 2.0}, 2.0, 0.11, UNRESOLVED),
+        ({"value": 2.0, "tolerance": 0.01}, 2.0, 0.03, UNRESOLVED),
+        ({"value": 2.0, "scatter": 0.3}, 2.0, 0.31, UNRESOLVED),
+        ({"value": 2.0, "scatter": 0.01}, 2.0, 0.09, INSIDE),
+        # but shows one that is larger than itself
+        ({"value": 2.0}, 2.8, 0.6, OUTSIDE),
     ],
 )
 def test_verdicts(stated, computed, bar, verdict):
@@ -161,6 +168,12 @@ def test_the_bar_is_that_of_the_resolutions():
     (row,) = rows_of_comparison("t", stated, [line[1:]])
     assert row.order is None and row.bar == pytest.approx(3.0 * 0.025)
     assert rows_of_comparison("t", stated, [line[2:]])[0].bar is None
+
+
+def test_what_is_not_resolved_is_told_and_no_fault():
+    line = [case(h, 1.0 + 0.4 * h) for h in (1.0, 0.5, 0.25)]
+    (row,) = rows_of_comparison("t", comparison(value=1.0, readings={"k": {"column": "kinetic"}}), [line])
+    assert (row.verdict, row.agrees, row.faulty) == (UNRESOLVED, False, False) and row.reason
 
 
 def test_runs_without_the_number_are_told():
