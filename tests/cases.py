@@ -151,11 +151,11 @@ def free_mesh(folder) -> Tables:
     return of_mesh(folder, "mixed", 3, body=body, method=method, end_time=5.0)
 
 
-def struck_mesh(folder) -> Tables:
+def struck_mesh(folder, **method) -> Tables:
     """A ball on a mesh, whose particles have unlike masses on springs of contact."""
     shape = {"sphere": {"centre": [1.7, 1.31], "radius": 0.3}}
     tool = {"name": "ball", "shape": shape, "mass": 0.05, "velocity": [0.0, -1.0], "friction": 0.3}
-    return of_mesh(folder, "triangle", 2, counts=(8, 4), tools=[tool])
+    return of_mesh(folder, "triangle", 2, counts=(8, 4), tools=[tool], method=method)
 
 
 def loaded_groups(folder) -> Tables:
@@ -229,6 +229,7 @@ add("column", "tlsph branches", column(), steps=60, balance=1e-3)
 add("ring", "tlsph branches", ring(), steps=60, balance=1e-3)
 add("pulled", "tlsph branches", pulled(), steps=60, balance=5e-3)
 add("column, leapfrog", "tlsph branches", column(method=LEAPS), steps=60, balance=1e-3)
+add("pulled, scaled", "tlsph branches", pulled(**LEAPS, mass_scaling=9.0), steps=20, balance=5e-3)
 add("pulled, leapfrog", "tlsph branches", pulled(**LEAPS), steps=60, balance=5e-3)
 for name, make in {"punch": punch, "column": column}.items():
     add(f"{name}, moved often", "tlsph branches updated", make(method=MOVED | {"update_every": 7}), steps=40)
@@ -236,6 +237,13 @@ for name, make in {"punch": punch, "column": column}.items():
 add("mesh", "tlsph mesh", loaded_mesh, balance=1e-4, stops=(20,))
 add("mesh, free", "tlsph mesh free turns", free_mesh, steps=40, stops=(20,), balance=1e-4, angular=1e-12)
 add("mesh and tool", "tlsph mesh tool contact", struck_mesh, balance=1e-2)
+add(
+    "mesh and tool, scaled",
+    "tlsph mesh tool contact",
+    lambda folder: struck_mesh(folder, mass_scaling=9.0),
+    steps=20,
+    balance=1e-2,
+)
 add("groups of a mesh", "tlsph mesh", loaded_groups, balance=1e-4, stops=(20,))
 add("holed", "tlsph", held(holed(3, dissipation=1.0)), steps=20)
 add("graded", "tlsph", held(graded(3, "fourth-order")), steps=20)

@@ -140,7 +140,7 @@ def body_loads(scene: Scene, particles: Particles) -> list[Load]:
         return np.asarray(tributary_mass(particles, rows) / density[particles.owned_rows("body")[rows]])
 
     def mass(rows: Rows) -> np.ndarray:
-        return tributary_mass(particles, rows)
+        return tributary_mass(particles, rows) / scene.method.inertia_factor
 
     if loads.body_force is not None:
         result.append(DistributedLoad(particles, None, volume, LoadHistory(loads.body_force, loads)))

@@ -211,9 +211,19 @@ def try_out(role: str, law: Any) -> str | None:
 
 
 def laws_of(scene: Any) -> list[Any]:
-    """One law for each body."""
-    state = scene.method.state(scene.dimension)
-    return [law_of(body.material, state) for body in scene.bodies]
+    """One law for each body, with the density of inertia, see `method_settings.MassScaling`."""
+    state, factor = scene.method.state(scene.dimension), scene.method.inertia_factor
+    laws = [law_of(body.material, state) for body in scene.bodies]
+    return laws if factor == 1.0 else [_heavier(law, factor) for law in laws]
+
+
+def _heavier(law: Any, factor: float) -> Any:
+    """A law whose density is so many times that of its matter, and whose heat capacity by volume is the same."""
+    changed = {"density": factor * law.density}
+    if hasattr(law, "specific_heat"):
+        changed |= {name: getattr(law, name) / factor for name in ("specific_heat", "specific_heat_slope")}
+        changed["heat_points"] = None if law.heat_points is None else law.heat_points.over(factor)
+    return law._replace(**changed)
 
 
 def law_at_origin(material: Any) -> Any:

@@ -106,6 +106,10 @@ class Progress:
             self._say(_shares(summary))
         if "energy_check" in summary:
             self._say(f"energy check {summary['energy_check']}: {summary['energy_check_reason']}")
+        if "added_mass" in summary:
+            mass, added = summary["mass"], summary["added_mass"]
+            text = f"mass scaling: {added:.4g} kg added to {mass:.4g} kg"
+            self._say(f"{text}, kinetic energy at most {summary['kinetic_share']:.2g} of the internal one")
         for name, value in (summary.get("errors") or {}).items():
             self._say(f"error {name}: {value:.3g}" if isinstance(value, float) else f"error {name}: {value}")
 

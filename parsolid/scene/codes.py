@@ -143,6 +143,10 @@ ENERGY_CHECK = {
         "inapplicable: the state is outside of what the method holds for, such as turns under small strain",
         "another method, or finite strain",
     ),
+    "scaled-inertia": Code(
+        "inapplicable: with `method.mass_scaling` kinetic energy exceeds 5 % of the internal energy",
+        "a smaller `mass_scaling`, or loads that grow more slowly and smoothly",
+    ),
     "numerical-dissipation": Code(
         "dissipative: the scheme took more than `method.dissipation_warning` of the energy that went in",
         "a finer lattice, weights that close, less `dissipation`",

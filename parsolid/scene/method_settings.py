@@ -20,6 +20,18 @@ class ArtificialViscosity(SceneModel):
     quadratic: NotNegative = Field(2.0, description="factor of the velocity jump over a cell or spacing")
 
 
+# Inertia of a slow motion in longer steps: the square of the factor on stable steps. Weight, heat capacity and rates of
+# flow stay those of the matter.
+MassScaling = Annotated[
+    float | None,
+    Field(
+        gt=1,
+        le=1e8,
+        description="factor on the mass of inertia of slow (quasi-static) motions, whose steps become longer by its "
+        "root; weights stay as they are",
+    ),
+]
+
 # by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"
 # what bodies in motion lose where a stage of equilibria begins
@@ -95,7 +107,7 @@ class MethodSettings(SceneModel):
     on_restart: ClassVar = {
         **dict.fromkeys(("maximum_step", "minimum_step", "substeps", "dissipation_warning"), OnRestart.FREE),
         **dict.fromkeys(("balance_warning", "balance_limit", "cfl", "safety", "rebalance"), OnRestart.FREE),
-        **dict.fromkeys(("kind", "reference", "weights"), OnRestart.FIXED),
+        **dict.fromkeys(("kind", "reference", "weights", "mass_scaling"), OnRestart.FIXED),
     }
     kind: str
     name: Name | None = Field(None, description="of one of several methods: by which bodies call it")
@@ -109,6 +121,19 @@ class MethodSettings(SceneModel):
     dissipation_warning: Positive = Field(
         0.1, description='numerical dissipation over the energy that went in from which a run is "dissipative"'
     )
+
+    @property
+    def inertia_factor(self) -> float:
+        """The mass of inertia over that of the matter."""
+        return getattr(self, "mass_scaling", None) or 1.0
+
+    def faults_of_scaling(self, scene: Any, refused: str | None) -> list[Detail]:
+        """Of `mass_scaling` where it has no effect or no meaning: refused, in words, None where a method has none."""
+        if self.inertia_factor == 1.0:
+            return []
+        if refused is None and scene.loads.manufactured:
+            refused = "with loads.manufactured, the accelerations of an exact motion"
+        return [] if refused is None else [(("method", "mass_scaling"), f"no such key {refused}", self.inertia_factor)]
 
     @classmethod
     def field_kinds(cls, dimension: int | None) -> dict[str, str]:

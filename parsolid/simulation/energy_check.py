@@ -36,10 +36,13 @@ ENERGY_UNACCOUNTED, ENERGY_GIVEN, LONG_STEP = "energy-unaccounted", "energy-give
 MOMENTUM_LOST, ANGULAR_MOMENTUM_LOST = "momentum-lost", "angular-momentum-lost"
 BEYOND_THE_METHOD = "beyond-the-method"
 NUMERICAL_DISSIPATION, ARTIFICIAL_VISCOSITY = "numerical-dissipation", "artificial-viscosity"
+NOT_SLOW = "scaled-inertia"
+# of the internal energy, the kinetic energy up to which a motion with `method.mass_scaling` counts as slow
+_SLOW = 0.05
 
 
 # of `EnergyCheck`, what a restart goes on with
-_STATE = ("largest", "worst", "growth", "entered", "gained", "offset")
+_STATE = ("largest", "worst", "growth", "entered", "gained", "offset", "kinetic", "internal")
 
 
 class Finding(NamedTuple):
@@ -75,12 +78,15 @@ class EnergyCheck:
     largest |energy error| so far [J]; offset: the largest change of leapfrog's kinetic offset [J]; entered: the most
     energy that has gone in so far, what there was at the start and the external work [J]; lost, viscous: the numerical
     dissipation and what artificial viscosity took [J] by the last row; growth: the most that went in within a step of
-    late [J]; violation: the first energy error [J] beyond the limit, None while there was none.
+    late [J]; kinetic, internal: the largest kinetic energy, and stored energy with what laws dissipated, so far [J];
+    scaled: whether inertia is that of more mass; violation: the first energy error [J] beyond the limit, None while
+    there was none.
     """
 
-    def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = ()) -> None:
+    def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = (), scaled: bool = False) -> None:
         """viscous_terms: entries of a row that the artificial viscosity fills."""
-        self.limits, self.viscous_terms = limits, viscous_terms
+        self.limits, self.viscous_terms, self.scaled = limits, viscous_terms, scaled
+        self.kinetic = self.internal = 0.0
         self.largest = self.worst = self.entered = self.lost = self.viscous = self.growth = self.gained = 0.0
         self.offset = 0.0
         self.violation: float | None = None
@@ -93,6 +99,8 @@ class EnergyCheck:
         the last of them [J]."""
         before = self.largest
         self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", stored_energy(row), "external_work")))
+        self.kinetic = max(self.kinetic, row["kinetic"])
+        self.internal = max(self.internal, row[stored_energy(row)] + row.get("material_dissipation", 0.0))
         if steps is not None:
             # what was there at the start has not gone in, nor what comes from nowhere
             brought = self.largest - max(before, abs(initial)) - abs(row["energy_error"])
@@ -127,6 +135,11 @@ class EnergyCheck:
         """
         over = self.largest if self.largest > _ROUND_OFF * scale else scale
         return balance / over if over > 0.0 else None
+
+    @property
+    def kinetic_share(self) -> float:
+        """The largest kinetic over the largest internal energy of the run."""
+        return self.kinetic / self.internal if self.internal > 0.0 else float(np.sign(self.kinetic))
 
     def verdict(
         self,
@@ -195,6 +208,9 @@ class EnergyCheck:
             if not lost <= _MOMENTUM:
                 reason = f"nothing acts from outside, and the {code.removesuffix('-lost').replace('-', ' ')} changes by"
                 found.append(Finding("unbalanced", code, f"{reason} {lost:.2g} of what moves"))
+        if self.scaled and self.kinetic_share > _SLOW:
+            reason = f"kinetic energy reaches {_percent(self.kinetic_share)} of the internal one (method.mass_scaling)"
+            found.append(Finding("inapplicable", NOT_SLOW, f"the motion is not slow: {reason}"))
         found += [Finding("inapplicable", BEYOND_THE_METHOD, doubt) for doubt in doubts]
         if max(abs(share), abs(share + viscous)) > limits.dissipation_warning:
             own = abs(share) > limits.dissipation_warning

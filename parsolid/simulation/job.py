@@ -149,6 +149,9 @@ def summary_of(
         # those of a further system of the same method with its number
         found = system.summary()
         of_methods |= {f"{name}_{number}" if name in of_methods else name: value for name, value in found.items()}
+    inertias = [comm.allreduce(float(s.mass[: s.owned] @ s.share[: s.owned])) for s in systems]
+    inertia = sum(inertias)
+    mass = sum(one / s.settings.inertia_factor for one, s in zip(inertias, systems))
     momenta = (0.0, 0.0) if simulation.momenta is None else simulation.momenta.shares()
     return {
         "scene": scene.title,
@@ -156,7 +159,7 @@ def summary_of(
         "dimension": scene.dimension,
         "particles": simulation.particles,
         "pairs": pairs // 2,
-        "mass": comm.allreduce(sum(float(s.mass[: s.owned] @ s.share[: s.owned]) for s in systems)),
+        "mass": mass,
         "ranks": ranks,
         "steps": spent.step,
         "steps_this_run": steps,
@@ -178,6 +181,7 @@ def summary_of(
         **of_methods,
         **_of_several(simulation, steps),
         **_of_stages(simulation),
+        **({"added_mass": inertia - mass, "kinetic_share": check.kinetic_share} if check.scaled else {}),
         "status": status,
         "errors": errors,
     }

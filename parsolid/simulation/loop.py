@@ -73,7 +73,8 @@ class Simulation:
         """
         self.comm, self.scene, self.clock = comm, scene, Clock()
         limits = EnergyLimits.of(system.settings for system in scene.systems)
-        self.ledger, self.energy_check = ledger_of(scene), EnergyCheck(limits, viscous_terms_of(scene))
+        scaled = any(one.settings.inertia_factor > 1.0 for one in scene.systems)
+        self.ledger, self.energy_check = ledger_of(scene), EnergyCheck(limits, viscous_terms_of(scene), scaled)
         if restart:
             restart.check(scene)
         # of runs before this one in the same process

@@ -23,6 +23,10 @@ class HeatPoints(NamedTuple):
     slopes: tuple[float, ...]
     heats: tuple[float, ...]
 
+    def over(self, factor: float) -> "HeatPoints":
+        """Capacities smaller by a factor."""
+        return HeatPoints(self.temperatures, *(tuple(one / factor for one in row) for row in self[1:]))
+
 
 def heat_points(temperatures: Any, values: Any) -> HeatPoints:
     """Of 2 to POINTS temperatures that rise [K] and C_v there [J/(kg K)]."""

@@ -11,7 +11,7 @@ from parsolid.methods.plastic_fields import FLOW_FIELDS, PLASTIC_STATE, fields_o
 from parsolid.scene.base_model import Point, Positive, dimension_of, reject
 from parsolid.scene.codes import Note
 from parsolid.scene.contact import in_contact
-from parsolid.scene.method_settings import KINETIC_OFFSET, ArtificialViscosity, MethodSettings
+from parsolid.scene.method_settings import KINETIC_OFFSET, ArtificialViscosity, MassScaling, MethodSettings
 from parsolid.scene.plasticity import QUANTITIES, faults_of_names
 
 Basis = Literal["linear", "ugimp", "quadratic-spline", "cubic-spline"]
@@ -106,6 +106,8 @@ class MaterialPoint(MethodSettings):
     rebalance: float = Field(
         1.2, gt=1, description="largest over mean number of particles on a rank beyond which cells are dealt out anew"
     )
+
+    mass_scaling: MassScaling = None
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "MaterialPoint":
@@ -211,6 +213,9 @@ class MaterialPoint(MethodSettings):
             )
         parts = [getattr(body.material, "parts", {}) for body in scene.bodies]
         conducting = any(each.get("conductivity") or each.get("conductivity_tensor") for each in parts)
+        # conduction has a time scale of its own, which inertia must not reach
+        heat = "where heat is conducted (method.conduction)" if conducting and self.conduction else None
+        details += self.faults_of_scaling(scene, heat if self.motion else "where nothing moves")
         for i, boundary in enumerate(scene.boundaries):
             if boundary.kind in _LOADS and self.geometry == "axisymmetric":
                 details.append((("boundaries", i, "kind"), "no load on a surface about an axis", boundary.kind))

@@ -28,7 +28,7 @@ from parsolid.scene.base_model import (
 from parsolid.scene.codes import Note
 from parsolid.scene.contact import in_contact
 from parsolid.scene.materials import HyperelasticSolid
-from parsolid.scene.method_settings import ArtificialViscosity, MethodSettings
+from parsolid.scene.method_settings import ArtificialViscosity, MassScaling, MethodSettings
 from parsolid.scene.plasticity import faults_of_names
 from parsolid.scene.shapes import Box
 
@@ -284,6 +284,7 @@ class Peridynamics(MethodSettings):
         "`methods.peridynamics.fracture`) follow cracks",
     )
     pre_cracks: list[PreCrack] = []
+    mass_scaling: MassScaling = None
 
     def reach(self, spacing: np.ndarray) -> np.ndarray:
         """The horizon."""
@@ -327,6 +328,8 @@ class Peridynamics(MethodSettings):
     def scene_faults(self, scene: Any) -> list[Detail]:
         """Laws that would have to find their own thickness, and what solids that flow do not bear."""
         faults = self._unknown_thickness(scene) + self._plastic_faults(scene)
+        solved = "with equilibrium instead of motion" if self.solution.kind != "explicit" else None
+        faults += self.faults_of_scaling(scene, solved)
         if self.stabilisation.kind != "none" and any(body.material.kind == "mazars" for body in scene.bodies):
             expected = "'none' with a law that softens in a band, which an elastic control would hold together"
             faults.append((("method", "stabilisation", "kind"), expected, self.stabilisation.kind))

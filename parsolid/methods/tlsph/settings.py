@@ -29,7 +29,7 @@ from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, reject
 from parsolid.scene.codes import Note
 from parsolid.scene.contact import of_model
-from parsolid.scene.method_settings import KINETIC_OFFSET, STAGE_CHANGE, MethodSettings
+from parsolid.scene.method_settings import KINETIC_OFFSET, STAGE_CHANGE, MassScaling, MethodSettings
 from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.plasticity import faults_of_names
 from parsolid.scene.validation_errors import NOTHING
@@ -171,6 +171,8 @@ class TotalLagrangianSPH(MethodSettings):
         description="part of their volume that nodes of boxes with weights in closed form do without where a fixed "
         "plane meets a free face, for the singular stress there (docs/tlsph.md)",
     )
+
+    mass_scaling: MassScaling = None
 
     @property
     def prescribes(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -359,6 +361,9 @@ class TotalLagrangianSPH(MethodSettings):
         if self.integrator == "ssp-rk3" and _meets(scene):
             expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
+        used = self.integrators(scene)
+        solved = used <= _SOLVED | {""} or "implicit" in used
+        faults += self.faults_of_scaling(scene, "but where waves bound the steps" if solved else None)
         faults += lattice_faults(self.pair_weights, scene) + self._grading_faults(scene) + self._plastic_faults(scene)
         if self.integrator == "ssp-rk3" and any(
             SOFTENING in getattr(body.material, "ledger_terms", {}) for body in scene.bodies
