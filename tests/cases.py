@@ -101,6 +101,11 @@ def cases(*tags: str, without: tuple[str, ...] = ()) -> list[str]:
     return [name for name, case in CASES.items() if case.tags.issuperset(tags) and not case.tags & set(without)]
 
 
+def one_of_each_tag() -> set[str]:
+    """Names of the first scene of every tag."""
+    return {next(iter(cases(tag))) for tag in {tag for case in CASES.values() for tag in case.tags}}
+
+
 # --- total-Lagrangian SPH ----------------------------------------------------------------------------------------
 
 

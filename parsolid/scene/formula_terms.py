@@ -1,15 +1,16 @@
-"""Terms of formulas: numpy functions of values and, where they are asked for, of rates of change in time.
+"""Terms of formulas: their values, their rates of change in time, and how they split into time and place.
 
-A term is a tree of constants, names, functions and tables, which are read from CSV files. Its rate is found with dual
-numbers: every value has its rate, None where it does not change in time; at a jump or a corner it is the one after it.
+A term is a tree of constants, names and functions. Its rate is a term, too, made by the rules of the table FUNCTIONS;
+at a jump or a corner it is the one after it.
 """
 
+import ast
 import csv
 import math
 import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,428 +56,6 @@ def read_csv_table(path: str, column: str | None = None) -> tuple[np.ndarray, np
     return places, values
 
 
-class Dual(NamedTuple):
-    """A value and its rate in time, both numbers or (n,) arrays."""
-
-    value: Any
-    rate: Any = None
-
-
-class Function(NamedTuple):
-    """A function that takes so many values.
-
-    rate: that of its value, from the value and the duals that are given, None where it has none; flat: whether it is 0
-    wherever there is one; number: the value of Python's numbers, found five times as fast, None where numpy alone has
-    it; where it raises ArithmeticError or ValueError, numpy has inf or nan.
-    """
-
-    value: Callable[..., Any]
-    takes: int = 1
-    rate: Callable[..., Any] | None = None
-    flat: bool = False
-    number: Callable[..., Any] | None = None
-
-
-def _sum(a: Any, b: Any) -> Any:
-    return b if a is None else a if b is None else a + b
-
-
-def _product(rate: Any, factor: Any) -> Any:
-    return None if rate is None else rate * factor
-
-
-# whole exponents of which powers are products
-_WHOLE = frozenset(map(float, range(1, 17)))
-
-
-def _power(base: Any, exponent: Any) -> Any:
-    if not isinstance(exponent, float) or exponent not in _WHOLE:
-        return base**exponent
-    result, square, left = None, base, int(exponent)
-    while left:
-        if left & 1:
-            result = square if result is None else result * square
-        left >>= 1
-        square = square * square if left else square
-    return result
-
-
-def _rate_of_power(value: Any, a: Dual, b: Dual) -> Any:
-    if b.rate is None:
-        return a.rate * b.value * _power(a.value, b.value - 1.0)
-    return value * _sum(b.rate * np.log(a.value), _product(a.rate, b.value / a.value))
-
-
-def _where(condition: Any, a: Any, b: Any) -> Any:
-    if np.asarray(condition).dtype != bool:
-        raise TypeError("where() wants a comparison first")
-    return np.where(condition, a, b)
-
-
-def _chosen(first: Any, a: Dual, b: Dual) -> Any:
-    rates = [0.0 if one.rate is None else one.rate for one in (a, b)]
-    return rates[0 if first else 1] if isinstance(first, bool) else np.where(first, *rates)
-
-
-def _rate_of_clip(value: Any, x: Dual, lowest: Dual, highest: Dual) -> Any:
-    larger = Dual(np.maximum(x.value, lowest.value), _chosen(x.value >= lowest.value, x, lowest))
-    return _chosen(larger.value < highest.value, larger, highest)
-
-
-def _share(x: Any, begin: Any, end: Any) -> Any:
-    return (x - begin) / (end - begin)
-
-
-def _rate_of_ramp(value: Any, x: Dual, begin: Dual, end: Dual) -> Any:
-    share, width = _share(x.value, begin.value, end.value), end.value - begin.value
-    rate = _sum(_product(x.rate, 1.0 / width), _product(begin.rate, (share - 1.0) / width))
-    rate = _sum(rate, _product(end.rate, -share / width))
-    return _rate_of_clip(value, Dual(share, rate), Dual(0.0), Dual(1.0))
-
-
-# d f(x) / dx by a module: numpy, or math for Python's numbers
-_SLOPES: dict[str, Callable[[Any, Any], Any]] = {
-    "sin": lambda by, x: by.cos(x),
-    "cos": lambda by, x: -by.sin(x),
-    "tan": lambda by, x: 1.0 + by.tan(x) ** 2,
-    "exp": lambda by, x: by.exp(x),
-    "expm1": lambda by, x: by.exp(x),
-    "log": lambda by, x: 1.0 / x,
-    "log1p": lambda by, x: 1.0 / (1.0 + x),
-    "log2": lambda by, x: 1.0 / (x * by.log(2.0)),
-    "log10": lambda by, x: 1.0 / (x * by.log(10.0)),
-    "sqrt": lambda by, x: 0.5 / by.sqrt(x),
-    "sinh": lambda by, x: by.cosh(x),
-    "cosh": lambda by, x: by.sinh(x),
-    "tanh": lambda by, x: 1.0 - by.tanh(x) ** 2,
-    "arctan": lambda by, x: 1.0 / (1.0 + x * x),
-    "arcsin": lambda by, x: 1.0 / by.sqrt(1.0 - x * x),
-    "arccos": lambda by, x: -1.0 / by.sqrt(1.0 - x * x),
-    "arcsinh": lambda by, x: 1.0 / by.sqrt(x * x + 1.0),
-    "arccosh": lambda by, x: 1.0 / by.sqrt(x * x - 1.0),
-    "arctanh": lambda by, x: 1.0 / (1.0 - x * x),
-    "abs": lambda by, x: np.sign(x),
-}
-
-
-def _with_slope(name: str) -> Function:
-    slope = _SLOPES[name]
-
-    def rate(value: Any, x: Dual) -> Any:
-        return slope(math if type(x.value) is float else np, x.value) * x.rate
-
-    number = abs if name == "abs" else getattr(math, name.replace("arc", "a"))
-    return Function(getattr(np, name), 1, rate, number=number)
-
-
-_FLAT = ("sign", "floor", "ceil", "round", "trunc", "isnan", "isinf", "isfinite", "signbit")
-# what a formula may call
-FUNCTIONS: dict[str, Function] = {
-    **{name: _with_slope(name) for name in _SLOPES},
-    **{name: Function(getattr(np, name), 1, flat=True) for name in _FLAT},
-    **{name: Function(getattr(np, name), 2) for name in ("arctan2", "fmod", "hypot", "copysign", "nextafter")},
-    # as C and Fortran call it
-    "atan2": Function(np.arctan2, 2),
-    "where": Function(
-        _where,
-        3,
-        lambda value, condition, a, b: _chosen(condition.value, a, b),
-        number=lambda condition, a, b: a if condition else b,
-    ),
-    # where both are equal, what the first does after a corner of time that rises; what is not a number stays
-    "minimum": Function(
-        np.minimum,
-        2,
-        lambda value, a, b: _chosen(a.value < b.value, a, b),
-        number=lambda a, b: a if a < b or math.isnan(a) else b,
-    ),
-    "maximum": Function(
-        np.maximum,
-        2,
-        lambda value, a, b: _chosen(a.value >= b.value, a, b),
-        number=lambda a, b: a if a > b or math.isnan(a) else b,
-    ),
-    "clip": Function(
-        lambda x, lowest, highest: np.minimum(np.maximum(x, lowest), highest),
-        3,
-        _rate_of_clip,
-        number=lambda x, lowest, highest: min(max(x, lowest), highest),
-    ),
-    "ramp": Function(
-        lambda *given: np.minimum(np.maximum(_share(*given), 0.0), 1.0),
-        3,
-        _rate_of_ramp,
-        number=lambda *given: 0.0 if (share := _share(*given)) < 0.0 else min(share, 1.0),
-    ),
-    "step": Function(
-        lambda x, begin: np.where(x < begin, 0.0, 1.0),
-        2,
-        flat=True,
-        number=lambda x, begin: 0.0 if x < begin else 1.0,
-    ),
-}
-# operators, by their names in a parsed text; those whose values are true or false first
-_LOGICAL: dict[str, tuple[Any, Any]] = {
-    "Lt": (np.less, operator.lt),
-    "LtE": (np.less_equal, operator.le),
-    "Gt": (np.greater, operator.gt),
-    "GtE": (np.greater_equal, operator.ge),
-    "Eq": (np.equal, operator.eq),
-    "NotEq": (np.not_equal, operator.ne),
-    "BitAnd": (np.bitwise_and, operator.and_),
-    "BitOr": (np.bitwise_or, operator.or_),
-    "Invert": (np.invert, operator.not_),
-}
-LOGICAL = frozenset(_LOGICAL)
-
-
-def _arithmetic(function: Callable[..., Any], rate: Callable[..., Any]) -> Function:
-    return Function(function, rate=rate, number=function)
-
-
-_OPERATORS: dict[str, Function] = {
-    **{name: Function(function, flat=True, number=number) for name, (function, number) in _LOGICAL.items()},
-    "Add": _arithmetic(operator.add, lambda value, a, b: _sum(a.rate, b.rate)),
-    "Sub": _arithmetic(operator.sub, lambda value, a, b: _sum(a.rate, _product(b.rate, -1.0))),
-    "Mult": _arithmetic(operator.mul, lambda value, a, b: _sum(_product(a.rate, b.value), _product(b.rate, a.value))),
-    "Div": _arithmetic(
-        operator.truediv, lambda value, a, b: _sum(_product(a.rate, 1.0 / b.value), _product(b.rate, -value / b.value))
-    ),
-    # of a negative number Python's own power is complex
-    "Pow": Function(_power, rate=_rate_of_power, number=lambda a, b: _power(a, b) if b in _WHOLE else math.pow(a, b)),
-    "Mod": Function(np.fmod),
-    "USub": _arithmetic(operator.neg, lambda value, a: -a.rate),
-    "UAdd": _arithmetic(operator.pos, lambda value, a: a.rate),
-}
-
-
-def _by_numpy(function: Callable[..., Any], *numbers: float) -> float:
-    """A function of numbers for which Python has no value."""
-    with np.errstate(all="ignore"):
-        return float(function(*map(np.float64, numbers)))
-
-
-def _in_time(function: Callable[..., Any], given: Sequence[Callable[[Any], Any]], fast: Any) -> Callable[[Any], Any]:
-    """A function of functions of time, as a function of time; fast: the same of Python's numbers, if these are given
-    and there is one."""
-    if fast is None:
-        return lambda time: function(*[one(time) for one in given])
-    first, second = given[0], given[-1]
-
-    def of_one(time: float) -> Any:
-        number = first(time)
-        try:
-            return fast(number)
-        except (ArithmeticError, ValueError):
-            return _by_numpy(function, number)
-
-    def of_two(time: float) -> Any:
-        a, b = first(time), second(time)
-        try:
-            return fast(a, b)
-        except (ArithmeticError, ValueError):
-            return _by_numpy(function, a, b)
-
-    def of_several(time: float) -> Any:
-        numbers = [one(time) for one in given]
-        try:
-            return fast(*numbers)
-        except (ArithmeticError, ValueError):
-            return _by_numpy(function, *numbers)
-
-    return {1: of_one, 2: of_two}.get(len(given), of_several)
-
-
-class Product(NamedTuple):
-    """A function of time (None: 1) times what is the same at all times, a number or (n,); pointwise: whether the
-    function has (n,) values, too."""
-
-    factor: Callable[[Any], Any] | None
-    mode: Any
-    pointwise: bool = False
-
-    def over(self, other: "Product", divide: Callable[[Any, Any], Any]) -> "Product":
-        """This and another one, multiplied or divided."""
-        mode, pointwise = divide(self.mode, other.mode), self.pointwise or other.pointwise
-        if other.factor is None:
-            return Product(self.factor, mode, pointwise)
-        factors = [self.factor or (lambda time: 1.0), other.factor]
-        return Product(_in_time(divide, factors, None if pointwise else divide), mode, pointwise)
-
-
-class Term:
-    """Part of a formula; names: those that its value depends on; looked_up: whether a table is in it; has_rate: whether
-    its value changes in time other than by jumps; logical: whether it may be true or false, which no numbers add to."""
-
-    names: frozenset[str] = frozenset()
-    looked_up = has_rate = logical = False
-
-    def value(self, known: Mapping[str, Any]) -> Any:
-        """The value, of those that the names stand for."""
-        raise NotImplementedError
-
-    def at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
-        """The value as a function of time alone, at coordinates (n,); what does not change in time is found once."""
-        if "t" in self.names:
-            return self._in_time_at(places)
-        value = self.value(places)
-        number = value.item() if isinstance(value, np.generic) else value
-        return lambda time: number
-
-    def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
-        """See `at`, of a term with time in it."""
-        raise NotImplementedError
-
-    def products(self, places: Mapping[str, Any]) -> list[Product]:
-        """The value at coordinates (n,) as a sum of products; of one alone, whose factor has (n,) values, where it is
-        no such sum."""
-        if "t" not in self.names:
-            return [Product(None, self.value(places))]
-        if len(self.names) == 1:
-            return [Product(self.at(places), 1.0)]
-        return self._separated(places) or [Product(self.at(places), 1.0, True)]
-
-    def _separated(self, places: Mapping[str, Any]) -> list[Product]:
-        """See `products`, of a term with time in it; nothing where it is no such sum."""
-        return []
-
-    def dual_at(self, places: Mapping[str, Any], fast: bool) -> Callable[[Any], Dual]:
-        """The value and its rate in time as a function of time, at coordinates (n,); fast: with Python's numbers, which
-        raise ArithmeticError or ValueError where numpy has inf or nan. Raises ValueError for a function that has no
-        rate."""
-        if self.has_rate:
-            return self._dual_in_time_at(places, fast and self.names == {"t"})
-        value = self.at(places)
-        return lambda time: Dual(value(time))
-
-    def _dual_in_time_at(self, places: Mapping[str, Any], fast: bool) -> Callable[[Any], Dual]:
-        """See `dual_at`, of a term with a rate."""
-        raise NotImplementedError
-
-    def in_time(self, time: float) -> float | None:
-        """The value at a time [s]; None where it depends on more, or on a table."""
-        return None if self.looked_up or self.names - {"t"} else float(self.value({"t": np.float64(time)}))
-
-
-class Constant(Term):
-    """A number, or true or false."""
-
-    def __init__(self, number: Any) -> None:
-        self.number, self.logical = number, isinstance(number, np.bool_)
-
-    def value(self, known: Mapping[str, Any]) -> Any:
-        return self.number
-
-
-class Name(Term):
-    """A coordinate or the time."""
-
-    def __init__(self, name: str) -> None:
-        self.name, self.names, self.has_rate = name, frozenset((name,)), name == "t"
-
-    def value(self, known: Mapping[str, Any]) -> Any:
-        return known[self.name]
-
-    def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
-        return lambda time: time
-
-    def _dual_in_time_at(self, places: Mapping[str, Any], fast: bool) -> Callable[[Any], Dual]:
-        return lambda time: Dual(time, 1.0)
-
-
-class Applied(Term):
-    """A function or an operator of other terms."""
-
-    def __init__(self, name: str, *arguments: Term) -> None:
-        self.name, self.arguments = name, arguments
-        self.names = frozenset().union(*(one.names for one in arguments))
-        self.looked_up = any(one.looked_up for one in arguments)
-        self.has_rate = not self.function.flat and any(one.has_rate for one in arguments)
-        self.logical = name in LOGICAL or all(one.logical for one in arguments)
-
-    @property
-    def function(self) -> Function:
-        """What is applied."""
-        return _OPERATORS[self.name] if self.name in _OPERATORS else FUNCTIONS[self.name]
-
-    @property
-    def _of_numbers(self) -> Callable[..., Any] | None:
-        """What is applied to Python's numbers, None where nothing but numpy has it."""
-        if self.name != "where" and self.name not in LOGICAL and any(one.logical for one in self.arguments):
-            # of which sums are true or false themselves in numpy
-            return lambda *given: self.function.value(*(np.asarray(one)[()] for one in given))
-        return self.function.number
-
-    def value(self, known: Mapping[str, Any]) -> Any:
-        return self.function.value(*[one.value(known) for one in self.arguments])
-
-    def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
-        function, fast, given = self.function.value, None, self.arguments
-        if self.names == {"t"}:
-            fast = self._of_numbers
-            if len(given) == 2 and fast is not None and not given[0].names and not given[0].looked_up:
-                constant, given = given[0].value(places), given[1:]
-                function, fast = partial(function, constant), partial(fast, constant.item())
-        return _in_time(function, [one.at(places) for one in given], fast)
-
-    def _separated(self, places: Mapping[str, Any]) -> list[Product]:
-        if self.name not in ("Add", "Sub", "Mult", "Div") or any(one.logical for one in self.arguments):
-            return []
-        left, right = (one.products(places) for one in self.arguments)
-        if self.name in ("Add", "Sub"):
-            sign = 1.0 if self.name == "Add" else -1.0
-            return [*left, *(one._replace(mode=sign * one.mode) for one in right)]
-        # of two sums the product may cancel
-        if len(right) == 1:
-            return [one.over(right[0], self.function.value) for one in left]
-        return (
-            [one.over(left[0], self.function.value) for one in right] if (len(left), self.name) == (1, "Mult") else []
-        )
-
-    def _dual_in_time_at(self, places: Mapping[str, Any], fast: bool) -> Callable[[Any], Dual]:
-        if self.function.rate is None:
-            raise ValueError(f"no rate of {self.name!r}")
-        rate, given = self.function.rate, [one.dual_at(places, fast) for one in self.arguments]
-        function = self._of_numbers if fast and self._of_numbers is not None else self.function.value
-
-        def of_one(time: Any) -> Dual:
-            only = given[0](time)
-            value = function(only.value)
-            return Dual(value, rate(value, only))
-
-        def of_several(time: Any) -> Dual:
-            duals = [one(time) for one in given]
-            value = function(*[one.value for one in duals])
-            return Dual(value, rate(value, *duals))
-
-        return of_one if len(given) == 1 else of_several
-
-
-class Looked(Term):
-    """The values of a table at those of a term."""
-
-    looked_up = True
-
-    def __init__(self, table: "Table", argument: Term) -> None:
-        self.table, self.argument, self.names, self.has_rate = table, argument, argument.names, argument.has_rate
-
-    def value(self, known: Mapping[str, Any]) -> Any:
-        return self.table.at(self.argument.value(known))
-
-    def _in_time_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
-        table, argument = self.table, self.argument.at(places)
-        return lambda time: table.at(argument(time))
-
-    def _dual_in_time_at(self, places: Mapping[str, Any], fast: bool) -> Callable[[Any], Dual]:
-        table, argument = self.table, self.argument.dual_at(places, fast)
-
-        def dual(time: Any) -> Dual:
-            place = argument(time)
-            return Dual(table.at(place.value), table.slope(place.value) * place.rate)
-
-        return dual
-
-
 class Table:
     """Two columns of a CSV file: linear between rows, constant outside; a repeated place jumps."""
 
@@ -505,3 +84,273 @@ class Table:
     def jumps(self) -> np.ndarray:
         """Places at which the values jump."""
         return self.places[1:][np.diff(self.places) == 0.0]
+
+
+# whole exponents of which powers are products
+_WHOLE = frozenset(map(float, range(1, 17)))
+
+
+def _power(base: Any, exponent: Any) -> Any:
+    if not isinstance(exponent, float) or exponent not in _WHOLE:
+        return base**exponent
+    result, square, left = None, base, int(exponent)
+    while left:
+        if left & 1:
+            result = square if result is None else result * square
+        left >>= 1
+        square = square * square if left else square
+    return result
+
+
+def _where(condition: Any, a: Any, b: Any) -> Any:
+    if np.asarray(condition).dtype != bool:
+        raise TypeError("where() wants a comparison first")
+    return np.where(condition, a, b)
+
+
+def _ramp_of_numbers(x: float, begin: float, end: float) -> float:
+    share = (x - begin) / (end - begin)
+    return 0.0 if share < 0.0 else min(share, 1.0)
+
+
+class Function(NamedTuple):
+    """A function that takes so many values.
+
+    value: by numpy; rate: that of its value in time, a formula of its arguments a, b, c and of their rates da, db, dc,
+    None where it has none; number: of Python's numbers, found five times as fast, None where numpy alone has it; where
+    it raises ArithmeticError or ValueError, numpy has inf or nan.
+    """
+
+    value: Callable[..., Any]
+    takes: int = 1
+    rate: str | None = None
+    number: Callable[..., Any] | None = None
+
+
+_RATES = {
+    "sin": "cos(a)*da",
+    "cos": "-sin(a)*da",
+    "tan": "(1 + tan(a)**2)*da",
+    "exp": "exp(a)*da",
+    "expm1": "exp(a)*da",
+    "log": "da/a",
+    "log1p": "da/(1 + a)",
+    "log2": "da/(a*log(2))",
+    "log10": "da/(a*log(10))",
+    "sqrt": "0.5*da/sqrt(a)",
+    "sinh": "cosh(a)*da",
+    "cosh": "sinh(a)*da",
+    "tanh": "(1 - tanh(a)**2)*da",
+    "arctan": "da/(1 + a*a)",
+    "arcsin": "da/sqrt(1 - a*a)",
+    "arccos": "-da/sqrt(1 - a*a)",
+    "arcsinh": "da/sqrt(a*a + 1)",
+    "arccosh": "da/sqrt(a*a - 1)",
+    "arctanh": "da/(1 - a*a)",
+}
+_FLAT = ("sign", "floor", "ceil", "round", "trunc", "isnan", "isinf", "isfinite", "signbit")
+# what a formula may call
+FUNCTIONS: dict[str, Function] = {
+    **{
+        name: Function(getattr(np, name), 1, rate, getattr(math, name.replace("arc", "a")))
+        for name, rate in _RATES.items()
+    },
+    "abs": Function(np.abs, 1, "sign(a)*da", abs),
+    **{name: Function(getattr(np, name), 1, "0") for name in _FLAT},
+    **{name: Function(getattr(np, name), 2) for name in ("arctan2", "fmod", "hypot", "copysign", "nextafter")},
+    # as C and Fortran call it
+    "atan2": Function(np.arctan2, 2),
+    "where": Function(_where, 3, "where(a, db, dc)", lambda condition, a, b: a if condition else b),
+    # where both are equal, what the first does after a corner of time that rises; what is not a number stays
+    "minimum": Function(np.minimum, 2, "where(a < b, da, db)", lambda a, b: a if a < b or math.isnan(a) else b),
+    "maximum": Function(np.maximum, 2, "where(a >= b, da, db)", lambda a, b: a if a > b or math.isnan(a) else b),
+    "clip": Function(
+        lambda x, lowest, highest: np.minimum(np.maximum(x, lowest), highest),
+        3,
+        "where(maximum(a, b) < c, where(a >= b, da, db), dc)",
+        lambda x, lowest, highest: min(max(x, lowest), highest),
+    ),
+    "ramp": Function(
+        lambda x, begin, end: np.minimum(np.maximum((x - begin) / (end - begin), 0.0), 1.0),
+        3,
+        "where(((a - b)/(c - b) >= 0) & ((a - b)/(c - b) < 1), (da + ((a - c)*db - (a - b)*dc)/(c - b))/(c - b), 0)",
+        _ramp_of_numbers,
+    ),
+    "step": Function(lambda x, begin: np.where(x < begin, 0.0, 1.0), 2, "0", lambda x, b: 0.0 if x < b else 1.0),
+}
+# operators, by their names in a parsed text; those whose values are true or false first
+LOGICAL: dict[str, Function] = {
+    "Lt": Function(np.less, 2, "0", operator.lt),
+    "LtE": Function(np.less_equal, 2, "0", operator.le),
+    "Gt": Function(np.greater, 2, "0", operator.gt),
+    "GtE": Function(np.greater_equal, 2, "0", operator.ge),
+    "Eq": Function(np.equal, 2, "0", operator.eq),
+    "NotEq": Function(np.not_equal, 2, "0", operator.ne),
+    "BitAnd": Function(np.bitwise_and, 2, "0", operator.and_),
+    "BitOr": Function(np.bitwise_or, 2, "0", operator.or_),
+    "Invert": Function(np.invert, 1, "0", operator.not_),
+}
+_APPLIED: dict[str, Function] = (
+    FUNCTIONS
+    | LOGICAL
+    | {
+        "Add": Function(operator.add, 2, "da + db", operator.add),
+        "Sub": Function(operator.sub, 2, "da - db", operator.sub),
+        "Mult": Function(operator.mul, 2, "da*b + db*a", operator.mul),
+        "Div": Function(operator.truediv, 2, "da/b - a*db/b/b", operator.truediv),
+        # of a negative number Python's own power is complex
+        "Pow": Function(
+            _power,
+            2,
+            "a**b*(db*log(a) + da*b/a)",
+            lambda a, b: _power(a, b) if b in _WHOLE else math.pow(a, b),
+        ),
+        "Mod": Function(np.fmod, 2),
+        "USub": Function(operator.neg, 1, "-da", operator.neg),
+        "UAdd": Function(operator.pos, 1, "da", operator.pos),
+        # a table is the first argument
+        "table": Function(lambda table, place: table.at(place), 2, "slope(a, b)*db"),
+        "slope": Function(lambda table, place: table.slope(place), 2, "0"),
+    }
+)
+
+
+class Term:
+    """A constant, a name, or a function of other terms.
+
+    names: those that its value depends on; looked_up: whether a table is in it; logical: whether it may be true or
+    false, which no numbers add to.
+    """
+
+    names: frozenset[str]
+    looked_up: bool
+    logical: bool
+
+    def __init__(self, of: str = "", *arguments: "Term", constant: Any = None) -> None:
+        """of: a name if there are no arguments and no constant, else what is applied."""
+        self.of, self.arguments, self.constant = of, arguments, constant
+        own = () if arguments or constant is not None else (of,)
+        self.names = frozenset(own).union(*(one.names for one in arguments))
+        self.looked_up = of == "table" or any(one.looked_up for one in arguments)
+        parts = [one.logical for one in arguments]
+        self.logical = of in LOGICAL or isinstance(constant, np.bool_) or (parts != [] and all(parts))
+
+    def evaluator(self, fast: bool = False) -> Callable[[Any], Any]:
+        """The value as a function of a mapping of the names; fast: of the time alone, with Python's numbers, which may
+        raise ArithmeticError or ValueError where numpy has inf or nan."""
+        if self.constant is not None:
+            value = self.constant.item() if fast and isinstance(self.constant, np.generic) else self.constant
+            return lambda known: value
+        if not self.arguments:
+            return (lambda time: time) if fast else operator.itemgetter(self.of)
+        function = _APPLIED[self.of]
+        apply, given = function.value, [one.evaluator(fast) for one in self.arguments]
+        if fast and self.of != "where" and self.of not in LOGICAL and any(one.logical for one in self.arguments):
+            # of which sums are true or false themselves in numpy
+            return lambda known: function.value(*[np.asarray(one(known))[()] for one in given])
+        if fast and function.number is not None:
+            apply = function.number
+        if len(given) == 1:
+            (first,) = given
+            return lambda known: apply(first(known))
+        if len(given) == 2:
+            first, second = given
+            return lambda known: apply(first(known), second(known))
+        return lambda known: apply(*[one(known) for one in given])
+
+    def in_time(self) -> Callable[[float], Any]:
+        """The value of a term in t alone as a function of time [s]."""
+        fast, plain = self.evaluator(True), self.evaluator()
+
+        def value(time: float) -> Any:
+            try:
+                return fast(time)
+            except (ArithmeticError, ValueError):
+                with np.errstate(all="ignore"):
+                    return plain({"t": np.float64(time)})
+
+        return value
+
+    def known_at(self, places: Mapping[str, Any]) -> "Term":
+        """The term in t alone that it is at coordinates (n,)."""
+        if "t" not in self.names:
+            return Term(constant=np.asarray(self.evaluator()(places))[()])
+        return Term(self.of, *(one.known_at(places) for one in self.arguments))
+
+    def split(self) -> list[tuple["Term", "Term"]] | None:
+        """Its value as a sum of products of a term in t alone and one of place alone; None where it is no such sum."""
+        if "t" not in self.names:
+            return [(ONE, self)]
+        if len(self.names) == 1:
+            return [(self, ONE)]
+        if self.of not in ("Add", "Sub", "Mult", "Div") or any(one.logical for one in self.arguments):
+            return None
+        left, right = (one.split() for one in self.arguments)
+        if left is None or right is None:
+            return None
+        if self.of in ("Add", "Sub"):
+            return left + [(f, Term("USub", mode) if self.of == "Sub" else mode) for f, mode in right]
+        if self.of == "Mult" and len(left) == 1:
+            left, right = right, left
+        # of two sums the product may cancel
+        if len(right) > 1:
+            return None
+        return [(_over(self.of, f, right[0][0]), _over(self.of, mode, right[0][1])) for f, mode in left]
+
+    def rate(self) -> "Term":
+        """Its rate in time, ZERO where it changes by jumps alone. Raises ValueError for a function that has none."""
+        if not self.arguments:
+            return ONE if self.of == "t" else ZERO
+        rule = _APPLIED[self.of].rate
+        rates = [one.rate() for one in self.arguments] if rule != "0" else []
+        if all(one is ZERO for one in rates):
+            return ZERO
+        if rule is None:
+            raise ValueError(f"no rate of {self.of!r}")
+        if self.of == "Pow" and rates[1] is ZERO:
+            rule = "b*a**(b - 1)*da"
+        named = dict(zip("abc", self.arguments)) | {f"d{name}": one for name, one in zip("abc", rates)}
+        return _by_rule(_parsed(rule), named)
+
+
+ONE, ZERO = Term(constant=np.float64(1.0)), Term(constant=np.float64(0.0))
+
+
+def _over(of: str, a: Term, b: Term) -> Term:
+    """A product or a quotient."""
+    return a if b is ONE else b if a is ONE and of == "Mult" else Term(of, a, b)
+
+
+@cache
+def _parsed(rule: str) -> ast.expr:
+    return ast.parse(rule, mode="eval").body
+
+
+def parts_of(node: ast.expr) -> tuple[str, Sequence[ast.expr]]:
+    """What a node of a parsed formula applies, and to which nodes."""
+    if isinstance(node, ast.BinOp):
+        return type(node.op).__name__, (node.left, node.right)
+    if isinstance(node, ast.Compare):
+        return type(node.ops[0]).__name__, (node.left, node.comparators[0])
+    if isinstance(node, ast.UnaryOp):
+        return type(node.op).__name__, (node.operand,)
+    assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    return node.func.id, node.args
+
+
+def _by_rule(node: ast.expr, named: Mapping[str, Term]) -> Term:
+    """The term of a rule, without the parts that are zero, whose other factors may have no value."""
+    if isinstance(node, ast.Name):
+        return named[node.id]
+    if isinstance(node, ast.Constant):
+        return Term(constant=np.float64(node.value)) if node.value else ZERO  # type: ignore[arg-type]
+    of, nodes = parts_of(node)
+    given = [_by_rule(one, named) for one in nodes]
+    zero = [one is ZERO for one in given]
+    if (of == "Mult" and any(zero)) or (of in ("Div", "USub") and zero[0]) or (of == "where" and all(zero[1:])):
+        return ZERO
+    if of in ("Add", "Sub") and zero[1]:
+        return given[0]
+    if of in ("Add", "Sub") and zero[0]:
+        return given[1] if of == "Add" else Term("USub", given[1])
+    return Term(of, *given)

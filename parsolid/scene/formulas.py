@@ -16,7 +16,7 @@ from pydantic import AfterValidator, PlainSerializer, PlainValidator, Validation
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, mismatch
-from parsolid.scene.formula_terms import FUNCTIONS, LOGICAL, Applied, Constant, Looked, Name, Product, Table, Term
+from parsolid.scene.formula_terms import FUNCTIONS, LOGICAL, ONE, Table, Term, parts_of
 from parsolid.scene.validation_errors import suggestion
 
 # functions whose arguments are counted or are texts: at least, at most, and how to write them
@@ -154,70 +154,68 @@ class _Compiler:
     def term(self, node: ast.expr) -> Term:
         """The term of a node, a constant where no name is in it. Raises TypeError for one that is no real number."""
         result = self._term(node)
-        if result.names or result.looked_up or isinstance(result, Constant):
+        if result.names or result.looked_up or result.constant is not None:
             return result
         with np.errstate(all="ignore"):
-            value = result.value({})
+            value = result.evaluator()({})
         if not np.isfinite(value):
-            power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow) and np.isnan(value)
+            power = result.of == "Pow" and np.isnan(value)
             raise TypeError("its value is not real" if power else f"{ast.unparse(node)} is {value}")
-        return Constant(value)
+        return Term(constant=value)
 
     def _term(self, node: ast.expr) -> Term:
         if isinstance(node, ast.Constant):
-            return Constant(np.float64(node.value))  # type: ignore[arg-type]
+            return Term(constant=np.float64(node.value))  # type: ignore[arg-type]
         if isinstance(node, ast.Name):
             if node.id in _NAMED:
                 raise TypeError(f"{node.id} without its arguments")
-            return Constant(np.float64(CONSTANTS[node.id])) if node.id in CONSTANTS else Name(node.id)
-        if isinstance(node, ast.UnaryOp):
-            return Applied(type(node.op).__name__, self.term(node.operand))
-        if isinstance(node, ast.BinOp):
-            return Applied(type(node.op).__name__, self.term(node.left), self.term(node.right))
-        if isinstance(node, ast.Compare):
-            return Applied(type(node.ops[0]).__name__, self.term(node.left), self.term(node.comparators[0]))
-        assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-        name = node.func.id
+            return Term(constant=np.float64(CONSTANTS[node.id])) if node.id in CONSTANTS else Term(node.id)
+        name, arguments = parts_of(node)
         if name == "table":
-            return self._table(*node.args)
-        return self._call(name, [self.term(one) for one in node.args])
-
-    def _call(self, name: str, values: list[Term]) -> Term:
+            return self._table(*arguments)
+        values = [self.term(one) for one in arguments]
         if name in ("min", "max"):
             result, *others = values
             for other in others:
                 self._crossing(result, other, self.corners)
-                result = Applied("minimum" if name == "min" else "maximum", result, other)
+                result = Term("minimum" if name == "min" else "maximum", result, other)
             return result
-        count = FUNCTIONS[name].takes
-        if len(values) != count:
-            raise TypeError(f"{name} of {len(values)} numbers in place of {count}")
+        if name in FUNCTIONS and len(values) != FUNCTIONS[name].takes:
+            raise TypeError(f"{name} of {len(values)} numbers in place of {FUNCTIONS[name].takes}")
         for bound in values[1:] if name in _OWN else ():
             self._crossing(values[0], bound, self.jumps if name == "step" else self.corners)
-        return Applied(name, *values)
+        return Term(name, *values)
 
     def _table(self, path: Any, place: ast.expr | None = None, column: Any = None) -> Term:
         table = Table(os.path.join(self.folder, path.value), None if column is None else column.value)
-        argument = Name("t") if place is None else self.term(place)
+        argument = Term("t") if place is None else self.term(place)
         for places, found in ((table.places, self.corners), (table.jumps, self.jumps)):
             for one in places:
-                self._crossing(argument, Constant(np.float64(one)), found)
-        return Looked(table, argument)
+                self._crossing(argument, Term(constant=np.float64(one)), found)
+        return Term("table", Term(constant=table), argument)
 
     def _crossing(self, value: Term, bound: Term, found: set[float]) -> None:
         """Note when a difference that is linear in time vanishes."""
-        if isinstance(value, Name) and isinstance(bound, Constant):
-            if value.name == "t":
-                found.add(float(bound.number))
+        difference = Term("Sub", value, bound)
+        if difference.looked_up or difference.names != {"t"}:
+            return
+        if value.of == "t" and bound.constant is not None:
+            found.add(float(bound.constant))
             return
         with np.errstate(all="ignore"):
-            values = [Applied("Sub", value, bound).in_time(time) for time in (0.0, 1.0, 2.0)]
-        if any(one is None or not math.isfinite(one) for one in values):
-            return
-        start, middle, end = values
-        slope = middle - start  # type: ignore[operator]
-        if slope != 0.0 and abs(end - middle - slope) <= _STRAIGHT * abs(slope):  # type: ignore[operator]
-            found.add(-start / slope)  # type: ignore[operator]
+            start, middle, end = (float(difference.in_time()(time)) for time in (0.0, 1.0, 2.0))
+        slope = middle - start
+        if np.isfinite([start, middle, end]).all() and abs(end - middle - slope) <= _STRAIGHT * abs(slope) != 0.0:
+            found.add(-start / slope)
+
+
+class Product(NamedTuple):
+    """A function of time (None: 1) times what is the same at all times, a number or (n,); pointwise: whether the
+    function has (n,) values, too."""
+
+    factor: Callable[[float], Any] | None
+    mode: Any
+    pointwise: bool = False
 
 
 class Formula:
@@ -233,110 +231,93 @@ class Formula:
         tree = _sound_tree(text, names)
         self.source = _with_whole_paths(text, tree, folder) if "table" in text else source
         compiler = _Compiler(folder)
-        self.of_rate = False
-        self._constant: float | None = None
         try:
             self._term = compiler.term(tree)
-            self.names = tuple(sorted(self._term.names))
-            value = self._values(np.zeros((1, len(AXES))), 0.0)[0]
+            self._values(np.zeros((1, len(AXES))), 0.0)
         except RecursionError:
             raise ValueError("a formula that cannot be compiled (too deep)") from None
         except TypeError as error:
             raise ValueError(f"a formula that cannot be compiled ({error})") from None
-        if not self.names:
-            self._constant = float(value)
         self.jumps = tuple(sorted(one for one in compiler.jumps if one >= 0.0))
         self.corners = tuple(sorted(one for one in compiler.jumps | compiler.corners if one >= 0.0))
 
     @property
+    def names(self) -> frozenset[str]:
+        """The coordinates, and the time, that its value depends on."""
+        return self._term.names
+
+    @property
     def is_constant(self) -> bool:
         """Whether it has the same value everywhere and always."""
-        return self._constant is not None
+        return not self._term.names
 
     @property
     def is_comparison(self) -> bool:
         """Whether its values are true or false."""
-        return isinstance(self._term, Applied) and self._term.name in LOGICAL
+        return self._term.of in LOGICAL
 
     @property
     def depends_on_time(self) -> bool:
         """Whether t occurs in it."""
-        return "t" in self.names
+        return "t" in self._term.names
 
     def evaluate(self, points: np.ndarray, time: float = 0.0) -> np.ndarray:
         """Values (n,) at points (n, d) [m] and a time [s]."""
-        if self._constant is not None:
-            return np.full(len(points), self._constant)
         values = self._values(points, time)
-        self._check(values, points, time)
+        if not np.isfinite(values).all():
+            self._note_not_finite(values, points, time)
         return values
 
     def products(self, points: np.ndarray) -> list[Product]:
-        """The values at points (n, d) [m] as a sum of products, whose factors take the time [s]; see `Term.products`.
+        """The values at points (n, d) [m] as a sum of products, whose factors take the time [s]; as one, whose factor
+        has (n,) values, where it is no such sum.
 
         Warnings of numpy are the caller's to silence.
         """
-        places = {name: points[:, AXES.index(name)] for name in self.names if name != "t"}
-        found = [Product(self._rate_at(places), 1.0)] if self.of_rate else self._term.products(places)
-        if not all(np.isfinite(one.mode).all() for one in found):
-            self._check(self._values(points, 0.0), points, 0.0)
-        return [one if one.factor is None else one._replace(factor=self._checked(one, points)) for one in found]
+        places = self._places(points)
+        parts = self._term.split()
+        if parts is None:
+            whole = self._term.known_at(places).evaluator()
+            return [Product(self._checked(lambda time: whole({"t": np.float64(time)}), points, True), 1.0, True)]
+        modes = [mode.evaluator()(places) for _, mode in parts]
+        if not all(np.isfinite(mode).all() for mode in modes):
+            self._note_not_finite(self._values(points, 0.0), points, 0.0)
+        return [
+            Product(None if factor is ONE else self._checked(factor.in_time(), points, False), mode)
+            for (factor, _), mode in zip(parts, modes)
+        ]
 
-    def _checked(self, product: Product, points: np.ndarray) -> Callable[[float], Any]:
+    def _checked(self, factor: Callable[[float], Any], points: np.ndarray, pointwise: bool) -> Callable[[float], Any]:
         """The factor of a product of the values at points (n, d) [m], which is looked at each time."""
-        factor: Any = product.factor
 
-        def number(time: float) -> float:
-            found = float(factor(time))
-            if not math.isfinite(found):
-                self._check(self._values(points, time), points, time)
-            return found
+        def found(time: float) -> Any:
+            value: Any = factor(time) if pointwise else float(factor(time))
+            # the sum of squares is looked at in less time than all of them
+            if not math.isfinite(value.dot(value) if pointwise else value):
+                self._note_not_finite(self._values(points, time), points, time)
+            return value
 
-        def of_place(time: float) -> Any:
-            with np.errstate(all="ignore"):
-                found = factor(time)
-                # the sum of squares is looked at in less time than all of them
-                sound = math.isfinite(found.dot(found) if np.ndim(found) else found)
-            if not sound:
-                self._check(self._values(points, time), points, time)
-            return found
+        return found
 
-        return of_place if product.pointwise or (self.of_rate and self.names != ("t",)) else number
-
-    def _rate_at(self, places: Mapping[str, Any]) -> Callable[[Any], Any]:
-        """The rate in time as a function of time, 0 where nothing changes."""
-        fast, dual = (self._term.dual_at(places, of_numbers) for of_numbers in (True, False))
-
-        def rate(time: Any) -> Any:
-            try:
-                found = fast(time).rate
-            except (ArithmeticError, ValueError):
-                with np.errstate(all="ignore"):
-                    found = dual(np.float64(time)).rate
-            return 0.0 if found is None else found
-
-        return rate
-
-    def _check(self, values: np.ndarray, points: np.ndarray, time: float) -> None:
+    def _note_not_finite(self, values: np.ndarray, points: np.ndarray, time: float) -> None:
         """Remember the first value that is no finite number."""
         if not NOT_FINITE and not np.isfinite(values).all():
             index = int(np.argmin(np.isfinite(values)))
             NOT_FINITE.append(NotFinite(str(self.source), float(values[index]), points[index].tolist(), time))
 
+    def _places(self, points: np.ndarray) -> dict[str, Any]:
+        return {name: points[:, AXES.index(name)] for name in self._term.names if name != "t"}
+
     def _values(self, points: np.ndarray, time: float) -> np.ndarray:
-        known = {name: np.float64(time) if name == "t" else points[:, AXES.index(name)] for name in self.names}
         result = np.empty(len(points))
         with np.errstate(all="ignore"):
-            result[:] = self._rate_at(known)(time) if self.of_rate else self._term.value(known)
+            result[:] = self._term.evaluator()(self._places(points) | {"t": np.float64(time)})
         return result
 
     def rate(self) -> "Formula":
         """Its derivative in time, after a jump or a corner; raises ValueError for a function that has none here."""
         result = copy(self)
-        result.source, result.of_rate = f"rate of {self.source}", True
-        result.jumps = result.corners
-        result._constant = None if self._constant is None else 0.0
-        result._values(np.zeros((1, len(AXES))), 0.0)
+        result.source, result.jumps, result._term = f"rate of {self.source}", self.corners, self._term.rate()
         return result
 
     def __eq__(self, other: object) -> bool:
@@ -353,9 +334,9 @@ def number_of(source: str, values: Mapping[str, float]) -> float:
     """The value of a formula in named numbers, not finite where it has none. Raises ValueError for no such formula."""
     tree = _sound_tree(source.strip(), tuple(values))
     try:
-        term = _Compiler("").term(tree)
+        value = _Compiler("").term(tree).evaluator()
         with np.errstate(all="ignore"):
-            return float(term.value({name: np.float64(value) for name, value in values.items()}))
+            return float(value({name: np.float64(number) for name, number in values.items()}))
     except (TypeError, RecursionError) as error:
         raise ValueError(f"a formula that cannot be compiled ({error})") from None
 

@@ -51,7 +51,7 @@ def give(particle_set, slope, stress, external=NOTHING, axisymmetric=False):
     return particle_set.nodes
 
 
-@pytest.mark.parametrize("name, dimension", zip(BASES, itertools.cycle((3, 2))))
+@pytest.mark.parametrize("name, dimension", list(zip(BASES, itertools.cycle((3, 2)))))
 def test_scatter_is_the_plain_sum(name, dimension):
     particle_set = make_cloud(name, dimension)
     n, rows = particles(particle_set), random_stress(particle_set)
@@ -73,7 +73,7 @@ def test_scatter_is_the_plain_sum(name, dimension):
         assert not nodes[:, 7].any()
 
 
-@pytest.mark.parametrize("name, dimension", zip(BASES, itertools.cycle((3, 2))))
+@pytest.mark.parametrize("name, dimension", list(zip(BASES, itertools.cycle((3, 2)))))
 def test_gather_is_the_plain_sum(name, dimension):
     particle_set = make_cloud(name, dimension)
     n, step, fraction = particles(particle_set), 0.01, 0.95

@@ -34,7 +34,7 @@ def force_at(one, displacement, instantaneous) -> np.ndarray:
     return np.array(one.forces.force)
 
 
-@pytest.mark.parametrize("dimension, base", zip((2, 3), BASES))
+@pytest.mark.parametrize("dimension, base", list(zip((2, 3), BASES)))
 def test_a_jump_finds_the_sum_and_time_leaves_the_solid(dimension, base):
     """Three times the elastic solid's force and energy just after a jump; one long after it, at large strain."""
     relaxing, solid = (
@@ -67,7 +67,7 @@ def test_forces_are_derivatives_of_the_energy_with_what_has_relaxed_frozen(base)
     assert (energies[1] - energies[0]) / 2e-4 == pytest.approx(power, rel=1e-6)
 
 
-@pytest.mark.parametrize("dimension, base", zip((2, 3), BASES))
+@pytest.mark.parametrize("dimension, base", list(zip((2, 3), BASES)))
 def test_the_balance_closes_with_the_square_of_the_step(dimension, base):
     worst = []
     for safety, steps in ((0.2, 24), (0.1, 48)):

@@ -5,7 +5,7 @@ import pytest
 from solids import simulation, tables
 
 from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
-from parsolid.scene.formula_terms import _SLOPES
+from parsolid.scene.formula_terms import _RATES
 from parsolid.scene.formulas import Formula, FormulaVector
 from parsolid.scene.load_histories import LoadHistory, Timed
 from parsolid.simulation.scene_changes import contents
@@ -106,7 +106,7 @@ def test_rates_are_those_of_differences(folder, source):
         np.testing.assert_allclose(formula.rate().evaluate(POINTS, time), change / (2 * h), atol=1e-7)
 
 
-@pytest.mark.parametrize("name", sorted(_SLOPES))
+@pytest.mark.parametrize("name", sorted(_RATES))
 def test_the_slope_of_every_function_is_that_of_differences(name):
     formula, h = Formula(f"{name}({1.5 if name == 'arccosh' else 0.2} + 0.5*t)"), 1e-6
     change = formula.evaluate(POINTS, 0.4 + h) - formula.evaluate(POINTS, 0.4 - h)
