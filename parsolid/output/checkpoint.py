@@ -114,14 +114,13 @@ def write_checkpoint(
     header: Header,
     systems: Sequence[Fields],
     per_rank: np.ndarray | None = None,
-    method: str | None = None,
 ) -> None:
     """Write a checkpoint beside the last one, then put it in its place; the last two are kept. Collective.
 
     header: anything JSON can hold (numpy scalars and arrays too), the same on all ranks; rank 0's is written.
     systems: of each name -> this rank's rows (n,) or (n, c), any strides, float64, int64, int32 or uint8; the same
     names, types and c on all ranks. per_rank: (k,) float64 of this rank, k the same on all ranks.
-    method: see `slabs`. Killed at any instant, a whole checkpoint remains (`find_checkpoint`).
+    Killed at any instant, a whole checkpoint remains (`find_checkpoint`).
 
     Raises OutputError on all ranks; the last checkpoint is then untouched.
     """
@@ -141,7 +140,7 @@ def write_checkpoint(
             _lay_out(partial, header, systems, offsets, len(values), sums)
             laid = places(partial)
     laid = comm.bcast(laid)
-    with SlabWriter(comm, partial, laid, method) as writer:
+    with SlabWriter(comm, partial, laid) as writer:
         for number, fields in enumerate(systems):
             for name, array in fields.items():
                 writer.write(f"{numbered('particles', number)}/{name}", int(offsets[number, comm.rank]), array)

@@ -123,8 +123,8 @@ class FieldSeries:
     Parameters: comm; path; capacity, how many steps are to come (space is taken as they are written);
     resume_at, a time [s]: go on with the file at path, keeping its steps up to and including that time, if it is
     whole and holds the same fields of as many particles, else None; double, write floating-point fields with 8
-    bytes instead of 4 (positions, a state and the displacement beside one always have 8); method as in `slabs`; index,
-    of a block its place among others.
+    bytes instead of 4 (positions, a state and the displacement beside one always have 8); index, of a block its place
+    among others.
 
     A file that is gone on with and has too little room gives its steps to one that has. A file that is at path and is
     not gone on with, or is full, is renamed to the next free of fields.1.vtkhdf, fields.2.vtkhdf and so on.
@@ -138,7 +138,6 @@ class FieldSeries:
         capacity: int,
         resume_at: float | None = None,
         double: bool = False,
-        method: str | None = None,
         index: int | None = None,
     ):
         if capacity < 1:
@@ -149,7 +148,6 @@ class FieldSeries:
         self._resume_at = resume_at
         self._floats = np.float64 if double else np.float32
         self._exact: set[str] = set()
-        self._method = method
         self._index = index
         # known after the first write
         self._layout: Any = None
@@ -194,7 +192,7 @@ class FieldSeries:
             self._start_new_file()
         step = len(self._times) * self._layout.particles + rows.first
         sums: dict[str, int] = {}
-        with SlabWriter(self._comm, self.path, self._places, self._method) as writer:
+        with SlabWriter(self._comm, self.path, self._places) as writer:
             self._write_rows(writer, "VTKHDF/Points", step, rows, _in_space(position), sums)
             for name, values in varying.items():
                 self._write_rows(writer, f"VTKHDF/PointData/{name}", step, rows, self._shown(values, name), sums)
@@ -268,7 +266,7 @@ class FieldSeries:
         varying = {"VTKHDF/Points", *(f"VTKHDF/PointData/{name}" for name in layout.varying)}
         once = [f"VTKHDF/PointData/{name}" for name in layout.constant]
         once += ["VTKHDF/Vertices/Connectivity", "VTKHDF/Vertices/Offsets"]
-        with open_serial(self.path, "r") as old, SlabWriter(self._comm, partial, self._places, self._method) as new:
+        with open_serial(self.path, "r") as old, SlabWriter(self._comm, partial, self._places) as new:
             for name in [*sorted(varying), *once]:
                 # a step at a time, so that no rank has more than its share of one
                 total, steps = (n, len(times)) if name in varying else (old[name].shape[0], 1)

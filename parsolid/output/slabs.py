@@ -1,12 +1,8 @@
 """Contiguous HDF5 data sets that every rank writes its own rows of; no rank gathers.
 
-Rank 0 lays a file out serially: contiguous data sets whose space is allocated early and never filled, so
-that each has a fixed place in the file. Then all ranks write their rows in one of two ways:
-
-"mpio"     h5py built on parallel HDF5: the file is opened with the mpio driver.
-"offsets"  any h5py: MPI-IO writes of the raw numbers at the data sets' places in the file.
-
-Both leave the same file.
+Rank 0 lays a file out serially: contiguous data sets whose space is allocated early and never filled, so that each has
+a fixed place in the file. Then all ranks write the raw numbers of their rows at these places with MPI-IO, whether h5py
+is built on parallel HDF5 or not.
 """
 
 import os
@@ -21,8 +17,6 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.output.errors import OutputError, agree, together, words
-
-METHODS = ("mpio", "offsets")
 
 # rows are copied and written in pieces of this size: bounds the extra memory, and keeps counts below 2^31
 PIECE_BYTES = 32 * 2**20
@@ -111,17 +105,12 @@ class SlabWriter:
     A rank that fails goes on taking part in the collective calls; leaving the context raises one
     OutputError on all ranks, else the data are on the disk.
 
-    Parameters: comm; path of the file laid out; datasets as `places` returns them, the same on all ranks;
-    method "mpio", "offsets" or None for the default; piece_bytes, the most that is copied and written at once.
+    Parameters: comm; path of the file laid out; datasets as `places` returns them, the same on all ranks; piece_bytes,
+    the most that is copied and written at once.
     """
 
     def __init__(
-        self,
-        comm: MPI.Intracomm,
-        path: Path | str,
-        datasets: dict[str, DataSet],
-        method: str | None = None,
-        piece_bytes: int = PIECE_BYTES,
+        self, comm: MPI.Intracomm, path: Path | str, datasets: dict[str, DataSet], piece_bytes: int = PIECE_BYTES
     ):
         self._comm = comm
         self._path = str(path)
@@ -129,13 +118,6 @@ class SlabWriter:
         self._piece_bytes = piece_bytes
         self._error: Exception | None = None
         self._file: Any = None
-        method = method or ("mpio" if h5py.get_config().mpi else "offsets")
-        if method not in METHODS:
-            raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
-        if method == "mpio" and not h5py.get_config().mpi:
-            raise ValueError('method "mpio" needs an h5py built on parallel HDF5; this one is not')
-        self._put = self._put_mpio if method == "mpio" else self._put_offsets
-        self._open = self._open_mpio if method == "mpio" else self._open_offsets
 
     def __enter__(self) -> "SlabWriter":
         with together(self._comm, f"cannot open {self._path} for writing"):
@@ -145,7 +127,7 @@ class SlabWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: object, traceback: object) -> None:
-        self._attempt(self._close)
+        self._attempt(self._file.Close)
         if kind is None:
             self._attempt(flush_to_disk, self._path)
             agree(self._comm, self._error, f"cannot write {self._path}")
@@ -169,7 +151,7 @@ class SlabWriter:
         rounds = -(-self._comm.allreduce(len(rows), op=MPI.MAX) // piece)
         for turn in range(rounds):
             part = np.ascontiguousarray(rows[turn * piece : (turn + 1) * piece], dataset.dtype)
-            self._attempt(self._put, name, first_row + turn * piece, part, row_bytes)
+            self._attempt(self._put, dataset.offset + (first_row + turn * piece) * row_bytes, part)
 
     def _attempt(self, function: Callable[..., None], *arguments: Any) -> None:
         """Call a collective function; keep the first error for the end, so that no rank leaves the others."""
@@ -178,36 +160,12 @@ class SlabWriter:
         except Exception as caught:
             self._error = self._error or caught
 
-    def _open_offsets(self) -> None:
+    def _open(self) -> None:
         self._file = MPI.File.Open(self._comm, self._path, MPI.MODE_WRONLY)
 
-    def _put_offsets(self, name: str, row: int, part: np.ndarray, row_bytes: int) -> None:
-        offset = (self._datasets[name].offset or 0) + row * row_bytes if len(part) else 0
+    def _put(self, offset: int, part: np.ndarray) -> None:
         write = self._file.Write_at_all if COLLECTIVE else self._file.Write_at
         status = MPI.Status()
-        write(offset, [part, part.nbytes, MPI.BYTE], status)
+        write(offset if len(part) else 0, [part, part.nbytes, MPI.BYTE], status)
         if status.Get_elements(MPI.BYTE) != part.nbytes:
             raise OSError(f"the disk is full: only {status.Get_elements(MPI.BYTE)} of {part.nbytes} bytes written")
-
-    def _open_mpio(self) -> None:
-        self._file = h5py.File(self._path, "r+", driver="mpio", comm=self._comm)
-        self._transfer = h5py.h5p.create(h5py.h5p.DATASET_XFER)
-        self._transfer.set_dxpl_mpio(h5py.h5fd.MPIO_COLLECTIVE if COLLECTIVE else h5py.h5fd.MPIO_INDEPENDENT)
-
-    def _put_mpio(self, name: str, row: int, part: np.ndarray, row_bytes: int) -> None:
-        target = self._file[name].id
-        place = target.get_space()
-        memory = h5py.h5s.create_simple(part.shape if len(part) else (1, *part.shape[1:]))
-        if len(part):
-            place.select_hyperslab((row, *(0,) * (part.ndim - 1)), part.shape)
-        else:
-            place.select_none()
-            memory.select_none()
-            part = np.empty((1, *part.shape[1:]), part.dtype)
-        target.write(memory, place, part, dxpl=self._transfer)
-
-    def _close(self) -> None:
-        if isinstance(self._file, h5py.File):
-            self._file.close()
-        else:
-            self._file.Close()

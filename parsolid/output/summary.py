@@ -95,7 +95,6 @@ def versions() -> dict[str, str]:
         "numba": numba.__version__,
         "h5py": h5py.__version__,
         "hdf5": h5py.version.hdf5_version,
-        "parallel_hdf5": str(h5py.get_config().mpi).lower(),
         "mpi": " ".join(MPI.Get_library_version().split()[:3]).strip(", \0"),
     }
 

@@ -10,8 +10,8 @@ use is brought up to date, and then a soft link is pointed at it, which is one s
     /VTKHDF/Steps       -> /series/shown/steps -> /series/empty, /series/first or /series/other
     /series             attribute layout (JSON): what the file was laid out for
 
-A run writes its rows side by side from all ranks, which a deflated data set does not allow without parallel HDF5; so
-one rank packs a finished file, a piece of a data set at a time.
+A run writes its rows side by side from all ranks, which a deflated data set does not allow; so one rank
+packs a finished file, a piece of a data set at a time.
 """
 
 import json

@@ -1,18 +1,7 @@
 """Fixtures of the output tests; they run on any number of ranks: mpirun -n 3 python -m pytest tests/output."""
 
-import h5py
 import numpy as np
 import pytest
-
-METHODS = [
-    "offsets",
-    pytest.param("mpio", marks=pytest.mark.skipif(not h5py.get_config().mpi, reason="h5py without MPI")),
-]
-
-
-@pytest.fixture(params=METHODS)
-def method(request):
-    return request.param
 
 
 @pytest.fixture

@@ -28,9 +28,9 @@ def same_bits(one, other):
     return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
 
 
-def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared_path, fields, method):
+def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared_path, fields):
     own = np.array([comm.rank + 0.1, np.nextafter(1.0, 2.0)])
-    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields], own, method)
+    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields], own)
     header, (found,), per_rank = read_checkpoint(comm, shared_path / "checkpoint.h5")
     assert header == HEADER and read_header(shared_path / "checkpoint.h5") == HEADER
     assert list(found) == sorted(fields)
@@ -38,8 +38,8 @@ def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared_path, 
     assert per_rank.shape == (comm.size, 2) and same_bits(per_rank[comm.rank], own)
 
 
-def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared_path, fields, pieces, method):
-    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields], None, method)
+def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared_path, fields, pieces):
+    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields])
     alone = read_checkpoint(MPI.COMM_SELF, shared_path / "checkpoint.h5")[1][0]
     assert np.array_equal(alone["identifier"], np.arange(pieces[0]))
     assert np.array_equal(alone["momentum"], np.arange(pieces[0])[:, np.newaxis] * np.pi + np.arange(6))
@@ -54,22 +54,13 @@ def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared_path, 
     assert comm.allreduce(count) == pieces[0] and np.array_equal(per_rank, [[3.0]])
 
 
-def test_both_writers_leave_the_same_file(comm, shared_path, fields):
-    if not h5py.get_config().mpi:
-        pytest.skip("h5py without MPI")
-    for method in ("mpio", "offsets"):
-        write_checkpoint(comm, shared_path / f"{method}.h5", HEADER, [fields], np.ones(2), method)
-    one, other = ((shared_path / f"{method}.h5").read_bytes() for method in ("mpio", "offsets"))
-    assert one == other
-
-
-def test_rows_are_written_in_pieces_of_a_few_bytes(comm, shared_path, fields, pieces, method):
+def test_rows_are_written_in_pieces_of_a_few_bytes(comm, shared_path, fields, pieces):
     path = shared_path / "slabs.h5"
     if comm.rank == 0:
         with open_serial(path, "w") as file:
             create_slab(file, "momentum", (pieces[0], 6), np.float32)
     comm.Barrier()
-    with SlabWriter(comm, path, places(path), method, piece_bytes=50) as writer:
+    with SlabWriter(comm, path, places(path), piece_bytes=50) as writer:
         writer.write("momentum", pieces[1], fields["momentum"])
     with open_serial(path, "r") as file:
         expected = np.arange(pieces[0])[:, np.newaxis] * np.pi + np.arange(6)
@@ -159,9 +150,9 @@ def small_files():
     signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_a_disk_that_fills_while_writing_is_an_error_on_all_ranks(comm, shared_path, method, small_files, monkeypatch):
+def test_a_disk_that_fills_while_writing_is_an_error_on_all_ranks(comm, shared_path, small_files, monkeypatch):
     path = shared_path / "checkpoint.h5"
-    write_checkpoint(comm, path, {"step": 1}, [{"x": np.zeros(10)}], None, method)
+    write_checkpoint(comm, path, {"step": 1}, [{"x": np.zeros(10)}])
     write = SlabWriter.write
 
     def write_on_full_disk(self, *arguments):
@@ -170,7 +161,7 @@ def test_a_disk_that_fills_while_writing_is_an_error_on_all_ranks(comm, shared_p
 
     monkeypatch.setattr(SlabWriter, "write", write_on_full_disk)
     with pytest.raises(OutputError, match="cannot write .*checkpoint.h5"):
-        write_checkpoint(comm, path, {"step": 2}, [{"x": np.zeros(100_000)}], None, method)
+        write_checkpoint(comm, path, {"step": 2}, [{"x": np.zeros(100_000)}])
     assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
 
 
@@ -188,14 +179,14 @@ class _Short:
 
 def test_a_write_that_is_short_without_an_error_is_one_on_all_ranks(comm, shared_path, fields, monkeypatch):
     path = shared_path / "checkpoint.h5"
-    write_checkpoint(comm, path, {"step": 1}, [fields], None, "offsets")
+    write_checkpoint(comm, path, {"step": 1}, [fields])
 
     def open_short(self):
         self._file = _Short()
 
-    monkeypatch.setattr(SlabWriter, "_open_offsets", open_short)
+    monkeypatch.setattr(SlabWriter, "_open", open_short)
     with pytest.raises(OutputError, match="the disk is full: only 0 of .* bytes written"):
-        write_checkpoint(comm, path, {"step": 2}, [fields], None, "offsets")
+        write_checkpoint(comm, path, {"step": 2}, [fields])
     assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
 
 

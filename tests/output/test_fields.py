@@ -81,9 +81,9 @@ def check_mesh(particles, mesh, time, total=29):
 
 
 @needs_vtk
-def test_vtk_reads_all_time_steps(comm, shared_path, method):
+def test_vtk_reads_all_time_steps(comm, shared_path):
     particles = Particles(comm)
-    series = FieldSeries(comm, shared_path / "fields.vtkhdf", 6, method=method)
+    series = FieldSeries(comm, shared_path / "fields.vtkhdf", 6)
     for time in TIMES:
         particles.write(series, time)
     assert np.array_equal(series.times, TIMES)
@@ -94,9 +94,9 @@ def test_vtk_reads_all_time_steps(comm, shared_path, method):
             check_mesh(Particles(MPI.COMM_SELF), mesh, time)
 
 
-def test_the_file_does_not_depend_on_the_number_of_ranks(comm, shared_path, method):
+def test_the_file_does_not_depend_on_the_number_of_ranks(comm, shared_path):
     for communicator, name in ((comm, "all"), (MPI.COMM_SELF, f"alone{comm.rank}")):
-        series = FieldSeries(communicator, shared_path / f"{name}.vtkhdf", 3, method=method)
+        series = FieldSeries(communicator, shared_path / f"{name}.vtkhdf", 3)
         for time in TIMES[:3]:
             Particles(communicator).write(series, time)
     assert (shared_path / "all.vtkhdf").read_bytes() == (shared_path / f"alone{comm.rank}.vtkhdf").read_bytes()
@@ -134,7 +134,7 @@ def test_double_precision_on_request(comm, shared_path):
 
 
 @pytest.mark.parametrize("more, room", [(2, 4), (7, 9)])
-def test_resumed_series_equals_an_uninterrupted_one(comm, shared_path, method, more, room):
+def test_resumed_series_equals_an_uninterrupted_one(comm, shared_path, more, room):
     particles = Particles(comm)
     whole = FieldSeries(comm, shared_path / "whole.vtkhdf", 4)
     killed = FieldSeries(comm, shared_path / "fields.vtkhdf", 4)
@@ -143,7 +143,7 @@ def test_resumed_series_equals_an_uninterrupted_one(comm, shared_path, method, m
     # the run went on past the checkpoint at TIMES[1] before it was killed
     for time in TIMES[:3]:
         particles.write(killed, time)
-    resumed = FieldSeries(comm, shared_path / "fields.vtkhdf", more, resume_at=TIMES[1], method=method)
+    resumed = FieldSeries(comm, shared_path / "fields.vtkhdf", more, resume_at=TIMES[1])
     for time in TIMES[1:]:
         particles.write(resumed, time)
     assert np.array_equal(resumed.times, TIMES)

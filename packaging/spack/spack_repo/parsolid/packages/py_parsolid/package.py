@@ -26,8 +26,7 @@ class PyParsolid(PythonPackage):
     depends_on("py-mpi4py@4:", type=("build", "run"))
     depends_on("py-numpy@1.26:", type=("build", "run"))
     depends_on("py-numba@0.61:", type=("build", "run"))
-    # parallel HDF5: every rank writes its rows with the driver mpio
-    depends_on("py-h5py@3.10: +mpi", type=("build", "run"))
+    depends_on("py-h5py@3.10:", type=("build", "run"))
     depends_on("py-meshio@5.3:", type=("build", "run"))
     depends_on("py-pydantic@2.10:", type=("build", "run"))
     depends_on("py-tomli-w@1:", type=("build", "run"))
