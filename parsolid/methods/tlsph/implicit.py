@@ -23,7 +23,6 @@ from parsolid.boundary.reactions import report_equilibrium
 from parsolid.collective import minimum
 from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.conjugate_gradients import Solution
-from parsolid.solvers.gmres import gmres
 from parsolid.solvers.newton import State, newton
 
 # places in [0, 1] and weights; exact for polynomials of fifth degree
@@ -162,7 +161,7 @@ class Implicit:
 
     def solve(self, load: np.ndarray, target: float) -> Solution:
         """See `Problem`."""
-        solver = self.statics.symmetric_solver if self.statics.conservative else gmres
+        solver = self.statics.krylov_method(self.statics.conservative)
         found = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, self.precondition)
         self.products += found.iterations
         return found

@@ -91,8 +91,8 @@ class MeshNeighbours:
         self.images = MirrorImages(np.zeros(0, np.int64), none, none, none, np.zeros(0))
         self._everyone = halo.with_ghosts(identifiers)
         self._order = np.argsort(self._everyone)
-        blocks = [(kind, self.rows_of(cells)) for kind, cells in elements]
-        pairs, volume, area = pairs_of_elements(blocks, self.owned, self.positions)
+        self.elements = [(kind, self.rows_of(cells)) for kind, cells in elements]
+        pairs, volume, area = pairs_of_elements(self.elements, self.owned, self.positions)
         # rows of other bodies have no pairs
         volume[volume == 0.0] = 1.0
         self.volume, self.area = halo.with_ghosts(volume[: self.owned]), area[: self.owned]
@@ -200,6 +200,9 @@ class MeshBodies(ListBodies):
         place = np.ascontiguousarray(particle_set.position[rows]), particle_set.identifier[rows]
         own, others = _shared(comm, [bodies for bodies in of_meshes.values() if len(bodies) > 1])
         near = MeshNeighbours(comm, elements, self.extent, *place, self.system.settings.dissipation_of("mesh"), others)
+        if self.system.settings.linear_solver != "petsc":
+            # which alone needs them later
+            near.elements = []
         self._make_rows(near)
         self.take_corrections(np.eye(self.dimension), near.volume[: near.owned])
         # of bodies that share nodes the area there is that of facets that are not between them

@@ -33,6 +33,7 @@ from parsolid.scene.method_settings import KINETIC_OFFSET, STAGE_CHANGE, MassSca
 from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.plasticity import faults_of_names
 from parsolid.scene.validation_errors import NOTHING
+from parsolid.solvers.petsc import missing_petsc
 
 # keys of which a scene that states one has chosen its weights
 _OF_WEIGHTS = {"kernel", "smoothing", "weights"}
@@ -131,6 +132,12 @@ class TotalLagrangianSPH(MethodSettings):
         description='of "implicit": what a step errs by over the largest displacement, 1e-3 unless given; without it '
         "steps are as long as maximum_step where that is given",
     )
+    linear_solver: Literal["embedded", "petsc"] = Field(
+        "embedded",
+        description='of "static" and "implicit": this package\'s own solver of linear equations, or that of PETSc '
+        "through petsc4py, with algebraic multigrid",
+    )
+    petsc_options: str = Field("", description='of linear_solver = "petsc": options for PETSc, such as "-ksp_monitor"')
     cfl: Positive | None = Field(
         None, description="time step over (particle spacing / largest wave speed), 0.7 unless given; of ssp-rk3"
     )
@@ -396,9 +403,15 @@ class TotalLagrangianSPH(MethodSettings):
         """What a sequence of equilibria does not know, and what it alone knows."""
         moved = enumerate(one.kind for one in scene.boundaries)
         if not self.integrators(scene) & _SOLVED:
+            unused: list[Detail] = [
+                (("method", key), f"no such key but {_SOLUTION}", getattr(self, key))
+                for key in ("linear_solver", "petsc_options")
+                if getattr(self, key) not in ("embedded", "")
+            ]
             expected = "'velocity' or 'rotation', by which a motion is prescribed, or method.integrator = 'static'"
-            return [(("boundaries", i, "kind"), expected, kind) for i, kind in moved if kind == "displacement"]
-        key, faults = ("method", "integrator"), list[Detail]()
+            motions: list[Detail] = [(("boundaries", i, "kind"), expected, k) for i, k in moved if k == "displacement"]
+            return motions + unused
+        key, faults = ("method", "integrator"), self._faults_of_petsc()
         for i, tool in enumerate(scene.tools):
             if tool.mass is not None:
                 faults.append((("tools", i, "mass"), f"no such key {_SOLUTION}, but a motion or none", tool.mass))
@@ -443,6 +456,15 @@ class TotalLagrangianSPH(MethodSettings):
             elif "velocity" in (state.fields or ()):
                 faults.append((("initial", i, "fields"), f"no velocity {_IN_EQUILIBRIUM}", Phrase("one")))
         return faults
+
+    def _faults_of_petsc(self) -> list[Detail]:
+        """PETSc that is not there, and options without it."""
+        if self.linear_solver == "petsc":
+            found = missing_petsc()
+            expected = "petsc4py on the MPI of mpi4py (pip install 'parsolid[petsc]') for 'petsc'"
+            return [] if found is None else [(("method", "linear_solver"), expected, Phrase(found))]
+        expected = "no such key without linear_solver = 'petsc'"
+        return [(("method", "petsc_options"), expected, self.petsc_options)] if self.petsc_options else []
 
     def _plastic_faults(self, scene: Any) -> list[Detail]:
         """What elastic-plastic bodies do not bear, and what is to be shown of them where there are none."""

@@ -44,6 +44,7 @@ from parsolid.solvers.gmres import gmres
 from parsolid.solvers.grid_levels import SOFTEST
 from parsolid.solvers.minres import minres
 from parsolid.solvers.newton import State, newton
+from parsolid.solvers.petsc import Krylov
 
 # of a change of loads, the residual to which the tangent of a path is solved
 _TANGENT = 1e-4
@@ -322,7 +323,7 @@ class Static:
     def solve(self, load: np.ndarray, target: float) -> Solution:
         """See `Problem`; the preconditioner is made anew at the present shape once it takes much more products."""
         size = float(np.sqrt(sums(self.comm, [np.vdot(load * self.free, load)])[0]))
-        solver = self.symmetric_solver if self.conservative else gmres
+        solver = self.krylov_method(self.conservative)
         precondition = self.precondition if self.dead or self.sprung else self._solve_roughly
         solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, precondition)
         self.products += solution.iterations
@@ -331,10 +332,15 @@ class Static:
         self.preconditioner.note(solution.iterations, decades)
         return solution
 
-    @property
-    def symmetric_solver(self) -> Any:
-        """That of tangents without changes of loads."""
-        return conjugate_gradients if self.pressures is None else minres
+    def krylov_method(self, symmetric: bool) -> Any:
+        """That of symmetric tangents, or of others."""
+        elements, definite = self.preconditioner.elements, self.pressures is None
+        if elements is not None:
+            # flexible, as preconditioners may be solutions of their own
+            return Krylov(elements.PETSc, ("cg" if definite else "minres") if symmetric else "fgmres")
+        if not symmetric:
+            return gmres
+        return conjugate_gradients if definite else minres
 
     def _solve_roughly(self, residual: np.ndarray) -> np.ndarray:
         """About K^-1 r [m] without the change of loads, the preconditioner where that is not found; without
@@ -345,7 +351,7 @@ class Static:
             out[:] = self.stiffness(change)
 
         settings = target, self.free, _PRODUCTS, self.precondition
-        found = self.symmetric_solver(self.comm, product, residual, *settings)
+        found = self.krylov_method(True)(self.comm, product, residual, *settings)
         self.products += found.iterations
         return found.value if found.converged else self.precondition(residual)
 

@@ -11,6 +11,7 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.boundary.forces import SpringLoad
 from parsolid.collective import SolverError, maximum
+from parsolid.methods.tlsph.linear_elements import LinearElements
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.solvers import (
     GridLevels,
@@ -33,7 +34,8 @@ _LOOSE = 1e-9
 class StaticPreconditioner:
     """M^-1 r of residuals; all methods are collective.
 
-    rounding [N]: of the norm of forces; inertia (owned,) [N/m]: see `GridLevels.of_moduli`.
+    rounding [N]: of the norm of forces; inertia (owned,) [N/m]: see `GridLevels.of_moduli`; elements: those from which
+    PETSc makes it, None where it is this package's own.
     """
 
     inertia: np.ndarray | None = None
@@ -53,6 +55,9 @@ class StaticPreconditioner:
         size = (self.volume ** (1.0 / d) / softer)[:, None]
         self.rounding = _BITS * float(np.sqrt(sums(self.comm, [np.sum((self.diagonal * size) ** 2)])[0]))
 
+        petsc = system.settings.linear_solver == "petsc"
+        self.elements = LinearElements(system, self.lame, self.shear) if petsc else None
+
     def _scaled_diagonal(self, softer: np.ndarray) -> np.ndarray:
         """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest; softer
         (owned,): a factor on the estimate, where pressures are unknowns."""
@@ -66,8 +71,13 @@ class StaticPreconditioner:
     def build(self) -> None:
         """Take the present shape."""
         places = np.ascontiguousarray(self.system.particles.owned_rows("position"))
-        self._levels = GridLevels(self.comm, places, self.spacing, self.tangent.free)
-        self._levels.of_moduli(self.lame, self.shear, self.volume, self.diagonal, self.inertia)
+        self._levels: Any
+        if self.elements is not None:
+            inertia = 0.0 if self.inertia is None else self.inertia[:, None]
+            self._levels = self.elements.build(places, self.tangent.free, self.diagonal, inertia)
+        else:
+            self._levels = GridLevels(self.comm, places, self.spacing, self.tangent.free)
+            self._levels.of_moduli(self.lame, self.shear, self.volume, self.diagonal, self.inertia)
         self._first: float | None = None
 
     def note(self, products: int, decades: float) -> None:
