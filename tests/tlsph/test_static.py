@@ -156,6 +156,27 @@ def test_pressure_against_springs(shared_path, comm):
     assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-4)
 
 
+@pytest.mark.serial
+def test_buckling(comm):
+    """A strut with clamped ends, shortened by twice what makes it buckle, bears Euler's force, 4 pi^2 E' I/L^2, which
+    shear lowers by .7 %; by Southwell's line the push across that begins it counts for w0/w."""
+    length, push = 40.0, 2.5e-7
+    law = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+    modulus = 1.0 / (1.0 - 0.3**2)
+    strain = 4.0 * np.pi**2 / (12.0 * length**2)
+    head = {"plane": "X = 40", "kind": "displacement", "displacement": [f"-{2.0 * strain * length!r}*t", "0"]}
+    held = [{"plane": "X = 0", "kind": "fixed"}, head | {"name": "head", "reaction": True}]
+    data = box((length, 1.0), "fourth-order", boundaries=held) | {"loads": {"acceleration": ["0", f"{push!r}"]}}
+    data["bodies"][0] |= {"particles": [81, 9], "material": law}
+    sim, rows = run_to_end(data, comm)
+    force = -comm.allreduce(sim.systems[0].reaction("head"))[0]
+    (u,) = gathered(sim, "displacement")
+    straight = push * length**4 / (384.0 * modulus / 12.0)
+    assert u[:, 1].max() > 0.02 * length
+    assert force / (1.0 - straight / u[:, 1].max()) == pytest.approx(strain * modulus, rel=0.02)
+    assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=2e-4)
+
+
 @pytest.mark.ranks(1, 2)
 def test_limit_point(shared_path, comm):
     """An arch that snaps through ends the run, with the last equilibrium in its files."""
