@@ -13,8 +13,8 @@ from pydantic import Field, PlainSerializer, PlainValidator, field_validator, mo
 from scipy.interpolate import CubicSpline
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import NotNegative, Positive, SceneModel, mismatch, reject
-from parsolid.scene.formulas import FORMULA, Formula
+from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
+from parsolid.scene.formulas import FORMULA, Formula, formula_in
 from parsolid.scene.probes import component_names
 from parsolid.scene.shapes import ExistingFile
 from parsolid.scene.validation_errors import suggestion
@@ -24,14 +24,7 @@ FREE = "free"
 
 
 def _in_time(value: Any) -> Formula:
-    if isinstance(value, Formula):
-        return value
-    if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise mismatch("a formula in t", value)
-    try:
-        return Formula(value, ("t",))
-    except ValueError as error:
-        raise mismatch("a formula in t", Phrase(f"{error} in {value!r}")) from None
+    return formula_in(value, ("t",))
 
 
 def _in_time_or_free(value: Any) -> Formula | str:

@@ -61,11 +61,17 @@ class Condition(SceneModel):
 
     @property
     def region(self) -> Region:
-        """Where it holds; the particles on its plane, or in a region with a name, unless a kind says otherwise."""
+        """Where it holds: the one of its places that is given, unless a kind says otherwise."""
+        stated: dict[str, Any] = {key: getattr(self, key, None) for key in ("box", "ball", "point")}
         if self.region_name is not None:
             return Named(self.region_name)
-        assert self.plane is not None
-        return OnPlane(self.plane)
+        if self.plane is not None:
+            return OnPlane(self.plane)
+        if stated["box"] is not None:
+            return InBox(stated["box"].lower, stated["box"].upper)
+        if stated["ball"] is not None:
+            return InBall(stated["ball"].centre, stated["ball"].radius)
+        return NearestTo(stated["point"])
 
     @property
     def formulas(self) -> dict[str, FormulaVector]:
@@ -147,15 +153,6 @@ class Pressure(OnSurface, Timed):
             reject(((wrong[0],), f"one of {', '.join(known)} with this method", Phrase(wrong[0])))
         return self
 
-    @property
-    def region(self) -> Region:
-        """The plane, region, box or ball."""
-        if self.box is not None:
-            return InBox(self.box.lower, self.box.upper)
-        if self.ball is not None:
-            return InBall(self.ball.centre, self.ball.radius)
-        return super().region
-
 
 @boundary_kind
 class Spring(OnSurface):
@@ -216,12 +213,6 @@ class Support(OnSurface):
         """Regions with a name have no images."""
         return {"mirror": False} | table if isinstance(table, dict) and table.get("where") is not None else table
 
-    @model_validator(mode="after")
-    def _refuse_images(self) -> Support:
-        if self.where is not None and self.mirror:
-            reject((("mirror",), "false in a region with a name (images are beyond a plane)", self.mirror))
-        return self
-
     def holds(self, dimension: int) -> np.ndarray:
         """Which components (d,) of the velocity the plane has."""
         assert self.plane is not None
@@ -229,12 +220,13 @@ class Support(OnSurface):
         return np.array({"roller": normal, "fixed": normal | True, "antisymmetric": ~normal}[self.kind])
 
     @model_validator(mode="after")
-    def _refuse_velocity(self) -> Support:
+    def _sound(self) -> Support:
+        if self.where is not None and self.mirror:
+            reject((("mirror",), "false in a region with a name (images are beyond a plane)", self.mirror))
         if self.velocity is None:
             return self
         if self.plane is None or not self.mirror:
             reject((("velocity",), "no such key without images beyond a plane", self.velocity.sources))
-            return self
         for i, (one, held) in enumerate(zip(self.velocity, self.holds(len(self.velocity)))):
             if held != (one is not None):
                 expected = "a formula in t" if held else "'free', as this kind holds nothing there"
@@ -254,20 +246,6 @@ class RegionCondition(Condition):
     ball: Sphere | None = None
     point: Point | None = Field(None, description="the particle nearest to this point [m] is meant")
     body: Name | None = Field(None, description="only this body is meant; all of them unless given")
-
-    @property
-    def region(self) -> Region:
-        """The one that is given."""
-        if self.where is not None:
-            return Named(self.where)
-        if self.plane is not None:
-            return OnPlane(self.plane)
-        if self.box is not None:
-            return InBox(self.box.lower, self.box.upper)
-        if self.ball is not None:
-            return InBall(self.ball.centre, self.ball.radius)
-        assert self.point is not None
-        return NearestTo(self.point)
 
 
 class MotionCondition(Condition):

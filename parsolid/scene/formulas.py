@@ -393,17 +393,22 @@ class FormulaVector(tuple[Any, ...]):
         return ["free" if component is None else component.source for component in self]
 
 
-def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
+def formula_in(value: Any, names: tuple[str, ...], folder: str = "") -> Formula:
+    """A stated formula in names; folder: of tables. Raises PydanticCustomError."""
     if isinstance(value, Formula):
         return value
-    names = AXES[: dimension_of(info) or 3] + (("t",) if time else ())
     expected = f"a formula in {', '.join(names)}"
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise mismatch(expected, value, "formula")
     try:
-        return Formula(value, names, (info.context or {}).get("folder", ""))
+        return Formula(value, names, folder)
     except ValueError as error:
         raise mismatch(expected, Phrase(f"{error} in {value!r}"), "formula") from None
+
+
+def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
+    names = AXES[: dimension_of(info) or 3] + (("t",) if time else ())
+    return formula_in(value, names, (info.context or {}).get("folder", ""))
 
 
 def formula_of_place(value: Any, info: ValidationInfo) -> Formula:

@@ -28,6 +28,7 @@ def test_the_page_runs(comm, shared_path, monkeypatch):
     assert comm.allreduce(len(names["position"])) == 81 * comm.size
 
 
+@pytest.mark.serial
 def test_the_notebook_runs(comm, shared_path, monkeypatch):
     pytest.importorskip("pandas")
     pytest.importorskip("matplotlib")
@@ -40,6 +41,7 @@ def test_the_notebook_runs(comm, shared_path, monkeypatch):
     assert abs(names["braked"][-1, 1] - 1.0) < abs(names["free"]["corner.displacement_y"]).max()
 
 
+@pytest.mark.serial
 def test_the_example_of_a_stepped_scene(comm, shared_path, monkeypatch):
     """Twice the static deflection of a beam: w L^4/(8 E' I), and 1.2 w L^2/(2 G h) of its shear."""
     pytest.importorskip("matplotlib")

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from ranks import first_on_ranks
 from solids import Record, follow, simulation, tables
 
 from parsolid.boundary.loads import Loads
@@ -83,7 +84,7 @@ def test_forces_change_the_momentum_and_their_work_is_that_of_the_ledger(stated)
     np.testing.assert_allclose(work, rows["external_work"], atol=1e-11 * np.abs(work).max())
 
 
-@pytest.mark.parametrize("name", ["tlsph", "peridynamics", "mpm", "ulsph"])
+@pytest.mark.parametrize("name", first_on_ranks(["tlsph", "peridynamics", "mpm", "ulsph"]))
 def test_supports_bear_what_gravity_in_time_adds(name, comm):
     data = pulled(*METHODS[name])
     scale = FAST if name == "ulsph" else 1.0

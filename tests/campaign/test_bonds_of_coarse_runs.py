@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ranks import first_on_ranks
 
 from parsolid.api.running import RunOptions, run_scene
 from parsolid.campaign.coarsening import parsed
@@ -41,7 +42,7 @@ def tables(method: str, bond: bool) -> dict:
     return found | ({"bond": [{"bodies": ["body 0", "body 1"]}]} if bond else {})
 
 
-@pytest.mark.parametrize("method, bond", [(method, False) for method in CASES] + [("tlsph", True)])
+@pytest.mark.parametrize("method, bond", first_on_ranks([("tlsph", True), *((method, False) for method in CASES)]))
 def test_bodies_that_are_apart_stay_apart_in_coarse_runs(comm, method, bond):
     scene = parse_scene(tables(method, bond))
     Simulation(comm, scene)

@@ -41,6 +41,7 @@ def test_spin_is_kept(method, least, most):
         assert columns["kinetic"][-1] + columns["strain_energy"][-1] > 0.998 * columns["kinetic"][0]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("order", ["musl", "usl"])
 def test_driven_nodes_add_no_energy(comm, order):
     flow = ["1e5*Y", 0.0]

@@ -92,6 +92,7 @@ def run(chain, chosen, steps, pull):
     return solver, np.array(found)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))
 def test_creep_and_recovery_with_jumps_are_exact_but_for_the_steps_in_between(comm, solver):
     steps = [0.0, *[0.1] * 20, 0.0, *[0.1] * 10]
@@ -108,6 +109,7 @@ def test_creep_and_recovery_with_jumps_are_exact_but_for_the_steps_in_between(co
     assert found[21, -1] - found[20, -1] == pytest.approx(-2.0 * 11 / 10.0, rel=1e-6)
 
 
+@pytest.mark.serial
 def test_error_of_the_recursion_is_that_of_another_program(comm):
     """Largest relative error of the creep strain over 50 s, with a jump step at the start (computed elsewhere)."""
     compliance = PronySeries(1.0, [RATIO], [TIME]).compliance()
@@ -136,6 +138,7 @@ def test_extrapolation_saves_iterations_and_a_restart_continues_it(comm):
     )
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("solver", ("conjugate-gradients", "dynamic-relaxation"))
 def test_stiffening_springs(comm, solver):
     chain = Chain(comm, cubic=0.5)

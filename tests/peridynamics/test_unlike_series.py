@@ -126,6 +126,7 @@ def bar(count, seconds=2.0) -> dict:
     return data
 
 
+@pytest.mark.serial
 def test_two_bars_in_a_row_creep_each_by_its_own_series(comm):
     """J(t) = (1 - 2/3 exp(-t/(3 tau)))/E of the first, 1/E of the second; the joint blurs over the horizon."""
     errors = []

@@ -6,6 +6,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from ranks import first_on_ranks
 
 from parsolid.particles.fillings import filling_of
 from parsolid.particles.generation import generate
@@ -80,7 +81,7 @@ KINDS = [(2, "quad"), (2, "triangle"), (3, "hexahedron"), (3, "tetra")]
 
 
 @pytest.mark.parametrize("placement", ["vertices", "cells"])
-@pytest.mark.parametrize(("dimension", "kind"), KINDS)
+@pytest.mark.parametrize(("dimension", "kind"), first_on_ranks(KINDS))
 def test_volume_and_surface(shared_path, comm, dimension, kind, placement):
     points, cells = grid(dimension, 0.2)
     if kind in ("triangle", "tetra"):
@@ -248,7 +249,7 @@ def bodies_of_meshes(folder, dimension, kind, *shifts):
     return data
 
 
-@pytest.mark.parametrize(("dimension", "kind"), KINDS)
+@pytest.mark.parametrize(("dimension", "kind"), first_on_ranks(KINDS))
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (1.9, 0.0, 0.0), (0.25, 0.3, 0.0), (0.5, 0.6, 0.5)])
 def test_meshes_in_one_another_are_refused_with_their_names(shared_path, comm, dimension, kind, shift):
     folder = shared_path / str(comm.rank)
@@ -279,7 +280,7 @@ def test_a_box_in_a_mesh_and_one_in_its_notch(shared_path, comm):
             generate(scene, comm)
 
 
-@pytest.mark.parametrize(("dimension", "kind"), KINDS)
+@pytest.mark.parametrize(("dimension", "kind"), first_on_ranks(KINDS))
 @pytest.mark.parametrize("shift", [(0.25, 0.0, 0.0), (1.9, 0.1, 0.2), (0.25, 0.3, 0.1)])
 def test_a_mesh_in_itself_is_refused(shared_path, comm, dimension, kind, shift):
     points, cells = grid(dimension, 0.2)

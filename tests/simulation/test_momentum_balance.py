@@ -78,6 +78,7 @@ def spinning(method: dict, placement: str = "cells") -> dict:
     }
 
 
+@pytest.mark.serial
 def test_the_usual_transfer_keeps_a_rigid_rotation(comm):
     """A quarter of a turn; with FLIP and MUSL half of the angular momentum is lost by then, and the block flows."""
     scene = spinning({"kind": "mpm", "cell": 0.25})

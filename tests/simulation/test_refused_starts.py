@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from ranks import first_on_ranks
 from solids import COPPER, RUBBER, Record, follow, simulation, tables
 
 from parsolid.collective import SolverError
@@ -114,7 +115,7 @@ PULLED = {"kind": "velocity", "plane": "X = 1", "velocity": ["1", "free"]}
 CORNER = {"lower": [0.9, -0.1], "upper": [1.1, 0.3]}
 
 
-@pytest.mark.parametrize("method", ["tlsph", "peridynamics", "mpm", "ulsph"])
+@pytest.mark.parametrize("method", first_on_ranks(["tlsph", "peridynamics", "mpm", "ulsph"]))
 @pytest.mark.parametrize(
     "first, second, sound",
     [
@@ -247,10 +248,12 @@ DRIVEN_LATER = {"boundaries": [{"kind": "velocity", "plane": "X = 0", "velocity"
 
 @pytest.mark.parametrize(
     "name, acting",
-    [
-        ("tlsph", {"loads": {"body_force": [f"1e3*{LATER}", "0"]}}),
-        *((name, DRIVEN_LATER) for name in ("mpm", "peridynamics", "ulsph")),
-    ],
+    first_on_ranks(
+        [
+            ("tlsph", {"loads": {"body_force": [f"1e3*{LATER}", "0"]}}),
+            *((name, DRIVEN_LATER) for name in ("mpm", "peridynamics", "ulsph")),
+        ]
+    ),
 )
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_what_acts_and_is_no_number_later_is_told_with_its_formula(name, acting, comm):

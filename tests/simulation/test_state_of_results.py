@@ -5,6 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 from mpi4py import MPI
+from ranks import first_on_ranks
 from solids import COPPER, ONE_BRANCH, SOFT, THREE_BRANCHES, evolved, gathered, run_into, simulation, tables
 
 from parsolid.api.check_advice import scene_advice
@@ -89,7 +90,7 @@ def goes_on(folder, comm, data):
     return whole, run_into(folder / "later", comm, parse_scene(later)).simulation
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", first_on_ranks(CASES))
 def test_a_run_goes_on_from_the_state_of_another(case, shared_path, comm):
     whole, later = goes_on(shared_path / "whole", comm, CASES[case])
     names = [name for name in evolved(whole.systems[0].particles) if name not in ("listed_position", "broken_bonds")]

@@ -66,6 +66,7 @@ def test_all_stages(comm):
     assert np.abs(one - other).max() < 0.05 * np.abs(one - X).max()
 
 
+@pytest.mark.serial
 def test_driven(comm):
     """Work of what is prescribed, of a load and of a pressure that follows; places are exact."""
     held = [

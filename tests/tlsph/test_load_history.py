@@ -171,6 +171,7 @@ def pulled(folder, material):
     return static(folder, counts=(8, 4), scale=0.25, boundaries=boundaries, body={"material": material})
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("material", [METAL, KINEMATIC, VISCOUS], ids=["flow", "kinematic", "relaxation"])
 def test_tangent(shared_path, comm, material):
     """It is the change of forces."""

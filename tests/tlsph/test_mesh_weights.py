@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from element_meshes import KINDS, element_mesh
 from mpi4py import MPI
+from ranks import first_on_ranks
 from solids import gathered, random_of, run_to_end, simulation
 
 from parsolid.scene import SceneError, parse_scene
@@ -51,7 +52,7 @@ def forces(sim):
     return gathered(sim, "stress_force", "dissipative_force")
 
 
-@pytest.mark.parametrize(("dimension", "kind"), ALL)
+@pytest.mark.parametrize(("dimension", "kind"), first_on_ranks(ALL))
 def test_patch(shared_path, comm, dimension, kind):
     """A linear displacement has its gradient everywhere, and the forces are those of its tractions."""
     data = of_mesh(shared_path, kind, dimension, body={"displacement": linear(F - np.eye(3), dimension)})

@@ -92,6 +92,7 @@ def ring_in_tension(folder, around, layers):
     return of_mesh(file, 2, {"displacement": KIRSCH}, held, regions=regions)
 
 
+@pytest.mark.serial
 def test_peak_at_a_hole(shared_path, comm):
     """The stress along the edge of a hole has an error of order 1.5 or better, its peak one below 3 % where the radius
     is six spacings; the particles' own stress is farther off. On one rank it is the same."""
@@ -206,6 +207,7 @@ def test_mesh_beside_a_box(shared_path, comm):
     np.testing.assert_allclose(stress[~of_box], alone, rtol=0.0, atol=1e-12 * np.abs(alone).max())
 
 
+@pytest.mark.serial
 def test_pressure_of_a_bore(shared_path, comm):
     """The traction on a bore in large strain is its pressure, along the normal of the deformed surface."""
     pressure = {"kind": "pressure", "where": "bore", "pressure": 0.05}

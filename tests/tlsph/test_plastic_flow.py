@@ -132,6 +132,7 @@ def test_the_stress_that_acts_is_that_of_the_state():
     assert (q <= (400e6 + 100e6 * strain) * (1.0 + 1e-9)).all() and (strain > 1e-3).mean() > 0.2
 
 
+@pytest.mark.serial
 def test_the_stabiliser_of_a_mesh_bears_nothing_where_it_flows(shared_path, monkeypatch):
     """The motion is that without a stabiliser; with the elastic modulus it would take 31 % of the work of flow."""
     work, bears, kinetic = [], [], []

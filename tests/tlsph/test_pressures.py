@@ -91,6 +91,7 @@ def test_tangent(shared_path, comm):
     np.testing.assert_allclose(np.where(statics.free, K_one, 0.0), difference, atol=1e-5 * np.abs(K_one).max())
 
 
+@pytest.mark.serial
 @pytest.mark.ranks(1, 2)
 def test_stages(shared_path, comm):
     """A motion begins with the forces of equilibrium; one ledger; equilibria do not depend on what was before."""

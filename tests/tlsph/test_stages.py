@@ -40,6 +40,7 @@ def there_and_back(shape=None, **rest):
     )
 
 
+@pytest.mark.serial
 @pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("kind", ["box", "mesh"])
 def test_there_and_back(shared_path, comm, kind):
@@ -67,6 +68,7 @@ def test_equilibrium_stays(comm):
     assert rows["kinetic"].max() < 1e-14 * rows["strain_energy"].max()
 
 
+@pytest.mark.serial
 def test_driven_through_stages(comm):
     """Displacements are prescribed in equilibrium and in motion, to the same places."""
     driven = [

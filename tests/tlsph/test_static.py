@@ -91,6 +91,7 @@ def test_beam(shared_path, comm):
     np.testing.assert_allclose(force[:2], [0.0, 1.1 * 8.0 * 3e-3], atol=1e-8)
 
 
+@pytest.mark.serial
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("weights", ["cells", "fourth-order"])
 def test_box(comm, weights):
@@ -102,6 +103,7 @@ def test_box(comm, weights):
     assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=2e-4)
 
 
+@pytest.mark.serial
 @pytest.mark.ranks(1, 2)
 def test_two_materials(shared_path, comm):
     """Groups of one mesh that share nodes bear one stress, each with a stretch of its own."""
@@ -117,6 +119,7 @@ def test_two_materials(shared_path, comm):
     assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-4)
 
 
+@pytest.mark.serial
 @pytest.mark.slow
 @pytest.mark.ranks(1, 2)
 def test_small_pressure_is_a_traction(shared_path, comm):
@@ -134,6 +137,7 @@ def test_small_pressure_is_a_traction(shared_path, comm):
     np.testing.assert_allclose(found[0], found[1], rtol=0.0, atol=1e-3 * np.abs(found[1]).max())
 
 
+@pytest.mark.serial
 def test_pressure_against_springs(shared_path, comm):
     """A thick ring under a pressure within, on springs around it: Lame's displacements."""
     a, b, p, k, E, nu = 1.0, 2.0, 1e-4, 1.5, 3.0, 0.3

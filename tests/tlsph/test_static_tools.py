@@ -56,6 +56,7 @@ def test_patch(shared_path, comm, weights, gap):
     assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=1e-4)
 
 
+@pytest.mark.serial
 def test_friction(comm):
     """A tool that slides along a held body pulls it with its coefficient times what presses; slip takes what the tool
     does and nothing stores."""

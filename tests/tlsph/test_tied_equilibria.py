@@ -35,6 +35,7 @@ def pulled(load):
     ]
 
 
+@pytest.mark.serial
 def test_patch(shared_path, comm):
     """Bodies of one strain whose meshes do not match: beside the tie it is off by 9 % of the patch's, two spacings away
     by 2 %; the work of what drives them is stored."""

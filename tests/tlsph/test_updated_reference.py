@@ -267,6 +267,7 @@ def test_a_sheared_block_with_few_updates_is_what_it_is_with_a_fixed_reference()
         assert abs(moved[name][-1] - fixed[name][-1]) < 0.01 * fixed["strain_energy"][-1], name
 
 
+@pytest.mark.serial
 def test_updates_that_eat_a_sheared_block_end_the_run_before_it_is_torn(comm):
     """Some steps apart they let neighbours beside the free corners change sides."""
     sim = simulation(sheared(1.3, {"reference": "updated", "update_every": 10}), comm)

@@ -31,6 +31,7 @@ def compare(whole, later, stick: str) -> None:
     assert_same_fields(later, whole, names, 1e-11)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS)
 def test_tools_go_on(method, shared_path, comm):
     whole, later = goes_on(shared_path / "whole", comm, slid(method))

@@ -103,6 +103,7 @@ def test_energy_is_of_second_order(method="tlsph"):
     assert np.all(np.log2(np.array(found[:-1]) / found[1:]) > 1.7), found
 
 
+@pytest.mark.serial
 def test_a_ball_in_space(comm):
     sim, watch = run(hit("tlsph", 3, mass=20.0), comm)
     ball = sim.interactions[0].tools[0].body

@@ -12,6 +12,7 @@ def flowing(rate, material=STEEL, **rest) -> dict:
     return scene(block([6, 6], [6e-3, 6e-3], material, micro_rate=rate), **rest)
 
 
+@pytest.mark.serial
 def test_it_is_set_by_place_and_held_where_clamped(comm):
     clamp = {"kind": "micro-hard", "box": {"lower": [-1.0, -1.0], "upper": [1.0, 1e-3]}}
     sim = simulation(flowing("1e6*X", boundaries=[clamp]), comm)
