@@ -474,6 +474,30 @@ def whirling() -> Tables:
 
 
 add("whirling", "ulsph flow free migrates", whirling(), stops=(37,))
+TISSUE = {
+    "kind": "gasser-ogden-holzapfel",
+    "density": 1000.0,
+    "shear_modulus": 1e6,
+    "bulk_modulus": 1e7,
+    "fibre_modulus": 1e6,
+    "fibre_exponent": 0.8,
+    "dispersion": 0.2,
+    "fibre": {"angle": "X/0.02"},
+    "softening": {"r": 2.0, "m": 1e5},
+    "branches": [{"modulus": 1e6, "tau": 1e-4}],
+}
+add(
+    "whirling tissue",
+    "ulsph branches free migrates",
+    flow(
+        cells([20, 20], [0.02, 0.02], TISSUE, velocity=["-2e3*(Y - 0.01) + 500*X", "2e3*(X - 0.01)"]),
+        end_time=1.5e-3,
+        method={"skin": 0.03},
+    ),
+    stops=(60,),
+    balance=2e-3,
+    grows=("softening_dissipation", "material_dissipation"),
+)
 for d in (2, 3):
     add(f"taylor, ulsph, {d}-D", "ulsph flow heat", taylor_flow(d), steps=60, balance=3e-2, grows=("plastic_work",))
 for kind, bound in {"tlsph": 1e-13, "peridynamics": 1e-9, "mpm": 5e-4, "ulsph": 1e-2}.items():

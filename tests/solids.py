@@ -7,8 +7,9 @@ from mpi4py import MPI
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.materials.plastic.tile_update import new_tile
+from parsolid.methods.hyperelastic_particles import TENSOR_ROWS
 from parsolid.methods.mpm.elastic_plastic import BulkViscosity, State, advance_state
-from parsolid.methods.mpm.points import SYMMETRIC_ROWS, TENSOR_ROWS
+from parsolid.methods.mpm.points import SYMMETRIC_ROWS
 from parsolid.output.run_folder import RunFolder
 from parsolid.scene import parse_scene
 from parsolid.simulation.job import Job

@@ -70,6 +70,15 @@ def relaxed(weights, A, old_inverse, new_inverse):
 
 
 @inlined
+def relax(modulus, relaxation_time, weights, losses, C_0, C_1, A):
+    """A after a step in which C goes from C_0 to C_1, and what the branch dissipates [J/m^3]; weights:
+    `relaxation_weights`; losses: `loss_weights` times tau [s]."""
+    inverse_0, inverse_1 = inverse_symmetric(C_0), inverse_symmetric(C_1)
+    A_1 = relaxed(weights, A, inverse_0, inverse_1)
+    return A_1, relaxation_loss(modulus, relaxation_time, losses, C_0, inverse_0, A, C_1, inverse_1, A_1)
+
+
+@inlined
 def inverse_right_cauchy_green(H, J):
     """C^{-1} = H^T H/J^2."""
     C = gram(H)

@@ -109,7 +109,7 @@ def count_seen(field, d, active, count):
 def put_seen(field, d, deformation, spacing, total, active, free, seen):
     """The rows of a field whose weights sum up to total (n,), from free (n,) on, which moves on.
 
-    deformation: F, see `points.load_gradient`; spacing (capacity, d) [m].
+    deformation: F, see `hyperelastic_particles.load_gradient`; spacing (capacity, d) [m].
     """
     x, y, form, edge = np.zeros(3), np.zeros(3), np.zeros(6), np.zeros((3, 3))
     for c in field.cells:

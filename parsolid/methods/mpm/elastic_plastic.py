@@ -47,7 +47,8 @@ from parsolid.materials.plastic.tile_update import (
 )
 from parsolid.methods import plastic_fields
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
-from parsolid.methods.mpm.points import TENSOR_ROWS, MaterialPoints
+from parsolid.methods.hyperelastic_particles import TENSOR_ROWS
+from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.tensors import (
     ROTATION_SETTLED,
     add_spherical,

@@ -21,9 +21,10 @@ import numpy as np
 from parsolid.boundary.heat import HeatSupply
 from parsolid.kernels import kernel
 from parsolid.materials.plastic.functions import specific_heat, temperature_rise
+from parsolid.methods.hyperelastic_particles import load_gradient
 from parsolid.methods.mpm.conditions import GridConditions, ThermalPlane
 from parsolid.methods.mpm.grid import Nodes
-from parsolid.methods.mpm.points import MaterialPoints, load_gradient
+from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.mpm.shape_functions import nodes_across, shape_functions
 from parsolid.methods.mpm.transfer import put_weights
 from parsolid.scene import Scene
@@ -234,7 +235,7 @@ def fill_thermal(first, last, law, conductivity, deformation, temperature, motio
     """T, C and V kappa of particles first..last-1 of one law, in the present configuration; q becomes 0. Returns the
     largest diffusivity V kappa / C [m^2/s].
 
-    conductivity [W/(m K)]; deformation: F, see `points.load_gradient`; temperature (1, capacity).
+    conductivity [W/(m K)]; deformation: F, see `hyperelastic_particles.load_gradient`; temperature (1, capacity).
     """
     largest = 0.0
     for p in range(first, last):

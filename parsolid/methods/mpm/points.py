@@ -1,24 +1,27 @@
 """Material points of one rank: what all of them carry, and their motion at time 0."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from parsolid.boundary.loads import Loads
-from parsolid.kernels import inlined
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import declare_failure, failed_to_delete, note_deleted
 from parsolid.methods.failure_fields import DELETED_INTERNAL, DELETED_KINETIC, kept_column
+from parsolid.methods.hyperelastic_particles import (
+    declare_deformation,
+    deformation_at_start,
+    full_gradients,
+    gradient_of,
+)
 from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
 from parsolid.methods.plastic_fields import PLASTIC_STATE, declare_flow_state
 from parsolid.particles.container import Particles
-from parsolid.particles.declaration import Columns, Field, Within
+from parsolid.particles.declaration import Field, Within
 from parsolid.particles.extents import domain_bounds
 from parsolid.particles.generated import declare_generated
 from parsolid.particles.initial_fields import (
-    initial_deformation_gradient,
     initial_displacement,
     initial_plastic_strain,
     initial_temperature,
@@ -29,28 +32,8 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 from parsolid.scene.boundaries import PrescribedTemperature
 
-# F of the undeformed body: 11, 12, 21, 22, 33 in two dimensions, its rows in three
-_IDENTITY = {2: (1.0, 0.0, 0.0, 1.0, 1.0), 3: (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)}
-# components of nine that F has in two and three dimensions
-TENSOR_ROWS = {2: np.array([0, 1, 3, 4, 8]), 3: np.arange(9)}
 # components of six that the deviator has in two and three dimensions
 SYMMETRIC_ROWS = {2: 4, 3: 6}
-# A of all Maxwell branches, 6 numbers each
-BRANCHES = "viscous_strain_inverses"
-# of the cell, for the gradients of formulas
-_DIFFERENCE = 1e-4
-
-
-@inlined
-def load_gradient(deformation, p):
-    """F of particle p, nine numbers, from 5 rows (11, 12, 21, 22, 33) in two dimensions or 9 in three."""
-    if len(deformation) == 9:
-        F = (deformation[0, p], deformation[1, p], deformation[2, p], deformation[3, p], deformation[4, p],
-             deformation[5, p], deformation[6, p], deformation[7, p], deformation[8, p])  # fmt: skip
-    else:
-        F = (deformation[0, p], deformation[1, p], 0.0, deformation[2, p], deformation[3, p], 0.0,
-             0.0, 0.0, deformation[4, p])  # fmt: skip
-    return F
 
 
 class MaterialPoints(Particles):
@@ -85,13 +68,7 @@ class MaterialPoints(Particles):
         self.declare(Field("mass", 1, "kg", layout=Within("motion", 3)), volume * density)
         self.declare(Field("velocity", d, "m/s", checkpointed=True, shown=True, layout=Within("motion", 4)))
         self.declare(Field("grid_volume", 1, "m^3", layout=Within("motion", 7)), volume)
-        F = _IDENTITY[d]
-        self.declare(Field("deformation_gradient", len(F), "1", checkpointed=True, layout=Columns(), padding=F), F)
-        branches = max(len(getattr(law, "branch_moduli", None) or ()) for law in self.laws)
-        if branches:
-            rest = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0) * branches
-            kept = Field(BRANCHES, len(rest), "1", checkpointed=True, layout=Columns(), padding=rest)
-            self.declare(kept, rest)
+        declare_deformation(self, d, self.laws)
         self.declare(Field("velocity_gradient", 12, "1/s"))
         self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
 
@@ -118,17 +95,13 @@ class MaterialPoints(Particles):
         d, place = self.dimension, (scene, particle_set.body, particle_set.position, particle_set.regions)
         rows = self.owned_rows
         rows("velocity")[:] = initial_velocity(*place)
-        displacement, given = initial_displacement(*place), initial_deformation_gradient(*place)
-        F = np.tile(np.eye(d), (self.owned, 1, 1))
+        displacement, cell = initial_displacement(*place), scene.method.cell
+        F = deformation_at_start(scene, particle_set, cell)
         if displacement is not None:
             rows("position")[:] += displacement
-            F += _gradient(initial_displacement, scene, particle_set)
-        if given is not None:
-            gradient, where = given
-            F[where] = gradient[where]
         rows("deformation_gradient")[:, : d * d] = F.reshape(-1, d * d)
         if "velocity_slope" in self:
-            slope = _gradient(initial_velocity, scene, particle_set) @ np.linalg.inv(F)
+            slope = gradient_of(initial_velocity, scene, particle_set, cell) @ np.linalg.inv(F)
             rows("velocity_slope").reshape(-1, 3, 4)[:, :d, :d] = slope
         if self.axisymmetric:
             rows("deformation_gradient")[:, 4] = rows("position")[:, 0] / particle_set.position[:, 0]
@@ -229,12 +202,7 @@ class MaterialPoints(Particles):
 
     def deformation_gradients(self, first: int, last: int) -> np.ndarray:
         """F (n, 3, 3)."""
-        components = self["deformation_gradient"][first:last]
-        if self.dimension == 3:
-            return np.ascontiguousarray(components).reshape(-1, 3, 3)
-        result = np.zeros((len(components), 3, 3))
-        result[:, :2, :2], result[:, 2, 2] = components[:, :4].reshape(-1, 2, 2), components[:, 4]
-        return result
+        return full_gradients(self, self.dimension, first, last)
 
     def jacobian(self, first: int, last: int) -> np.ndarray:
         """det F (n,)."""
@@ -262,17 +230,3 @@ class MaterialPoints(Particles):
             here = slice(block.first, block.last)
             total += float(self.motion[here, 3] @ block.law.heat(self["temperature"][here]))
         return total
-
-
-def _gradient(formula: Callable[..., np.ndarray | None], scene: Scene, particle_set: ParticleSet) -> np.ndarray:
-    """(n, d, d) of the bodies' formulas, by reference place, by central differences; wider ones far from the origin,
-    where places have fewer digits."""
-    columns, body, place = [], particle_set.body, particle_set.position
-    cell, rounding = scene.method.cell, np.finfo(float).eps * np.abs(place).max(axis=1, initial=0.0)
-    small = cell * np.maximum(_DIFFERENCE, np.cbrt(rounding / cell))
-    for axis in np.eye(place.shape[1]):
-        step = small[:, None] * axis
-        ahead, behind = (formula(scene, body, place + s * step, particle_set.regions) for s in (1.0, -1.0))
-        assert ahead is not None and behind is not None
-        columns.append((ahead - behind) / (2.0 * small[:, None]))
-    return np.stack(columns, axis=2)

@@ -18,19 +18,13 @@ from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.materials.hyperelastic.at_particles import after_step, at_particle, keep_state
 from parsolid.materials.hyperelastic.functions import dissipated_energy, pressure_waves, shear_waves, stress
 from parsolid.materials.law_functions import law_function
-from parsolid.materials.viscoelastic.maxwell import (
-    branch_stress,
-    branch_waves,
-    relaxation_loss,
-    relaxed,
-)
+from parsolid.materials.viscoelastic.maxwell import branch_stress, branch_waves, relax
 from parsolid.tensors import (
     cofactor,
     combine,
     combine_symmetric,
     congruence,
     gram,
-    inverse_symmetric,
     largest_eigenvalue_bound,
     matmul,
     plus,
@@ -186,11 +180,10 @@ def relax_branch(modulus, time, weights, rates, step, F, G, A, branch_sum, lost)
     for p in range(TILE):
         F_old = load(F, p)
         C_old, C = gram(F_old), gram(combine(1.0, F_old, step, load(G, p)))
-        C_old_inverse, C_inverse, A_old = inverse_symmetric(C_old), inverse_symmetric(C), load_symmetric(A, p)
-        A_new = relaxed(weights, A_old, C_old_inverse, C_inverse)
+        A_new, loss = relax(modulus, time, weights, rates, C_old, C, load_symmetric(A, p))
         store_symmetric(A, p, A_new)
         store_symmetric(branch_sum, p, combine_symmetric(1.0, load_symmetric(branch_sum, p), modulus, A_new))
-        lost[p] += relaxation_loss(modulus, time, rates, C_old, C_old_inverse, A_old, C, C_inverse, A_new)
+        lost[p] += loss
 
 
 @kernel

@@ -54,6 +54,7 @@ from parsolid.methods.ulsph.kinematics import (
 )
 from parsolid.particles.container import Particles
 from parsolid.particles.initial_fields import initial_zero_energy_temperature
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 from parsolid.tiles import TILE, load_rows, store_rows
 
@@ -202,7 +203,7 @@ class ElasticPlasticSolid:
         self.plastic_work = self.viscous_heat = self.released = self.stored = 0.0
         self._tile = new_tile(count_of(law.failure))
 
-    def begin(self, scene: Scene, particles: Particles, here: slice) -> None:
+    def begin(self, scene: Scene, particles: Particles, here: slice, particle_set: ParticleSet) -> None:
         """The internal energy that belongs to the temperatures at time 0."""
         of = particles.owned_rows
         warm = of("temperature")[here]

@@ -78,9 +78,10 @@ class Temperatures:
         return self._store(rows, heat)
 
     def _by_laws(self, rows: np.ndarray) -> list[tuple[Any, np.ndarray]]:
-        """Each law with the places of its particles in rows (n,)."""
+        """Each law that knows heat, with the places of its particles in rows (n,)."""
         numbers = self._law_of_body[self.particles.owned_rows("body")[rows]]
-        return [(law, np.flatnonzero(numbers == number)) for number, law in enumerate(self._laws)]
+        warm = [one for one in enumerate(self._laws) if hasattr(one[1], "specific_heat")]
+        return [(law, np.flatnonzero(numbers == number)) for number, law in warm]
 
     def _store(self, rows: np.ndarray, heat: np.ndarray) -> float:
         """Add heat (n,) [J] to the internal energy of those rows whose law has one; how much that is [J]."""

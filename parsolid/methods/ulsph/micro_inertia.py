@@ -37,6 +37,7 @@ from parsolid.materials.plastic.tile_update import DEVIATOR, STRAIN
 from parsolid.methods.ulsph import kinematics as flow
 from parsolid.methods.ulsph.kinematics import symmetric_times
 from parsolid.particles.container import Particles
+from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
 from parsolid.tensors import combine_symmetric, contract_symmetric, times_symmetric
 from parsolid.tiles import (
@@ -390,7 +391,7 @@ class MicroInertiaSolid:
         gradients = (particles.storage(name) if name in self.fields else None for name in names)
         return State(*(particles.storage(name) for name in State._fields)), Gradients(*gradients)
 
-    def begin(self, scene: Scene, particles: Particles, here: slice) -> None:
+    def begin(self, scene: Scene, particles: Particles, here: slice, particle_set: ParticleSet) -> None:
         """The state at time 0; its temperatures are set."""
         particles.owned_rows("micro_stress")[here] = self.law.initial_micro_stress
 

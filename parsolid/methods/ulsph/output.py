@@ -7,6 +7,7 @@ import numpy as np
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.methods import failed_matter
+from parsolid.methods.hyperelastic_particles import full_gradients
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
 from parsolid.methods.protocol import ParticleSystem
@@ -65,6 +66,8 @@ class Reports(ParticleSystem):
         if name == "jacobian":
             density = np.array([law.density for law in self.laws])[self.particles.law_of_body]
             return np.asarray(density[rows("body")[first:last]] / rows("density")[first:last])
+        if name == "deformation_gradient" and name in self.particles:
+            return full_gradients(self.particles, self.dimension, first, last)
         if name == "internal_energy":
             return np.asarray(rows("energy")[first:last])
         if name in FLOW_FIELDS:
@@ -101,7 +104,7 @@ class Reports(ParticleSystem):
         if name == "micro_kinetic":
             return "sum", np.array([sum(solid.energies(self.particles, here)[0] for solid, here in self.parts())])
         if name == "heat":
-            parts = [(solid.law, here) for solid, here in self.parts()]
+            parts = [(one.law, here) for one, here in self.parts() if hasattr(one.law, "specific_heat")]
             return "sum", np.array([sum(float(law.heat(rows("temperature")[p]) @ mass[p]) for law, p in parts)])
         half = 0.5 * rows("spacing")
         if name == "lower_bounds":

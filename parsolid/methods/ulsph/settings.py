@@ -6,7 +6,12 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from parsolid.methods.failure_fields import DAMAGE
-from parsolid.methods.plastic_fields import FLOW_FIELDS, flow_fields_of_no_body
+from parsolid.methods.plastic_fields import (
+    FLOW_FIELDS,
+    fields_of_no_body,
+    flow_fields_of_no_body,
+    temperatures_without_heat,
+)
 from parsolid.methods.ulsph.state import MICRO_STATE, STATE
 from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
 from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel, mismatch
@@ -38,7 +43,7 @@ class UpdatedLagrangianSPH(MethodSettings):
 
     system: ClassVar = "parsolid.methods.ulsph.system:UpdatedLagrangianSPH"
     in_cells: ClassVar = True
-    materials: ClassVar = ("micro-inertia", "elastic-plastic")
+    materials: ClassVar = ("micro-inertia", "elastic-plastic", "hyperelastic")
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "wall", "traction", "spring")
     boundaries: ClassVar = (*reactions, "antisymmetric", "micro-hard", "temperature")
     planes_move: ClassVar = True
@@ -47,6 +52,7 @@ class UpdatedLagrangianSPH(MethodSettings):
         *("velocity", "density", "deviator", "temperature", "energy", "plastic_strain", "damage", "criterion_damage"),
         *("micro_rate", "micro_stress", "micro_curl", "micro_gradient"),
         *("energetic_flux", "dissipative_flux", "heat_flux", "back_stress", "volume_flow"),
+        *("deformation_gradient", "viscous_strain_inverses"),
     )
     state_of_particles: ClassVar = ("deleted_*",)
     state_forces: ClassVar = (
@@ -156,13 +162,19 @@ class UpdatedLagrangianSPH(MethodSettings):
         if self.viscous_heating and self.viscosity is False:
             details.append((("method", "viscous_heating"), "false without viscosity", True))
         kinds = {body.material.kind for body in scene.bodies}
-        if self.viscous_heating and kinds == {"elastic-plastic"}:
-            details.append((("method", "viscous_heating"), "no such key: elastic-plastic laws always take it up", True))
-        micro = any(body.material.kind == "micro-inertia" for body in scene.bodies)
+        micro = "micro-inertia" in kinds
+        if self.viscous_heating and not micro:
+            expected = "no such key without micro-inertia: elastic-plastic laws always take it up, elastic ones never"
+            details.append((("method", "viscous_heating"), expected, True))
+        needed = {"micro-hard": micro, "temperature": micro or "elastic-plastic" in kinds}
         for i, boundary in enumerate(scene.boundaries):
-            if boundary.kind == "micro-hard" and not micro:
-                details.append((("boundaries", i, "kind"), "a body with micro-inertia", boundary.kind))
-        return details + self._of_no_body(scene, kinds) + flow_fields_of_no_body(scene) + faults_of_names(scene)
+            if not needed.get(boundary.kind, True):
+                wanted = "micro-inertia" if boundary.kind == "micro-hard" else "a temperature"
+                details.append((("boundaries", i, "kind"), f"a body with {wanted}", boundary.kind))
+        of_flow = flow_fields_of_no_body(scene)
+        if not needed["temperature"]:
+            of_flow = fields_of_no_body(scene) + temperatures_without_heat(scene)
+        return details + self._of_no_body(scene, kinds) + of_flow + faults_of_names(scene)
 
     @staticmethod
     def _of_no_body(scene: Any, kinds: set[str]) -> list[Detail]:

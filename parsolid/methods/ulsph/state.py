@@ -48,8 +48,8 @@ def declare_state(
     force and viscous_force [N]: of stresses and of the artificial viscosity; viscous_heat [W], alike for both particles
     of a pair; energy E [J/m^3] per reference volume; micro_curl eta, micro_gradient grad v^p, energetic_flux and
     dissipative_flux xi, heat_flux q: see `micro_inertia`; back_stress [Pa] (6), volume_flow (2), see
-    `plastic_fields`; impulse_power [W]: the viscous force times what contact has changed of the velocity since the
-    force was found.
+    `plastic_fields`; elastic_pressure [Pa] of hyperelastic laws; impulse_power [W]: the viscous force times what
+    contact has changed of the velocity since the force was found.
     """
     d = dimension
     record = partial(_kept, ghosts="forward", message="record")
@@ -81,6 +81,7 @@ def declare_state(
         _kept("heat_flux", d, "W/m^2"),
         _kept("back_stress", 6, "Pa"),
         _kept("volume_flow", 2, "1"),
+        _kept("elastic_pressure", 1, "Pa"),
     )
     for field in others:
         if field.name in of_laws:

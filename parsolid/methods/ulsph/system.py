@@ -14,11 +14,13 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.micro_inertia import MicroInertia
 from parsolid.materials.registry import laws_of
 from parsolid.methods import failed_matter, previous_state
+from parsolid.methods.hyperelastic_particles import declare_deformation
 from parsolid.methods.leapfrog import drift
 from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.methods.ulsph.deletion import Deletion
 from parsolid.methods.ulsph.elastic_plastic import ElasticPlasticSolid
 from parsolid.methods.ulsph.heat import Temperatures
+from parsolid.methods.ulsph.hyperelastic import HyperelasticSolid
 from parsolid.methods.ulsph.kicks import Kicks
 from parsolid.methods.ulsph.micro_inertia import MicroInertiaSolid
 from parsolid.methods.ulsph.neighbours import Neighbours
@@ -37,6 +39,7 @@ from parsolid.particles.initial_fields import (
     initial_temperature,
     initial_velocity,
 )
+from parsolid.particles.law_values import declare_law_values
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
 from parsolid.per_rank import PerRank, own_share
@@ -79,7 +82,7 @@ class UpdatedLagrangianSPH(Reports):
         self.comm, self.settings, self.dimension = comm, scene.method, scene.dimension
         settings, laws = scene.method, laws_of(scene)
         self.laws, law_of_body = block_numbers(laws, np.arange(len(laws)))
-        self.solids = [_SOLIDS[type(law)](law) for law in self.laws]
+        self.solids = [_SOLIDS.get(type(law), HyperelasticSolid)(law) for law in self.laws]
         self.particles = particles = Particles(particle_set.body, law_of_body)
         declare_generated(particles, particle_set, ("reference_position",), reference_position=Columns())
         declare_motion(particles, particle_set.position)
@@ -116,6 +119,12 @@ class UpdatedLagrangianSPH(Reports):
         fields = frozenset().union(*(solid.fields for solid in self.solids))
         flows = frozenset().union(*(solid.flows for solid in self.solids))
         declare_state(particles, self.dimension, fields, flows, any(solid.speeds_change for solid in self.solids))
+        elastic = [solid for solid in self.solids if isinstance(solid, HyperelasticSolid)]
+        if elastic:
+            declare_deformation(particles, self.dimension, self.laws)
+            declare_law_values(comm, scene, particles, particle_set, laws_of(scene))
+        for solid in elastic:
+            solid.join(particles, self.dimension, laws_of(scene))
         particles.owned_rows("density")[:] = density
         speeds = np.array([solid.sound_speed for solid in self.solids])
         particles.owned_rows("sound_speed")[:] = speeds[particles.law_of_body[particle_set.body]]
@@ -139,14 +148,15 @@ class UpdatedLagrangianSPH(Reports):
         displacement = initial_displacement(*place, particle_set.regions)
         if displacement is not None:
             rows("position")[:] += displacement
-        reference = np.array([law.reference_temperature for law in self.laws])[self.particles.law_of_body]
+        usual = [getattr(law, "reference_temperature", 0.0) for law in self.laws]
+        reference = np.array(usual)[self.particles.law_of_body]
         rows("temperature")[:] = initial_temperature(*place, reference, particle_set.regions)
         rows("plastic_strain")[:] = initial_plastic_strain(*place, particle_set.regions)
         flowing = initial_micro_rate(*place)
         if flowing is not None:
             rows("micro_rate")[:] = flowing * (rows("micro_free") if "micro_free" in self.particles else 1.0)
         for solid, here in self.parts():
-            solid.begin(scene, self.particles, here)
+            solid.begin(scene, self.particles, here, particle_set)
         if previous_state.take_state(self.comm, scene, self, particle_set) and self.deletion is not None:
             self.deletion.lighten()
         self.conditions.hold(0.0)
