@@ -126,7 +126,7 @@ class Neighbours:
         self._parts = {id(one): self._by_bodies(one, read, reference) for one, read in lists if one is not None}
         if reference is not None:
             self.torn = self._has_torn(reference[0]) or self.torn
-        if pairs.images is not None and pairs.mirror is not None and pairs.codes.moving:
+        if pairs.images is not None and pairs.mirror is not None and (pairs.codes.moving or self._unlike.any()):
             code = pairs.images.code[pairs.mirror.neighbour - known]
             every = [(pairs.mirror.where(code == one), one) for one in range(len(pairs.codes.planes))]
             split = [(self._by_bodies(chosen, rows, reference), one) for chosen, one in every]
@@ -143,6 +143,7 @@ class Neighbours:
         Q, R, D = (array[images.code, :d] for array in (codes.signs, codes.reflections, codes.drifts))
         self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
         self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, D
+        self._unlike = (codes.signs != codes.reflections).any(axis=1)
         self._carried = (R - D) * self._reference_place()[images.source] if codes.carried else 0.0
         self._code = images.code
         self._shift_images()
@@ -195,7 +196,7 @@ class Neighbours:
 
     def _by_bodies(self, pairs: Pairs, rows: int, reference: Any) -> list[tuple[NearPairs, bool, int | None]]:
         """A list, which reads the first rows, as that of pairs within bodies and that of pairs between two, with
-        whether it is the latter, and None for the code of moving images that `follow` tells apart. reference: positions
+        whether it is the latter, and None for the code of images that `follow` tells apart. reference: positions
         and lengths whose weights pairs in tension keep, or None."""
 
         def near(chosen: Pairs, between: bool) -> tuple[NearPairs, bool, int | None]:
@@ -261,11 +262,18 @@ class Neighbours:
             for part, between, code in self._parts[id(pairs)]:
                 near, weights = part.find(motion)
                 options = (self._pressing, None, None, None) if between else (None, weights, self._tension, flux)
-                before = 0.0 if code is None else self._forces.sum(axis=0)
+                before = None if code is None else (self._forces.copy(), self._heating.copy())
                 self._add_forces(self.smoothing, near, both, *options, self.viscosity, motion, record, *sums)
-                if code is not None:
-                    of_images = (self._forces.sum(axis=0) - before).reshape(2, self.stride)
-                    self.plane_forces[code] += of_images[:, : self.dimension]
+                if before is None:
+                    continue
+                of_images = (self._forces - before[0]).reshape(owned, 2, self.stride)[:, :, : self.dimension]
+                self.plane_forces[code] += of_images.sum(axis=0)
+                if self._unlike[code]:
+                    # not half of what a pair takes: the image of the pair approaches otherwise than the pair
+                    approach = (
+                        motion[:owned, : self.dimension] - 0.5 * self.pairs.codes.velocities[code, : self.dimension]
+                    )
+                    self._heating[:] = before[1] - np.sum(of_images[:, 1] * approach, axis=1)
 
         self._sweep(add, "record", received)
         of = self.particles.storage
