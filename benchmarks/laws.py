@@ -1,8 +1,8 @@
 """python benchmarks/laws.py [--methods NAME ...] [--laws NAME ...]: what does each law of solids cost?
 
 Steps one block with each law and with the Mooney-Rivlin law in alternation, in each method, and prints nanoseconds of
-processor time a particle and step and the median and quartiles of the ratios to Mooney-Rivlin of all pairs. In `ulsph`,
-which takes no hyperelastic law, the ratios are those to linear hardening. Metals and soils flow in all particles.
+processor time a particle and step and the median and quartiles of the ratios to Mooney-Rivlin of all pairs. Metals and
+soils flow in all particles.
 
     --particles    along an edge of the block
     --steps        of each of both in a pair
@@ -17,7 +17,6 @@ from mpi4py import MPI
 
 from parsolid.materials import registry
 from parsolid.scene import parse_scene
-from parsolid.scene.methods import SETTINGS
 from parsolid.scene.plasticity import library
 from parsolid.simulation.loop import Simulation
 
@@ -136,8 +135,7 @@ class Block:
 
 def compare(method: str, law: str, options: argparse.Namespace) -> None:
     """Print a line of a law in a method."""
-    with_which = LINEAR if method == "ulsph" else BESIDE
-    beside, block = (Block(name, method, options.particles) for name in (with_which, law))
+    beside, block = (Block(name, method, options.particles) for name in (BESIDE, law))
     pairs = np.array([(beside.advance(options.steps), block.advance(options.steps)) for _ in range(options.pairs)])
     low, middle, high = np.percentile(pairs[:, 1] / pairs[:, 0], [25, 50, 75])
     print(f"{method:13} {law:37} {np.median(pairs[:, 1]):7.0f} ns  {middle:5.2f} ({low:.2f} to {high:.2f})", flush=True)
@@ -155,8 +153,7 @@ def main() -> None:
     options = parser.parse_args()
     for method in options.methods:
         for law in options.laws:
-            if law in FLOWS or "hyperelastic" in SETTINGS[METHODS[method][0]["kind"]].materials:
-                compare(method, law, options)
+            compare(method, law, options)
 
 
 if __name__ == "__main__":
