@@ -29,7 +29,6 @@ from parsolid.campaign.orders import (
     reduced_regularity,
     without_order,
 )
-from parsolid.campaign.probes import Corners, at_particles, at_requested
 from parsolid.campaign.recovery import COLUMN, recovery_bars, watched
 from parsolid.campaign.runner import History, InProcess, Interrupted, VariantRun, read_files, seconds_of
 from parsolid.campaign.variants import LOOSER, SOLVER, SPACING, STEP, Variant, coarse_variants
@@ -132,13 +131,13 @@ def run_with_error_bars(campaign: Campaign, scene: Scene) -> int:
 
 
 def write_error_bars(
-    scene: Scene, folder: Path, runs: list[VariantRun], refused: list[str], corners: tuple[Corners, ...] = ()
+    scene: Scene, folder: Path, runs: list[VariantRun], refused: list[str]
 ) -> tuple[ErrorTable, float | None]:
     """Write the bars of a run beside its history and into its summary; the bars, and the processor time of the coarse
-    runs over that of the run. corners: see `error_table`; for one rank.
+    runs over that of the run. For one rank.
     """
     summary, history = read_files(folder)
-    table = error_table(scene, history, runs, corners)
+    table = error_table(scene, history, runs)
     own = seconds_of(summary)[1]
     extra = sum(one.seconds for one in runs) / own if own > 0.0 else None
     bars = summary_of_bars(table, scene, runs, refused) | {"extra_time": extra}
@@ -154,19 +153,8 @@ def write_error_bars(
     return table, extra
 
 
-def error_table(
-    scene: Scene, history: History, runs: list[VariantRun], corners: tuple[Corners, ...] = ()
-) -> ErrorTable:
-    """The bars of a run's history from variants that have been run; for one rank alone.
-
-    corners: of probes of the run itself, whose values are then those at the places that are requested, in all runs.
-    """
-    apart: History = {}
-    if corners:
-        history = at_requested(scene, history, corners)
-        runs = [one.with_history(at_requested(scene, one.history, one.variant.corners)) for one in runs]
-    else:
-        runs, apart = at_own_places(scene, runs)
+def error_table(scene: Scene, history: History, runs: list[VariantRun]) -> ErrorTable:
+    """The bars of a run's history from variants that have been run; for one rank alone."""
     coarse = sorted((one for one in runs if one.variant.purpose == SPACING and one.history), key=lambda one: one.ratio)
     times = history["time"]
     columns = {name: values for name, values in history.items() if name not in NO_RESULTS}
@@ -184,28 +172,11 @@ def error_table(
         series = Series(times, np.array([values, *(on_times(one.history, name, times) for one in coarse)]), ratios)
         bars[name] = spacing_bar(series, order_in_spacing(name, scene), scene.end_time, trust)
         _add_parts(scene, name, bars[name], times, runs)
-        if name in apart:
-            # the run's particle is not where the probe is requested
-            bars[name].parts["place"] = part = largest_in_window(on_times(apart, name, times), times, scene.end_time)
-            bars[name].error = bars[name].error + SAFETY * part
         if name in ("kinetic", *STORED_ENERGY) and "numerical_dissipation" in columns:
             # what the scheme has taken of both
             bars[name].parts["dissipation"] = np.abs(columns["numerical_dissipation"])
         bars[name].phase, bars[name].amplitude = phase_and_amplitude(series, bars[name].used)
     return ErrorTable(times, columns, bars, steps=history["step"])
-
-
-def at_own_places(scene: Scene, runs: list[VariantRun]) -> tuple[list[VariantRun], History]:
-    """Variants with their probes where the run's particles are, and what the finest says of the way to the places that
-    are requested.
-    """
-    result, apart, finest = list[VariantRun](), History(), math.inf
-    for one in runs:
-        history, differences = at_particles(scene, one.history, one.variant.corners) if one.history else ({}, {})
-        result.append(one.with_history(history))
-        if one.variant.purpose == SPACING and differences and one.ratio < finest:
-            apart, finest = differences | {"time": history["time"]}, one.ratio
-    return result, apart
 
 
 def on_times(history: History, name: str, times: np.ndarray) -> np.ndarray:

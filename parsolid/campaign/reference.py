@@ -13,7 +13,6 @@ import numpy as np
 from parsolid.campaign.error_bars import on_times
 from parsolid.campaign.estimate import SAFETY, Series, fitted_error, rms, spacing_bar
 from parsolid.campaign.orders import order_in_spacing
-from parsolid.campaign.probes import box_of, nearest
 from parsolid.campaign.runner import VariantRun
 from parsolid.scene import Scene
 
@@ -36,10 +35,8 @@ def series_of(scene: Scene, names: dict[str, str] | None = None) -> dict[str, Va
     return {column: CubicSpline(data["t"], data["series"][name]) for column, name in requested.items()}
 
 
-def exact_values(scene: Scene, column: str, run: Scene | None = None) -> Values | None:
-    """Reference values of a column of a probe at a point or with a weight, where the exact solution knows its field; at
-    the particle that the probe of a run takes.
-    """
+def exact_values(scene: Scene, column: str) -> Values | None:
+    """Reference values of a column of a probe at a point or with a weight, where the exact solution knows its field."""
     if scene.reference is None or scene.reference.exact is None:
         return None
     from parsolid.exact import SOLUTIONS
@@ -51,8 +48,6 @@ def exact_values(scene: Scene, column: str, run: Scene | None = None) -> Values 
         for field, names in probe.columns_of_fields(scene.dimension).items():
             if column in names:
                 place = None if probe.at is None else np.array(probe.at, float)
-                lattice = None if place is None or run is None else box_of(run, place)
-                place = nearest(lattice, place) if lattice is not None and place is not None else place
                 return _at_probe(kind.of_scene(scene), scene, probe, (field, names.index(column)), place)
     return None
 
@@ -101,25 +96,17 @@ def _places(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
 
 @dataclass
 class Reference:
-    """What runs are compared with: values (n,) at times (n,) [s], in which words, how uncertain, as an error, and for a
-    probe of an exact solution the scene, whose values are those at the place of a run's particle.
-    """
+    """What runs are compared with: values (n,) at times (n,) [s], in which words, how uncertain, as an error."""
 
     words: str
     times: np.ndarray
     values: np.ndarray
     uncertain: float = 0.0
-    exact: Scene | None = None
 
     def error(self, run: VariantRun, column: str) -> float:
         """Root of the mean square of the difference over that of the reference, over all times or that at the end."""
-        true = self.values
-        if self.exact is not None:
-            values = exact_values(self.exact, column, run.variant.scene)
-            assert values is not None
-            true = values(self.times)
-        found, scale = on_times(run.history, column, self.times), rms(true)
-        return rms(found - true) / scale if scale > 0.0 else float(rms(found))
+        found, scale = on_times(run.history, column, self.times), rms(self.values)
+        return rms(found - self.values) / scale if scale > 0.0 else float(rms(found))
 
 
 def _times_of(scene: Scene) -> np.ndarray:
@@ -135,10 +122,7 @@ def stated_reference(scene: Scene, column: str) -> Reference | None:
         return Reference("the scene's series", times, np.asarray(series(times)))
     exact = exact_values(scene, column)
     if exact is not None:
-        # a particle stands somewhere else in each run
-        at_point = any(one.name == column.partition(".")[0] and one.at is not None for one in scene.probes)
-        words = "the exact solution" + (" where a run's particle is" if at_point else "")
-        return Reference(words, times, exact(times), exact=scene if at_point else None)
+        return Reference("the exact solution", times, exact(times))
     final: Any = (scene.reference.final if scene.reference else None) or {}
     if column in final:
         return Reference("the scene's value at the end", times[-1:], np.array([final[column]]))

@@ -114,10 +114,6 @@ class VariantRun:
         """Processor seconds."""
         return self.record.seconds
 
-    def with_history(self, history: History) -> "VariantRun":
-        """The same with another history."""
-        return VariantRun(self.variant, replace(self.record, history=history))
-
     def over(self, ratio: float) -> "VariantRun":
         """The same with its ratio over that of a level."""
         return VariantRun(replace(self.variant, ratio=self.variant.ratio / ratio), self.record)

@@ -9,7 +9,6 @@ import numpy as np
 from parsolid.campaign.coarsening import NotCoarsened, lattice_words, parsed
 from parsolid.campaign.error_bars import NO_RESULTS, Campaign, ErrorTable, in_words, write_error_bars
 from parsolid.campaign.orders import has_meshes
-from parsolid.campaign.probes import with_corners
 from parsolid.campaign.runner import InProcess, VariantRun
 from parsolid.campaign.variants import RATIOS, RATIOS_OF_MESHES, SPACING, Variant, coarse_variants, level_of
 from parsolid.collective import SolverError
@@ -84,21 +83,13 @@ class Search:
 
     def level(self, ratio: float) -> Variant:
         """The scene nearest to a ratio, below 1 for a finer one. Raises NotCoarsened."""
-        trust_code, made = self.campaign.trust_code, level_of(self.scene, ratio)
-        scene = parsed(made.tables, trust_code, made.ratio)
-        # values of all levels are those at the places that are requested
-        tables, corners = with_corners(scene, scene, made.tables)
-        watching = parsed(tables, trust_code, made.ratio) if corners else scene
-        return Variant(watching, SPACING, made.ratio, lattice_words(scene), corners)
+        made = level_of(self.scene, ratio)
+        scene = parsed(made.tables, self.campaign.trust_code, made.ratio)
+        return Variant(scene, SPACING, made.ratio, lattice_words(scene))
 
     def coarse_variants(self, level: Variant) -> tuple[list[Variant], list[str]]:
-        """Those of a level without the particles that are recorded around its probes, and why others cannot be."""
-        scene, added = level.scene, {name for one in level.corners for name in one.names}
-        if added:
-            tables = scene.resolved()
-            tables["probes"] = [probe for probe in tables["probes"] if probe["name"] not in added]
-            scene = parsed(tables, self.campaign.trust_code, level.ratio)
-        return coarse_variants(scene, self.campaign.trust_code, self.ratios)
+        """Those of a level, and why others cannot be."""
+        return coarse_variants(level.scene, self.campaign.trust_code, self.ratios)
 
     def folder_of(self, level: Variant) -> Path:
         """Where a level is."""
@@ -137,9 +128,7 @@ class Search:
                 return status or TO_BE_CONTINUED, None
         table = ErrorTable.nothing()
         if campaign.comm.rank == 0:
-            table, _ = write_error_bars(
-                level.scene, folder, [one.over(level.ratio) for one in self.runs], [], level.corners
-            )
+            table, _ = write_error_bars(level.scene, folder, [one.over(level.ratio) for one in self.runs], [])
         self.runs.append(VariantRun(level, record))
         self.spent += record.seconds
         return DONE, table

@@ -19,7 +19,6 @@ from parsolid.campaign.coarsening import (
     without_requests,
 )
 from parsolid.campaign.orders import has_meshes, step_is_stated
-from parsolid.campaign.probes import Corners, with_corners
 from parsolid.scene import Scene
 from parsolid.scene.declared import law_files
 from parsolid.sources import source_digest
@@ -44,15 +43,12 @@ LOOSER = 100.0
 
 @dataclass(frozen=True)
 class Variant:
-    """A scene beside another one: what it is for, the spacing over that of the other, its particles in words, and the
-    probes around places between its particles.
-    """
+    """A scene beside another one: what it is for, the spacing over that of the other, its particles in words."""
 
     scene: Scene
     purpose: str
     ratio: float
     lattices: str
-    corners: tuple[Corners, ...] = ()
 
     @property
     def title(self) -> str:
@@ -106,16 +102,14 @@ def coarse_variants(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()
     made, refused = coarse_scenes(scene, tuple(ratios) or usual_ratios(scene))
     found: list[Variant] = []
     for number, one in enumerate(reversed(made)):
-        tables, corners = with_corners(
-            scene, parsed(one.tables, trust_code, one.ratio), history_alone(scene, one.tables, one.ratio)
-        )
+        tables = history_alone(scene, one.tables, one.ratio)
         purposes: list[tuple[str, dict[str, Any] | None]] = [(SPACING, tables)]
         if number == 0:
             # elsewhere steps follow the spacing, and their error is in the differences of the spacings
             purposes.append((STEP, half_step(tables) if step_is_stated(scene) else None))
             purposes.append((SOLVER, looser_solver(tables)))
         found += [
-            Variant(parsed(changed, trust_code, one.ratio), purpose, one.ratio, one.lattices, corners)
+            Variant(parsed(changed, trust_code, one.ratio), purpose, one.ratio, one.lattices)
             for purpose, changed in purposes
             if changed is not None
         ]

@@ -225,7 +225,9 @@ class UniaxialCreep(Solution):
         return [column for columns in self._columns("displacement") for column in columns]
 
     def history_errors(self, history: dict[str, np.ndarray]) -> dict[str, float]:
-        """Largest |error| of each displacement over its largest exact value, over all rows of the history."""
+        """Largest |error| of each displacement over its largest exact value, or over that of all components where it
+        vanishes, over all rows of the history.
+        """
         # a row at a jump shows what was before, unless it was written after the jump's step of length 0
         jumps = {end for (begin, _), (end, _) in zip(self.history, self.history[1:]) if begin == end} | {
             self.history[0][0]
@@ -239,8 +241,11 @@ class UniaxialCreep(Solution):
             found = np.stack([history[column] for column in columns], axis=1)
             place = np.stack([history[column] for column in places], axis=1) - found
             exact = np.array([self.fields(at[None, :], time)["displacement"][0] for at, time in zip(place, times)])
+            whole = np.abs(exact).max()
             for column, difference, size in zip(columns, (found - exact).T, exact.T):
+                # a component that vanishes but for rounding is compared with the largest one
                 largest = np.abs(size).max()
+                largest = largest if largest > 1e-9 * whole else whole
                 errors[column] = float(np.abs(difference).max() / (largest if largest > 0.0 else 1.0))
         return errors
 

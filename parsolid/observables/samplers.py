@@ -1,54 +1,136 @@
-"""What probes watch: a field at one particle, on a weight or in a region, a method's own quantity, a reaction."""
+"""What probes watch: a field at a point, on a weight or in a region, a method's own quantity, a reaction."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from parsolid.observables.declared import Observables, OfRegion, Sampler, field_of
+from parsolid.particles.regions import nearest_particles
+
+
+class Run(NamedTuple):
+    """Rows first..last-1 of a system and their weights (last - first,), 0 of particles that do not count."""
+
+    system: Any
+    first: int
+    last: int
+    continued: np.ndarray
+    bounded: np.ndarray
 
 
 class Place:
-    """Where a particle is: of which system and in which row, if it is on this rank.
+    """A material point: particles of its body around it, with weights that are exact for linear fields.
 
-    Found anew when rows have changed.
+    A point on a particle has this one alone. To points beyond the outermost particles motion is continued. Other fields
+    are taken at the nearest place between particles: they keep their bounds, and errors of stresses beside surfaces are
+    not extrapolated.
     """
 
-    def __init__(self, identifier: int):
-        self.identifier = identifier
+    def __init__(self, identifiers: np.ndarray, continued: np.ndarray, bounded: np.ndarray):
+        """identifiers (k,) of the particles and their weights (k,)."""
+        self.identifiers, self.continued, self.bounded = identifiers, continued, bounded
         self._layout: tuple[int, ...] | None = None
-        self._found: tuple[Any, int] | None = None
+        self._runs: list[Run] = []
 
-    def find(self, watched: Observables) -> tuple[Any, int] | None:
-        """(system, row), or None on ranks that do not have it."""
+    def find(self, watched: Observables) -> list[Run]:
+        """Runs of rows of this rank with particles of the point; found anew when rows have changed."""
         if watched.layout != self._layout:
-            self._layout, self._found = watched.layout, None
+            self._layout, self._runs = watched.layout, []
             for system in watched.systems:
-                mine = np.flatnonzero(system.particles.owned_rows("identifier") == self.identifier)
-                if len(mine):
-                    self._found = system, int(mine[0])
-        return self._found
+                own = system.particles.owned_rows("identifier")
+                rows = np.flatnonzero(np.isin(own, self.identifiers))
+                # a field of some more rows costs less than another call
+                for run in np.split(rows, np.flatnonzero(np.diff(rows) > _GAP) + 1) if len(rows) else ():
+                    number, length = np.searchsorted(self.identifiers, own[run]), run[-1] - run[0] + 1
+                    weights = [np.zeros(length), np.zeros(length)]
+                    for here, of_particles in zip(weights, (self.continued, self.bounded)):
+                        here[run - run[0]] = of_particles[number]
+                    self._runs.append(Run(system, int(run[0]), int(run[-1]) + 1, *weights))
+        return self._runs
+
+    def value(self, watched: Observables, field: str, count: int) -> np.ndarray:
+        """This rank's part (count,) of the components of a field; not numbers where its method has no such field."""
+        moves = field.partition("_")[0] in _OF_MOTION
+        result, d = np.zeros(count), watched.dimension
+        for run in self.find(watched):
+            values, weights = field_of(run.system, field, run.first, run.last), run.continued if moves else run.bounded
+            if values is None:
+                return np.full(count, np.nan)
+            used = np.flatnonzero(weights)
+            values = (values[:, :d, :d] if values.ndim == 3 else values)[used]
+            result += weights[used] @ values.reshape(len(used), count).astype(float)
+        return result
+
+
+# first words of the fields that are continued to the surface, components among them
+_OF_MOTION = ("displacement", "velocity", "position")
+# how far around a point particles count, in spacings: the first reach with enough of them, the last where none has;
+# at the corner of a block of cells the next particles are 1.66 away
+_REACHES = (0.9, 1.25, 1.75)
+# of a spacing, within which a point is that of a particle; of singular values, those that count; the least singular
+# value of particles that are enough
+_SAME, _CUT_OFF, _ENOUGH = 1e-6, 1e-6, 0.1
+# rows between two runs
+_GAP = 64
+
+
+def places(comm: Any, watched: Observables, points: np.ndarray) -> list[Place]:
+    """The material points (m, d) [m], by reference positions; the same on all ranks. Collective."""
+    identifier, X, body = watched.rows("identifier"), watched.rows("reference_position"), watched.body
+    winner, _ = nearest_particles(comm, identifier, X, points)
+    # the body and the spacings of the nearest particles
+    of_nearest = np.full((len(points), 1 + X.shape[1]), -np.inf)
+    for i, name in enumerate(winner):
+        for row in np.flatnonzero(identifier == name):
+            of_nearest[i] = [body[row], *watched.rows("spacing")[row]]
+    comm.Allreduce(MPI.IN_PLACE, of_nearest, op=MPI.MAX)
+    found: list[tuple[int, int, tuple[float, ...]]] = []
+    for i, (number, *spacing) in enumerate(of_nearest):
+        apart = (X - points[i]) / spacing
+        near = (body == number) & ((apart**2).sum(axis=1) < _REACHES[-1] ** 2) | (identifier == winner[i])
+        found += [(i, int(identifier[row]), tuple(apart[row])) for row in np.flatnonzero(near)]
+    # a few particles a point; sorted, so that weights do not depend on which rank has which
+    found = sorted(comm.allreduce(found))
+    return [point_among([one[1:] for one in found if one[0] == i]) for i in range(len(points))]
+
+
+def point_among(particles: list[tuple[int, tuple[float, ...]]]) -> Place:
+    """The point around which particles are, each with its identifier and how far it is along each axis in spacings."""
+    identifiers = np.array([name for name, _ in particles])
+    apart = np.array([away for _, away in particles])
+    inside = np.clip(0.0, apart.min(axis=0), apart.max(axis=0))
+    return Place(identifiers, _weights(apart), _weights(apart - inside))
+
+
+def _weights(apart: np.ndarray) -> np.ndarray:
+    """Weights (k,) of moving least squares that interpolate (Lancaster and Salkauskas 1981, Math. Comp. 37, 141),
+    exact for linear fields, of particles at distances (k, d) from the point."""
+    r2 = (apart**2).sum(axis=1)
+    if r2.min() < _SAME**2:
+        return (np.arange(len(r2)) == np.argmin(r2)).astype(float)
+    linear = np.concatenate([np.ones((len(apart), 1)), apart], axis=1)
+    weight = 1.0 / r2
+    for reach in _REACHES:
+        near = np.maximum(1.0 / r2 - 1.0 / reach**2, 0.0)
+        # a nearest particle that is farther than the last reach stands alone
+        if near.any():
+            weight = near
+        if np.linalg.matrix_rank(linear[near > 0.0], tol=_ENOUGH) == linear.shape[1]:
+            break
+    moments = linear.T @ (weight[:, None] * linear)
+    return np.asarray(weight * (linear @ np.linalg.pinv(moments, rcond=_CUT_OFF, hermitian=True)[0]))
 
 
 class ParticleField(Sampler):
-    """Components of a field; of a tensor those in the plane or in space."""
+    """Components of a field at a material point; of a tensor those in the plane or in space."""
 
     def __init__(self, name: str, columns: list[str], place: Place, field: str):
         super().__init__(name, columns)
         self.place, self.field = place, field
 
     def part(self, watched: Observables) -> np.ndarray:
-        """The values on the rank that has the particle, zeros elsewhere.
-
-        Not numbers where its method has no such field.
-        """
-        found = self.place.find(watched)
-        if found is None:
-            return np.zeros(len(self.columns))
-        system, row = found
-        values, d = field_of(system, self.field, row, row + 1), watched.dimension
-        if values is None:
-            return np.full(len(self.columns), np.nan)
-        return np.ravel(values[0, :d, :d] if values.ndim == 3 else values[0]).astype(float)
+        return self.place.value(watched, self.field, len(self.columns))
 
 
 # a system in which there is no such thing says NaN, as of the tip of no crack

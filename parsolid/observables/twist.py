@@ -1,4 +1,4 @@
-"""The angle by which a particle has turned about an axis."""
+"""The angle by which a material point has turned about an axis."""
 
 from typing import Any
 
@@ -10,10 +10,9 @@ from parsolid.observables.samplers import Place
 
 @particle_sampler("twist")
 class Twist(Sampler):
-    """Accumulated angle [rad] about an axis; the particle may turn by less than half a turn between samples.
+    """Accumulated angle [rad] about an axis; the point may turn by less than half a turn between samples.
 
-    The rank that has the particle tells its direction, and every rank keeps the angle, so that the particle may change
-    its rank.
+    Every rank keeps the angle, so that particles may change their rank.
     """
 
     def __init__(self, name: str, columns: list[str], place: Place, probe: Any):
@@ -26,19 +25,14 @@ class Twist(Sampler):
         self.direction: float | None = None
 
     def part(self, watched: Observables) -> np.ndarray:
-        """The direction [rad] of the particle from the axis, on its rank."""
-        found = self.place.find(watched)
-        if found is None:
-            return np.zeros(1)
-        system, row = found
-        position = system.particles.owned_rows("position")[row]
-        # a right-handed turn about the axis; in the plane the axis points out of it
-        second, third = ((1, 2), (2, 0), (0, 1))[self.axis]
-        x = position - self.centre[: len(position)]
-        return np.array([np.arctan2(x[third], x[second])])
+        """This rank's part of the position (d,) [m]."""
+        return self.place.value(watched, "position", watched.dimension)
 
     def values(self, joined: np.ndarray) -> np.ndarray:
-        direction = float(joined[0])
+        # a right-handed turn about the axis; in the plane the axis points out of it
+        second, third = ((1, 2), (2, 0), (0, 1))[self.axis]
+        x = joined - self.centre[: len(joined)]
+        direction = float(np.arctan2(x[third], x[second]))
         if self.direction is not None:
             self.angle += (direction - self.direction + np.pi) % (2.0 * np.pi) - np.pi
         self.direction = direction

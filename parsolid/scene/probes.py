@@ -58,20 +58,25 @@ def component_names(field: str, dimension: int, kind: str | None = None) -> list
 
 
 class Probe(SceneModel):
-    """Values written to the history: fields of the particle nearest to `at`, or one quantity of all particles.
+    """Values written to the history: fields of the material point `at`, or one quantity of all particles.
+
+    Between particles fields are interpolated, exactly for linear ones. Displacement, velocity and position are
+    continued to the surface; other fields are not extrapolated.
 
     With a region `where` in place of `at` fields are those of its particles: their mean by volume, the least or the
     greatest of each component, or their integral over the volume; a quantity is then that of the region.
     With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles:
     the amplitude of a mode w.
     A component alone is asked for by the name that its column has, such as stress_xx.
-    twist is the angle [rad], accumulated over turns, by which the particle has turned about `axis` through `centre`.
+    twist is the angle [rad], accumulated over turns, by which the point has turned about `axis` through `centre`.
     """
 
     exactly_one: ClassVar = (("fields", "quantity"),)
     at_most_one: ClassVar = (("at", "weight", "where"), ("at", "quantity"), ("weight", "quantity"))
     name: Name
-    at: Point | None = Field(None, description="the point [m] whose nearest particle is followed")
+    at: Point | None = Field(
+        None, description="the material point [m] that is followed, by its place in the reference configuration"
+    )
     weight: InitialScalar | None = Field(None, description="a formula w in X, Y, Z on which fields are projected")
     where: RegionName | None = Field(None, description="a region or a group of a mesh: of the particles there")
     statistic: Literal["mean", "minimum", "maximum", "integral"] | None = Field(

@@ -15,11 +15,11 @@ from parsolid.observables.samplers import (
     Projected,
     ReactionForce,
     Statistic,
+    places,
 )
 from parsolid.output.errors import together
 from parsolid.output.history import History, read_history
 from parsolid.output.run_folder import RunFolder
-from parsolid.particles.regions import nearest_particles
 from parsolid.scene import Scene
 from parsolid.scene.boundary_faults import reaction_columns
 from parsolid.simulation.ledger import ledger_of
@@ -38,9 +38,11 @@ class Probes:
         self.comm, self.observables = comm, observables
         self.samplers: list[Sampler] = []
         self._fields = [name for probe in scene.probes for name in probe.fields or ()]
+        points = [probe.at for probe in scene.probes if probe.at is not None]
+        placed = iter(places(comm, observables, np.array(points, float)) if points else ())
         for probe in scene.probes:
             columns = probe.columns_of_fields(scene.dimension)
-            samplers = _samplers(comm, probe, columns, observables)
+            samplers = _samplers(probe, columns, next(placed) if probe.at is not None else None)
             if probe.where is not None:
                 number = list(scene.named_regions).index(probe.where)
                 samplers = [InRegion(sampler, number) for sampler in samplers]
@@ -81,8 +83,8 @@ class Probes:
                 sampler.restore(states[sampler.name])
 
 
-def _samplers(comm: Any, probe: Any, columns: dict[str, list[str]], observables: Observables) -> list[Sampler]:
-    """What finds the columns of a probe of the scene, (name of field -> its columns); collective."""
+def _samplers(probe: Any, columns: dict[str, list[str]], place: Place | None) -> list[Sampler]:
+    """What finds the columns of a probe of the scene, (name of field -> its columns), at a place if it has one."""
     if probe.quantity is not None:
         known, names = QUANTITIES.get(probe.quantity), columns[probe.quantity]
         if known is None:
@@ -93,9 +95,8 @@ def _samplers(comm: Any, probe: Any, columns: dict[str, list[str]], observables:
         return [Projected(probe.name, names, probe.weight, probe.fields)]
     if probe.where is not None:
         return [Statistic(probe.name, columns[name], name, probe.statistic or "mean") for name in probe.fields]
-    rows, where = observables.rows, np.array([probe.at], float)
-    winner, _ = nearest_particles(comm, rows("identifier"), rows("reference_position"), where)
-    place, result = Place(int(winner[0])), []
+    assert place is not None
+    result: list[Sampler] = []
     for name in probe.fields:
         if name in PARTICLE_SAMPLERS:
             result.append(PARTICLE_SAMPLERS[name](probe.name, columns[name], place, probe))

@@ -7,7 +7,7 @@ import pytest
 from solids import RUBBER
 
 from parsolid.campaign.coarsening import NotCoarsened, coarsen, lattice_words, parsed
-from parsolid.campaign.variants import SOLVER, SPACING, STEP, coarse_variants
+from parsolid.campaign.variants import RATIOS, SOLVER, SPACING, STEP, coarse_variants, usual_ratios
 from parsolid.particles.fillings import filling_of
 from parsolid.scene import load_scene, parse_scene
 
@@ -98,3 +98,23 @@ def test_variants_are_coarser_ones_one_of_half_the_step_and_one_of_a_looser_solv
     coarse, half, loose, near = (one.scene.method.solution for one in found)
     assert half.step == 0.5 * coarse.step and loose.tolerance == 100 * coarse.tolerance == 100 * near.tolerance
     assert len({one.digest for one in found}) == 4
+
+
+@pytest.mark.parametrize(
+    "name, particles, expected",
+    [
+        ("tlsph/tensile_smooth", [57, 57], (0, [3.5, 56 / 30])),
+        ("tlsph/torsion", [9, 49, 9], (0, [8 / 3, 2.0])),
+        # two intervals through the thickness are what the method needs
+        ("tlsph/tensile_smooth", [57, 5], (1, None)),
+        ("mpm/cosine_mode", [96, 12], (1, None)),
+        # 6 intervals have coarse runs of 4 and of 3, and of 2 none
+        ("peridynamics/extreme/bending", [6, 24, 6], (2, [2.0, 2.0, 2.0, 1.5])),
+    ],
+)
+def test_variants_are_so_coarse_that_enough_particles_are_left(name, particles, expected):
+    scene = load_scene(RUNS / f"{name}.toml", [f"bodies.0.particles={particles}"])
+    place, ratios = expected
+    assert usual_ratios(scene) == RATIOS[scene.dimension][place]
+    if ratios:
+        assert [one.ratio for one in coarse_variants(scene, False)[0]] == pytest.approx(ratios, rel=0.05)

@@ -12,7 +12,6 @@ from solids import RUBBER
 from parsolid.campaign.coarsening import NotCoarsened, coarsen, parsed
 from parsolid.campaign.error_bars import error_table
 from parsolid.campaign.estimate import OF_MESHES, Series, spacing_bar
-from parsolid.campaign.probes import at_particles
 from parsolid.campaign.recovery import watched
 from parsolid.campaign.runner import InProcess
 from parsolid.campaign.variants import SPACING, Variant, coarse_variants
@@ -102,30 +101,6 @@ def test_what_is_not_made_anew_is_refused(tmp_path):
     with pytest.raises(SceneError) as error:
         filling_of(parse_scene(scene_of(tmp_path / "block.h5", 2, size_factor=2.0)).bodies[0], 2)
     assert error.value.faults[0].key == "size_factor"
-
-
-def test_coarse_runs_say_what_is_at_the_vertex_of_the_run(tmp_path):
-    path = block(tmp_path / "block.inp", "triangle", (6, 3))
-    place = np.array([2.6, 1.4])
-    tables = scene_of(path, 2) | {"probes": [{"name": "inside", "at": list(place), "fields": ["displacement"]}]}
-    scene = parse_scene(tables)
-    vertices = filling_of(scene.bodies[0], 2).rows["position"]
-    own = vertices[np.argmin(np.linalg.norm(vertices - place, axis=1))]
-    found, refused = coarse_variants(scene, False)
-    assert [one.ratio for one in found] == [2.25, 1.5] and not refused
-
-    def field(where):
-        return 3.0 * where[0] - 2.0 * where[1] + np.ones(5)
-
-    for one in found:
-        there = filling_of(one.scene.bodies[0], 2).rows["position"]
-        history = {"time": np.arange(5.0)}
-        for probe in one.scene.probes:
-            nearest = there[np.argmin(np.linalg.norm(there - np.array(probe.at), axis=1))]
-            history |= {f"{probe.name}.displacement_{axis}": field(nearest) for axis in "xy"}
-        values, apart = at_particles(scene, history, one.corners)
-        np.testing.assert_allclose(values["inside.displacement_x"], field(own), rtol=1e-9)
-        np.testing.assert_allclose(apart["inside.displacement_x"], field(place) - field(own), atol=1e-9)
 
 
 def test_bars_of_meshes_are_those_of_unlike_ones():

@@ -1,4 +1,4 @@
-"""Probes follow their particles from rank to rank, and a new one is a new file."""
+"""Probes follow their points from rank to rank, interpolate between particles, and a new one is a new file."""
 
 import sys
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from solids import Record, follow, punch, simulation
 from parsolid import observables
 from parsolid.observables import declared
 from parsolid.observables.declared import Observables
-from parsolid.observables.samplers import MethodQuantity
+from parsolid.observables.samplers import MethodQuantity, point_among
 from parsolid.scene import SceneError, observed, parse_scene
 from parsolid.simulation.history import Probes
 
@@ -48,13 +48,13 @@ def sampled(data: dict, comm, steps: int, every: int = 5):
 
 
 def owner(probes: Probes, comm) -> int:
-    """The rank that has the particle of the first probe, 0 for a probe of all."""
+    """A number of the ranks that have particles of the first probe, 0 for a probe of all."""
     place = getattr(probes.samplers[0], "place", None)
-    here = place is not None and place.find(probes.observables) is not None
-    return comm.allreduce(comm.rank * here)
+    here = place is not None and len(place.find(probes.observables)) > 0
+    return comm.allreduce(here << comm.rank)
 
 
-def test_a_twist_follows_its_particle_from_rank_to_rank(comm):
+def test_a_twist_follows_its_point_from_rank_to_rank(comm):
     many, probes, _ = sampled(spinning(), comm, 300)
     one, *_ = sampled(spinning(), comm.Split(comm.rank), 300)
     assert len(set(many.pop("owner"))) > 1 or comm.size == 1
@@ -116,6 +116,53 @@ def test_every_kind_of_probe_gives_the_same_on_any_number_of_ranks(comm):
             np.testing.assert_allclose(many[name], values, rtol=0.0, atol=1e-10 * max(scale, 0.01), err_msg=name)
 
 
+def linear(kind: str, place: tuple[float, ...], placement: str) -> dict:
+    """A body of 6 x 5 (x 4) particles of unlike spacings with linear velocities and a probe."""
+    upper = [0.6, 1.0, 0.2][: len(place)]
+    body = {"shape": {"box": {"lower": [0.0] * len(place), "upper": upper}}, "placement": placement}
+    velocity = ["1 + 2*X - 3*Y", "X + Y", "5 - Z"][: len(place)]
+    if kind == "ulsph":
+        flow = {"kind": "linear-hardening", "yield_stress": 1e9, "hardening": 0.0}
+        material = {"kind": "elastic-plastic", "specific_heat": 1e3, "flow_stress": flow}
+    else:
+        material = {"kind": "neo-hookean"}
+    material |= {"density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.3}
+    body |= {"particles": [6, 5, 4][: len(place)], "velocity": velocity, "material": material}
+    method = {"kind": kind} | ({"cell": 0.2} if kind == "mpm" else {})
+    probe = {"name": "p", "at": list(place), "fields": ["velocity", "displacement", "pressure"]}
+    return {"dimension": len(place), "end_time": 1e-3, "method": method, "bodies": [body], "probes": [probe]}
+
+
+@pytest.mark.parametrize("kind", ["tlsph", "peridynamics", "ulsph", "mpm"])
+@pytest.mark.parametrize(
+    "place", [(0.31, 0.42), (0.6, 1.0), (0.0, 0.5), (0.25, 0.0), (0.6, 0.0, 0.2), (0.13, 0.77, 0.09)], ids=str
+)
+def test_linear_fields_are_exact_anywhere_in_a_body_and_at_its_surface(kind, place, comm):
+    data = linear(kind, place, "vertices" if kind in ("tlsph", "peridynamics") else "cells")
+    sim = simulation(data, comm)
+    probes = Probes(comm, sim.scene, Observables(sim.systems))
+    found = dict(zip(probes.columns, probes.sample()))
+    x, y, z = (*place, 0.0)[:3]
+    for axis, value in zip("xyz"[: len(place)], (1 + 2 * x - 3 * y, x + y, 5 - z)):
+        assert found[f"p.velocity_{axis}"] == pytest.approx(value, rel=1e-11, abs=1e-11)
+        assert found[f"p.displacement_{axis}"] == 0.0
+    assert found["p.pressure"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_fields_beside_motion_have_no_new_extremes_at_a_surface():
+    apart = np.stack(np.meshgrid([0.5, 1.5, 2.5], [0.5, 1.5, 2.5], indexing="ij"), axis=-1).reshape(-1, 2)
+    near = [(i, tuple(one)) for i, one in enumerate(apart) if np.hypot(*one) < 1.75]
+    place = point_among(near)
+    assert place.continued @ apart[place.identifiers, 0] == pytest.approx(0.0, abs=1e-14)
+    assert place.continued.sum() == pytest.approx(1.0) and place.bounded.tolist() == [1.0, 0.0, 0.0]
+    # between particles both are the same, and a point on a particle has this one alone
+    inside = point_among([(i, tuple(one - [1.2, 1.3])) for i, one in enumerate(apart)])
+    np.testing.assert_allclose(inside.continued, inside.bounded, atol=1e-15)
+    assert point_among([(i, tuple(one - apart[4])) for i, one in enumerate(apart)]).continued.tolist() == [
+        float(i == 4) for i in range(9)
+    ]
+
+
 NEW_QUANTITY = """
 import numpy as np
 from parsolid.observables.declared import Sampler, quantity
@@ -167,6 +214,7 @@ def test_a_new_probe_or_field_is_a_name_and_a_file(comm, more_files):
     columns, _, sim = sampled(spinning() | {"probes": probes}, comm, 5)
     reach = np.hypot(0.175, 0.175)
     assert columns["all.farthest_particle"][0] == pytest.approx(reach, rel=1e-12)
+    # not extrapolated
     expected = 0.5 * 1000.0 * (SPEED * reach) ** 2
     assert columns["corner.kinetic_energy_density"][0] == pytest.approx(expected, rel=1e-12)
     assert Observables(sim.systems).field("kinetic_energy_density").shape == (sim.systems[0].owned,)

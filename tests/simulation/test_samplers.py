@@ -15,12 +15,11 @@ pytestmark = pytest.mark.serial
 @pytest.mark.parametrize("centre", [None, [1.0, 2.0, 3.0]])
 def test_a_twist_is_a_right_handed_turn_about_its_axis(axis, centre):
     i, rows = "XYZ".index(axis or "Z"), np.zeros((1, 3))
-    place = SimpleNamespace(find=lambda watched: (SimpleNamespace(particles=particles), 0))
-    particles = SimpleNamespace(owned_rows=lambda name: rows + np.array(centre or [0.0] * 3))
+    place = SimpleNamespace(value=lambda watched, field, count: rows[0] + np.array(centre or [0.0] * 3))
     twist = Twist("p", ["p.twist"], place, SimpleNamespace(axis=axis, centre=centre))
     for angle in np.linspace(0.0, 7.0, 8):
         rows[0, [i, (i + 1) % 3, (i + 2) % 3]] = 5.0, np.cos(angle), np.sin(angle)
-        assert twist.values(twist.part(None)) == pytest.approx([angle])
+        assert twist.values(twist.part(SimpleNamespace(dimension=3))) == pytest.approx([angle])
 
 
 def test_a_projection_weighs_with_the_volume_and_the_weight():
