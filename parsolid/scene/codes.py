@@ -116,7 +116,9 @@ NOTES = {
     "stabilisation-in-contact": Code(
         "the control of peridynamic bodies in contact", "state `method.stabilisation.coefficient` for another"
     ),
-    "stiff-volumes": Code("volumes so stiff that a solution takes many iterations", "a smaller Poisson's ratio"),
+    "stiff-volumes": Code(
+        "volumes so stiff that a solution takes many iterations", "a body from a mesh, or a smaller Poisson's ratio"
+    ),
     "transfer-in-contact": Code("the transfer of `mpm` bodies in contact", "state `method.transfer` for another"),
     "uneven-particles": Code("uneven particles with weights of a kernel", '`method.weights = "closure"` or `"mesh"`'),
     "uneven-traction": Code("uneven particles under a traction", '`method.traction = "consistent-everywhere"`'),
