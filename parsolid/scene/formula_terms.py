@@ -10,7 +10,7 @@ import math
 import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -235,6 +235,15 @@ class Term:
         parts = [one.logical for one in arguments]
         self.logical = of in LOGICAL or isinstance(constant, np.bool_) or (parts != [] and all(parts))
 
+    def __getstate__(self) -> dict[str, Any]:
+        # functions do not travel
+        return {name: value for name, value in vars(self).items() if name != "value"}
+
+    @cached_property
+    def value(self) -> Callable[[Any], Any]:
+        """See `evaluator`, of a mapping of the names, made once."""
+        return self.evaluator()
+
     def evaluator(self, fast: bool = False) -> Callable[[Any], Any]:
         """The value as a function of a mapping of the names; fast: of the time alone, with Python's numbers, which may
         raise ArithmeticError or ValueError where numpy has inf or nan."""
@@ -274,7 +283,7 @@ class Term:
     def known_at(self, places: Mapping[str, Any]) -> "Term":
         """The term in t alone that it is at coordinates (n,)."""
         if "t" not in self.names:
-            return Term(constant=np.asarray(self.evaluator()(places))[()])
+            return Term(constant=np.asarray(self.value(places))[()])
         return Term(self.of, *(one.known_at(places) for one in self.arguments))
 
     def split(self) -> list[tuple["Term", "Term"]] | None:

@@ -157,7 +157,7 @@ class _Compiler:
         if result.names or result.looked_up or result.constant is not None:
             return result
         with np.errstate(all="ignore"):
-            value = result.evaluator()({})
+            value = result.value({})
         if not np.isfinite(value):
             power = result.of == "Pow" and np.isnan(value)
             raise TypeError("its value is not real" if power else f"{ast.unparse(node)} is {value}")
@@ -279,7 +279,7 @@ class Formula:
         if parts is None:
             whole = self._term.known_at(places).evaluator()
             return [Product(self._checked(lambda time: whole({"t": np.float64(time)}), points, True), 1.0, True)]
-        modes = [mode.evaluator()(places) for _, mode in parts]
+        modes = [mode.value(places) for _, mode in parts]
         if not all(np.isfinite(mode).all() for mode in modes):
             self._note_not_finite(self._values(points, 0.0), points, 0.0)
         return [
@@ -311,7 +311,7 @@ class Formula:
     def _values(self, points: np.ndarray, time: float) -> np.ndarray:
         result = np.empty(len(points))
         with np.errstate(all="ignore"):
-            result[:] = self._term.evaluator()(self._places(points) | {"t": np.float64(time)})
+            result[:] = self._term.value(self._places(points) | {"t": np.float64(time)})
         return result
 
     def rate(self) -> "Formula":
