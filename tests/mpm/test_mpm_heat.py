@@ -105,7 +105,6 @@ def test_a_face_at_a_temperature_converges():
     assert errors[1] < 0.01 and errors[0] / errors[1] > 2.5
 
 
-@pytest.mark.serial
 def test_a_face_whose_temperature_rises_takes_the_body_along():
     """T = T0 + b t at the face: the quasi-steady profile T0 + b [t - x (2 L - x) / (2 alpha)] after the start has died
     away.

@@ -92,7 +92,6 @@ def test_tangent(shared_path, comm):
 
 
 @pytest.mark.serial
-@pytest.mark.ranks(1, 2)
 def test_stages(shared_path, comm):
     """A motion begins with the forces of equilibrium; one ledger; equilibria do not depend on what was before."""
     shape = stiff_block(shared_path)

