@@ -13,12 +13,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import register_jitable
 
-from parsolid.contact.friction import combined, dot, gap_correction, linear_weights, return_mapping, tangential, turned
+from parsolid.contact.friction import (
+    combined,
+    dot,
+    gap_correction,
+    linear_return,
+    linear_weights,
+    return_mapping,
+    tangential,
+    turned,
+)
 from parsolid.contact.kernel import shape, slope
 from parsolid.kernels import inlined, kernel
 
 # what a candidate is held to be, so that forces are smooth where they begin or slip: apart, pressed without slip,
-# pressed; or none of these
+# pressed with what slipped in the last trial; or none of these
 APART, STICKS, PRESSED, FREE = 0, 1, 2, -1
 # in place of a distance [m], or of one over R, of none
 _NONE = 1e-300
@@ -71,7 +80,8 @@ class Pressure(NamedTuple):
 
 class Rubbing(NamedTuple):
     """coefficient (m,), 0 without friction; stretch (m, 3) [m] of the spring; lost (m,) [J], dissipated in the step by
-    the part on this side of planes. Of all candidates (n,): per_colour 1/c, 0 where nothing rubs; traction (n, 3) [N];
+    the part on this side of planes; trial (m, 3) [m], most (m,) [N]: stretch without slip and Coulomb's limit of the
+    last trial in which nothing was held. Of all candidates (n,): per_colour 1/c, 0 where nothing rubs; traction (n, 3) [N];
     tilt (n, 3) [1/m] and centre (n, 3) [m] of the weights exact for linear fields, V W/c [1 + tilt . (x - centre)] of
     particles of the other body; given (n,) [J]: heat for the other body, over c.
     """
@@ -79,6 +89,8 @@ class Rubbing(NamedTuple):
     coefficient: np.ndarray
     stretch: np.ndarray
     lost: np.ndarray
+    trial: np.ndarray
+    most: np.ndarray
     per_colour: np.ndarray
     traction: np.ndarray
     tilt: np.ndarray
@@ -284,10 +296,17 @@ def rub(points, pairs, follows, pressure, rubbing):
         if follows:
             slip = tangential(_slip(points, pairs, a, scale, mean, tilt), normal)
             before = turned(stretch, normal)
+            trial = combined(1.0, before, 1.0, slip)
             most = rubbing.coefficient[a] * pressure.pull[a] * length * points.norm[a] * points.per_reach[a]
-            most = np.inf if pressure.branch[a] == STICKS else most
-            stretch, lost = return_mapping(before, combined(1.0, before, 1.0, slip), stiffness, most)
-            rubbing.lost[a] = share * lost
+            if pressure.branch[a] == PRESSED:
+                stretch = linear_return(before, _vector(rubbing.trial, a), rubbing.most[a], trial, stiffness, most)
+            elif pressure.branch[a] == STICKS:
+                stretch = trial
+            else:
+                rubbing.trial[a, 0], rubbing.trial[a, 1], rubbing.trial[a, 2] = trial
+                rubbing.most[a] = most
+                stretch, lost = return_mapping(before, trial, stiffness, most)
+                rubbing.lost[a] = share * lost
         rubbing.per_colour[a] = 1.0 / colour
         for i in range(3):
             rubbing.stretch[a, i], rubbing.traction[a, i] = stretch[i], -stiffness * stretch[i]

@@ -56,6 +56,23 @@ def return_mapping(before, trial, stiffness, most):
 
 
 @inlined
+def linear_return(before, at, most_at, trial, stiffness, most):
+    """`return_mapping`'s stretch [m] to first order in what trial and most differ by from a state at and most_at."""
+    square = dot(at, at)
+    length = square**0.5
+    kept = -dot(before, at) / max(square, 1e-300)
+    if stiffness * length <= most_at or kept >= 1.0:
+        return trial
+    n = combined(1.0 / length, at, 0.0, at)
+    across = tangential(combined(1.0, trial, -1.0, at), n)
+    if kept * stiffness * length > most_at:
+        along, more = kept * length, -dot(before, across) / length
+    else:
+        along, more = most_at / stiffness, (most - most_at) / stiffness
+    return combined(along + more, n, along / length, across)
+
+
+@inlined
 def linear_weights(dimension, mean, second):
     """b of the weights w_j [1 + b . (x_j - x - mean)], exact for linear fields at x, where the w_j add up to one; zero,
     for plain weights, where the places x_j do not span the space.
