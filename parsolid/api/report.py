@@ -20,6 +20,7 @@ from parsolid.output.summary import peak_memory_bytes
 from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.scene import Scene
 from parsolid.scene.codes import Note, Warned
+from parsolid.scene.systems import settings_of_stages
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.warmup import load_kernels, warm_up
 
@@ -128,8 +129,10 @@ def report_of(
     steps = int(np.ceil(maximum(comm, max(system.steps_to(scene.end_time) for system in systems))))
     times = max(1, len(scene.fields_times))
     wall = f"{steps * seconds:>14,.1f} s   {seconds * 1e3:.3g} ms a step, without output"
-    if scene.stages:
-        # steps of one stage cost more than those of another
+    kinds = settings_of_stages(scene) if scene.stages else [system.settings for system in scene.systems]
+    chosen = any(getattr(one, "integrator", "") in ("static", "implicit") for one in kinds)
+    if scene.stages or chosen:
+        # steps of one stage cost more than those of another, and equilibria choose theirs as they go
         wall = f"{'unknown':>14}     {seconds * 1e3:.3g} ms a step, the median of the first ones, without output"
     ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
     lines = []
@@ -148,7 +151,7 @@ def report_of(
         f"{'bytes sent a step':<28} {sent:>14,}   on all ranks",
         f"{'peak memory a rank':<28} {memory / 2**20:>14,.0f} MiB",
         f"{'time step':<28} {stable:>14.4g} s   now; it changes with the state",
-        f"{'steps':<28} {steps:>14,}   to {scene.end_time:g} s",
+        f"{'steps':<28} {steps:>14,}   {'at least, ' * chosen}to {scene.end_time:g} s",
         f"{'estimated wall time':<28} {wall}",
         f"{'fields':<28} {_mib(times * fields + once)}   {times} times of {fields / 2**20:.3g} MiB",
         f"{'checkpoints':<28} {_mib(2 * checkpoint)}   two of {checkpoint / 2**20:.3g} MiB",

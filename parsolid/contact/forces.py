@@ -81,9 +81,9 @@ class Pressure(NamedTuple):
 class Rubbing(NamedTuple):
     """coefficient (m,), 0 without friction; stretch (m, 3) [m] of the spring; lost (m,) [J], dissipated in the step by
     the part on this side of planes; trial (m, 3) [m], most (m,) [N]: stretch without slip and Coulomb's limit of the
-    last trial in which nothing was held. Of all candidates (n,): per_colour 1/c, 0 where nothing rubs; traction (n, 3) [N];
-    tilt (n, 3) [1/m] and centre (n, 3) [m] of the weights exact for linear fields, V W/c [1 + tilt . (x - centre)] of
-    particles of the other body; given (n,) [J]: heat for the other body, over c.
+    last trial in which nothing was held. Of all candidates (n,): per_colour 1/c, 0 where nothing rubs; traction (n, 3)
+    [N]; tilt (n, 3) [1/m] and centre (n, 3) [m] of the weights exact for linear fields, V W/c [1 + tilt . (x - centre)]
+    of particles of the other body; given (n,) [J]: heat for the other body, over c.
     """
 
     coefficient: np.ndarray

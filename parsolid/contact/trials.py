@@ -98,4 +98,5 @@ class TriedContact(Interaction):
 
     def settle(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """See `Interaction`."""
+        self.ahead = 0.0
         self.try_forces(time, 0.0, still=True)

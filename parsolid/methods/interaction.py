@@ -26,6 +26,7 @@ class Interaction:
     next one, such as lists used up; it travels with the minimum of the next step. rebuild_anywhere: whether any
     rank had.
     roughness: an energy [J] of all ranks below which its forces say nothing in steps that are solved for.
+    ahead: how long [s] after the state that was kept last the next trials are, where that is known.
     rubs: whether it has friction, whose forces have no potential. closes: whether what just touches presses in
     `change_along`, as it does after a state and not before it.
     met: bodies that have met and that no table of the scene names, and where [m], until the loop has taken them; the
@@ -37,6 +38,7 @@ class Interaction:
     roughness: float = 0.0
     rebuild_needed: bool = False
     rebuild_anywhere: bool = False
+    ahead: float = 0.0
     rubs: bool = False
     closes: bool = True
     met: Sequence[Meeting] = ()

@@ -77,6 +77,27 @@ def test_tangent():
     np.testing.assert_allclose((one.residual - other.residual) / (-2.0 * part), product, atol=1e-6 * abs(product).max())
 
 
+@pytest.mark.parametrize("depth", [1e-9, 1e-3])
+def test_friction_is_linearised(depth):
+    """The tangent of bodies that rub is linear in the change, also where slip and Coulomb's limit are shorter than the
+    differences that it takes."""
+    sim = Simulation(MPI.COMM_SELF, parse_scene(rubbing()))
+    sim.take_step(0.0)
+    statics, random = sim.systems[0].statics, np.random.default_rng(1)
+    high = sim.systems[0].particles.owned_rows("body") == 1
+    down = 0.0
+    for _ in range(20):
+        statics.evaluate(np.outer(high, [0.4 * depth, -down]))
+        down += statics._clearances().min() + depth
+    assert sim.interactions[0].energy > 0.0
+    statics.linearise()
+    one, other = random.standard_normal((2, *statics.free.shape)) * statics.free
+    together = statics.stiffness(one + other)
+    np.testing.assert_allclose(
+        together, statics.stiffness(one) + statics.stiffness(other), atol=1e-6 * np.abs(together).max()
+    )
+
+
 @pytest.mark.serial
 def test_bounce(comm):
     """A square that falls on another one in long steps: momentum and energy are kept."""

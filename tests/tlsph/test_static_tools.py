@@ -8,6 +8,7 @@ from tlsph.test_mesh_weights import RUBBER
 from tlsph.test_stages import run
 from tlsph.test_static import box, static
 
+from parsolid.contact.tools.rigid_body import GuidedBody, Pose
 from parsolid.methods.tlsph.static import Failed, Static
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
@@ -103,6 +104,27 @@ def test_jump(comm):
     work = rows["external_work"]
     assert work[-1] < 0.02 * work.max()
     assert np.abs(rows["energy_error"]).max() < 1e-4 * work.max()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "motion", [{"velocity": ["0", "where(t < 0.37, -0.1, 0.02)"]}, {"rate": "where(t < 0.3, 0, 0.1)"}]
+)
+def test_jump_within_a_load_step(comm, motion):
+    """A tool does mean force times way, wherever in a load step its velocity jumps."""
+    tool = press(1.0, "0", friction=0.2) | {"motion": {"velocity": ["0", "-0.05"]} | motion}
+    _, rows = run(pressed([tool], particles=(4, 4)), comm)
+    assert rows["time"][-1] == 1.0
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"].max()
+
+
+@pytest.mark.parametrize("jump", [1e-3, 0.37, 0.5, 0.97, 1.0])
+def test_way_through_a_jump(jump):
+    """How far a velocity that jumps leads a tool, and its mean velocity."""
+    body = GuidedBody(Pose(np.zeros(3)), lambda t: (np.array([0.0, 1.0 - 3.0 * (t >= jump), 0.0]), 0.0), *np.eye(3)[:2])
+    body.drift_evenly(0.0, 1.0, 1.0)
+    assert body.pose.place[1] == pytest.approx(3.0 * jump - 2.0, abs=1e-10)
+    assert body.pose.velocity[1] == pytest.approx(3.0 * jump - 2.0, abs=1e-10)
 
 
 @pytest.mark.ranks(1, 2)

@@ -111,8 +111,8 @@ class RigidTools(TriedContact):
         self.energy_scale = max((self._particle_energy(system) for system in systems), default=0.0)
         self._take_results(scene)
         self._shown = np.zeros(2)
-        # of the state that was kept: poses, and how long [s] after it tools are posed
-        self._kept, self._posed = list[dict[str, Any]](), (np.inf, 0.0)
+        # of the state that was kept: poses, and how long [s] after it tools are posed, see `TriedContact`
+        self._kept, self._posed = list[dict[str, Any]](), (np.inf, 0.0, 0.0)
 
     def _spacing(self, touch: Touch) -> float:
         """The widest of what a tool touches [m]; collective."""
@@ -216,7 +216,7 @@ class RigidTools(TriedContact):
         """See `Interaction`."""
         if ledger is not None:
             self._book(ledger)
-        self._kept, self._posed = [tool.body.state() for tool in self.tools], (np.inf, 0.0)
+        self._kept, self._posed = [tool.body.state() for tool in self.tools], (np.inf, 0.0, 0.0)
         for tool in self.tools:
             for touch in tool.touches:
                 touch.remember()
@@ -224,17 +224,19 @@ class RigidTools(TriedContact):
     def find(self, over: float, still: bool, mean: bool) -> None:
         """See `TriedContact`."""
         for tool, kept in zip(self.tools, self._kept):
-            if isinstance(tool.body, GuidedBody) and self._posed != (over, self.later):
+            if isinstance(tool.body, GuidedBody) and self._posed != (over, self.ahead, self.later):
                 tool.body.set_state(kept)
-                tool.body.drift(self._time, over)
-                # velocities may jump where a step begins or ends
-                tool.body.follow(self._time + (1.0 - 1e-9) * over if over else self._time * (1.0 + 1e-12))
+                if over > 0.0 or self.ahead > 0.0:
+                    # forces do their work along the way, whose speed may jump
+                    tool.body.drift_evenly(self._time, over, self.ahead)
+                else:
+                    tool.body.follow(self._time * (1.0 + 1e-12))
                 tool.body.pose.go_on(self.later)
             tool.own = Resultant.none()
             for touch in tool.touches:
                 touch.try_forces(not still, mean, self.deeper)
                 tool.own = tool.own.plus(touch.resultant)
-        self._posed = over, self.later
+        self._posed = over, self.ahead, self.later
         self._give(over if mean else 0.0)
 
     def fastest(self) -> float:

@@ -153,8 +153,12 @@ class FreeBody:
         self._follow_spin()
 
 
-# places and weights of Gauss's quadrature over a step, exact for velocities of the fifth degree in time
-_GAUSS = tuple(zip((0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5), (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)))
+# places and weights of Gauss's and Lobatto's quadrature over a step, exact for velocities of the fifth degree in time
+Rule = tuple[tuple[float, float], ...]
+_GAUSS: Rule = tuple(zip((0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5), (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)))
+_LOBATTO: Rule = tuple(zip((0.0, 0.5 - 0.05**0.5, 0.5 + 0.05**0.5, 1.0), (1 / 12, 5 / 12, 5 / 12, 1 / 12)))
+# of a way, by what two rules may differ; halvings in search of jumps at most
+_SAME, _HALVINGS = 1e-11, 2000
 
 
 class GuidedBody:
@@ -174,7 +178,10 @@ class GuidedBody:
 
     def follow(self, time: float) -> None:
         """Pose and velocity at a time [s] from what has been moved."""
-        velocity, rate = self.course(time)
+        self.go(*self.course(time))
+
+    def go(self, velocity: np.ndarray, rate: float) -> None:
+        """Pose from what has been moved, and its motion with a velocity (3,) [m/s] and a rate [rad/s]."""
         self.pose.rotation = turn(self.axis, self.angle)
         arm = self.pose.matrix @ (self.start - self.about)
         self.pose.place = self.about + self.moved + arm
@@ -191,6 +198,32 @@ class GuidedBody:
             self.moved = self.moved + weight * step * velocity
             self.angle += weight * step * rate
         self.follow(time + step)
+
+    def drift_evenly(self, time: float, over: float, ahead: float) -> None:
+        """Move on for a time over [s] from a time [s], as far as formulas say that may jump, with the mean velocity and
+        rate of that time; where it is 0, with those of a time ahead [s]."""
+        way = self._whole_way(time, over or ahead)
+        if over > 0.0:
+            self.moved, self.angle = self.moved + way[:3], self.angle + float(way[3])
+        self.go(way[:3] / (over or ahead), float(way[3]) / (over or ahead))
+
+    def _way(self, time: float, step: float, rule: Rule) -> np.ndarray:
+        """How far (4,) velocity [m] and rate [rad] lead in a step [s] from a time [s], where they are smooth."""
+        return np.asarray(sum(w * step * np.append(*self.course(time + share * step)) for share, w in rule))
+
+    def _whole_way(self, time: float, step: float) -> np.ndarray:
+        """The same, where they may jump: by halves until two rules agree, of which one looks at the ends."""
+        total, parts, halvings, most = np.zeros(4), [(time, step)], 0, 0.0
+        while parts:
+            at, length = parts.pop()
+            way, other = (self._way(at, length, rule) for rule in (_GAUSS, _LOBATTO))
+            most = max(most, float(np.abs(way).max()), float(np.abs(other).max()))
+            if halvings < _HALVINGS and np.abs(way - other).max() > _SAME * most:
+                parts += [(at, 0.5 * length), (at + 0.5 * length, 0.5 * length)]
+                halvings += 1
+            else:
+                total += way
+        return total
 
     def state(self) -> dict[str, Any]:
         """How far it has come."""

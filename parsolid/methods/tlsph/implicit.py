@@ -31,6 +31,8 @@ _GAUSS = ((0.5 - 0.15**0.5, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + 0.15**0.5, 5.
 _ACCURACY = 1e-3
 # over what a step may err by, from which it is taken again in halves
 _TOO_FAR = 8.0
+# of a spacing, what a step may err by in any case
+_AT_REST = 1e-12
 # of a step that was asked for, the shortest that is tried
 _LEAST = 2.0**-12
 _PRODUCTS = 3000
@@ -253,6 +255,7 @@ class Implicit:
         self._kept_at = time
         for one in self.system.interactions:
             one.keep(None)
+            one.ahead = step
         meeting = self._meet(u, 0.0)
         power = sum(one.power() for one in self.system.interactions)
         unknowns = u if self.pressures is None else np.column_stack((u, self.pressures.unknowns()))
@@ -279,7 +282,8 @@ class Implicit:
         change, size, speed = np.sqrt(sums(self.comm, squares) / self.total_mass)
         self.scale = max(self.scale, float(size))
         error = step**2 / 12.0 * change * 2.0 * step / (step + self.last)
-        allowed = self.accuracy * max(self.scale, step * speed)
+        # bodies at rest move by rounding
+        allowed = max(self.accuracy * max(self.scale, step * speed), _AT_REST * self.preconditioner.spacing)
         if error > _TOO_FAR * allowed and step > minimum(self.comm, float(self.system.leapfrog.stable_step())):
             self.fault = "the motion changes within the step"
             return False

@@ -59,7 +59,9 @@ _POWERS = 2.0
 # of a load step, where the tangent at its start is taken from bodies that flow: as they begin to, it changes at once
 _AHEAD = 0.1
 # of the scene's end, the first load step; of one that was asked for, the shortest that is tried
-_FIRST, _LEAST = 0.1, 2.0**-10
+FIRST, _LEAST = 0.1, 2.0**-10
+# attempts at most that do not get on by the shortest part of a load step; with as many of the longest solutions
+_TRIES = 30
 # of a load step, how near its start or end a contact that closes within it does not end it
 _TOUCHING = 1e-3
 # of a load step, what is left of it by rounding of its parts
@@ -174,7 +176,7 @@ class Static:
         """Equilibria of a stage from a start [s] to an end [s] with settings of its own; began: when they took over
         from a motion, or from the initial state [s]."""
         self.began, self.end, self.settings = began, end, settings
-        self.load_step = min(_FIRST * (end - start), settings.maximum_step or np.inf)
+        self.load_step = min(FIRST * (end - start), settings.maximum_step or np.inf)
 
     # --- the problem of a load -----------------------------------------------------------------------------------
 
@@ -404,7 +406,9 @@ class Static:
         first = self._begin(time)
         at, work = first, np.zeros(self.free.shape)
         part, length, shortened, self.fault, self.reached = 0.0, 1.0, False, "", None
+        mark, tries, products = 0.0, 0, self.products
         while part < 1.0:
+            mark, tries, products = (part, 0, self.products) if part - mark >= _LEAST else (mark, tries + 1, products)
             end = part + length if part + length < 1.0 - _ROUNDED else 1.0
             tried = self._attempt(time, step, part, end, at)
             if isinstance(tried, Taken):
@@ -426,10 +430,13 @@ class Static:
             self._return_to(at.unknowns)
             self.preconditioner.build()
             length = tried.part * (end - part)
-            if not tried.fault:
+            in_vain = tries > _TRIES or self.products - products > _TRIES * _PRODUCTS
+            if not tried.fault and not in_vain:
                 continue
             # a jump of the loads takes no time, however short its parts are
-            if 0.0 < length * step < (self.settings.minimum_step or 0.0) or length < _LEAST:
+            short = 0.0 < length * step < (self.settings.minimum_step or 0.0) or length < _LEAST
+            if short or in_vain:
+                tried = tried if tried.fault else Failed("contacts close again and again")
                 self._end_at(time + part * step, tried)
                 break
         self._report(time, step if part == 1.0 else part * step, first, at, work)
@@ -490,6 +497,10 @@ class Static:
     def _attempt(self, time: float, step: float, part: float, end: float, start: Equilibrium) -> Taken | Failed:
         """From the equilibrium at a part of a load step [s] from a time [s] to that at another part."""
         before, ahead, of = self._loads(time, step, part), (end - part) * step, self.system.particles.owned_rows
+        for one in self.system.interactions:
+            one.ahead = ahead
+        self._meet(still=True)
+        start = start._replace(power=self._met[2])
         gaps = self._clearances()
         self.sought = (time, step, end)
         load = self._loads(*self.sought) - before
@@ -661,11 +672,11 @@ class Static:
         """No equilibrium has been found beyond a time [s]."""
         self.reached = time
         limit = "a limit point of the load: beyond it there is no stable equilibrium near the last one"
-        if self.system.interactions:
-            limit += ", unless a tool's velocity jumps there"
         self.fault = f"{limit} ({tried.fault})" if tried.critical else tried.fault
         if (self._clearances() > 0.0).any():
-            self.fault += "; a tool, or a body in contact, touches nothing"
+            held = "; ".join(self.preconditioner.held_by_contact)
+            held = f", and contact alone is to hold {held}: close the gap by a displacement" if held else ""
+            self.fault += f"; a tool, or a body in contact, touches nothing{held}"
 
     def _report(self, time: float, step: float, first: Equilibrium, last: Equilibrium, work: np.ndarray) -> None:
         """Forces and works of conditions in a step [s] from a time [s]."""

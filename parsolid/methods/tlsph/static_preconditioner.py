@@ -4,6 +4,7 @@ The particles' own level is the diagonal of nearest-neighbour elements, the othe
 are. Moduli are those at rest.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,11 +35,12 @@ _LOOSE = 1e-9
 class StaticPreconditioner:
     """M^-1 r of residuals; all methods are collective.
 
-    rounding [N]: of the norm of forces; inertia (owned,) [N/m]: see `GridLevels.of_moduli`; elements: those from which
-    PETSc makes it, None where it is this package's own.
+    rounding [N]: of the norm of forces; held_by_contact: in words, what nothing but contact holds; inertia (owned,)
+    [N/m]: see `GridLevels.of_moduli`; elements: those from which PETSc makes it, None where it is this package's own.
     """
 
     inertia: np.ndarray | None = None
+    held_by_contact: Sequence[str] = ()
 
     def __init__(self, tangent: Tangent) -> None:
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
@@ -99,11 +101,22 @@ class StaticPreconditioner:
     def refuse_loose_bodies(self, tied: list[tuple[int, int]], touched: set[int]) -> None:
         """Raise SolverError on all ranks for a body that can move as one without a force; tied: numbers of bodies that
         ties join; touched: those that contact may hold."""
+        found: list[str] = []
+        for group, modes in self._loose_bodies(tied):
+            held = f"{modes} of {' and '.join(self.system.names_of_bodies[number] for number in sorted(group))}"
+            if touched.isdisjoint(group):
+                expected = "boundaries: expected conditions that hold every body in equilibrium"
+                raise SolverError(f"{expected}, found none against {held}")
+            found.append(held)
+        self.held_by_contact = found
+
+    def _loose_bodies(self, tied: list[tuple[int, int]]) -> list[tuple[list[int], str]]:
+        """Numbers of bodies that can move as one without a force but those of contact, and how; collective."""
         system, d = self.system, self.system.dimension
         body, X = system.particles.owned_rows("body"), system.particles.owned_rows("reference_position")
-        sprung = self._bodies_on_springs(body)
-        for number, group in self._joined_bodies(tied).items():
-            if sprung[group].any() or not touched.isdisjoint(group):
+        sprung, result = self._bodies_on_springs(body), []
+        for group in self._joined_bodies(tied).values():
+            if sprung[group].any():
                 continue
             here = np.isin(body, group)
             modes = _rigid_modes(self.comm, X, here)
@@ -112,9 +125,8 @@ class StaticPreconditioner:
             loose = unrestrained_modes(self.comm, modes, restraint)
             if len(loose):
                 parts = sums(self.comm, np.tensordot(loose, modes, ((1, 2), (1, 2))))
-                names = _names(d, parts)
-                expected = "boundaries: expected conditions that hold every body in equilibrium"
-                raise SolverError(f"{expected}, found none against {names} of bodies.{number}")
+                result.append((group, _names(d, parts)))
+        return result
 
     def _bodies_on_springs(self, body: np.ndarray) -> np.ndarray:
         """Whether any spring acts on each body, of the numbers (owned,) of the particles' bodies."""

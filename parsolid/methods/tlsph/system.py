@@ -23,7 +23,7 @@ from parsolid.methods.tlsph.plastic import RIEMANN_HEAT, PlasticBlock
 from parsolid.methods.tlsph.pressures import pressures_of
 from parsolid.methods.tlsph.ssp_rk3 import StagedStep
 from parsolid.methods.tlsph.state import LawBlock, declare_fields, deformation_gradients
-from parsolid.methods.tlsph.static import Static
+from parsolid.methods.tlsph.static import FIRST, Static
 from parsolid.methods.tlsph.sweeps_of_bodies import (
     box_bodies_of,
     groups_of,
@@ -138,6 +138,8 @@ class TotalLagrangianSPH(Reports):
         if unknown is not None:
             # the only system of its scene: of others a part does not have all bodies of a tie
             tied = [pair[:2] for pair in tied_pairs(scene)]
+            named = enumerate(body.name for body in scene.bodies)
+            self.names_of_bodies = [f"bodies.{i}" + (f" ({name})" if name else "") for i, name in named]
             self.statics = Static(self, "static" in kinds, tied, bodies_in_contact(scene))
         self.implicit = Implicit(self) if "implicit" in kinds else None
         self._take_stages(whole)
@@ -335,13 +337,19 @@ class TotalLagrangianSPH(Reports):
         return float(self.integrator.stable_step())
 
     def steps_to(self, end: float) -> float:
-        """See `ParticleSystem`: of stages whose lengths of steps are chosen as they go, the first step counts."""
-        spans = [(one, b - a) for one, a, b in zip(self.stages, self.stage_times, self.stage_times[1:])]
-        moving = sum(span for one, span in spans if one.integrator == "leapfrog")
-        if len(spans) == 1 or self.leapfrog is None:
+        """See `ParticleSystem`; at least, of equilibria and long steps that choose their lengths as they go."""
+        spans = [
+            (one, max(min(b, end) - a, 0.0)) for one, a, b in zip(self.stages, self.stage_times, self.stage_times[1:])
+        ]
+        if self.leapfrog is None:
             return super().steps_to(end)
-        present = 0.0 if self.settings.integrator == "leapfrog" else (end - moving) / self.stable_step()
-        return present + moving / self.leapfrog.stable_step()
+        chosen = {"static": 1.0 / FIRST, "implicit": 1.0}
+        return sum(
+            span / self.leapfrog.stable_step()
+            if one.integrator not in chosen
+            else max(chosen[one.integrator], span / (one.maximum_step or np.inf)) * (span > 0.0)
+            for one, span in spans
+        )
 
     @property
     def rebuild_needed(self) -> bool:  # type: ignore[override]
