@@ -168,7 +168,7 @@ def make_small_cloud(name, count, motion, halves):
 
 
 @pytest.mark.parametrize(
-    "name, planes", zip(BASES, itertools.cycle([(1.0, 2.5), (1.5, None), (None, 2.0), (1.0, None)]))
+    "name, planes", list(zip(BASES, itertools.cycle([(1.0, 2.5), (1.5, None), (None, 2.0), (1.0, None)])))
 )
 def test_a_mirror_plane_is_the_other_half_of_the_body(name, planes):
     count, (motion, stress, halves), total, (all_motion, all_stress, all_halves) = half_body(name, planes)
