@@ -125,7 +125,8 @@ class EnergyCheck:
     def set_state(self, state: Mapping[str, float], lost: float) -> None:
         """Take back what `state` gave; lost: the numerical dissipation in the ledger [J]."""
         for name in _STATE:
-            setattr(self, name, state[name])
+            # a checkpoint of an earlier version may have none
+            setattr(self, name, state.get(name, 0.0))
         self.lost = lost
 
     def relative(self, balance: float, scale: float) -> float | None:

@@ -38,8 +38,7 @@ def names(plan):
 def test_a_scene_has_the_choices_that_its_laws_and_boundaries_allow():
     plan = plan_of(load_scene(SCENE), "strain_energy", [], False)
     expected = {"as the scene", "integrator leapfrog", "weights best", "h/dx 1", "method peridynamics", "method mpm"}
-    assert expected <= names(plan)
-    assert "method ulsph: bodies.0.material.kind" in "\n".join(plan.refused)
+    assert expected | {"method ulsph"} <= names(plan)
     taylor = plan_of(load_scene(RUNS / "ulsph" / "taylor.toml"), "kinetic", ["method", "dissipation"], False)
     assert names(taylor) == {"as the scene", "dissipation off", "dissipation linear 1 quadratic 1", "method mpm"}
     grid = taylor.variant(Option((("method", "kind", "mpm"),)), 0).scene
