@@ -19,7 +19,7 @@ def test_a_cylinder_of_points_or_bonds(method):
         # spheres and faces of lattices meet late, by some hundredths of a spacing
         ("tlsph", 2.25, -0.14, 0.0, 1e-3),
         # 11 % too much with the control of beams; undamped, it swings about the mean
-        pytest.param("peridynamics", 4.0, -0.04, 0.04, 1e-4, marks=pytest.mark.slow),
+        pytest.param("peridynamics", 4.0, -0.04, 0.04, 1e-4, marks=pytest.mark.long),
     ],
 )
 def test_a_ball(method, wanted, least, most, balance):

@@ -156,6 +156,7 @@ def test_a_method_is_one_folder(tmp_path):
     assert refused[0] == 2 and "method.step" in refused[1]
 
 
+@pytest.mark.long
 def test_a_smoothing_kernel_is_one_file(tmp_path):
     (tmp_path / "smoothing").mkdir()
     (tmp_path / "smoothing" / "poly6.py").write_text(KERNEL)

@@ -13,7 +13,7 @@ RUNS = Path(__file__).parents[2] / "runs"
 
 @pytest.mark.serial
 @pytest.mark.slow
-@pytest.mark.parametrize("height", [0.1, 0.05])
+@pytest.mark.parametrize("height", [0.1, pytest.param(0.05, marks=pytest.mark.long)])
 def test_a_column_of_sand_runs_out_as_far_as_measured(height, shared_path):
     """Ratios of height to width of 1 and 1/2, 40 particles in the height; the front to a tenth of the run-out."""
     words = [
