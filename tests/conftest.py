@@ -94,6 +94,8 @@ _VERIFYING, _SLOW = ("verification", "exact"), ("verification", "end_to_end")
 _ON_THREE = ("contracts", "decomposition", "output", "pairs")
 # files of many rooms first, then those that take long, and short ones last, so that all workers end together
 _LATER = {"docs": 1, "end_to_end": 1, "decomposition": 2, "kernels": 2, "scene": 2}
+# after the scenes that compile its kernels: at the same time both workers would compile them
+_LATER_FILES = {"test_restarts.py": 1}
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -122,7 +124,11 @@ def _room(item) -> str:
 def _in_turn(items) -> None:
     """Sort tests by file, of each kind those with most tests first."""
     count = Counter(item.path for item in items)
-    items.sort(key=lambda item: (_LATER.get(_room(item), 0), -count[item.path], item.path))
+
+    def turn(item) -> int:
+        return _LATER_FILES.get(item.path.name, _LATER.get(_room(item), 0))
+
+    items.sort(key=lambda item: (turn(item), -count[item.path], item.path))
 
 
 def _runs(config, item) -> bool:
