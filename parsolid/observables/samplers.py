@@ -9,7 +9,7 @@ from parsolid.observables.declared import Observables, OfRegion, Sampler, field_
 from parsolid.particles.regions import nearest_particles
 
 
-class Run(NamedTuple):
+class RowRange(NamedTuple):
     """Rows first..last-1 of a system and their weights (last - first,), 0 of particles that do not count."""
 
     system: Any
@@ -19,7 +19,7 @@ class Run(NamedTuple):
     bounded: np.ndarray
 
 
-class Place:
+class ProbePoint:
     """A material point: particles of its body around it, with weights that are exact for linear fields.
 
     A point on a particle has this one alone. To points beyond the outermost particles motion is continued. Other fields
@@ -31,30 +31,31 @@ class Place:
         """identifiers (k,) of the particles and their weights (k,)."""
         self.identifiers, self.continued, self.bounded = identifiers, continued, bounded
         self._layout: tuple[int, ...] | None = None
-        self._runs: list[Run] = []
+        self._ranges: list[RowRange] = []
 
-    def find(self, watched: Observables) -> list[Run]:
-        """Runs of rows of this rank with particles of the point; found anew when rows have changed."""
+    def find(self, watched: Observables) -> list[RowRange]:
+        """Ranges of rows of this rank with particles of the point; found anew when rows have changed."""
         if watched.layout != self._layout:
-            self._layout, self._runs = watched.layout, []
+            self._layout, self._ranges = watched.layout, []
             for system in watched.systems:
                 own = system.particles.owned_rows("identifier")
                 rows = np.flatnonzero(np.isin(own, self.identifiers))
                 # a field of some more rows costs less than another call
-                for run in np.split(rows, np.flatnonzero(np.diff(rows) > _GAP) + 1) if len(rows) else ():
-                    number, length = np.searchsorted(self.identifiers, own[run]), run[-1] - run[0] + 1
+                for some in np.split(rows, np.flatnonzero(np.diff(rows) > _GAP) + 1) if len(rows) else ():
+                    number, length = np.searchsorted(self.identifiers, own[some]), some[-1] - some[0] + 1
                     weights = [np.zeros(length), np.zeros(length)]
                     for here, of_particles in zip(weights, (self.continued, self.bounded)):
-                        here[run - run[0]] = of_particles[number]
-                    self._runs.append(Run(system, int(run[0]), int(run[-1]) + 1, *weights))
-        return self._runs
+                        here[some - some[0]] = of_particles[number]
+                    self._ranges.append(RowRange(system, int(some[0]), int(some[-1]) + 1, *weights))
+        return self._ranges
 
     def value(self, watched: Observables, field: str, count: int) -> np.ndarray:
         """This rank's part (count,) of the components of a field; not numbers where its method has no such field."""
         moves = field.partition("_")[0] in _OF_MOTION
         result, d = np.zeros(count), watched.dimension
-        for run in self.find(watched):
-            values, weights = field_of(run.system, field, run.first, run.last), run.continued if moves else run.bounded
+        for rows in self.find(watched):
+            values = field_of(rows.system, field, rows.first, rows.last)
+            weights = rows.continued if moves else rows.bounded
             if values is None:
                 return np.full(count, np.nan)
             used = np.flatnonzero(weights)
@@ -71,11 +72,11 @@ _REACHES = (0.9, 1.25, 1.75)
 # of a spacing, within which a point is that of a particle; of singular values, those that count; the least singular
 # value of particles that are enough
 _SAME, _CUT_OFF, _ENOUGH = 1e-6, 1e-6, 0.1
-# rows between two runs
+# rows between two ranges
 _GAP = 64
 
 
-def places(comm: Any, watched: Observables, points: np.ndarray) -> list[Place]:
+def probe_points(comm: Any, watched: Observables, points: np.ndarray) -> list[ProbePoint]:
     """The material points (m, d) [m], by reference positions; the same on all ranks. Collective."""
     identifier, X, body = watched.rows("identifier"), watched.rows("reference_position"), watched.body
     winner, _ = nearest_particles(comm, identifier, X, points)
@@ -95,12 +96,12 @@ def places(comm: Any, watched: Observables, points: np.ndarray) -> list[Place]:
     return [point_among([one[1:] for one in found if one[0] == i]) for i in range(len(points))]
 
 
-def point_among(particles: list[tuple[int, tuple[float, ...]]]) -> Place:
+def point_among(particles: list[tuple[int, tuple[float, ...]]]) -> ProbePoint:
     """The point around which particles are, each with its identifier and how far it is along each axis in spacings."""
     identifiers = np.array([name for name, _ in particles])
     apart = np.array([away for _, away in particles])
     inside = np.clip(0.0, apart.min(axis=0), apart.max(axis=0))
-    return Place(identifiers, _weights(apart), _weights(apart - inside))
+    return ProbePoint(identifiers, _weights(apart), _weights(apart - inside))
 
 
 def _weights(apart: np.ndarray) -> np.ndarray:
@@ -125,7 +126,7 @@ def _weights(apart: np.ndarray) -> np.ndarray:
 class ParticleField(Sampler):
     """Components of a field at a material point; of a tensor those in the plane or in space."""
 
-    def __init__(self, name: str, columns: list[str], place: Place, field: str):
+    def __init__(self, name: str, columns: list[str], place: ProbePoint, field: str):
         super().__init__(name, columns)
         self.place, self.field = place, field
 

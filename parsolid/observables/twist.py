@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.observables.declared import Observables, Sampler, particle_sampler
-from parsolid.observables.samplers import Place
+from parsolid.observables.samplers import ProbePoint
 
 
 @particle_sampler("twist")
@@ -15,7 +15,7 @@ class Twist(Sampler):
     Every rank keeps the angle, so that particles may change their rank.
     """
 
-    def __init__(self, name: str, columns: list[str], place: Place, probe: Any):
+    def __init__(self, name: str, columns: list[str], place: ProbePoint, probe: Any):
         """probe: the scene's, with its `axis` (Z unless given) and `centre` (the origin unless given)."""
         super().__init__(name, columns)
         self.place = place

@@ -140,7 +140,7 @@ def initial_details(scene: Any) -> list[FaultDetail]:
             and not one.takes_state
             and not all(each.strained for each in methods)
         ):
-            expected = "velocity, temperature, plastic_strain or state (this method's stress is no function of it)"
+            expected = "velocity, temperature, plastic_strain or state (this method takes no strain from it)"
             details.append((("initial", i, "fields"), expected, "displacement"))
     return details
 

@@ -20,8 +20,8 @@ class ArtificialViscosity(SceneModel):
     quadratic: NotNegative = Field(2.0, description="factor of the velocity jump over a cell or spacing")
 
 
-# Inertia of a slow motion in longer steps: the square of the factor on stable steps. Weight, heat capacity and rates of
-# flow stay those of the matter.
+# A factor on inertia for slow (quasi-static) motions: stable steps grow by its root. Weights, heat capacities and rates
+# of flow do not change.
 MassScaling = Annotated[
     float | None,
     Field(
@@ -60,7 +60,7 @@ class MethodSettings(SceneModel):
     shared_field            whether bodies share a field of velocities and so stick together; those that do not need
                             systems of their own
     in_cells                whether lattices of particles are in the middle of cells, never on the surface
-    strained                whether stress is that of a deformation gradient, so that a start may have one
+    strained                whether a displacement that another run left is a strain of the start
     initial_stress_refused  why a start has no stress of its own, None where it may
     stage_keys              keys that a stage of a run may change, see `scene.systems.Stage`
 

@@ -11,11 +11,11 @@ from parsolid.observables.samplers import (
     InRegion,
     MethodQuantity,
     ParticleField,
-    Place,
+    ProbePoint,
     Projected,
     ReactionForce,
     Statistic,
-    places,
+    probe_points,
 )
 from parsolid.output.errors import together
 from parsolid.output.history import History, read_history
@@ -39,7 +39,7 @@ class Probes:
         self.samplers: list[Sampler] = []
         self._fields = [name for probe in scene.probes for name in probe.fields or ()]
         points = [probe.at for probe in scene.probes if probe.at is not None]
-        placed = iter(places(comm, observables, np.array(points, float)) if points else ())
+        placed = iter(probe_points(comm, observables, np.array(points, float)) if points else ())
         for probe in scene.probes:
             columns = probe.columns_of_fields(scene.dimension)
             samplers = _samplers(probe, columns, next(placed) if probe.at is not None else None)
@@ -83,7 +83,7 @@ class Probes:
                 sampler.restore(states[sampler.name])
 
 
-def _samplers(probe: Any, columns: dict[str, list[str]], place: Place | None) -> list[Sampler]:
+def _samplers(probe: Any, columns: dict[str, list[str]], place: ProbePoint | None) -> list[Sampler]:
     """What finds the columns of a probe of the scene, (name of field -> its columns), at a place if it has one."""
     if probe.quantity is not None:
         known, names = QUANTITIES.get(probe.quantity), columns[probe.quantity]

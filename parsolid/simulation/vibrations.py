@@ -73,7 +73,8 @@ class VibratingBodies:
         if kinds:
             return f"method.weights: expected one of {', '.join(_WEIGHTS)} for modes, found {kinds[0]!r}"
         if self.scene.method.inertia_factor != 1.0:
-            return "method.mass_scaling: expected no such key for modes, which are those of the mass itself, found one"
+            factor = self.scene.method.inertia_factor
+            return f"method.mass_scaling: expected no such key for modes, which have the true mass, found {factor:g}"
         if self.system.conditions.rollers:
             return "boundaries: expected rollers on planes for modes, found one in a region, inclined to the axes"
         return None

@@ -196,3 +196,11 @@ def test_a_body_that_is_held_all_over_is_refused(comm):
 def test_weights_that_do_not_close_are_refused(comm):
     with pytest.raises(SolverError):
         find_modes(comm, scene_of((9, 9), (1.0, 1.0), "kernel"), 2, None)
+
+
+@pytest.mark.serial
+def test_modes_are_those_of_the_true_mass(comm):
+    method = {"weights": "cells", "integrator": "leapfrog", "mass_scaling": 4.0}
+    scene = parse_scene(tables((5, 5), upper=(1.0, 1.0), method=method))
+    with pytest.raises(SolverError, match=r"^method\.mass_scaling: .* found 4$"):
+        find_modes(comm, scene, 2, None)

@@ -408,7 +408,10 @@ class Static:
         part, length, shortened, self.fault, self.reached = 0.0, 1.0, False, "", None
         mark, tries, products = 0.0, 0, self.products
         while part < 1.0:
-            mark, tries, products = (part, 0, self.products) if part - mark >= _LEAST else (mark, tries + 1, products)
+            if part - mark >= _LEAST:
+                mark, tries, products = part, 0, self.products
+            else:
+                tries += 1
             end = part + length if part + length < 1.0 - _ROUNDED else 1.0
             tried = self._attempt(time, step, part, end, at)
             if isinstance(tried, Taken):

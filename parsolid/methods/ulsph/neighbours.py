@@ -143,6 +143,7 @@ class Neighbours:
         Q, R, D = (array[images.code, :d] for array in (codes.signs, codes.reflections, codes.drifts))
         self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
         self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, D
+        # planes whose images do not move as mirror images of their particles do
         self._unlike = (codes.signs != codes.reflections).any(axis=1)
         self._carried = (R - D) * self._reference_place()[images.source] if codes.carried else 0.0
         self._code = images.code
