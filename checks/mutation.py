@@ -70,7 +70,7 @@ TESTS: dict[str, tuple[str, str]] = {
     ),
     "parsolid/campaign": (
         PLAIN,
-        _in("campaign", "estimate", "comparison", "coarsening", "probes_of_runs", "pareto", "study"),
+        _in("campaign", "estimate", "comparison", "coarsening", "pareto", "study"),
     ),
     "parsolid/campaign/pictures.py": (PLAIN, _in("campaign", "pictures")),
     "parsolid/campaign/report.py": (PLAIN, _in("campaign", "verification")),

@@ -162,6 +162,8 @@ def size_advice(simulation: Simulation) -> list[Note]:
             result.append(Note("part-size", f"bodies.{i}: a part of {sides} {unit}"))
             modulus, density = system.wave_modulus(number)
             side = float((upper - lower).max())
+            if not modulus:
+                continue
             crossing = side * float(np.sqrt(density / modulus))
             quasi_static = getattr(getattr(system.settings, "solution", None), "kind", "") == "quasi-static"
             coarse = float(spacing.min()) > _COARSE and scene.loads.acceleration is None

@@ -2,10 +2,8 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from parsolid.campaign.coarsening import (
@@ -20,7 +18,7 @@ from parsolid.campaign.coarsening import (
 )
 from parsolid.campaign.orders import has_meshes, step_is_stated
 from parsolid.scene import Scene
-from parsolid.scene.declared import law_files
+from parsolid.simulation.scene_changes import contents
 from parsolid.sources import source_digest
 
 SPACING, STEP, SOLVER = "spacing", "step", "solver"
@@ -64,18 +62,11 @@ class Variant:
 
 def digest_of(scene: Scene, ranks: int | None = None) -> str:
     """Twelve hexadecimal digits of a scene, the contents of the files it reads, the sources and the ranks."""
-    text = json.dumps([scene.resolved(), ranks, source_digest()], sort_keys=True)
-    # files that a scene reads
-    series = [scene.reference.series] if scene.reference is not None and scene.reference.series is not None else []
-    meshes = [body.shape.mesh.file for body in scene.bodies if body.shape.mesh is not None]
-    files = series + law_files(scene) + meshes
-    for file in files:
-        # the folder a file lies in does not matter, what it says does
-        text = text.replace(json.dumps(str(file))[1:-1], os.path.basename(file))
-    found = hashlib.sha256(text.encode())
-    for file in files:
-        found.update(Path(file).read_bytes())
-    return found.hexdigest()[:12]
+    taken = {one.path for state in scene.initial if state.results for field in state.of_results for one in field.steps}
+    # files of results are large: when they were written says as much as what is in them
+    results = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in sorted(taken)]
+    text = json.dumps([contents(scene), results, ranks, source_digest()], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def level_of(scene: Scene, ratio: float, more_than: float = 0.0) -> Level:

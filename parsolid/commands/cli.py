@@ -24,6 +24,7 @@ from parsolid.output.crash_report import CONTEXT, report
 from parsolid.output.errors import OutputError
 from parsolid.output.log import LOG
 from parsolid.scene.validation_errors import SceneError, suggestion
+from parsolid.simulation.signals import REQUEST
 
 _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
 # commands by what they do; a module is imported only when its command is given
@@ -122,6 +123,8 @@ def main(arguments: list[str] | None = None) -> int:
         return UNREAD
     finally:
         LOG.close()
+        # a request to stop is that of this command, not of another in the same process
+        REQUEST.received = None
         # let nothing of what nobody reads be written again, and complained of, when the program ends
         for stream in (sys.stdout, sys.stderr):
             try:

@@ -108,7 +108,9 @@ class UndeclaredContact(Interaction):
             return later
         self.met = [*self.met, *self._within(boxes, 0.0)]
         self._known.update((i, j) for i, j, _ in self.met)
-        return float(np.clip(_CLOSED * self._reach.min() / fastest, step, _NEAR_STEPS * step))
+        # nothing moves nor has waves where the speed is 0
+        soon = _CLOSED * self._reach.min() / fastest if fastest else np.inf
+        return float(np.clip(soon, step, _NEAR_STEPS * step))
 
     def _within(self, boxes: np.ndarray, room: float) -> list[Meeting]:
         """Pairs that no table names of bodies in boxes (bodies, 2, d) [m] whose particles are within their distance of

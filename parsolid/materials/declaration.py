@@ -8,7 +8,7 @@ bounds.
 A declared NamedTuple is the law itself. Where a scene states other constants than the law keeps, the declared class is
 a plain one with the same annotations and a method `equilibrium_law(self)` that makes the NamedTuple. Either may have
 `faults(self)`, which lists (key, what was expected, what was found), `exactly_one` and `at_most_one` (keys that exclude
-each other), and properties.
+each other), `of_strain = False` (its stress is integrated in time: no strain at the start has one), and properties.
 """
 
 from collections.abc import Callable

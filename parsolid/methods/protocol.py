@@ -187,8 +187,8 @@ class ParticleSystem:
         return 1.0
 
     def wave_modulus(self, body: int) -> tuple[float, float]:
-        """lambda + 2 mu [Pa] and density [kg/m^3] of one of its bodies, undeformed; of methods with stress."""
-        raise NotImplementedError
+        """lambda + 2 mu [Pa], 0 without stress, and density [kg/m^3] of one of its bodies, undeformed."""
+        return 0.0, 1.0
 
     def broken_pairs(self) -> BrokenPairs | None:
         """Pairs of one body that have broken, without mirror images; None where none ever breaks."""

@@ -94,7 +94,7 @@ def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dic
         modulus = [system.wave_modulus(system.bodies.index(k))[0] for k in (i, j)]
         for what, found, most in (
             ("spacings", ratio, settings.bonded_spacings(scene)),
-            ("moduli", max(modulus) / min(modulus), settings.bonded_moduli(scene)),
+            ("moduli", max(modulus) / min(modulus) if any(modulus) else 1.0, settings.bonded_moduli(scene)),
         ):
             if found > most * (1.0 + _ROUND_OFF):
                 expected = f"bonded bodies whose {what} differ by a factor of {most:g} at most (others can be tied: a "

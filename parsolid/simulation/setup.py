@@ -5,7 +5,7 @@ States at time 0 that no run should start from are refused: matter inside out, a
 
 import dataclasses
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,7 @@ def _strained(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -
     folded = stated & (~(np.linalg.det(F) > 0.0) | _jumps_over(scene, particle_set))
     if folded.any():
         return _start_of(system, particle_set, folded, "a start that is not folded")
-    carries = [one.material.kind not in ("elastic-plastic", "micro-inertia") for one in scene.bodies]
+    carries = [getattr(type(one.material).declared, "of_strain", True) for one in scene.bodies]
     # rounding of places far away is no strain
     rounding = np.finfo(float).eps * (1.0 + np.abs(system.particles.owned_rows("position")).max(initial=0.0)) / small
     expected = "no strain (this law's stress is integrated in time, not of a strain)"
@@ -203,11 +203,10 @@ def build_systems(
             systems.append(system)
             if not restart:
                 system.begin(part, particle_sets[-1])
-            # rounding of J alone gives strain energies of the modulus times it; a method without stress has no modulus
-            with suppress(NotImplementedError):
-                modulus = np.array([system.wave_modulus(body)[0] for body in range(len(plan.bodies))])
-                stiffness = comm.allreduce(float(modulus[particle_sets[-1].body] @ particle_sets[-1].volume))
-                system.energy_scale = max(system.energy_scale, _ROUNDED * stiffness)
+            # rounding of J alone gives strain energies of the modulus times it
+            modulus = np.array([system.wave_modulus(body)[0] for body in range(len(plan.bodies))])
+            stiffness = comm.allreduce(float(modulus[particle_sets[-1].body] @ particle_sets[-1].volume))
+            system.energy_scale = max(system.energy_scale, _ROUNDED * stiffness)
         if not restart:
             refuse_unsound_start(comm, part, system, particle_sets[-1])
     for particle_set in particle_sets:

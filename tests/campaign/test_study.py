@@ -168,13 +168,23 @@ def test_axes_in_step_make_pairs(folder):
 
 
 def test_a_folder_is_named_after_all_that_the_numbers_depend_on(folder, monkeypatch):
-    path = write(folder)
-    before = [case.digest for case in cases_of(load_study(path))]
-    assert before == [case.digest for case in cases_of(load_study(path))]
-    (folder / "series.json").write_text((folder / "series.json").read_text().replace("E0", "E0") + " ")
-    after = [case.digest for case in cases_of(load_study(path))]
+    path, found = write(folder), set()
+    load = '[loads]\nhistory = { file = "load.csv" }\nacceleration = ["table(\\"table.csv\\", t)", "0"]'
+    (folder / "block.toml").write_text(SCENE + load)
+    files = [folder / name for name in ("series.json", "load.csv", "table.csv")]
+    for file in files[1:]:
+        file.write_text("0,1\n1,1\n")
+
+    def tell() -> set[str]:
+        return {case.digest for case in cases_of(load_study(path))}
+
+    found |= tell()
+    assert found == tell()
+    for file in files:
+        file.write_text(file.read_text() + (" " if file.suffix == ".json" else "2,2\n"))
+        found |= tell()
     monkeypatch.setattr("parsolid.campaign.variants.source_digest", lambda: "other sources")
-    assert len({*before, *after, *(case.digest for case in cases_of(load_study(path)))}) == 6
+    assert len(found | tell()) == 10
 
 
 # --- what is told of them ---------------------------------------------------------------------------------------------

@@ -80,8 +80,11 @@ def test_signals_are_caught_early_for_commands_alone_that_stop_with_a_checkpoint
 
 
 def test_an_import_of_no_file_tells_of_the_mesh(tmp_path, capsys):
+    """And ends what a signal has asked of the process, which a run after it would obey."""
+    signals.REQUEST.received = "SIGTERM"
     assert main(["import", str(tmp_path / "none.msh"), str(tmp_path / "new.h5")]) == 2
     assert capsys.readouterr().err.removeprefix("parsolid: ").startswith("mesh:") and not [*tmp_path.iterdir()]
+    assert signals.REQUEST.received is None
 
 
 @pytest.mark.serial

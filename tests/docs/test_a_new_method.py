@@ -84,11 +84,12 @@ kind = "flight"
 shape = { box = { lower = [0, 0], upper = [1, 1] } }
 particles = [4, 4]
 velocity = ["3", "4*X"]
-[bodies.material]
-kind = "neo-hookean"
-density = 1000
-youngs_modulus = 1e6
-poissons_ratio = 0.3
+material = { kind = "neo-hookean", density = 1000, youngs_modulus = 1e6, poissons_ratio = 0.3 }
+# at rest and apart
+[[bodies]]
+shape = { box = { lower = [0, 9], upper = [1, 10] } }
+particles = [4, 4]
+material = { kind = "neo-hookean", density = 1000, youngs_modulus = 1e6, poissons_ratio = 0.3 }
 [[probes]]
 name = "corner"
 at = [1, 1]

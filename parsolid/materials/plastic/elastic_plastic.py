@@ -5,7 +5,7 @@ along s, less the back stress of kinematic hardening), P follows from the full i
 enters flow stress, shear modulus and melting alone.
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -89,6 +89,7 @@ class StatedElasticPlastic:
     youngs_modulus and poissons_ratio are short for a linear equation of state and a constant shear modulus.
     """
 
+    of_strain: ClassVar = False
     density: Annotated[float | None, Parameter("kg/m^3", "the density", above=0.0, default=None)]
     specific_heat: Annotated[float | None, Parameter("J/(kg K)", "C_v", above=0.0, default=None)]
     specific_heat_slope: Annotated[

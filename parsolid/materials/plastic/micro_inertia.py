@@ -87,6 +87,7 @@ class StatedMicroInertia:
     classical thermo-visco-plasticity.
     """
 
+    of_strain: ClassVar = False
     exactly_one: ClassVar = (("youngs_modulus", "shear_modulus"), ("poissons_ratio", "bulk_modulus"))
     density: Density
     youngs_modulus: Annotated[float | None, Parameter("Pa", "E", above=0.0, default=None)]
