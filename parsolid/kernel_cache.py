@@ -4,6 +4,7 @@ numba's own cache looks at the file of a kernel alone, and not at those of the f
 """
 
 import fcntl
+import glob
 import hashlib
 import os
 import shutil
@@ -129,7 +130,7 @@ def _readable(load: Callable[..., Any]) -> Callable[..., Any]:
 def _one_at_a_time(save: Callable[..., None]) -> Callable[..., None]:
     """Let one process at a time change an index: of two, numba may give both their kernels one file.
 
-    Where the index cannot be read, all kernels are dropped with it: a new index would name files of the old one.
+    Where the index cannot be read, the kernels that it names are dropped with it, and none of others.
     """
 
     def save_alone(self: Any, key: Any, data: Any) -> None:
@@ -142,7 +143,8 @@ def _one_at_a_time(save: Callable[..., None]) -> Callable[..., None]:
             except OSError:
                 raise
             except Exception:
-                for path in cache_folder().glob("*.nb[ci]"):
+                index = Path(self._index_path)
+                for path in (index, *index.parent.glob(f"{glob.escape(index.stem)}.*.nbc")):
                     path.unlink(missing_ok=True)
                 save(self, key, data)
 

@@ -22,6 +22,10 @@ from parsolid.kernels import kernel
 @kernel
 def scaled(x):
     return factor(x)
+
+@kernel
+def other(x):
+    return x
 """
 PROGRAM = """
 import parsolid.caller as caller
@@ -90,13 +94,15 @@ def test_processes_that_compile_at_once_lose_nothing_and_mix_up_nothing(package)
     assert words(start(package, PROGRAM.format(arguments="[3, 3.0, True, 2j]"))) == expected[:4]
 
 
-def test_an_index_that_cannot_be_read_is_made_anew(package):
+def test_an_index_that_cannot_be_read_is_made_anew_and_no_other(package):
     program = PROGRAM.format(arguments="[3.0]")
-    words(start(package, program))
-    for index in (package / "cache").rglob("*.nbi"):
+    other = program.replace("scaled", "other")
+    words(start(package, other + program))
+    for index in (package / "cache").rglob("caller.scaled-*.nbi"):
         index.write_bytes(index.read_bytes()[:-8])
     assert words(start(package, program)) == ["6.0", "scaled"]
     assert words(start(package, program)) == ["6.0"]
+    assert words(start(package, other)) == ["3.0"]
 
 
 LAW = """

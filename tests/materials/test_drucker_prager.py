@@ -28,7 +28,7 @@ DILATION = cone(FLOW.dilation_angle, 0.0)[0]
 
 def soil(**changes):
     parts = LinearElastic(K), ConstantShearModulus(G), FLOW._replace(**changes), None
-    return ElasticPlastic(1600.0, 800.0, 300.0, 0.9, None, *parts)
+    return ElasticPlastic(1600.0, 800.0, 300.0, 0.9, 0.0, *parts)
 
 
 def pressed(law, pressure):

@@ -29,7 +29,7 @@ COPPER = ElasticPlastic(
     383.0,
     300.0,
     0.9,
-    None,
+    0.0,
     MieGrueneisen(8930.0, 3940.0, 1.489, 2.02),
     ConstantShearModulus(47.7e9),
     LinearHardening(120e6, 1e8),

@@ -73,7 +73,7 @@ def test_johnson_cook_below_its_reference_rate_and_temperature():
 def test_thermal_activation_solves_its_rate_equation():
     activation = ThermalActivation(0.71e6, 0.31 * 1.602176634e-19, 20e6, 0.012e6)
     flow = SteinbergCochranGuinan(120e6, 640e6, 47.7e9, 36.0, 0.45, 0.0, activation)
-    law = ElasticPlastic(8930.0, 383.0, 300.0, 0.9, None, COPPER, ConstantShearModulus(47.7e9), flow, None)
+    law = ElasticPlastic(8930.0, 383.0, 300.0, 0.9, 0.0, COPPER, ConstantShearModulus(47.7e9), flow, None)
     for rate, T in ((1e-3, 300.0), (10.0, 400.0), (100.0, 300.0)):
         athermal = 120e6 * (1.0 + 36.0 * 0.1) ** 0.45
         Y = evaluation.flow_stress(law, 0.1, rate, T) - athermal
@@ -106,7 +106,7 @@ def test_melting_temperature():
 
 def solid(eos):
     return ElasticPlastic(
-        8930.0, 383.0, 300.0, 0.9, None, eos, ConstantShearModulus(47.7e9), LinearHardening(1e8, 0.0), None
+        8930.0, 383.0, 300.0, 0.9, 0.0, eos, ConstantShearModulus(47.7e9), LinearHardening(1e8, 0.0), None
     )
 
 

@@ -1,6 +1,6 @@
 """Mazars's damage: the fracture energy of a band of any width, strengths, the energy of a cycle, waves; the width that
 a method gives a crack; what is refused; ranks and a restart amid damage. A notched beam in `tlsph` against finite
-elements with a cohesive crack (slow).
+elements with a cohesive crack (long).
 """
 
 import csv
@@ -141,7 +141,7 @@ def test_bands_that_snap_back_and_points_without_a_band_are_refused(comm):
     assert registry.law_of(scene().bodies[0].material).damage == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_notched_beam_bears_as_much_as_one_with_a_cohesive_crack(tmp_path):
     """Peak load 1258 N and 693 N at an opening of 0.15 mm by linear finite elements of 2.5 mm, with nu = 0 and a
     cohesive crack of the same strength, fracture energy and exponential softening along the ligament."""

@@ -28,14 +28,14 @@ ONE = np.eye(3)
 SHEAR = np.outer(ONE[0], ONE[1])
 COPPER_FLOW = JohnsonCook(90e6, 292e6, 0.31, 0.025, 1.09, 1.0, 294.0)
 VOCE = ElasticPlastic(
-    8930.0, 383.0, 294.0, 0.0, None,
+    8930.0, 383.0, 294.0, 0.0, 0.0,
     LinearElastic(164.206e9), ConstantShearModulus(80.1938e9), Voce(0.45e9, 0.265e9, 16.93, 0.12924e9), None,
 )  # fmt: skip
 
 
 def copper(density, equation_of_state):
     parts = equation_of_state, ConstantShearModulus(47.7e9), COPPER_FLOW, ConstantMelting(1356.0)
-    return ElasticPlastic(density, 383.0, 294.0, 0.9, None, *parts)
+    return ElasticPlastic(density, 383.0, 294.0, 0.9, 0.0, *parts)
 
 
 def circle(t):

@@ -24,7 +24,7 @@ J2 = ElasticPlastic(
     383.0,
     300.0,
     0.9,
-    None,
+    0.0,
     COPPER,
     ConstantShearModulus(47.7e9),
     LinearHardening(120e6, 1e8),

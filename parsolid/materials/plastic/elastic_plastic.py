@@ -23,7 +23,7 @@ class ElasticPlastic(NamedTuple):
     density [kg/m^3], specific_heat C_v [J/(kg K)] at the reference_temperature [K], that of the state without stress
     and energy, and specific_heat_slope dC_v/dT [J/(kg K^2)], or heat_points in place of both; taylor_quinney: share of
     the plastic work that heats;
-    conductivity [W/(m K)] or None, the largest if there is a conductivity_tensor (xx yy zz xy xz yz, None: isotropic);
+    conductivity [W/(m K)] or 0, the largest if there is a conductivity_tensor (xx yy zz xy xz yz, None: isotropic);
     equation_of_state, shear_modulus, flow_stress, melting (None: never), failure (None: never), kinematic_hardening
     (None: the yield surface stays about no stress).
     """
@@ -34,7 +34,7 @@ class ElasticPlastic(NamedTuple):
     specific_heat: float
     reference_temperature: float
     taylor_quinney: float
-    conductivity: float | None
+    conductivity: float
     equation_of_state: Any
     shear_modulus: Any
     flow_stress: Any
@@ -133,10 +133,11 @@ def of_material(material) -> ElasticPlastic:
     if tensor is not None:
         tensor = tuple(map(float, tensor))
         conductivity = np.linalg.eigvalsh(full_tensor(tensor))[-1]
-    isotropic = None if conductivity is None else float(conductivity)
     failure = None if material.failure is None else material.failure.build(density)
     given: dict[str, Any] = {"heat_points": stated["heat_capacity"], "failure": failure}
-    return ElasticPlastic(conductivity=isotropic, conductivity_tensor=tensor, **given, **numbers, **parts)
+    return ElasticPlastic(
+        conductivity=float(conductivity or 0.0), conductivity_tensor=tensor, **given, **numbers, **parts
+    )
 
 
 def full_tensor(components: Any) -> np.ndarray:

@@ -320,7 +320,7 @@ class Conduction:
         self.thermal[: points.owned] = 0.0
         self.diffusivity = 0.0
         for block in points.warm_blocks:
-            conductivity = (block.law.conductivity or 0.0) * self.conducting
+            conductivity = block.law.conductivity * self.conducting
             F, here = storage("deformation_gradient"), (block.first, block.last)
             state = F, storage("temperature"), points.motion, self.thermal
             self.diffusivity = max(self.diffusivity, fill_thermal(*here, block.law, conductivity, *state))

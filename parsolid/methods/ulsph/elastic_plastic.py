@@ -194,8 +194,8 @@ class ElasticPlasticSolid:
 
     def __init__(self, law: ElasticPlastic):
         self.law = law
-        self.flows = frozenset() if law.conductivity is None else frozenset({"heat"})
-        self.fields = frozenset({"energy"} if law.conductivity is None else {"energy", "heat_flux"})
+        self.flows = frozenset({"heat"} if law.conductivity else ())
+        self.fields = frozenset({"energy", "heat_flux"} if law.conductivity else {"energy"})
         if plastic_fields.has_back_stress(law):
             self.fields |= {plastic_fields.BACK_STRESS}
         if plastic_fields.flows_in_volume(law):
@@ -252,7 +252,7 @@ class ElasticPlasticSolid:
 
     def stable_step(self, particles: Particles, here: slice) -> float:
         """rho C_v h^2/(2 kappa) [s] of conduction by Fourier; infinite without it."""
-        if self.law.conductivity is None:
+        if not self.law.conductivity:
             return float(np.inf)
         of = particles.owned_rows
         capacity = self.law.specific_heat_at(of("temperature")[here]) * of("density")[here]
