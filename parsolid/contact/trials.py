@@ -59,6 +59,10 @@ class TriedContact(Interaction):
         moves = [np.broadcast_to(h * axis, self._places.shape) for axis in axes]
         self._slopes = np.stack([self._differences(move, 0.0)[0] / h for move in moves], axis=2)
 
+    def stiffness(self) -> np.ndarray | float:
+        """See `Interaction`."""
+        return np.maximum(-np.einsum("nii->ni", self._slopes), 0.0) if self.local else 0.0
+
     def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray, float]:
         """See `Interaction`; what a trial has besides forces is lost."""
         if ahead == 0.0 and self.local:

@@ -66,6 +66,11 @@ class Interaction:
     def linearise(self) -> None:
         """Find the tangent of the forces of the last trial."""
 
+    def stiffness(self) -> np.ndarray | float:
+        """Diagonal (owned, d) [N/m] of the tangent that `linearise` has found, of forces on a particle that depend on
+        its own place alone."""
+        return 0.0
+
     def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray | float, float]:
         """By how much the forces (owned, d) [N] of the last trial and this rank's `power` [W] change where places
         change by (owned, d) [m] while a time `ahead` [s] passes; where none passes, the forces alone, linear in the

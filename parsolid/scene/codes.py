@@ -67,9 +67,9 @@ WARNINGS = {
         'bodies that have met though no contact names them (`undeclared_contact = "warn"`)', "`[[contact]]`"
     ),
     "one-layer": Code("one layer of particles across a body that is free there", "two layers or more, or plane strain"),
-    "stiff-in-motion": Code(
-        "bodies from meshes with a Poisson's ratio above .45 in motion: coarse ones are too stiff",
-        "finer meshes; equilibria and long steps have pressures as unknowns (`method.integrator`)",
+    "too-stiff": Code(
+        "bodies with a Poisson's ratio above .45 without pressures as unknowns: meshes in motion, boxes in equilibrium",
+        "a body from a mesh in equilibria and long steps (`method.integrator`); finer ones in motion",
     ),
     "wrong-bending": Code(
         "slender bodies in `mpm` that the transfer `flip` bends wrongly, stiffer most often",

@@ -259,19 +259,18 @@ class GridLevels:
         shear: np.ndarray,
         volume: np.ndarray,
         diagonal: np.ndarray,
-        inertia: np.ndarray | None = None,
+        added: np.ndarray | None = None,
         softest: float = SOFTEST,
         most_nodes: float = _MOST_NODES,
     ) -> None:
-        """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]; inertia (n,)
-        [N/m]: what masses add to it in a step of motion; softest: the first over the second modulus at most;
+        """Take moduli (n,) [Pa] and volumes (n,) [m^3] of the particles, and the diagonal D (n, d) [N/m]; added (n, d)
+        [N/m]: what masses in a step of motion and tools add to it; softest: the first over the second modulus at most;
         most_nodes: of the coarsest grid."""
         self.diagonal, lame = diagonal, np.minimum(lame, softest * shear)
         matrix = self._stiffness(lame * volume, shear * volume, diagonal * self.resisted)
-        if inertia is not None:
-            self.diagonal = diagonal + inertia[:, None]
-            of_components = np.repeat(inertia, diagonal.shape[1])
-            matrix = (matrix + self.prolongation.T @ self.prolongation.multiply(of_components[:, None])).tocsr()
+        if added is not None:
+            self.diagonal = diagonal + added
+            matrix = (matrix + self.prolongation.T @ self.prolongation.multiply(added.reshape(-1, 1))).tocsr()
         self.levels: list[Level] = []
         nodes = self.nodes
         while round(sums(self.comm, [nodes.once.sum()])[0]) > most_nodes and (nodes.cells > 1).any():

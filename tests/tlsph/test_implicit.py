@@ -67,6 +67,15 @@ def test_all_stages(comm):
 
 
 @pytest.mark.serial
+def test_from_rest(comm):
+    """A body waits at rest in long steps for a load that comes later."""
+    load = {"plane": "X = 1", "kind": "traction", "traction": ["0", "1e-3*max(t - 1, 0)"]}
+    data = tables((9, 9), (1.0, 1.0), end_time=2.0, boundaries=[{"plane": "X = 0", "kind": "fixed"}, load])
+    _, rows = run(implicit(data, {"maximum_step": 0.2, "accuracy": 1e-2}), comm)
+    assert rows["kinetic"][rows["time"] < 1.0].max() < 1e-20 < rows["kinetic"][-1]
+
+
+@pytest.mark.serial
 def test_driven(comm):
     """Work of what is prescribed, of a load and of a pressure that follows; places are exact."""
     held = [

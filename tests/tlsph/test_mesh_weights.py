@@ -6,7 +6,7 @@ import pytest
 from element_meshes import KINDS, element_mesh
 from mpi4py import MPI
 from ranks import first_on_ranks
-from solids import gathered, random_of, run_to_end, simulation
+from solids import gathered, random_of, run_to_end, simulation, tables
 
 from parsolid.scene import SceneError, parse_scene
 
@@ -207,12 +207,23 @@ def test_elements_of_second_order_are_taken_by_their_corners(tmp_path):
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    ("ratio", "integrator", "told"), [(0.45, "leapfrog", 0), (0.49, "leapfrog", 1), (0.49, "static", 0)]
+    ("kind", "ratio", "integrator", "told"),
+    [
+        ("mesh", 0.45, "leapfrog", 0),
+        ("mesh", 0.49, "leapfrog", 1),
+        ("mesh", 0.49, "static", 0),
+        ("box", 0.49, "leapfrog", 0),
+        ("box", 0.45, "static", 0),
+        ("box", 0.46, "static", 1),
+    ],
 )
-def test_nearly_incompressible_meshes_in_motion_are_warned_of(tmp_path, ratio, integrator, told):
-    """Equilibria have pressures as unknowns."""
-    data = of_mesh(tmp_path, "triangle", 2, body={"material": RUBBER | {"poissons_ratio": ratio}})
+def test_nearly_incompressible_bodies_without_pressures_as_unknowns_are_warned_of(
+    tmp_path, kind, ratio, integrator, told
+):
+    """Meshes have such in equilibrium."""
+    body = {"material": RUBBER | {"poissons_ratio": ratio}}
+    data = of_mesh(tmp_path, "triangle", 2, body=body) if kind == "mesh" else tables((9, 9), (1.0, 1.0), body=body)
     data["method"] = {"kind": "tlsph", "integrator": integrator}
     data["boundaries"] = [{"kind": "fixed", "plane": "X = 0"}]
-    warned = [one for one in simulation(data).warnings if one.code == "stiff-in-motion"]
+    warned = [one for one in simulation(data).warnings if one.code == "too-stiff"]
     assert len(warned) == told and all("bodies.0" in one.text for one in warned)

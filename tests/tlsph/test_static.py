@@ -202,15 +202,6 @@ def test_jump_in_parts(shared_path, comm):
     assert found["strain_energy"][-1] == pytest.approx(found["external_work"][-1], rel=1e-3)
 
 
-@pytest.mark.serial
-@pytest.mark.parametrize(("ratio", "codes"), [(0.45, []), (0.46, ["stiff-volumes"])])
-def test_stiff_volumes(comm, ratio, codes):
-    """That those of boxes take long is told; meshes have pressures (test_pressures)."""
-    held = [{"plane": "X = 0", "kind": "fixed"}]
-    data = box((1.0, 1.0), "cells", material=RUBBER | {"poissons_ratio": ratio}, boundaries=held)
-    assert [note.code for note in simulation(data, comm).systems[0].cost_notes()] == ["load-step-cost", *codes]
-
-
 def test_loose_body(shared_path, comm):
     """A body that nothing holds is refused, beside one on springs, too."""
     with pytest.raises(SolverError):

@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from element_meshes import element_mesh
 from mpi4py import MPI
-from solids import SOFT, gathered, run_to_end
+from solids import SOFT, Record, follow, gathered, run_to_end, simulation
+from tlsph.test_mesh_weights import write
 from tlsph.test_stages import run
 
+from parsolid.methods.tlsph.static import Failed, Static
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Simulation
+from parsolid.simulation.loop import RunFailed, Simulation
+from parsolid.simulation.time_step import TimeSteps
 
 FLAT = [{"plane": "X = 0", "kind": "roller"}, {"plane": "X = 1", "kind": "roller"}]
 
@@ -96,6 +100,45 @@ def test_friction_is_linearised(depth):
     np.testing.assert_allclose(
         together, statics.stiffness(one) + statics.stiffness(other), atol=1e-6 * np.abs(together).max()
     )
+
+
+@pytest.mark.ranks(1, 2)
+def test_drag(shared_path, comm):
+    """A block of a mesh that is pressed on another one by 1 % and dragged along it bears its coefficient times what
+    presses, on one rank and on two; what nodes give that pass beneath its ends grows with the load."""
+    bodies, friction = [], 0.2
+    for name, counts, corner in (("slab", (12, 3), (0.0, 0.0)), ("block", (6, 3), (0.5, 0.5))):
+        points, blocks = element_mesh("triangle", counts, 0.0, 1.0 / 6.0)
+        write(shared_path / f"{name}.vtu", points + np.array(corner), blocks)
+        bodies.append({"name": name, "material": SOFT, "shape": {"mesh": {"file": str(shared_path / f"{name}.vtu")}}})
+    data = stacked([{"plane": "Y = 0", "kind": "fixed"}], friction=friction)
+    del data["method"]["weights"]
+    data["bodies"], data["contact"][0]["bodies"] = bodies, ["slab", "block"]
+    data["boundaries"].append(moved("Y = 1", "0.0075*t", "-0.005*t") | {"name": "top", "reaction": True})
+    sim, rows = run(data, comm)
+    force = comm.allreduce(sim.systems[0].reaction("top"))
+    assert force[0] == pytest.approx(-friction * force[1], rel=2e-3)
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"][-1]
+
+
+@pytest.mark.serial
+def test_bodies_that_only_contact_holds(comm):
+    """A load on a body that touches nothing ends the run with its name, and not that of the one it may touch."""
+    load = {"plane": "Y = 2.02", "kind": "traction", "traction": ["0", "-1e-3*t"]}
+    with pytest.raises(RunFailed) as failed:
+        run(stacked([{"plane": "Y = 0", "kind": "fixed"}, load], 0.02, ((3, 3), (3, 3))), comm)
+    assert "bodies.1 (high)" in str(failed.value) and "bodies.0" not in str(failed.value)
+
+
+@pytest.mark.serial
+def test_attempts_that_do_not_get_on_end_the_run(comm, monkeypatch):
+    """Contacts that close again and again, however near."""
+    sim = simulation(stacked([{"plane": "Y = 0", "kind": "fixed"}, moved("Y = 2", "0", "-0.1*t")]), comm)
+    tries = []
+    monkeypatch.setattr(Static, "_attempt", lambda *_: tries.append(0) or Failed("", part=0.99))
+    with pytest.raises(RunFailed):
+        follow(sim, Record(), policy=TimeSteps)
+    assert len(tries) < 100
 
 
 @pytest.mark.serial

@@ -156,6 +156,7 @@ class Implicit:
     def linearise(self) -> None:
         """See `Problem`."""
         self.tangent.linearise()
+        self.preconditioner.follow_tools()
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """See `Problem`."""
@@ -261,9 +262,8 @@ class Implicit:
         unknowns = u if self.pressures is None else np.column_stack((u, self.pressures.unknowns()))
         self.start = Start(time, step, u, v, F, F.swapaxes(1, 2) @ F, unknowns, meeting, power)
         self.inertia, self.statics.sought = 2.0 * self.mass / step**2, (time, step, 0.5)
-        # of twice the matrix; made anew in every step, as a restart has no other
-        self.preconditioner.inertia = 2.0 * self.inertia
-        self.preconditioner.build()
+        # of twice the matrix
+        self.preconditioner.begin(2.0 * self.inertia)
 
     def _set_pressures(self, unknowns: np.ndarray) -> None:
         """Take those of some unknowns as the present ones."""

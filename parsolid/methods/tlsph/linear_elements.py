@@ -49,16 +49,16 @@ class LinearElements:
         self.simplices = [] if system.meshes is None else [self._of_meshes()]
         self.simplices += [] if system.boxes is None else [self._of_boxes()]
 
-    def build(self, places: np.ndarray, free: np.ndarray, diagonal: np.ndarray, inertia: Any) -> Multigrid:
+    def build(self, places: np.ndarray, free: np.ndarray, diagonal: np.ndarray, added: np.ndarray) -> Multigrid:
         """The preconditioner in present places (owned, d) [m]; free (owned, d) bool; diagonal (owned, d) [N/m]: of
-        components that are not free; inertia (owned, 1) [N/m]: what masses add, or 0."""
+        components that are not free; added (owned, d) [N/m]: what masses and tools add."""
         from scipy import sparse
 
         if self.multigrid is not None:
             self.multigrid.destroy()
         comm, (n, d) = self.system.comm, places.shape
         start, count = comm.exscan(n) or 0, comm.allreduce(n)
-        held = (np.where(free, _FLOOR, 1.0) * diagonal + inertia).ravel()
+        held = (np.where(free, _FLOOR, 1.0) * diagonal + added).ravel()
         matrix = sparse.csr_array((held, (np.arange(n * d), np.arange(n * d) + start * d)), (n * d, count * d))
         for one in self.simplices:
             x, number, moduli, moves = (

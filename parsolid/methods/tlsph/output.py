@@ -13,6 +13,7 @@ from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.plastic_fields import FLOW_FIELDS
 from parsolid.methods.plastic_particles import METRIC_FIELD, measure_flow, shown_flow, take_heat
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.tlsph.body_weights import ON_LATTICES
 from parsolid.methods.tlsph.pressures import nearly_incompressible
 from parsolid.methods.tlsph.state import LawBlock, deformation_gradients
 from parsolid.scene.codes import Note, Warned
@@ -194,16 +195,24 @@ class Reports(ParticleSystem):
         return self.statics.progress() if self.settings.integrator == "static" else []
 
     def warnings(self) -> list[Warned]:
-        """Nearly incompressible meshes in motion, where no pressures are unknowns."""
-        if not any(one.integrator == "leapfrog" for one in self.stages):
-            return []
-        stiff = []
+        """Nearly incompressible bodies that are too stiff, as no pressures are unknowns: meshes in motion, and boxes in
+        equilibrium and long steps."""
+        found, kinds = dict[str, str](), {one.integrator for one in self.stages}
+        if "leapfrog" in kinds:
+            told = "coarse meshes are too stiff in motion, by tens of percent with 10 elements across where they bend"
+            found["mesh"] = told
+        if kinds & {"static", "implicit"}:
+            told = (
+                "boxes are too stiff in equilibria and long steps, by 12 % with 8 spacings across, and solutions take "
+            )
+            found |= dict.fromkeys(ON_LATTICES, told + "a thousand products: take a body from a mesh")
+        result = []
         for number, law, kind in zip(self.bodies, self.laws, self.body_weights):
-            if kind == "mesh" and nearly_incompressible(law):
+            if kind in found and nearly_incompressible(law):
                 shear, lame = elastic_moduli(law)
-                stiff.append(f"bodies.{number}: Poisson's ratio {0.5 * lame / (lame + shear):.6g}")
-        told = "coarse meshes are too stiff in motion, by tens of percent with 10 elements across where they bend"
-        return [Warned("stiff-in-motion", f"{', '.join(stiff)}: {told}")] if stiff else []
+                ratio = f"Poisson's ratio {0.5 * lame / (lame + shear):.6g}"
+                result.append(Warned("too-stiff", f"bodies.{number}: {ratio}: {found[kind]}"))
+        return result
 
     def cost_notes(self) -> list[Note]:
         """Elements of second order, of which the corners are taken; what load steps take."""

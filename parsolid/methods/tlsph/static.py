@@ -30,10 +30,8 @@ from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.forces import DistributedLoad, SpringLoad
 from parsolid.boundary.reactions import report_equilibrium
 from parsolid.collective import minimum
-from parsolid.materials.hyperelastic.functions import elastic_moduli
 from parsolid.methods.tlsph.load_history import LoadHistory
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
-from parsolid.methods.tlsph.pressures import STIFF
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.particles.declaration import Columns, Field
@@ -41,7 +39,6 @@ from parsolid.scene.codes import Note
 from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.gmres import gmres
-from parsolid.solvers.grid_levels import SOFTEST
 from parsolid.solvers.minres import minres
 from parsolid.solvers.newton import State, newton
 from parsolid.solvers.petsc import Krylov
@@ -314,6 +311,7 @@ class Static:
     def linearise(self) -> None:
         """See `Problem`."""
         self.tangent.linearise(self.history)
+        self.preconditioner.follow_tools()
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """See `Problem`."""
@@ -464,8 +462,7 @@ class Static:
             self.history.remember()
         self._keep(time, None)
         self._return_to(u)
-        self.preconditioner.inertia = None
-        self.preconditioner.build()
+        self.preconditioner.begin()
         force = self.internal_force()
         self._held_at_start = -force if time == self.began else np.zeros(force.shape)
         return Equilibrium(u, -force, self._stored_energy(), self._met[2])
@@ -722,25 +719,13 @@ class Static:
         }
 
     def cost_notes(self) -> list[Note]:
-        """What a load step takes, and volumes so stiff that it takes more; collective."""
+        """What a load step takes; collective."""
         unknowns = int(sums(self.comm, [float(self.free.sum())])[0])
         cost = (
             f"equilibria of {unknowns} unknowns: 10 to 40 products with the tangent a linear solution, from 1e3 to 1e5 "
             "unknowns, and 3 to 6 solutions a load step"
         )
-        # with the weights of meshes pressures are unknowns
-        others = [law for law, kind in zip(self.system.laws, self.system.body_weights) if kind != "mesh"]
-        stiffest = max((lame / shear for shear, lame in map(elastic_moduli, others)), default=0.0)
-        ratio = 0.5 * stiffest / (1.0 + stiffest)
-        if ratio <= STIFF + 1e-9:
-            return [Note("load-step-cost", cost)]
-        volumes = f"volumes are {stiffest:.3g} times as stiff as shapes (Poisson's ratio {ratio:.6g})"
-        # the preconditioner has volumes that are SOFTEST times as stiff, and products go with the root of the ratio
-        longer = f"linear solutions take {(stiffest / SOFTEST) ** 0.5:.2g} times as many products or more"
-        return [
-            Note("load-step-cost", cost),
-            Note("stiff-volumes", f"{volumes}: {longer}; a ratio of {STIFF:g} costs less"),
-        ]
+        return [Note("load-step-cost", cost)]
 
     def progress(self) -> list[str]:
         """What lines of progress say of the last equilibrium."""

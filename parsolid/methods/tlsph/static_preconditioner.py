@@ -26,6 +26,8 @@ from parsolid.solvers import (
 # products a decade over those of the first solution, from which the shape has left that of the preconditioner; products
 # of a solution that say something
 _GROWN, _FEW = 1.5, 8
+# of the stiffness of tools, the change from which it is taken anew
+_CHANGED = 0.25
 # bits of a particle's stiffness times its size that forces have as rounding
 _BITS = 32.0 * 2.0**-52
 # of a body's size, a turn or shift that is none
@@ -35,11 +37,10 @@ _LOOSE = 1e-9
 class StaticPreconditioner:
     """M^-1 r of residuals; all methods are collective.
 
-    rounding [N]: of the norm of forces; held_by_contact: in words, what nothing but contact holds; inertia (owned,)
-    [N/m]: see `GridLevels.of_moduli`; elements: those from which PETSc makes it, None where it is this package's own.
+    rounding [N]: of the norm of forces; held_by_contact: in words, what nothing but contact holds; elements: those from
+    which PETSc makes it, None where it is this package's own.
     """
 
-    inertia: np.ndarray | None = None
     held_by_contact: Sequence[str] = ()
 
     def __init__(self, tangent: Tangent) -> None:
@@ -59,6 +60,7 @@ class StaticPreconditioner:
 
         petsc = system.settings.linear_solver == "petsc"
         self.elements = LinearElements(system, self.lame, self.shear) if petsc else None
+        self.begin()
 
     def _scaled_diagonal(self, softer: np.ndarray) -> np.ndarray:
         """D (owned, d) [N/m]: the tangent's own mean over that of its estimate, from one product at rest; softer
@@ -70,17 +72,26 @@ class StaticPreconditioner:
         tangent.linearise()
         return scaled_diagonal(self.comm, estimate, trial, tangent.product(trial))
 
+    def begin(self, inertia: np.ndarray | None = None) -> None:
+        """Forget earlier shapes, as a restart knows none; inertia (owned,) [N/m]: what masses add to the diagonal."""
+        self.held = np.zeros(self.diagonal.shape)
+        self.inertia = self.held if inertia is None else self.held + inertia[:, None]
+        self.build()
+
     def build(self) -> None:
-        """Take the present shape."""
-        places = np.ascontiguousarray(self.system.particles.owned_rows("position"))
-        self._levels: Any
-        if self.elements is not None:
-            inertia = 0.0 if self.inertia is None else self.inertia[:, None]
-            self._levels = self.elements.build(places, self.tangent.free, self.diagonal, inertia)
-        else:
-            self._levels = GridLevels(self.comm, places, self.spacing, self.tangent.free)
-            self._levels.of_moduli(self.lame, self.shear, self.volume, self.diagonal, self.inertia)
+        """Take the shape that is present where it is next asked for."""
+        self._levels: Any = None
         self._first: float | None = None
+
+    def follow_tools(self) -> None:
+        """Take the stiffness of what tools press on, as linearised, where it has changed: they may be all that holds a
+        body."""
+        tools = self.system.interactions
+        held = np.where(self.tangent.free, sum((one.stiffness() for one in tools), np.zeros(self.held.shape)), 0.0)
+        changed, size = sums(self.comm, [np.abs(held - self.held).sum(), held.sum()])
+        if changed > _CHANGED * size:
+            self.held = held
+            self.build()
 
     def note(self, products: int, decades: float) -> None:
         """Hear how many products took how many decades of a residual; take the present shape where it is far more
@@ -94,6 +105,15 @@ class StaticPreconditioner:
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """M^-1 r (owned, d) [m] of a residual (owned, d) [N] that is 0 where a component is prescribed."""
+        if self._levels is None:
+            places = np.ascontiguousarray(self.system.particles.owned_rows("position"))
+            added = self.inertia + self.held
+            if self.elements is not None:
+                self._levels = self.elements.build(places, self.tangent.free, self.diagonal, added)
+            else:
+                self._levels = GridLevels(self.comm, places, self.spacing, self.tangent.free)
+                moduli = self.lame, self.shear, self.volume
+                self._levels.of_moduli(*moduli, self.diagonal, added if added.any() else None)
         return np.asarray(self._levels(residual))
 
     # --- what nothing holds -------------------------------------------------------------------------------------
