@@ -72,6 +72,16 @@ def test_friction(comm):
 
 
 @pytest.mark.serial
+def test_a_tool_that_rubs_leaves_the_body_as_it_was(comm):
+    """The last of the force goes in a step whose work is rounding beside what was stored."""
+    ball = {"sphere": {"centre": [0.5, 1.3], "radius": 0.3}}
+    tool = press(1.0, "where(t < 0.5, -0.05, 0.05)", friction=0.2) | {"shape": ball}
+    data = pressed([tool], boundaries=[{"plane": "Y = 0", "kind": "fixed"}])
+    sim, rows = run_to_end(data, comm)
+    assert sim.clock.time == 1.0 and abs(rows["strain_energy"][-1]) < 1e-6 * rows["strain_energy"].max()
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_bounce(comm, friction):
     """A square falls on a slope in long steps: its energy is kept but for what friction takes."""

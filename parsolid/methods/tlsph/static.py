@@ -71,6 +71,7 @@ _STATE = (
     "load_step",
     "loaded",
     "largest_load",
+    "most_stored",
     "load_steps",
     "retries",
     "corrections",
@@ -164,6 +165,8 @@ class Static:
         self.settings, self.began, self.end, self.load_step = system.settings, 0.0, 0.0, 0.0
         self.reached: float | None = None
         self.fault, self.loaded, self.largest_load, self.norm, self.target = "", False, 0.0, 0.0, 0.0
+        # of all load steps: what a tool leaves behind that moves away is as good as nothing beside it
+        self.most_stored = 0.0
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
         # of the equilibrium that is sought: time [s], length [s] and part of the load step
         self.sought = (0.0, 0.0, 0.0)
@@ -414,6 +417,7 @@ class Static:
             tried = self._attempt(time, step, part, end, at)
             if isinstance(tried, Taken):
                 at, work = tried.end, work + tried.work
+                self.most_stored = max(self.most_stored, abs(at.stored))
                 ledger.add(1.0, tried.lost, 0.0, tried.of_tools)
                 self._remember(ledger, time + end * step)
                 if self._rubs:
@@ -633,7 +637,7 @@ class Static:
     def _scale(self, taken: Taken) -> float:
         """Energy [J] beside which what is missing counts."""
         rough = sum(one.roughness for one in self.system.interactions)
-        return max(abs(taken.total), 0.01 * abs(taken.end.stored), rough)
+        return max(abs(taken.total), 0.01 * max(abs(taken.end.stored), self.most_stored), rough)
 
     @property
     def _rounding(self) -> float:
@@ -704,7 +708,8 @@ class Static:
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         for name in _STATE:
-            setattr(self, name, state[name])
+            # earlier versions kept no `most_stored`
+            setattr(self, name, state.get(name, 0.0))
 
     def summary(self) -> dict[str, Any]:
         """Entries of summary.json."""
