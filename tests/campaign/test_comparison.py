@@ -30,6 +30,8 @@ HISTORY = {
     "p.y": 2.0 - 15.0 * TIMES,
     "tip.x": np.where(TIMES < 1.0, np.nan, TIMES),
     "flat.u": 0.0 * TIMES,
+    # through 0 upwards at .4, 1, 2.1, downwards at .7, 1.9
+    "p.z": np.interp(TIMES, [0.3, 0.5, 0.6, 0.8, 0.9, 1.1, 1.8, 2.0, 2.2], [-1, 1, 1, -1, -1, 1, 1, -1, 1]),
 }
 
 
@@ -46,6 +48,7 @@ def comparison(**more):
         ({"column": "p.u", "take": "maximum", "begin": 0.5, "end": 1.0}, 3.0 + 2.0 * np.cos(1.4 * np.pi)),
         ({"column": "p.u", "take": "range"}, 4.0),
         ({"column": "p.u", "take": "frequency"}, 0.7),
+        ({"column": "p.z", "take": "frequency"}, 1.0 / (0.5 * (0.85 + 1.2))),
         ({"column": "p.x", "take": "mean", "begin": 1.0, "end": 3.0}, 10.0),
         ({"column": "p.x", "take": "slope"}, 5.0),
         ({"column": "p.y", "take": "slope", "against": "p.x"}, -3.0),

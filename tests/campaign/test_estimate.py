@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from parsolid.campaign.error_bars import summary_of_bars
+from parsolid.campaign.error_bars import in_digits_of, summary_of_bars
 from parsolid.campaign.estimate import (
     SAFETY,
     SAFETY_DIVERGED,
@@ -167,6 +167,12 @@ def test_a_lag_and_a_loss_are_told_apart():
     assert phase == pytest.approx(0.004, rel=0.2) and amplitude == pytest.approx(0.01, rel=0.2)
     assert phase_and_amplitude(Series(TIMES, np.array([TIMES, TIMES]), RATIOS[:2]), 2.0) == (None, None)
     assert exact.shape == TIMES.shape
+
+
+def test_values_have_the_digits_of_their_bars():
+    """To the second digit of the error, however small it is; all where there is none."""
+    told = [in_digits_of(value, error) for value, error in ((0.240123, 5.1e-3), (1234.5678, 43.0), (7.0123456, 0.0))]
+    assert told == ["0.2401", "1235", "7.01235"]
 
 
 def test_orders_from_norms_of_differences():
