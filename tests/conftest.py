@@ -9,12 +9,17 @@ failure and ends the whole job.
 """
 
 import faulthandler
+import importlib
 import os
+import pkgutil
 import shutil
+import sys
 import time
 import zlib
 from collections import Counter
+from functools import cache
 from pathlib import Path
+from types import FunctionType
 
 import pytest
 
@@ -28,14 +33,19 @@ if os.path.isdir("/dev/shm") and shutil.disk_usage("/dev/shm").free > 4e9:
 from mpi4py import MPI
 
 # before numpy, which most tests import first: no threads for linear algebra, which spin beside other tests
-import parsolid  # noqa: F401
+import parsolid
 
 import numpy as np  # isort: skip
+from numba.extending import is_jitted  # isort: skip
+
+from parsolid.tiles import TILE  # isort: skip
 
 WORLD = MPI.COMM_WORLD
 # a rank that failed waits this long for the others, and every phase of a test may take that long, in seconds
 GRACE, LONGEST = 60.0, 600.0
 _PASSED, _SKIPPED, _FAILED = range(3)
+# names of the number of particles in a tile
+_TILES = ("TILE", "PART")
 # of several ranks: a communicator of their own for the talk about tests, and the error stream before pytest takes it
 _talk, _errors = None, None
 
@@ -104,6 +114,9 @@ def pytest_collection_modifyitems(config, items):
     if hasattr(config, "workerinput"):
         _in_turn(items)
     for item in items:
+        ranks = item.get_closest_marker("ranks")
+        if ranks is not None and item.get_closest_marker("serial") and ranks.args != (1,):
+            raise pytest.UsageError(f"{item.nodeid}: expected one of the marks 'ranks' and 'serial', found both")
         if {"comm", "shared_path"} & set(item.fixturenames) and not item.get_closest_marker("serial"):
             item.add_marker(pytest.mark.mpi)
         room = _room(item)
@@ -186,6 +199,50 @@ def pytest_runtest_makereport(item, call):
 def comm():
     """All ranks of this run, one when it was not started by mpirun."""
     return WORLD
+
+
+def _replace(chosen) -> None:
+    """In modules of this package and of its tests, give names the values that are chosen by name and value, if any."""
+    tests = str(Path(__file__).parent)
+    for name, module in list(sys.modules.items()):
+        ours = name.partition(".")[0] in ("decomposition", "parsolid")
+        if ours or str(getattr(module, "__file__", None)).startswith(tests):
+            for key, it in list(vars(module).items()):
+                other = chosen(key, it)
+                if other is not None:
+                    setattr(module, key, other)
+
+
+@cache
+def _import_kernels() -> None:
+    for folder in ("boundary", "contact", "materials", "methods", "pairs", "solvers"):
+        place = Path(parsolid.__file__).parent / folder
+        for module in pkgutil.walk_packages([str(place)], f"parsolid.{folder}."):
+            importlib.import_module(module.name)
+
+
+@pytest.fixture
+def plain_python():
+    """Kernels are the Python functions that they were made of, with tiles of one particle: nothing is compiled for laws
+    that one test alone has."""
+    kernels = {}
+    _import_kernels()
+
+    def plain(key, it):
+        if is_jitted(it):
+            kernels[it.py_func] = it
+            return it.py_func
+        return 1 if key in _TILES and it == TILE else None
+
+    def compiled(key, it):
+        if key in _TILES and it == 1:
+            return TILE
+        return kernels.get(it) if isinstance(it, FunctionType) else None
+
+    _replace(plain)
+    yield
+    # in modules that the test was the first to import, too
+    _replace(compiled)
 
 
 @pytest.fixture

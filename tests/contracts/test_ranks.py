@@ -5,20 +5,20 @@ from cases import CASES, cases, one_of_each_tag
 from run_results import assert_close
 
 FEW = one_of_each_tag()
-
-
-@pytest.mark.parametrize(
+# all scenes on two ranks, and on three one of each tag
+ON_RANKS = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.ranks(2, *(3,) * (name in FEW))) for name in cases()]
 )
+
+
+@ON_RANKS
 def test_histories_and_final_states_are_those_of_one_rank(runs, comm, name):
-    """On three ranks of one scene a tag, for a run that goes on there says the same of all."""
     spread, alone = runs.whole(name), runs.alone(name)
     if comm.rank == 0:
         assert_close(spread.folder, alone.folder, CASES[name].agreement)
 
 
-@pytest.mark.ranks(3)
-@pytest.mark.parametrize("name", cases())
+@ON_RANKS
 def test_a_checkpoint_of_one_rank_goes_on_with_the_same_numbers(runs, comm, name):
     moved, alone = runs.from_one_rank(name), runs.alone(name)
     if comm.rank == 0:

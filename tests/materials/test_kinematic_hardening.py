@@ -132,7 +132,7 @@ def test_it_is_objective_and_a_step_back_finds_the_stress_again(random):
 
 
 @pytest.mark.parametrize("flow", [LAW.flow_stress, VOCE.flow_stress, COPPER_FLOW], ids=["linear", "voce", "jc"])
-def test_every_state_is_on_its_surface_and_nothing_is_gained(flow, random):
+def test_every_state_is_on_its_surface_and_nothing_is_gained(flow, random, plain_python):
     """|s - beta| is the flow stress, beta stays within its bound, and flow dissipates what its work does not store."""
     law = LAW._replace(flow_stress=flow, melting=ConstantMelting(1356.0), taylor_quinney=0.9)
     point, bound = Point(law), REFERENCE["C"] / REFERENCE["gamma"]

@@ -125,7 +125,7 @@ def test_work_around_a_cycle_is_what_damage_dissipates():
 
 
 @pytest.mark.parametrize(("kind", "expected"), [("tlsph", 0.05), ("mpm", 0.08), ("peridynamics", 0.15)])
-def test_particles_have_the_band_of_their_method(comm, kind, expected):
+def test_particles_have_the_band_of_their_method(comm, kind, expected, plain_python):
     band = Simulation(comm, scene(METHODS[kind])).systems[0].particles.owned_rows("band")
     assert band == pytest.approx(np.full(len(band), expected))
 

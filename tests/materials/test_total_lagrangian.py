@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parsolid.kernels import kernel
 from parsolid.materials.failure.failure import Failure, chained
 from parsolid.materials.failure.maximum_tension import MaximumTension
 from parsolid.materials.plastic import plastic_evaluation as evaluation
@@ -58,11 +57,6 @@ MOTIONS = {
 }
 
 
-@kernel
-def take_step(law, failure, step, tile):
-    advance_tile(law, failure, step, tile)
-
-
 class Point:
     """The first particle of a tile along a path of F."""
 
@@ -78,7 +72,7 @@ class Point:
         self.rows[update.DEFORMATION : update.DEFORMATION + 9] = F.reshape(9, 1)
         self.rows[update.VELOCITY_GRADIENT : update.VELOCITY_GRADIENT + 9] = change.reshape(9, 1)
         self.rows[update.JACOBIAN], self.rows[update.HEAT], self.F = np.linalg.det(self.F), 0.0, np.array(F)
-        take_step(self.law, self.failure, step, self.tile)
+        advance_tile(self.law, self.failure, step, self.tile)
         self.work += self[update.PLASTIC_WORK]
 
     def __getitem__(self, row):
@@ -175,7 +169,7 @@ def test_a_closed_elastic_cycle_takes_no_energy():
 
 
 @pytest.mark.parametrize("name", [name for name in library() if name.startswith("OFHC")])
-def test_every_flow_stress_is_returned_to(name):
+def test_every_flow_stress_is_returned_to(name, plain_python):
     """q is the flow stress at the end of the step, with the heat of the step; energy is the work."""
     law = law_of(library()[name])
     point, step, work = Point(law), 1e-7, 0.0

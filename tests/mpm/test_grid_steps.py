@@ -75,7 +75,8 @@ def test_forces_and_velocity_gradients_have_the_same_power(name, dimension):
         force = give(particle_set, None, stress, axisymmetric=axisymmetric)[:, 4:7].copy()
         particle_set.nodes[:, :dimension] = np.random.default_rng(9).normal(size=(len(force), dimension))
         rate = new_rate(particle_set)
-        take(particle_set, None, None, 0.0, rate, axisymmetric=axisymmetric)
+        # velocities that nobody reads: one kernel less to compile
+        take(particle_set, 0.0, None, 0.0, rate, axisymmetric=axisymmetric)
         power = (symmetric(stress[:n]) * tensors(rate, n)).sum()
         assert (force * particle_set.nodes[:, :3]).sum() == pytest.approx(-power, rel=1e-11)
 
@@ -92,16 +93,16 @@ def test_hoop_stress_and_hoop_rate(name):
     assert not nodes[:, 5:7].any()
     accelerate(len(nodes), nodes, 0.01, 0.0)
     rate = new_rate(particle_set)
-    take(particle_set, None, None, 0.0, rate, axisymmetric=True)
+    take(particle_set, 0.0, None, 0.0, rate, axisymmetric=True)
     np.testing.assert_allclose(tensors(rate, n)[:, 2, 2], (w @ nodes[:, 0]) / radius, atol=1e-12)
 
 
-@pytest.mark.parametrize("name, dimension", FEW)
-def test_velocities_mapped_back_move_nothing_else(name, dimension):
+def test_velocities_mapped_back_move_nothing_else():
     """MUSL: positions go with the new nodal velocities, gradients are those of the particles' velocities on
     the grid.
     """
-    particle_set = make_cloud(name, dimension)
+    name = "quadratic-spline"
+    particle_set = make_cloud(name, 2)
     n, step = particles(particle_set), 0.01
     w, gradient, _ = weights_of(particle_set, name)
     before = particle_set.motion[:n].copy()

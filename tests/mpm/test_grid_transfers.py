@@ -2,8 +2,6 @@
 obey.
 """
 
-import itertools
-
 import numpy as np
 import pytest
 from grid_reference import BASES, make_cloud, weights_of
@@ -51,7 +49,7 @@ def give(particle_set, slope, stress, external=NOTHING, axisymmetric=False):
     return particle_set.nodes
 
 
-@pytest.mark.parametrize("name, dimension", list(zip(BASES, itertools.cycle((3, 2)))))
+@pytest.mark.parametrize("name, dimension", list(zip(BASES, (2, 2, 3, 2))))
 def test_scatter_is_the_plain_sum(name, dimension):
     particle_set = make_cloud(name, dimension)
     n, rows = particles(particle_set), random_stress(particle_set)
@@ -73,7 +71,7 @@ def test_scatter_is_the_plain_sum(name, dimension):
         assert not nodes[:, 7].any()
 
 
-@pytest.mark.parametrize("name, dimension", list(zip(BASES, itertools.cycle((3, 2)))))
+@pytest.mark.parametrize("name, dimension", list(zip(BASES, (2, 2, 3, 2))))
 def test_gather_is_the_plain_sum(name, dimension):
     particle_set = make_cloud(name, dimension)
     n, step, fraction = particles(particle_set), 0.01, 0.95

@@ -230,9 +230,9 @@ def test_objectivity():
 
 @pytest.mark.parametrize("name", [name for name in library() if "steel" not in name])
 @pytest.mark.parametrize("rate", [1e-4, 1.0, 1e4, 1e7])
-def test_rates_over_eleven_decades(name, rate):
+def test_rates_over_eleven_decades(name, rate, plain_python):
     law = law_of(library()[name])
-    particles = sheared(law, rate, 100, shear=0.5)
+    particles = sheared(law, rate, 25, shear=0.5)
     values = [particles.stress()[0, 0, 1], particles.state.temperature[0, 0], particles.state.plastic_strain[0, 0]]
     assert np.isfinite(values).all() and 50e6 < values[0] < 1e9 and values[1] > 300.0
     assert 0.27 < values[2] < 0.5 / np.sqrt(3.0)
