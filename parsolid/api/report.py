@@ -117,7 +117,12 @@ def report_of(
     systems, scene, notes = simulation.systems, simulation.scene, advice(simulation, meshes)
     meshes.clear()
     stable = minimum(comm, simulation.stable_step())
-    numbers = _counts(comm, systems)
+    # particles and what methods count, of each rank, by name; on rank 0, collective
+    total: dict[str, int] = {}
+    for system in systems:
+        for name, count in ({"particles": system.owned} | system.numbers()).items():
+            total[name] = total.get(name, 0) + count
+    numbers = {name: comm.gather(count) or [] for name, count in total.items()}
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
     measured = _Steps(comm, simulation, stable)
@@ -204,15 +209,6 @@ def _of_each(comm: MPI.Intracomm, simulation: Simulation) -> list[str]:
         count = f"{particles:>12,} {pairs:>12,} {memory:>17,.0f} {step:>10.4g} s {steps:>10,}"
         lines.append(f"{system.name or system.settings.kind:<20} {count}")
     return [*lines, ""]
-
-
-def _counts(comm: MPI.Intracomm, systems: list[ParticleSystem]) -> dict[str, list[int]]:
-    """Particles and what methods count, of each rank, by name; on rank 0, collective."""
-    total: dict[str, int] = {}
-    for system in systems:
-        for name, count in ({"particles": system.owned} | system.numbers()).items():
-            total[name] = total.get(name, 0) + count
-    return {name: comm.gather(count) or [] for name, count in total.items()}
 
 
 def _fields(system: ParticleSystem) -> list[str]:

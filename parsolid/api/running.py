@@ -304,7 +304,11 @@ def _set_up(
     simulation = Simulation(comm, scene, restart)
     # whoever waits waits for the kernels, too
     simulation.clock.began = started
-    folder = RunFolder(comm, directory, restart.path if restart else None, _inputs(options, scene, restart), lock)
+    meshes = tuple(body.shape.model.file for body in scene.bodies if isinstance(body.shape.model, MeshFile))
+    series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
+    # what the run reads, and must not write over
+    inputs = (*options.inputs, *meshes, *series, *law_files(scene), *((restart.path,) if restart else ()))
+    folder = RunFolder(comm, directory, restart.path if restart else None, inputs, lock)
     kept.callback(folder.close)
     return simulation, folder, restart
 
@@ -332,10 +336,3 @@ def _progress(simulation: Simulation, options: RunOptions) -> list[Progress]:
     return [
         Progress(simulation.scene.title, simulation.scene.end_time, simulation.particles, *stream) for stream in streams
     ]
-
-
-def _inputs(options: RunOptions, scene: Scene, restart: Restart | None) -> tuple[Path | str, ...]:
-    """Files that the run reads and must not write over."""
-    meshes = tuple(body.shape.model.file for body in scene.bodies if isinstance(body.shape.model, MeshFile))
-    series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
-    return (*options.inputs, *meshes, *series, *law_files(scene), *((restart.path,) if restart else ()))

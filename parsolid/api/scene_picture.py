@@ -79,41 +79,15 @@ def figure_of(scene: Scene, data: PictureData) -> Figure:
         _draw_space(axes, scene, data)
     else:
         _draw_plane(axes, scene, data)
-    axes.set_title(_caption(scene), fontsize=9, loc="left")
-    figure.legend(
-        handles=_handles(scene, data),
-        loc="center left",
-        bbox_to_anchor=(1.0 - (right - 0.2) / whole[0], 0.5),
-        fontsize=8,
-        frameon=False,
-    )
-    return figure
-
-
-def _caption(scene: Scene) -> str:
     methods = ", ".join(dict.fromkeys(system.settings.kind for system in scene.systems))
     lines = [f"{scene.title or 'scene'}: {methods}, {scene.dimension}-D"]
     for key, unit in (("acceleration", "m/s²"), ("body_force", "N/m³")):
         stated = getattr(scene.loads, key)
         if stated is not None:
             lines.append(f"{key.replace('_', ' ')} ({', '.join(map(str, stated.sources))}) {unit}")
-    return "\n".join(lines)
+    axes.set_title("\n".join(lines), fontsize=9, loc="left")
 
-
-def _numbered(marks: list[Mark]) -> list[tuple[Mark, str]]:
-    """Marks with their colours."""
-    seen: dict[str, int] = {}
-    result = []
-    for one in marks:
-        colours = _COLOURS[one.kind]
-        result.append((one, colours[seen.setdefault(one.kind, 0) % len(colours)]))
-        seen[one.kind] += 1
-    return result
-
-
-def _handles(scene: Scene, data: PictureData) -> list[Line2D]:
-    """The legend, a part for each kind of thing; of many the first are named."""
-
+    # the legend, a part for each kind of thing; of many the first are named
     def entry(label: str, marker: str, colour: str, filled: bool = True) -> Line2D:
         face = colour if filled else "none"
         return Line2D(
@@ -140,7 +114,25 @@ def _handles(scene: Scene, data: PictureData) -> list[Line2D]:
         handles += entries[:_MOST_IN_LEGEND]
         if len(entries) > _MOST_IN_LEGEND:
             handles.append(Line2D([], [], ls="", label=f"and {len(entries) - _MOST_IN_LEGEND} more"))
-    return handles
+    figure.legend(
+        handles=handles,
+        loc="center left",
+        bbox_to_anchor=(1.0 - (right - 0.2) / whole[0], 0.5),
+        fontsize=8,
+        frameon=False,
+    )
+    return figure
+
+
+def _numbered(marks: list[Mark]) -> list[tuple[Mark, str]]:
+    """Marks with their colours."""
+    seen: dict[str, int] = {}
+    result = []
+    for one in marks:
+        colours = _COLOURS[one.kind]
+        result.append((one, colours[seen.setdefault(one.kind, 0) % len(colours)]))
+        seen[one.kind] += 1
+    return result
 
 
 def _few(rows: np.ndarray, most: int) -> np.ndarray:
@@ -305,7 +297,9 @@ def _draw_space(axes: Any, scene: Scene, data: PictureData) -> None:
     views = [_seen(plotter, 0.5 * (low + high), size * np.array(towards)) for towards in _VIEWS]
     plotter.close()
     tallest = max(len(one) for one in views)
-    axes.imshow(np.concatenate([_as_tall(one, tallest) for one in views], axis=1))
+    # white below and beside each
+    views = [np.pad(one, ((0, tallest - len(one)), (0, 60), (0, 0)), constant_values=255) for one in views]
+    axes.imshow(np.concatenate(views, axis=1))
     axes.set_axis_off()
     original = data.position
     bounds = zip("XYZ", original.min(axis=0), original.max(axis=0))
@@ -327,11 +321,6 @@ def _seen(plotter: Any, middle: np.ndarray, towards: np.ndarray) -> np.ndarray:
     picture = plotter.screenshot(return_img=True)
     rows, columns = (np.flatnonzero((picture < 255).any(axis=(2, side))) for side in (1, 0))
     return np.asarray(picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
-
-
-def _as_tall(picture: np.ndarray, rows: int) -> np.ndarray:
-    """A picture with white below and beside it."""
-    return np.pad(picture, ((0, rows - len(picture)), (0, 60), (0, 0)), constant_values=255)
 
 
 def _moved_apart(scene: Scene, data: PictureData) -> tuple[np.ndarray, bool]:

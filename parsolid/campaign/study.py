@@ -209,7 +209,15 @@ def judge(study: Study, cases: list[Case]) -> None:
             }
     for case in cases:
         if case.record is not None:
-            case.faults = [*_ending_faults(case.record, case.expect), *_number_faults(study, case)]
+            stated, faults = _ENDING[case.expect or "stable"], []
+            if case.record.status != stated:
+                message = (case.record.message or "").split("\n")[0]
+                faults.append(f"{case.record.status}, not {stated}" + (f": {message}" if message else ""))
+            elif not case.record.ending["clean"]:
+                faults.append("not one clean message" if case.record.message else "a message though it finished")
+            if case.record.ending["not_finite"]:
+                faults.append(f"not finite: {', '.join(case.record.ending['not_finite'])}")
+            case.faults = [*faults, *_number_faults(study, case)]
 
 
 def lines_of(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
@@ -222,18 +230,6 @@ def _by_line(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
     for case in cases:
         lines.setdefault(case.line, []).append(case)
     return {name: sorted(line, key=lambda case: -(case.spacing or 0.0)) for name, line in lines.items()}
-
-
-def _ending_faults(record: Record, expect: str | None) -> list[str]:
-    stated, faults = _ENDING[expect or "stable"], []
-    if record.status != stated:
-        message = (record.message or "").split("\n")[0]
-        faults.append(f"{record.status}, not {stated}" + (f": {message}" if message else ""))
-    elif not record.ending["clean"]:
-        faults.append("not one clean message" if record.message else "a message though it finished")
-    if record.ending["not_finite"]:
-        faults.append(f"not finite: {', '.join(record.ending['not_finite'])}")
-    return faults
 
 
 def _number_faults(study: Study, case: Case) -> list[str]:

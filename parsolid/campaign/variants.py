@@ -98,7 +98,12 @@ def coarse_variants(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()
         if number == 0:
             # elsewhere steps follow the spacing, and their error is in the differences of the spacings
             purposes.append((STEP, half_step(tables) if step_is_stated(scene) else None))
-            purposes.append((SOLVER, looser_solver(tables)))
+            # the same with a solver that stops earlier, None where none iterates
+            changed: dict[str, Any] = json.loads(json.dumps(tables))
+            solvers = [m["solution"] for m in methods_of(changed) if "tolerance" in m.get("solution", {})]
+            for solver in solvers:
+                solver["tolerance"] = min(0.5, LOOSER * solver["tolerance"])
+            purposes.append((SOLVER, changed if solvers else None))
         found += [
             Variant(parsed(changed, trust_code, one.ratio), purpose, one.ratio, one.lattices)
             for purpose, changed in purposes
@@ -159,12 +164,3 @@ def half_step(tables: dict[str, Any]) -> dict[str, Any]:
         ):
             table |= {key: 0.5 * table[key] for key in keys if table.get(key) is not None}
     return changed
-
-
-def looser_solver(tables: dict[str, Any]) -> dict[str, Any] | None:
-    """The same with a solver that stops earlier, None where none iterates."""
-    changed: dict[str, Any] = json.loads(json.dumps(tables))
-    solvers = [m["solution"] for m in methods_of(changed) if "tolerance" in m.get("solution", {})]
-    for solver in solvers:
-        solver["tolerance"] = min(0.5, LOOSER * solver["tolerance"])
-    return changed if solvers else None

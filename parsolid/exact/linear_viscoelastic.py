@@ -283,7 +283,16 @@ class BarVibration(Solution):
         sign = np.where(number % 2 == 1, 1.0, -1.0)
         # stretch * X = sum of amplitude * sin(k X)
         self.amplitude = 2.0 * stretch * sign / (length * self.wave_number**2)
-        rates, vectors = np.linalg.eig(self._matrices(self.wave_number))
+        # the rate (modes, 2 + n, 2 + n) of (T, T', V_1, ...)
+        size = 2 + len(self.modulus.times)
+        matrices = np.zeros((len(self.wave_number), size, size))
+        stiffness = self.wave_number**2 / self.density
+        matrices[:, 0, 1] = 1.0
+        matrices[:, 1, 0] = -stiffness * self.modulus.instantaneous
+        matrices[:, 1, 2:] = stiffness[:, None] * self.modulus.moduli
+        branch = np.arange(2, size)
+        matrices[:, branch, 0], matrices[:, branch, branch] = 1.0 / self.modulus.times, -1.0 / self.modulus.times
+        rates, vectors = np.linalg.eig(matrices)
         start = np.zeros(rates.shape[1])
         start[0] = 1.0
         start[2:] = relaxed
@@ -298,18 +307,6 @@ class BarVibration(Solution):
         return cls(
             modulus, body.material.density, body.shape.model.upper[0], scene.reference.parameters["stretch"], relaxed
         )
-
-    def _matrices(self, wave_number: np.ndarray) -> np.ndarray:
-        """The rate (modes, 2 + n, 2 + n) of (T, T', V_1, ...)."""
-        size = 2 + len(self.modulus.times)
-        matrices = np.zeros((len(wave_number), size, size))
-        stiffness = wave_number**2 / self.density
-        matrices[:, 0, 1] = 1.0
-        matrices[:, 1, 0] = -stiffness * self.modulus.instantaneous
-        matrices[:, 1, 2:] = stiffness[:, None] * self.modulus.moduli
-        branch = np.arange(2, size)
-        matrices[:, branch, 0], matrices[:, branch, branch] = 1.0 / self.modulus.times, -1.0 / self.modulus.times
-        return matrices
 
     def oscillation(self, mode: int = 1) -> Oscillation:
         """Frequency, decay and creep roots of a mode, counted from 1."""

@@ -31,16 +31,13 @@ class Hugoniot:
         self.jacobian = 1.0 - particle_speed / self.shock_speed
         self.pressure = density * self.shock_speed * particle_speed
         self.energy = 0.5 * density * particle_speed**2
-        self.temperature = self._temperature(sound_speed, slope, gamma, specific_heat)
-
-    def _temperature(self, sound_speed: float, slope: float, gamma: float, specific_heat: float) -> float:
-        """T = e^(gamma x) [T0 + integral of e^(-gamma x) (P_H' x - P_H) / (2 rho0 Cv) dx] [K]."""
+        # T = e^(gamma x) [T0 + integral of e^(-gamma x) (P_H' x - P_H) / (2 rho0 Cv) dx] [K]
         nodes, weights = np.polynomial.legendre.leggauss(24)
         end = 1.0 - self.jacobian
         x = 0.5 * end * (nodes + 1.0)
         excess = self.density * sound_speed**2 * 2.0 * slope * x**2 / (1.0 - slope * x) ** 3
         heat = 0.5 * end * np.sum(weights * np.exp(-gamma * x) * excess) / (2.0 * self.density * specific_heat)
-        return float(np.exp(gamma * end) * (self.start + heat))
+        self.temperature = float(np.exp(gamma * end) * (self.start + heat))
 
 
 class SteadyShock(Solution):

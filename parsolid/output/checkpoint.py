@@ -50,22 +50,6 @@ def sound_header(file: h5py.File, stated: dict[str, Any]) -> dict[str, Any]:
     raise damaged(file, "header")
 
 
-def check_shapes(file: h5py.File, stated: dict[str, Any]) -> None:
-    """Raise OutputError unless a file has the data sets, shapes and types that it had when it was written."""
-    found: dict[str, Any] = {}
-
-    def note(name: str, item: object) -> None:
-        if isinstance(item, h5py.Dataset):
-            found[name] = [list(item.shape), item.dtype.str]
-
-    file.visititems(note)
-    wanted = {name: entry[:2] for name, entry in stated.items() if name != "header"}
-    for name in sorted({*wanted, *found} - {"header", "checksums"}):
-        if wanted.get(name) != found.get(name):
-            told = f"expected {_kind(wanted.get(name))}, found {_kind(found.get(name))}"
-            raise damaged(file, name, told)
-
-
 def _kind(entry: list[Any] | None) -> str:
     return "none" if entry is None else f"{entry[1]} {tuple(entry[0])}"
 
@@ -147,7 +131,10 @@ def write_checkpoint(
         writer.write("ranks/values", comm.rank, values[np.newaxis])
     with together(comm, doing):
         if comm.rank == 0:
-            _complete(partial)
+            # the numbers are on the disk already (SlabWriter), so the mark cannot get there before them
+            with open_serial(partial, "r+") as file:
+                file.attrs.modify("complete", 1)
+            flush_to_disk(partial)
             _put_in_place(path)
 
 
@@ -192,7 +179,19 @@ def _read(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], 
         if comm.rank == 0:
             with _open_whole(path) as file:
                 stated = stated_sums(file)
-                check_shapes(file, stated)
+                # the data sets, shapes and types that it had when it was written
+                found: dict[str, Any] = {}
+
+                def note(name: str, item: object) -> None:
+                    if isinstance(item, h5py.Dataset):
+                        found[name] = [list(item.shape), item.dtype.str]
+
+                file.visititems(note)
+                wanted = {name: entry[:2] for name, entry in stated.items() if name != "header"}
+                for name in sorted({*wanted, *found} - {"header", "checksums"}):
+                    if wanted.get(name) != found.get(name):
+                        told = f"expected {_kind(wanted.get(name))}, found {_kind(found.get(name))}"
+                        raise damaged(file, name, told)
                 offsets = [file["ranks"][numbered("offset", i)][()] for i in range(_count_systems(file))]
                 layout = sound_header(file, stated), offsets, file["ranks/values"][()], stated
     header, offsets, values, stated = comm.bcast(layout)
@@ -355,13 +354,6 @@ def _plain(value: object) -> object:
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"header: expected what JSON can hold, found {type(value).__name__}")
-
-
-def _complete(partial: Path) -> None:
-    # the numbers are on the disk already (SlabWriter), so the mark cannot get there before them
-    with open_serial(partial, "r+") as file:
-        file.attrs.modify("complete", 1)
-    flush_to_disk(partial)
 
 
 def _put_in_place(path: Path) -> None:

@@ -36,20 +36,6 @@ def sums_path(path: Path) -> Path:
     return path.with_suffix(".sums")
 
 
-def write_sums(path: Path, step: int, time: float, sums: dict[str, int]) -> None:
-    """Keep a step at a time [s] beside those before it, of which some may be without, in place of those from it on,
-    which are written anew; for one rank alone. Raises OSError.
-    """
-    lines = _lines(path) or []
-    if len(lines) > step:
-        partial = sums_path(path).with_name(sums_path(path).name + ".partial")
-        partial.write_text("".join(f"{line}\n" for line in lines[:step]), encoding="utf-8")
-        os.replace(partial, sums_path(path))
-    if len(lines) >= step:
-        with open(sums_path(path), "a", encoding="utf-8") as file:
-            file.write(json.dumps({"time": time, "sums": sums}) + "\n")
-
-
 def check_step(path: Path, step: int, count: int) -> None:
     """Compare all of a step of a file of fields, count rows a data set, with its checksums; for one rank alone.
 
@@ -178,7 +164,23 @@ class FieldSeries:
         constant = constant or {}
         self._exact = exact_names(varying)
         if self._layout is None:
-            self._begin(len(identifier), varying, constant)
+            kinds = [
+                {
+                    name: (_in_space(values).shape[1:], self._shown(values[:0], name).dtype.name)
+                    for name, values in fields.items()
+                }
+                for fields in (varying, constant)
+            ]
+            wrong = [name for name in (*varying, *constant) if "/" in name or name in (".", "")]
+            twice = set(varying) & set(constant)
+            if wrong or twice:
+                raise ValueError(
+                    f"fields: expected distinct names without '/', found {', '.join(sorted({*wrong, *twice}))}"
+                )
+            particles = self._comm.allreduce(len(identifier))
+            self._layout = vtkhdf.Layout(particles, self._capacity, *kinds)
+            if not self._resume():
+                self._start_new_file()
         if set(varying) != set(self._layout.varying):
             raise OutputError(
                 f"{self.path}: expected the fields {sorted(self._layout.varying)}, found {sorted(varying)}"
@@ -197,12 +199,26 @@ class FieldSeries:
             for name, values in varying.items():
                 self._write_rows(writer, f"VTKHDF/PointData/{name}", step, rows, self._shown(values, name), sums)
             if len(self._times) == 0:
-                self._write_constants(writer, rows, constant, sums)
+                for name in self._layout.constant:
+                    values = self._shown(constant[name], name)
+                    self._write_rows(writer, f"VTKHDF/PointData/{name}", rows.first, rows, values, sums)
+                for name, entries in (("Connectivity", vtkhdf.vertex_connectivity), ("Offsets", vtkhdf.vertex_offsets)):
+                    total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
+                    first, last = (total * rank // self._comm.size for rank in self._mine)
+                    writer.write(f"VTKHDF/Vertices/{name}", first, entries(first, last))
         sums = added(self._comm, sums)
         with together(self._comm, f"cannot write {sums_path(self.path)}"):
             if self._comm.rank == 0:
-                # before the step is shown: a step that is, has its checksums
-                write_sums(self.path, len(self._times), time, sums)
+                # before the step is shown: a step that is, has its checksums; they follow those of earlier steps, of
+                # which some may be without, and later ones are written anew
+                step, path, lines = len(self._times), sums_path(self.path), _lines(self.path) or []
+                if len(lines) > step:
+                    partial = path.with_name(path.name + ".partial")
+                    partial.write_text("".join(f"{line}\n" for line in lines[:step]), encoding="utf-8")
+                    os.replace(partial, path)
+                if len(lines) >= step:
+                    with open(path, "a", encoding="utf-8") as file:
+                        file.write(json.dumps({"time": time, "sums": sums}) + "\n")
         self._publish(np.append(self._times, time))
 
     def _write_rows(
@@ -212,25 +228,6 @@ class FieldSeries:
         arranged = np.ascontiguousarray(rows.arrange(values), self._places[name].dtype)
         writer.write(name, first, arranged)
         sums[name] = sum_of_rows(arranged, rows.first)
-
-    def _begin(self, owned: int, varying: Fields, constant: Fields) -> None:
-        kinds = [
-            {
-                name: (_in_space(values).shape[1:], self._shown(values[:0], name).dtype.name)
-                for name, values in fields.items()
-            }
-            for fields in (varying, constant)
-        ]
-        wrong = [name for name in (*varying, *constant) if "/" in name or name in (".", "")]
-        twice = set(varying) & set(constant)
-        if wrong or twice:
-            raise ValueError(
-                f"fields: expected distinct names without '/', found {', '.join(sorted({*wrong, *twice}))}"
-            )
-        particles = self._comm.allreduce(owned)
-        self._layout = vtkhdf.Layout(particles, self._capacity, *kinds)
-        if not self._resume():
-            self._start_new_file()
 
     def _resume(self) -> bool:
         """Go on with the file at path, if it will do."""
@@ -305,17 +302,6 @@ class FieldSeries:
                 partial.rename(self.path)
         self._places = self._comm.bcast(laid)
         self._times = np.empty(0)
-
-    def _write_constants(
-        self, writer: SlabWriter, rows: "_ByIdentifier", constant: Fields, sums: dict[str, int]
-    ) -> None:
-        for name in self._layout.constant:
-            values = self._shown(constant[name], name)
-            self._write_rows(writer, f"VTKHDF/PointData/{name}", rows.first, rows, values, sums)
-        for name, entries in (("Connectivity", vtkhdf.vertex_connectivity), ("Offsets", vtkhdf.vertex_offsets)):
-            total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
-            first, last = (total * rank // self._comm.size for rank in self._mine)
-            writer.write(f"VTKHDF/Vertices/{name}", first, entries(first, last))
 
     def _publish(self, times: np.ndarray) -> None:
         with together(self._comm, f"cannot write {self.path}"):

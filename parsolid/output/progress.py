@@ -49,7 +49,17 @@ class Progress:
         self._say(f"{title or 'scene'}: {particles} particles, to t = {end_time:.6g} s")
         columns = terminal_columns(self._stream)
         if columns:
-            self._start_bar(columns)
+            # only a terminal wants these, and a small job waits for them
+            from rich import live
+            from rich.console import Console
+            from rich.text import Text
+
+            console = Console(file=self._stream, force_terminal=True, width=columns)
+            # no thread of its own: it would disturb the ranks' timing
+            self._bar = live.Live(Text("setting up"), console=console, auto_refresh=False)
+            self._bar.start()
+            # a run that is killed must not leave the terminal without its cursor
+            console.show_cursor(True)
 
     def update(
         self, step: int, time: float, step_size: float, row: dict[str, float] | None, told: Sequence[str] = ()
@@ -74,7 +84,19 @@ class Progress:
         if self._bar is None:
             self._say("  ".join([head, *words]))
         else:
-            self._show(self._bar, time, [head, *words])
+            from rich.columns import Columns
+            from rich.console import Group
+            from rich.progress_bar import ProgressBar
+            from rich.text import Text
+
+            bar = ProgressBar(total=self._end_time, completed=time)
+            try:
+                self._bar.update(
+                    Group(bar, Columns([Text(word, no_wrap=True) for word in [head, *words]], padding=(0, 2))),
+                    refresh=True,
+                )
+            except (OSError, ValueError):
+                self._level, self._bar = QUIET, None
 
     def say(self, text: str) -> None:
         """A line of its own."""
@@ -150,31 +172,6 @@ class Progress:
         if self._level == VERBOSE:
             energies["energy error"] = row["energy_error"]
         return energies
-
-    def _start_bar(self, columns: int) -> None:
-        # only a terminal wants these, and a small job waits for them
-        from rich.console import Console
-        from rich.live import Live
-        from rich.text import Text
-
-        console = Console(file=self._stream, force_terminal=True, width=columns)
-        # no thread of its own: it would disturb the ranks' timing
-        self._bar = Live(Text("setting up"), console=console, auto_refresh=False)
-        self._bar.start()
-        # a run that is killed must not leave the terminal without its cursor
-        console.show_cursor(True)
-
-    def _show(self, live: "Live", time: float, words: list[str]) -> None:
-        from rich.columns import Columns
-        from rich.console import Group
-        from rich.progress_bar import ProgressBar
-        from rich.text import Text
-
-        bar = ProgressBar(total=self._end_time, completed=time)
-        try:
-            live.update(Group(bar, Columns([Text(word, no_wrap=True) for word in words], padding=(0, 2))), refresh=True)
-        except (OSError, ValueError):
-            self._level, self._bar = QUIET, None
 
     def _say(self, text: str) -> None:
         try:

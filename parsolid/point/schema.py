@@ -144,21 +144,16 @@ def load_point(
         raise SceneError(dict.fromkeys([*faults, *faults_of_errors(error)])) from None
     if faults:
         raise SceneError(faults)
-    _refuse_collapse(point)
+    # a path without free components must not be seen to leave J > 0
+    if not point.path.free.any():
+        edges = [0.0, *(time for time in point.path.kinks if 0.0 < time < point.end_time), point.end_time]
+        times = np.unique(np.concatenate([np.linspace(0.0, point.end_time, 1001), edges]))
+        for side in (-1, 1):
+            inside = times[1:] if side < 0 else times[:-1]
+            with np.errstate(all="ignore"):
+                J = np.linalg.det(point.path.gradients(inside, np.full(len(inside), side)))
+            bad = np.flatnonzero(~(J > 0.0))
+            if len(bad):
+                found = Phrase(f"J = {J[bad[0]]:g} at t = {inside[bad[0]]:g}")
+                raise SceneError([f"path: expected a deformation gradient with J > 0, found {found}"])
     return point
-
-
-def _refuse_collapse(point: MaterialPoint) -> None:
-    """Raise SceneError when a path without free components is seen to leave J > 0."""
-    if point.path.free.any():
-        return
-    edges = [0.0, *(time for time in point.path.kinks if 0.0 < time < point.end_time), point.end_time]
-    times = np.unique(np.concatenate([np.linspace(0.0, point.end_time, 1001), edges]))
-    for side in (-1, 1):
-        inside = times[1:] if side < 0 else times[:-1]
-        with np.errstate(all="ignore"):
-            J = np.linalg.det(point.path.gradients(inside, np.full(len(inside), side)))
-        bad = np.flatnonzero(~(J > 0.0))
-        if len(bad):
-            found = Phrase(f"J = {J[bad[0]]:g} at t = {inside[bad[0]]:g}")
-            raise SceneError([f"path: expected a deformation gradient with J > 0, found {found}"])

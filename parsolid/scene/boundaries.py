@@ -320,7 +320,8 @@ class Rotation(RegionCondition, Reporting, MotionCondition):
             reject((("axis",), "a direction that is not zero", NOTHING if self.axis is None else self.axis))
         if dimension == 2 and self.axis is not None:
             reject((("axis",), "no such key in 2-D (the axis points out of the plane)", self.axis))
-        for key, formula in self._formulas:
+        moved = [(("displacement", i), one) for i, one in enumerate(self.displacement or ())]
+        for key, formula in [(("angle",), self.angle), *moved]:
             if set(formula.names) - {"t"}:
                 reject((key, "a formula in t alone", formula.source))
             start = float(formula.evaluate(np.zeros((1, 3)))[0])
@@ -331,11 +332,6 @@ class Rotation(RegionCondition, Reporting, MotionCondition):
             except ValueError as error:
                 reject((key, f"a formula that can be differentiated in time ({error})", formula.source))
         return self
-
-    @property
-    def _formulas(self) -> list[tuple[tuple[str | int, ...], Formula]]:
-        moved = [(("displacement", i), one) for i, one in enumerate(self.displacement or ())]
-        return [(("angle",), self.angle), *moved]
 
     @property
     def prescribed(self) -> RigidMotion:

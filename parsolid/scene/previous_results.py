@@ -148,20 +148,18 @@ class PreviousField:
             same = distance[:, 0] <= _SAME * spacing[near[:, 0]]
             result[same] = values[near[same, 0]]
             between = np.flatnonzero(~same & (distance[:, 0] <= _FAR * spacing[near[:, 0]]))
-            result[between] = self._between(points[between], distance[between], near[between])
+            # moving least squares of linear functions over neighbours of one body; weights vanish at the farthest one
+            distance, near = distance[between], near[between]
+            X, values, body = (self._known[name] for name in ("X", "values", "body"))
+            weight = (1.0 - np.minimum(distance / distance[:, -1:], 1.0) ** 2) ** 2 + 1e-12
+            weight *= body[near] == body[near[:, :1]]
+            arms = (X[near] - points[between][:, None]) / distance[:, -1:, None]
+            base = np.concatenate([np.ones((*near.shape, 1)), arms], axis=2)
+            moment = np.einsum("nk,nki,nkj->nij", weight, base, base) + 1e-9 * np.eye(base.shape[2])
+            right = np.einsum("nk,nki,nkc->nic", weight, base, values[near])
+            result[between] = np.asarray(np.linalg.solve(moment, right)[:, 0])
         # places have more digits in the file than displacements
         return result - points if self.name == "displacement" else result
-
-    def _between(self, points: np.ndarray, distance: np.ndarray, near: np.ndarray) -> np.ndarray:
-        """Moving least squares of linear functions over neighbours of one body; weights vanish at the farthest one."""
-        X, values, body = (self._known[name] for name in ("X", "values", "body"))
-        weight = (1.0 - np.minimum(distance / distance[:, -1:], 1.0) ** 2) ** 2 + 1e-12
-        weight *= body[near] == body[near[:, :1]]
-        arms = (X[near] - points[:, None]) / distance[:, -1:, None]
-        base = np.concatenate([np.ones((*near.shape, 1)), arms], axis=2)
-        moment = np.einsum("nk,nki,nkj->nij", weight, base, base) + 1e-9 * np.eye(base.shape[2])
-        right = np.einsum("nk,nki,nkc->nic", weight, base, values[near])
-        return np.asarray(np.linalg.solve(moment, right)[:, 0])
 
     def _read(self, points: np.ndarray) -> None:
         """Keep the particles near places; read once, unless later places are elsewhere."""

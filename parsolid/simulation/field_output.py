@@ -42,7 +42,19 @@ class FieldOutput(Output):
         time, fields = simulation.clock.time, self.scene.output.fields
         tools = {name: one for each in simulation.interactions for name, one in each.handed_on().items()}
         if tools and "state" in (fields or ()):
-            self._write_tools(time, tools)
+            # add the states of tools at a time [s] to those of earlier times
+            path = self.folder.directory / TOOLS
+            with together(self.comm, f"cannot write {path}"):
+                if self.comm.rank == 0:
+                    earlier: dict[str, list[Any]] = {"times": [], "tools": []}
+                    if path.exists():
+                        earlier = json.loads(path.read_text(encoding="utf-8"))
+                    kept = [k for k, one in enumerate(earlier["times"]) if one < time]
+                    states = {
+                        key: [*(values[k] for k in kept), new]
+                        for (key, values), new in zip(earlier.items(), (time, tools))
+                    }
+                    write_summary(path, states)
         if _INDICATOR in (fields or ()):
             indicate(self.comm, simulation.systems)
         if self._blocks is None:
@@ -69,20 +81,6 @@ class FieldOutput(Output):
                 for one in self._series if self._blocks is None else self._blocks.series:
                     if len(one.times):
                         pack(one.path, level)
-
-    def _write_tools(self, time: float, tools: dict[str, Any]) -> None:
-        """Add the states of tools at a time [s] to those of earlier times."""
-        path = self.folder.directory / TOOLS
-        with together(self.comm, f"cannot write {path}"):
-            if self.comm.rank == 0:
-                earlier: dict[str, list[Any]] = {"times": [], "tools": []}
-                if path.exists():
-                    earlier = json.loads(path.read_text(encoding="utf-8"))
-                kept = [k for k, one in enumerate(earlier["times"]) if one < time]
-                states = {
-                    key: [*(values[k] for k in kept), new] for (key, values), new in zip(earlier.items(), (time, tools))
-                }
-                write_summary(path, states)
 
     def _chosen(self, of: Observables) -> tuple[np.ndarray, Observables | OfRegion]:
         """The particles that are written, and their numbers; of a region these run through those there; collective."""

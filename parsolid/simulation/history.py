@@ -143,14 +143,11 @@ class HistoryOutput(Output):
         acting = [column for interaction in simulation.interactions for column in interaction.columns]
         self.columns = ["step", "time", "dt", *simulation.ledger.columns, *self.probes.columns, *acting]
         if folder is not None:
-            self._open(folder)
-
-    def _open(self, folder: RunFolder) -> None:
-        with together(self.simulation.comm, f"cannot go on with {folder.history}"):
-            if self.simulation.comm.rank == 0:
-                self._file = History(folder.history, self.columns)
-                if folder.continued:
-                    self._file.resume(self.simulation.clock.step)
+            with together(self.simulation.comm, f"cannot go on with {folder.history}"):
+                if self.simulation.comm.rank == 0:
+                    self._file = History(folder.history, self.columns)
+                    if folder.continued:
+                        self._file.resume(self.simulation.clock.step)
 
     def resume(self, probes: dict[str, Any], every_row: bool = False) -> list[dict[str, float]]:
         """Continue after a restart; the rows of a continued file, all or the last one. Collective.

@@ -49,7 +49,15 @@ class ReferenceErrors(Output):
             kind: Any = SOLUTIONS[self.reference.exact]
             self.solution = kind.of_scene(scene)
             if self.reference.history:
-                self.columns = ("time", "dt", *_judged(scene, self.solution))
+                # columns of the history that a solution looks at. Raises SolverError when the scene has no probes for
+                # them
+                wanted: list[str] = self.solution.history_columns()
+                known = {column for probe in scene.probes for column in probe.columns(scene.dimension)}
+                missing = [column for column in wanted if column not in known]
+                if missing or not wanted:
+                    what = ", ".join(missing) or "position and displacement at a point"
+                    raise SolverError(f"reference.history: expected probes that fill {what}, found none")
+                self.columns = ("time", "dt", *wanted)
             self.times = scene.reference_times
 
     @property
@@ -103,17 +111,6 @@ class ReferenceErrors(Output):
         elif self.rows and self.series is not None:
             self.found |= series_errors(self.rows, *self.series)
         return self.found
-
-
-def _judged(scene: Scene, solution: Any) -> list[str]:
-    """Columns of the history that a solution looks at. Raises SolverError when the scene has no probes for them."""
-    wanted: list[str] = solution.history_columns()
-    known = {column for probe in scene.probes for column in probe.columns(scene.dimension)}
-    missing = [column for column in wanted if column not in known]
-    if missing or not wanted:
-        what = ", ".join(missing) or "position and displacement at a point"
-        raise SolverError(f"reference.history: expected probes that fill {what}, found none")
-    return wanted
 
 
 def series_errors(rows: list[Row], file: str, names: dict[str, str]) -> dict[str, float]:

@@ -205,7 +205,33 @@ class CheckpointOutput(Output):
 
     def write(self, simulation: "Simulation") -> None:
         # a method may pack its fields when it is asked for its state
-        header, own = split_per_rank(header_of(simulation, self.history.probes.state(), self.errors.found, self._scene))
+        # what a restart needs besides the fields; the state of probes, the errors found so far, the `contents` of the
+        # scene
+        systems = enumerate(simulation.systems)
+        header, own = split_per_rank(
+            {
+                "ranks": simulation.comm.size,
+                "particles": simulation.particles,
+                "time": simulation.clock.time,
+                "step": simulation.clock.step,
+                "last_step": simulation.time_steps.last,
+                "stable_step": simulation.stable,
+                "stable_steps": simulation.subcycling.stable,
+                "jumped": simulation.time_steps.jumped,
+                "stage_steps": simulation.stage_steps,
+                **{numbered("method_state", number): system.state() for number, system in systems},
+                "interactions": [interaction.state() for interaction in simulation.interactions],
+                "ledger": PerRank(*simulation.ledger.values),
+                "initial_energy": simulation.ledger.initial,
+                "energy_error": simulation.ledger.row(simulation.comm, *simulation.energies())["energy_error"],
+                "checked_step": simulation.checked_step,
+                "energy_check": simulation.energy_check.state(),
+                "momenta": None if simulation.momenta is None else simulation.momenta.state(),
+                "probes": self.history.probes.state(),
+                "errors": self.errors.found,
+                "scene": self._scene,
+            }
+        )
         fields = [system.particles.checkpointed() for system in simulation.systems]
         write_checkpoint(simulation.comm, self.path, header, fields, np.array(own))
         now = simulation.clock
@@ -216,36 +242,3 @@ class CheckpointOutput(Output):
         if self.last_step != simulation.clock.step:
             self.write(simulation)
             self.last_step = simulation.clock.step
-
-
-def header_of(
-    simulation: "Simulation", probes: dict[str, Any], errors: dict[str, float], scene: dict[str, Any]
-) -> dict[str, Any]:
-    """What a restart needs besides the fields; the state of probes, the errors found so far, the `contents` of the
-    scene.
-
-    Collective.
-    """
-    systems = enumerate(simulation.systems)
-    return {
-        "ranks": simulation.comm.size,
-        "particles": simulation.particles,
-        "time": simulation.clock.time,
-        "step": simulation.clock.step,
-        "last_step": simulation.time_steps.last,
-        "stable_step": simulation.stable,
-        "stable_steps": simulation.subcycling.stable,
-        "jumped": simulation.time_steps.jumped,
-        "stage_steps": simulation.stage_steps,
-        **{numbered("method_state", number): system.state() for number, system in systems},
-        "interactions": [interaction.state() for interaction in simulation.interactions],
-        "ledger": PerRank(*simulation.ledger.values),
-        "initial_energy": simulation.ledger.initial,
-        "energy_error": simulation.ledger.row(simulation.comm, *simulation.energies())["energy_error"],
-        "checked_step": simulation.checked_step,
-        "energy_check": simulation.energy_check.state(),
-        "momenta": None if simulation.momenta is None else simulation.momenta.state(),
-        "probes": probes,
-        "errors": errors,
-        "scene": scene,
-    }

@@ -113,23 +113,17 @@ class VibratingBodies:
 
     def rigid_modes(self) -> tuple[np.ndarray, np.ndarray]:
         """Shapes (l, n, d) of motions that nothing resists, and w^2 (l,) [1/s^2] of rounding."""
-        motions = self._rigid_motions()
-        speeds = [shear / density for _, _, shear, _, density in self.tangent.laws]
-        least = _RIGID * minimum(self.comm, min(speeds, default=np.inf)) / self.size**2
-        shapes, squares = rigid_modes(self.comm, motions, self.product, self.mass, least)
-        return self._plain(shapes, motions), squares
-
-    def _rigid_motions(self) -> np.ndarray:
-        """Translations and turns (k, n, d) of each body about its middle."""
+        # translations and turns (k, n, d) of each body about its middle
         n, body, result = len(self.places), self.system.particles.owned_rows("body"), list[np.ndarray]()
         for number in range(len(self.system.bodies)):
             here = (body == number)[:, None]
             mass, *moment = sums(self.comm, (here * self.mass * np.hstack((np.ones((n, 1)), self.places))).sum(axis=0))
             result += list(here * rigid_motions(self.places - np.array(moment) / mass))
-        return np.array([self.joined(one) for one in result])
-
-    def _plain(self, shapes: np.ndarray, motions: np.ndarray) -> np.ndarray:
-        """Shapes with the same span, of which the first are translations where they are among it."""
+        motions = np.array([self.joined(one) for one in result])
+        speeds = [shear / density for _, _, shear, _, density in self.tangent.laws]
+        least = _RIGID * minimum(self.comm, min(speeds, default=np.inf)) / self.size**2
+        shapes, squares = rigid_modes(self.comm, motions, self.product, self.mass, least)
+        # shapes with the same span, of which the first are translations where they are among it
         parts = sums(self.comm, np.tensordot(shapes * self.mass, motions, ((1, 2), (1, 2))))
         basis = np.zeros((0, len(shapes)))
         for part in parts.T:
@@ -137,7 +131,7 @@ class VibratingBodies:
                 part = part - basis.T @ (basis @ part)
             if np.linalg.norm(part) > 1e-6 * np.linalg.norm(parts):
                 basis = np.vstack((basis, part / np.linalg.norm(part)))
-        return np.asarray(np.tensordot(basis, shapes, 1)) if len(basis) == len(shapes) else shapes
+        return np.asarray(np.tensordot(basis, shapes, 1)) if len(basis) == len(shapes) else shapes, squares
 
     def find(self, count: int, tolerance: float, limit: int) -> Vibrations:
         """The rigid modes and the lowest `count` others."""

@@ -189,7 +189,11 @@ class Renderer:
         plotter.camera.clipping_range = (1e-3 * distance, 2.0 * distance + camera.depth)
         plotter.render()
         image = plotter.screenshot(return_img=True)
-        return _reduced(image, self.size)
+        width, height = self.size
+        blocks = image[: height * _OVERSAMPLING, : width * _OVERSAMPLING, :3].reshape(
+            height, _OVERSAMPLING, width, _OVERSAMPLING, 3
+        )
+        return blocks.mean(axis=(1, 3)).round().astype(np.uint8)
 
     def _add_body(self, frame: Frame, skins: list[Skin]) -> None:
         """Draw a body and its images."""
@@ -209,12 +213,23 @@ class Renderer:
                 position, values, volume = position[there], values[there], volume[there]
             if skin.patches is None or self.cut is not None:
                 if len(position):
-                    self._add(_spheres(position, values, volume), edges=False, round_ones=True)
+                    # a sphere for each particle, a little larger than its volume so that neighbours touch
+                    resolution = int(np.clip(np.sqrt(_TRIANGLES / max(len(values), 1) / 2.0), 3, _FINEST))
+                    sphere = pyvista.Sphere(
+                        radius=0.5, theta_resolution=max(4, resolution), phi_resolution=max(4, resolution)
+                    )
+                    particle_set = pyvista.PolyData(position)
+                    particle_set["shown"], particle_set["diameter"] = values, 1.1 * np.cbrt(volume)
+                    self._add(
+                        particle_set.glyph(geom=sphere, scale="diameter", orient=False), edges=False, round_ones=True
+                    )
                 continue
             pieces.append(_surface(skin, position, values, turned=image.bit_count() % 2 == 1))
         if pieces:
             mesh = _seamless(pieces, self.mirror, 0.05 * float(np.cbrt(self.volume[skins[0].first])))
-            self._add(mesh, edges=self._edges_fit(mesh))
+            # edges where the faces are large enough for them to be told apart
+            pixels_of_a_face = np.sqrt(mesh.area / max(mesh.n_cells, 1)) * self.size[1] / self.camera.span[1]
+            self._add(mesh, edges=bool(pixels_of_a_face > 5.0))
 
     def close(self) -> None:
         """Free the renderer's memory."""
@@ -242,19 +257,6 @@ class Renderer:
             render=False,
             nan_color="#b8b8b8",
         )
-
-    def _edges_fit(self, mesh: Any) -> bool:
-        """Whether the faces are large enough for their edges to be told apart."""
-        pixels = self.size[1] / self.camera.span[1]
-        return bool(np.sqrt(mesh.area / max(mesh.n_cells, 1)) * pixels > 5.0)
-
-
-def _reduced(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    height, width = size[1], size[0]
-    blocks = image[: height * _OVERSAMPLING, : width * _OVERSAMPLING, :3].reshape(
-        height, _OVERSAMPLING, width, _OVERSAMPLING, 3
-    )
-    return blocks.mean(axis=(1, 3)).round().astype(np.uint8)
 
 
 def _seamless(pieces: list[pyvista.PolyData], mirror: tuple[int, ...], near: float) -> pyvista.PolyData:
@@ -295,12 +297,3 @@ def _surface(skin: Skin, position: np.ndarray, values: np.ndarray, turned: bool 
     mesh = pyvista.PolyData(points[used], cells)
     mesh["shown"] = shown[used]
     return mesh
-
-
-def _spheres(position: np.ndarray, values: np.ndarray, volume: np.ndarray) -> pyvista.PolyData:
-    """A sphere for each particle, a little larger than its volume so that neighbours touch."""
-    resolution = int(np.clip(np.sqrt(_TRIANGLES / max(len(values), 1) / 2.0), 3, _FINEST))
-    sphere = pyvista.Sphere(radius=0.5, theta_resolution=max(4, resolution), phi_resolution=max(4, resolution))
-    particle_set = pyvista.PolyData(position)
-    particle_set["shown"], particle_set["diameter"] = values, 1.1 * np.cbrt(volume)
-    return particle_set.glyph(geom=sphere, scale="diameter", orient=False)

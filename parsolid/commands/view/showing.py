@@ -115,7 +115,12 @@ def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray
                 yield position, values, None, 1.2 * float(volume.max()) ** (1.0 / dimension)
             continue
         places, shown = skin.points(position, linear=True), skin.points(values, linear=False)
-        faces = np.concatenate([_triangles(patch) for patch in skin.patches])
+        faces = np.concatenate(
+            [
+                patch if patch.shape[1] == 3 else np.concatenate([patch[:, [0, 1, 2]], patch[:, [0, 2, 3]]])
+                for patch in skin.patches
+            ]
+        )
         used, number = np.unique(faces, return_inverse=True)
         yield places[used], shown[used], number.reshape(faces.shape), 0.0
 
@@ -127,10 +132,6 @@ def _cut_piece(sheet: Sheet, skin: Any, position: np.ndarray, values: np.ndarray
     if left is not None:
         left = left.triangulate()
         yield np.asarray(left.points), np.asarray(left["shown"]), left.faces.reshape(-1, 4)[:, 1:], 0.0
-
-
-def _triangles(patch: np.ndarray) -> np.ndarray:
-    return patch if patch.shape[1] == 3 else np.concatenate([patch[:, [0, 1, 2]], patch[:, [0, 2, 3]]])
 
 
 def _shades(sheet: Sheet, values: np.ndarray) -> np.ndarray:
