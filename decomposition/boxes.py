@@ -72,21 +72,27 @@ def _halves(boxes: list[BoxOfNodes], parts: list[_Part], share: float) -> tuple[
     """Parts on both sides of a cut, those below with about a share of all nodes: across the longest axis where that is
     fulfilled to a tenth, else across the best one."""
     total, found = sum(part.nodes for part in parts), []
-    for axis in _longest_first(boxes, parts):
+    d = len(boxes[0].axes)
+    bounds = np.array([[_bounds(boxes[part.box], part, axis) for axis in range(d)] for part in parts])
+    extent = bounds[:, :, 1].max(axis=0) - bounds[:, :, 0].min(axis=0)
+    for axis in [int(axis) for axis in np.argsort(-np.round(extent / extent.max(), 9), kind="stable")]:
         for place in _candidates(boxes, parts, axis, share * total):
-            halves = _cut_at(boxes, parts, axis, place)
+            below, above = [], []
+            for part in parts:
+                box = boxes[part.box]
+                k = box.axes.index(axis)
+                planes = box.places[axis][part.lower[k] : part.upper[k]]
+                cut = part.lower[k] + _allowed_cut(box, part, k, int(np.searchsorted(planes, place)))
+                if cut > part.lower[k]:
+                    below.append(part._replace(upper=(*part.upper[:k], cut, *part.upper[k + 1 :])))
+                if cut < part.upper[k]:
+                    above.append(part._replace(lower=(*part.lower[:k], cut, *part.lower[k + 1 :])))
+            halves = below, above
             found.append((abs(sum(part.nodes for part in halves[0]) / total - share), halves))
         best = min(found, key=lambda one: one[0])
         if best[0] <= 0.1 * share:
             break
     return best[1]
-
-
-def _longest_first(boxes: list[BoxOfNodes], parts: list[_Part]) -> list[int]:
-    d = len(boxes[0].axes)
-    bounds = np.array([[_bounds(boxes[part.box], part, axis) for axis in range(d)] for part in parts])
-    extent = bounds[:, :, 1].max(axis=0) - bounds[:, :, 0].min(axis=0)
-    return [int(axis) for axis in np.argsort(-np.round(extent / extent.max(), 9), kind="stable")]
 
 
 def _bounds(box: BoxOfNodes, part: _Part, axis: int) -> tuple[float, float]:
@@ -108,20 +114,6 @@ def _candidates(boxes: list[BoxOfNodes], parts: list[_Part], axis: int, wanted: 
     near = int(np.searchsorted(below, wanted * (1.0 - 1e-12)))
     between = 0.5 * (different[1:] + different[:-1])
     return between[max(0, near - 4) : near + 5] if len(between) else different
-
-
-def _cut_at(boxes: list[BoxOfNodes], parts: list[_Part], axis: int, place: float) -> tuple[list[_Part], list[_Part]]:
-    below, above = [], []
-    for part in parts:
-        box = boxes[part.box]
-        k = box.axes.index(axis)
-        planes = box.places[axis][part.lower[k] : part.upper[k]]
-        cut = part.lower[k] + _allowed_cut(box, part, k, int(np.searchsorted(planes, place)))
-        if cut > part.lower[k]:
-            below.append(part._replace(upper=(*part.upper[:k], cut, *part.upper[k + 1 :])))
-        if cut < part.upper[k]:
-            above.append(part._replace(lower=(*part.lower[:k], cut, *part.lower[k + 1 :])))
-    return below, above
 
 
 def _allowed_cut(box: BoxOfNodes, part: _Part, k: int, wanted: int) -> int:

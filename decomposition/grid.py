@@ -137,7 +137,14 @@ class RankGrid:
             self.cells.compact()
             self._sort(particles, bases)
         if self.neighbours:
-            self._agree()
+            # find the nodes that this rank shares with its neighbours, if those of any have changed
+            changed = self._told_version != self.cells.version
+            self._told_version = self.cells.version
+            told = self._candidates
+            if told.update(self._shared_candidates() if changed else None):
+                common = [np.intersect1d(mine, theirs) for mine, theirs in zip(told.mine, told.theirs)]
+                slots = [self.cells.slots(word) for word in common]
+                self.shared, self._agreed = Plan(self.comm, self.neighbours, slots, slots), self._agreed + 1
         return sound
 
     def off_cell_particles(self) -> np.ndarray:
@@ -187,16 +194,6 @@ class RankGrid:
                 self.cells.add(bases[unlisted[~self.cells.lost(unlisted)]].astype(np.int64))
                 self._sort(particles, bases)
         return bases, sound
-
-    def _agree(self) -> None:
-        """Find the nodes that this rank shares with its neighbours, if those of any have changed."""
-        changed = self._told_version != self.cells.version
-        self._told_version = self.cells.version
-        told = self._candidates
-        if told.update(self._shared_candidates() if changed else None):
-            common = [np.intersect1d(mine, theirs) for mine, theirs in zip(told.mine, told.theirs)]
-            slots = [self.cells.slots(word) for word in common]
-            self.shared, self._agreed = Plan(self.comm, self.neighbours, slots, slots), self._agreed + 1
 
     def _shared_candidates(self) -> list[np.ndarray]:
         """Words of this rank's nodes that each neighbour may have, too, rising."""

@@ -79,7 +79,21 @@ def near_ranks(comm: MPI.Comm, points: np.ndarray, reach: float) -> tuple[list[i
         with COMMUNICATION:
             comm.Allreduce(mine, most, MPI.MAX)
         _check(most, reach)
-        return _from_directory(comm, box, _boxes(most, d), reach)
+        # nothing grows with the number of ranks: each rank tells its box to those that keep the parts of space that it
+        # overlaps, and these make ranks known to each other
+        cells = directory_cells(box, _boxes(most, d), reach, comm.size)
+        keepers = np.unique(cells % comm.size)
+        entry = np.concatenate(([0.0, comm.rank], box.ravel()))
+        told = [np.tile(entry, (int((cells % comm.size == keeper).sum()), 1)) for keeper in keepers]
+        for keeper, entries in zip(keepers, told):
+            entries[:, 0] = cells[cells % comm.size == keeper]
+        entries = _with_own(comm, keepers.tolist(), told, entry)
+        pairs = introductions(entries, reach)
+        guests = np.unique(pairs[:, 0])
+        answers = [entries[pairs[pairs[:, 0] == guest, 1].astype(np.int64), 1:] for guest in guests]
+        found = _with_own(comm, guests.astype(np.int64).tolist(), answers, entry[1:])
+        ranks, first = np.unique(found[:, 0], return_index=True)
+        return ranks.astype(np.int64).tolist(), found[first, 1:].reshape(-1, *box.shape)
     table = np.empty((comm.size, len(mine)))
     with COMMUNICATION:
         comm.Allgather(mine, table)
@@ -88,26 +102,6 @@ def near_ranks(comm: MPI.Comm, points: np.ndarray, reach: float) -> tuple[list[i
     near = _overlap(boxes, box, reach) if len(points) else np.zeros(comm.size, bool)
     near[comm.rank] = False
     return np.flatnonzero(near).tolist(), boxes[near]
-
-
-def _from_directory(
-    comm: MPI.Comm, box: np.ndarray, everything: np.ndarray, reach: float
-) -> tuple[list[int], np.ndarray]:
-    """`near_ranks` where nothing grows with the number of ranks: each rank tells its box to those that keep the parts
-    of space that it overlaps, and these make ranks known to each other."""
-    cells = directory_cells(box, everything, reach, comm.size)
-    keepers = np.unique(cells % comm.size)
-    entry = np.concatenate(([0.0, comm.rank], box.ravel()))
-    told = [np.tile(entry, (int((cells % comm.size == keeper).sum()), 1)) for keeper in keepers]
-    for keeper, entries in zip(keepers, told):
-        entries[:, 0] = cells[cells % comm.size == keeper]
-    entries = _with_own(comm, keepers.tolist(), told, entry)
-    pairs = introductions(entries, reach)
-    guests = np.unique(pairs[:, 0])
-    answers = [entries[pairs[pairs[:, 0] == guest, 1].astype(np.int64), 1:] for guest in guests]
-    found = _with_own(comm, guests.astype(np.int64).tolist(), answers, entry[1:])
-    ranks, first = np.unique(found[:, 0], return_index=True)
-    return ranks.astype(np.int64).tolist(), found[first, 1:].reshape(-1, *box.shape)
 
 
 def _with_own(comm: MPI.Comm, ranks: list[int], arrays: list[np.ndarray], like: np.ndarray) -> np.ndarray:

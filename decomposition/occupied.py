@@ -165,17 +165,15 @@ class OccupiedCells:
         listed = self._cell >= 0
         self._cell[listed] += np.searchsorted(new, self._words)[self._cell[listed]] if len(self._words) else 0
         index = indices_of(new, self.dimension)
-        slots = self._slots_of_nodes(self.stencil_nodes(index)).reshape(len(new), -1)
+        # nodes of the stencils, last direction fastest
+        stencils = (index[:, None, :] + self._offsets).reshape(-1, self.dimension)
+        slots = self._slots_of_nodes(stencils).reshape(len(new), -1)
         place = np.searchsorted(self._words, new)
         self._words = np.insert(self._words, place, new)
         self.index = np.insert(self.index, place, index, axis=0)
         self.stencil = np.insert(self.stencil, place, slots, axis=0)
         self.start = np.zeros(len(self._words) + 1, np.int64)
         self.version += 1
-
-    def stencil_nodes(self, cells: np.ndarray) -> np.ndarray:
-        """Nodes (n width**d, d) of the stencils of cells (n, d), last direction fastest."""
-        return (cells[:, None, :] + self._offsets).reshape(-1, self.dimension)
 
     def _slots_of_nodes(self, nodes: np.ndarray) -> np.ndarray:
         """Slots of nodes (n, d), which are listed if they are not yet, together with their mirror images."""
@@ -185,16 +183,12 @@ class OccupiedCells:
             unknown = np.concatenate((unknown, reflected(unknown, mirror, self.width)[1]))
         new = _unlisted(words(unknown), self.node_words)
         if len(new):
-            self._list_nodes(new)
+            # sums over slots in their order have the same bits, whenever their nodes were listed
+            moved = np.arange(len(self.nodes)) + np.searchsorted(new, self.node_words)
+            self.stencil = moved.astype(np.int32)[self.stencil]
+            self.node_words = np.insert(self.node_words, np.searchsorted(self.node_words, new), new)
+            self.nodes = indices_of(self.node_words, self.dimension)
         return self.slots(wanted)[back.ravel()]
-
-    def _list_nodes(self, new: np.ndarray) -> None:
-        """By their words, sorted, none of which is listed."""
-        # sums over slots in their order have the same bits, whenever their nodes were listed
-        moved = np.arange(len(self.nodes)) + np.searchsorted(new, self.node_words)
-        self.stencil = moved.astype(np.int32)[self.stencil]
-        self.node_words = np.insert(self.node_words, np.searchsorted(self.node_words, new), new)
-        self.nodes = indices_of(self.node_words, self.dimension)
 
     def slots(self, word: np.ndarray) -> np.ndarray:
         """Slots of nodes by their words, -1 where there is no such node."""

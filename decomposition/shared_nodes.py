@@ -34,7 +34,15 @@ class SharedNodes:
         changed, self._seen = seen != self._seen, seen
         if not self._told.update(self._candidates() if changed else None):
             return False
-        self._share()
+        mine, theirs = ([_of_both_grids(one) for one in told] for told in (self._told.mine, self._told.theirs))
+        there = [np.concatenate([self._mine[k], *(one[k] for one in theirs)]) for k in (0, 1)]
+        here = np.union1d(*self._mine)
+        self.words = np.intersect1d(np.intersect1d(there[0], there[1]), here)
+        shared = []
+        for own, others in zip(mine, theirs):
+            common = np.intersect1d(np.intersect1d(np.union1d(*own), np.union1d(*others)), self.words)
+            shared.append(np.searchsorted(self.words, common))
+        self.plan = Plan(self.comm, self._told.neighbours, shared, shared)
         return True
 
     def _near(self) -> list[int]:
@@ -52,17 +60,6 @@ class SharedNodes:
             pairs = np.concatenate([one.touching(*where) for one in self._partitions])
             words.append([mine[rows] for rows in rows_of_ranks(pairs, self._told.neighbours)])
         return [np.concatenate(([len(one)], one, two)) for one, two in zip(*words)]
-
-    def _share(self) -> None:
-        mine, theirs = ([_of_both_grids(one) for one in told] for told in (self._told.mine, self._told.theirs))
-        there = [np.concatenate([self._mine[k], *(one[k] for one in theirs)]) for k in (0, 1)]
-        here = np.union1d(*self._mine)
-        self.words = np.intersect1d(np.intersect1d(there[0], there[1]), here)
-        shared = []
-        for own, others in zip(mine, theirs):
-            common = np.intersect1d(np.intersect1d(np.union1d(*own), np.union1d(*others)), self.words)
-            shared.append(np.searchsorted(self.words, common))
-        self.plan = Plan(self.comm, self._told.neighbours, shared, shared)
 
 
 def _of_both_grids(told: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

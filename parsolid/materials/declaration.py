@@ -48,8 +48,8 @@ class Phrase(str):
 class Parameter:
     """What a scene states: unit ("1" of a pure number), description, bounds, default (none: it must be given).
 
-    factor: from the stated unit to the SI unit that the law keeps; most: entries of a list of tables, which are plain
-    classes with parameters of their own.
+    factor: from the stated unit to the SI unit that the law keeps; kept: pairs of a stated word and what the law keeps
+    for it; most: entries of a list of tables, which are plain classes with parameters of their own.
     """
 
     unit: str = "1"
@@ -60,6 +60,7 @@ class Parameter:
     at_most: float | None = None
     default: Any = NEEDED
     factor: float = 1.0
+    kept: tuple[tuple[str, Any], ...] = ()
     most: int | None = None
 
     @property
@@ -179,6 +180,8 @@ def built(declared: Declared, stated: Any, **of_material: Any) -> Any:
         value = getattr(stated, name)
         if hasattr(type(value), "declared"):
             value = built(type(value).declared, value)
+        elif parameter.kept:
+            value = dict(parameter.kept)[value]
         elif isinstance(value, float | int) and not isinstance(value, bool):
             value = float(value) * parameter.factor if parameter.factor != 1.0 else float(value)
         values[name] = value

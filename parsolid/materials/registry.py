@@ -142,7 +142,16 @@ def from_text(path: str, name: str, text: str) -> Declared:
         except Exception as error:
             del sys.modules[module]
             raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
-        _name_apart(new)
+        # names of NamedTuples that no other text has, by which numba's cache finds them: numba tells classes apart by
+        # their names and the types in them alone, and an edited law would be computed by the one called before
+        digest = new.__name__.rpartition("_")[2]
+        for kind in list(vars(new).values()):
+            if isinstance(kind, type) and issubclass(kind, tuple) and kind.__module__ == new.__name__:
+                # what the annotations name is known in the module of the file alone
+                kind.__annotations__ = get_type_hints(kind, include_extras=True)
+                kind.__name__ = kind.__qualname__ = f"Law_{digest}_{kind.__qualname__}"
+                kind.__module__ = user.__name__
+                setattr(user, kind.__name__, kind)
     found = getattr(sys.modules[module], name, None)
     if not (isinstance(found, type) and hasattr(found, "role")):
         raise LawError(f'a class {name} with the decorator @law("role", "kind")')
@@ -151,22 +160,6 @@ def from_text(path: str, name: str, text: str) -> Declared:
     _of_files[path, name] = result
     result.source = (path, name, text)
     return result
-
-
-def _name_apart(module: ModuleType) -> None:
-    """Give the NamedTuples of a file names that no other text has, by which numba's cache finds them.
-
-    When Python calls a kernel, numba tells classes apart by their names and the types in them alone: an edited law
-    would be computed by the one that this process has called before.
-    """
-    digest = module.__name__.rpartition("_")[2]
-    for kind in list(vars(module).values()):
-        if isinstance(kind, type) and issubclass(kind, tuple) and kind.__module__ == module.__name__:
-            # what the annotations name is known in the module of the file alone
-            kind.__annotations__ = get_type_hints(kind, include_extras=True)
-            kind.__name__ = kind.__qualname__ = f"Law_{digest}_{kind.__qualname__}"
-            kind.__module__ = user.__name__
-            setattr(user, kind.__name__, kind)
 
 
 def _complete(declared: Declared) -> None:

@@ -76,23 +76,6 @@ def _steps_with(velocity: PreviousField, name: str, components: int) -> list[Ste
     return [step for step in velocity.steps if step.names.get(STATE + name) in widths]
 
 
-def _left_over(system: Any, velocity: PreviousField) -> list[str]:
-    """Fields of this method's state that results have and the scene has no place for."""
-    own, evolved = state_variable_names(system), _evolved(system)
-    needed = _named(system, evolved)
-    blocks = [step.names for step in velocity.steps if all(STATE + name in step.names for name in needed)]
-    found = [
-        [
-            name.removeprefix(STATE)
-            for name in names
-            if any(fnmatchcase(name, STATE + one) for one in evolved)
-            and name.removeprefix(STATE) not in (*own, *_DERIVED)
-        ]
-        for names in blocks
-    ]
-    return min(found, key=len, default=[])
-
-
 def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.ndarray, key: str) -> Iterator[str]:
     """Put every field of a state into rows (n,) with reference places (n, d) [m]; what was wrong with it."""
     settings = system.settings
@@ -121,7 +104,20 @@ def _taken(system: Any, velocity: PreviousField, here: np.ndarray, places: np.nd
             values = np.clip(values, *_BOUNDS[name])
         rows[here] = values
     yield from _taken_between(system, velocity, here, places, key)
-    if lost := _left_over(system, velocity):
+    # fields of this method's state that results have and the scene has no place for
+    own, evolved = state_variable_names(system), _evolved(system)
+    needed = _named(system, evolved)
+    blocks = [step.names for step in velocity.steps if all(STATE + name in step.names for name in needed)]
+    found = [
+        [
+            name.removeprefix(STATE)
+            for name in names
+            if any(fnmatchcase(name, STATE + one) for one in evolved)
+            and name.removeprefix(STATE) not in (*own, *_DERIVED)
+        ]
+        for names in blocks
+    ]
+    if lost := min(found, key=len, default=[]):
         yield f"{key}: expected a scene with all of the state of the results, found none with {', '.join(lost)}"
 
 

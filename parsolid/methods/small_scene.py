@@ -17,7 +17,16 @@ def small_scene(scene: Scene, method: MethodSettings) -> Tables:
     for index, body in enumerate(full["bodies"]):
         lower = [10.0 * index] + [0.0] * (d - 1)
         box = {"lower": lower, "upper": [lower[0] + 1.0] + [1.0] * (d - 1)}
-        material = _without_places(scene.bodies[index].material, body["material"], d)
+        # directions and numbers by place are the same everywhere: those of the scene may be of its mesh, or none at the
+        # small bodies
+        material = dict(body["material"])
+        for name, (_, note) in parameters_of(type(scene.bodies[index].material).declared).items():
+            if isinstance(note, Direction) and material.get(name) is not None:
+                material[name] = {"vector": [1.0] + [0.0] * (d - 1)}
+            elif isinstance(note, OfPlace):
+                material[name] = 1.0
+            elif isinstance(note, BandWidth):
+                material[name] = note.at_rest
         bodies.append({"shape": {"box": box}, "particles": [3] * d, "placement": "vertices", "material": material})
     kinds = {boundary["kind"] for boundary in full["boundaries"]}
     axis = "XY"[d > 1]
@@ -29,17 +38,3 @@ def small_scene(scene: Scene, method: MethodSettings) -> Tables:
     loads = {"acceleration": [0.0] * d} if full.get("loads") or "traction" in kinds else {}
     small = {"dimension": d, "end_time": 1.0, "method": full["method"], "bodies": bodies, "boundaries": boundaries}
     return method_class(method).small_scene(small | {"loads": loads, "title": "warming up"})
-
-
-def _without_places(stated: Any, table: Tables, dimension: int) -> Tables:
-    """The table of a material whose directions and numbers by place are the same everywhere: those of the scene may be
-    of its mesh, or none at the small bodies."""
-    result = dict(table)
-    for name, (_, note) in parameters_of(type(stated).declared).items():
-        if isinstance(note, Direction) and table.get(name) is not None:
-            result[name] = {"vector": [1.0] + [0.0] * (dimension - 1)}
-        elif isinstance(note, OfPlace):
-            result[name] = 1.0
-        elif isinstance(note, BandWidth):
-            result[name] = note.at_rest
-    return result

@@ -83,7 +83,12 @@ class BoxStabiliser:
             self._differences(one, tables)
         self._send(1)
         for one, tables in self.parts:
-            self._gather(one, tables)
+            d, motion, found = len(one.axes), self._whole(one, self.motion), self._whole(one, self.found)
+            motion[:] = 0.0
+            for k, table in enumerate(tables):
+                for c in range(d):
+                    for offset in range(_NODES):
+                        _add(motion[c], found[d * c + one.nodes.axes[k]], k, offset - 1, table.factors[offset], True)
             own = self._own(one, self.motion)
             result[self._rows(one, own)] += own.reshape(len(own), -1).T
 
@@ -121,15 +126,6 @@ class BoxStabiliser:
                 for offset in range(_NODES):
                     _add(out, motion[c], k, offset - 1, table.factors[offset], False)
                 out *= table.weights
-
-    def _gather(self, one: StabilisedBox, tables: "list[Table]") -> None:
-        """What differences give each node, in place of the motion."""
-        d, motion, found = len(one.axes), self._whole(one, self.motion), self._whole(one, self.found)
-        motion[:] = 0.0
-        for k, table in enumerate(tables):
-            for c in range(d):
-                for offset in range(_NODES):
-                    _add(motion[c], found[d * c + one.nodes.axes[k]], k, offset - 1, table.factors[offset], True)
 
 
 class Table(NamedTuple):

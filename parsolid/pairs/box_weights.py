@@ -126,21 +126,16 @@ def axis_tables(axis: Axis, fourth_order: bool, dissipation: float, reconstructi
     return AxisTables(gradient / length, divergence / length, dissipation * jump / length, half_step, length)
 
 
-def norms_of(axis: Axis, fourth_order: bool) -> np.ndarray:
-    """H_i over the step (n,), of fourth order or of second; whole on mirror planes."""
-    end = _END_LENGTHS if fourth_order else np.array([0.5])
-    norm = np.ones(axis.nodes)
-    if not axis.mirrors[0]:
-        norm[: len(end)] = end
-    if not axis.mirrors[1]:
-        norm[axis.nodes - len(end) :] = end[::-1]
-    return norm
-
-
 def lengths_of(axis: Axis, fourth_order: bool) -> np.ndarray:
     """H_i (n,) [m], where distances differ sum_j q_ij X_j, so that gradients of linear fields are exact."""
     if not axis.places:
-        return norms_of(axis, fourth_order) * axis.step
+        end = _END_LENGTHS if fourth_order else np.array([0.5])
+        norm = np.ones(axis.nodes)
+        if not axis.mirrors[0]:
+            norm[: len(end)] = end
+        if not axis.mirrors[1]:
+            norm[axis.nodes - len(end) :] = end[::-1]
+        return norm * axis.step
     places, operator = np.array(axis.places), operator_of(axis, fourth_order)
     # images, as far as there are nodes for them; operators reach no farther
     inner = places[1 : 1 + REACH], places[-2 : -2 - REACH : -1]

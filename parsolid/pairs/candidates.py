@@ -77,15 +77,6 @@ def images_near(
         yield code, np.flatnonzero(near[:owned]), givers, images
 
 
-def rows_of_images(found: tuple[list[np.ndarray], ...], owned: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Receivers, neighbours and codes of pairs in any order, piece by piece, as (start, neighbour, code)."""
-    receiver, neighbour, kind = (np.concatenate(pieces) for pieces in found)
-    order = np.lexsort((neighbour, kind, receiver))
-    start = np.zeros(owned + 1, np.int64)
-    np.cumsum(np.bincount(receiver, minlength=owned), out=start[1:])
-    return start, neighbour[order].astype(np.int32), kind[order]
-
-
 def mirror_candidates(positions: np.ndarray, body: Any, owned: int, codes: Any, reach: Reach) -> Any:
     """Pairs of owned particles and images near the planes, as (start, neighbour, code), unfiltered by the metric."""
     starts, neighbours, kinds = [], [], []
@@ -98,7 +89,11 @@ def mirror_candidates(positions: np.ndarray, body: Any, owned: int, codes: Any, 
         starts.append(receivers[row[across]])
         neighbours.append(givers[neighbour[across] - len(receivers)])
         kinds.append(np.full(across.sum(), code, np.int8))
-    return rows_of_images((starts, neighbours, kinds), owned)
+    receiver, neighbour, kind = (np.concatenate(pieces) for pieces in (starts, neighbours, kinds))
+    order = np.lexsort((neighbour, kind, receiver))
+    start = np.zeros(owned + 1, np.int64)
+    np.cumsum(np.bincount(receiver, minlength=owned), out=start[1:])
+    return start, neighbour[order].astype(np.int32), kind[order]
 
 
 def plain_candidates(positions: np.ndarray, owned: int, reach: Reach) -> Any:

@@ -151,7 +151,16 @@ class VerletList:
         self._follow(self._mean_velocities(), *boxes)
         self._find_pairs()
         if self.builds == 0:
-            self._check()
+            # raise SolverError on all ranks for what no list can be made of
+            positions = self.halo.with_ghosts(np.ascontiguousarray(self.particles.owned_rows("listed_position")))
+            fault = None
+            for pairs in (self.inner, self.outer):
+                if pairs is not None:
+                    same = (positions[pairs.particle] == positions[pairs.neighbour]).all(axis=1)
+                    fault = coincident(positions, pairs.start, int(np.argmax(same))) if same.any() else fault
+            raise_together(self.comm, fault)
+            if self.codes is not None:
+                raise_together(self.comm, self.codes.too_close(np.full(positions.shape[1], self.reach)))
         particles.update("reference")
         self.builds += 1
         self._builds_since += 1
@@ -272,18 +281,6 @@ class VerletList:
         start = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=self.owned))))
         pairs = Pairs(start.astype(np.int64), image[order].astype(np.int32))
         return pairs, Images(np.concatenate(sources), np.concatenate(codes))
-
-    def _check(self) -> None:
-        """Raise SolverError on all ranks for what no list can be made of."""
-        positions = self.halo.with_ghosts(np.ascontiguousarray(self.particles.owned_rows("listed_position")))
-        fault = None
-        for pairs in (self.inner, self.outer):
-            if pairs is not None:
-                same = (positions[pairs.particle] == positions[pairs.neighbour]).all(axis=1)
-                fault = coincident(positions, pairs.start, int(np.argmax(same))) if same.any() else fault
-        raise_together(self.comm, fault)
-        if self.codes is not None:
-            raise_together(self.comm, self.codes.too_close(np.full(positions.shape[1], self.reach)))
 
     # --- what is reported -------------------------------------------------------------------------------------
 

@@ -66,14 +66,6 @@ class PerforatedFilling:
         return staircase(self, identifier, index, self.volume / self.step)
 
 
-def _circle(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine and sine [rad], exactly zero where they vanish, so that particles lie on the planes of symmetry."""
-    pair = np.cos(angle), np.sin(angle)
-    for values in pair:
-        values[np.abs(values) < 1e-15] = 0.0
-    return pair
-
-
 class ShellFilling(Lattice):
     """A cylindrical shell on the lattice (hoop, axial, radial), a ring on (hoop, radial); ids run fastest radially.
 
@@ -95,14 +87,6 @@ class ShellFilling(Lattice):
             lines.append(Line(0.0, shape.length, numbers[1], nodes))
         super().__init__([*lines, Line(inner, outer, numbers[-1], nodes)])
         self.lower, self.upper, self.coarsest = body.extent()
-
-    def _place(self, radius: np.ndarray, cosine: np.ndarray, sine: np.ndarray, axial: np.ndarray | float) -> np.ndarray:
-        position = np.empty((len(cosine), self.dimension))
-        position[:, (self.axis + 1) % 3] = radius * cosine
-        position[:, (self.axis + 2) % 3] = radius * sine
-        if self.dimension == 3:
-            position[:, self.axis] = axial
-        return position + self.origin
 
     def _axes(self, cosine: np.ndarray, sine: np.ndarray) -> np.ndarray:
         axes = np.zeros((len(cosine), self.dimension, self.dimension))
@@ -128,11 +112,21 @@ class ShellFilling(Lattice):
         faces = [weight[-1] * axial_weight, arc * weight[-1], weight[0] * face_radius * axial_weight]
         face = np.stack(faces if self.dimension == 3 else [faces[0], faces[2]], axis=1)
         steps = [radius * self.lines[0].step] + [np.full(len(identifier), line.step) for line in self.lines[1:]]
-        cosine, sine = _circle(coordinates[0])
+        angle = coordinates[0]
+        cosine, sine = np.cos(angle), np.sin(angle)
+        # exactly zero where they vanish, so that particles lie on the planes of symmetry
+        for values in (cosine, sine):
+            values[np.abs(values) < 1e-15] = 0.0
         axes = self._axes(cosine, sine)
+        radius = coordinates[-1]
+        position = np.empty((len(cosine), self.dimension))
+        position[:, (self.axis + 1) % 3] = radius * cosine
+        position[:, (self.axis + 2) % 3] = radius * sine
+        if self.dimension == 3:
+            position[:, self.axis] = coordinates[1]
         return ParticleSet(
             identifier=identifier,
-            position=self._place(coordinates[-1], cosine, sine, coordinates[1]),
+            position=position + self.origin,
             volume=arc * weight[-1] * axial_weight,
             spacing=np.stack(steps, axis=1),
             axes=axes,

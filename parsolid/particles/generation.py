@@ -82,13 +82,35 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
         for filling in fillings
         if isinstance(filling, MeshFilling) and filling.body.placed_on == "vertices"
     }
-    particle_set.notes = _notes(fillings)
+    # what is left out of meshes, or turned, without a change of the bodies
+    notes, files = list[Note](), set()
+    for i, filling in enumerate(fillings):
+        if not isinstance(filling, MeshFilling):
+            continue
+        key = filling.body.shape.model.mesh_key
+        if filling.unused and key not in files:
+            notes.append(Note("unused-nodes", f"bodies.{i}: {filling.unused} nodes of no element, which are left out"))
+        files.add(key)
+        if filling.turned:
+            text = f"{filling.turned} elements whose nodes are ordered inside out, which are turned"
+            notes.append(Note("turned-elements", f"bodies.{i}: {text}"))
+    particle_set.notes = notes
     agree(comm, overlap_faults(scene, fillings, particle_set, comm))
     agree(comm, touching_faults(scene, particle_set, comm))
     del fillings
     everywhere = np.ones(len(particle_set), bool)
     chosen = [selected(scene, one, particle_set, comm) if one.on_particles else everywhere for one in scene.boundaries]
-    faults = _distant_probes(scene, particle_set, coarsest, comm) + _empty_regions(scene, particle_set, chosen, comm)
+    # regions of boundaries (chosen), probes, initial states and of the output in which there is no particle
+    named = uses_of_regions(scene)
+    keys = {place[1]: place for place, _ in named if place[0] == "boundaries"}
+    masks: list[tuple[tuple[Any, ...], Any]] = [(keys.get(i, ("boundaries", i)), mask) for i, mask in enumerate(chosen)]
+    for place, name in named:
+        if place[0] != "boundaries":
+            masks.append((place, particles_of(name, scene, particle_set)))
+    count = np.array([mask.sum() for _, mask in masks], np.int64)
+    comm.Allreduce(MPI.IN_PLACE, count, op=MPI.SUM)
+    faults = _distant_probes(scene, particle_set, coarsest, comm)
+    faults += [fault(place, "a region that holds particles", int(n)) for (place, _), n in zip(masks, count) if n == 0]
     agree(comm, faults + _not_finite(scene, particle_set, chosen, comm))
     agree(comm, contradictions(scene, particle_set.position, particle_set.spacing.min(axis=1), chosen, comm))
     return particle_set
@@ -149,22 +171,6 @@ def _fillings(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices]) -> li
     return list(fillings.values())
 
 
-def _notes(fillings: list[Filling]) -> list[Note]:
-    """What is left out of meshes, or turned, without a change of the bodies."""
-    notes, files = list[Note](), set()
-    for i, filling in enumerate(fillings):
-        if not isinstance(filling, MeshFilling):
-            continue
-        key = filling.body.shape.model.mesh_key
-        if filling.unused and key not in files:
-            notes.append(Note("unused-nodes", f"bodies.{i}: {filling.unused} nodes of no element, which are left out"))
-        files.add(key)
-        if filling.turned:
-            text = f"{filling.turned} elements whose nodes are ordered inside out, which are turned"
-            notes.append(Note("turned-elements", f"bodies.{i}: {text}"))
-    return notes
-
-
 def _mark_meshes(scene: Scene, fillings: list[Filling], known: dict[str, Region]) -> list[str]:
     """Find the particles of meshes in regions; faults of groups that no mesh has."""
     meshes = [filling for filling in fillings if isinstance(filling, MeshFilling)] if known else []
@@ -198,19 +204,6 @@ def _distant_probes(scene: Scene, particle_set: ParticleSet, coarsest: float, co
         for (i, at), away in zip(probes, distance)
         if away > reach
     ]
-
-
-def _empty_regions(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
-    """Regions of boundaries (chosen), probes, initial states and of the output in which there is no particle."""
-    named = uses_of_regions(scene)
-    keys = {place[1]: place for place, _ in named if place[0] == "boundaries"}
-    masks: list[tuple[tuple[Any, ...], Any]] = [(keys.get(i, ("boundaries", i)), mask) for i, mask in enumerate(chosen)]
-    for place, name in named:
-        if place[0] != "boundaries":
-            masks.append((place, particles_of(name, scene, particle_set)))
-    count = np.array([mask.sum() for _, mask in masks], np.int64)
-    comm.Allreduce(MPI.IN_PLACE, count, op=MPI.SUM)
-    return [fault(place, "a region that holds particles", int(n)) for (place, _), n in zip(masks, count) if n == 0]
 
 
 def _formulas(

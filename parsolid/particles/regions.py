@@ -10,7 +10,6 @@ from mpi4py import MPI
 
 from parsolid.collective import SolverError
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries import Condition
 from parsolid.scene.named_regions import Region as NamedRegion
 from parsolid.scene.regions import Named, NearestTo, OnPlane, Region
@@ -80,7 +79,21 @@ def _particles_in(
     if isinstance(region, Named):
         return particles_of(region.name, scene, particle_set)
     if isinstance(region, OnPlane):
-        return _on_plane(region.plane, scene, particle_set)
+        # nodes within a rounding error of a plane, cells within their own half width
+        result, axis = np.zeros(len(particle_set), bool), region.plane.axis
+        distance, extent = np.abs(position[:, axis] - region.plane.offset), particle_set.spacing[:, axis]
+        if particle_set.axes is not None:
+            # the particle's own widths, seen along the normal
+            extent = (np.abs(particle_set.axes[:, :, axis]) * particle_set.spacing).sum(axis=1)
+        for i, body in enumerate(scene.bodies):
+            uneven = body.shape.kind == "mesh"
+            reach = 1e-6 if body.placed_on == "vertices" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
+            here = (particle_set.body == i) & (distance <= reach * extent)
+            if body.placed_on == "cells" and (body.jitter or uneven):
+                # their faces tell which of the cells bound the body here
+                here &= particle_set.area[:, axis] != 0.0
+            result |= here
+        return result
     if isinstance(region, NearestTo):
         names = particle_set.identifier
         winner, _ = nearest_particles(comm, names[meant], position[meant], np.array([region.point]))
@@ -92,21 +105,3 @@ def particles_of(name: str, scene: Scene, particle_set: ParticleSet) -> np.ndarr
     """Which particles (n,) bool are in a region with a name."""
     assert particle_set.regions is not None
     return np.asarray(particle_set.regions[:, list(scene.named_regions).index(name)] == 1)
-
-
-def _on_plane(plane: Plane, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
-    """Nodes within a rounding error of a plane, cells within their own half width."""
-    result, axis = np.zeros(len(particle_set), bool), plane.axis
-    distance, extent = np.abs(particle_set.position[:, axis] - plane.offset), particle_set.spacing[:, axis]
-    if particle_set.axes is not None:
-        # the particle's own widths, seen along the normal
-        extent = (np.abs(particle_set.axes[:, :, axis]) * particle_set.spacing).sum(axis=1)
-    for i, body in enumerate(scene.bodies):
-        uneven = body.shape.kind == "mesh"
-        reach = 1e-6 if body.placed_on == "vertices" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
-        here = (particle_set.body == i) & (distance <= reach * extent)
-        if body.placed_on == "cells" and (body.jitter or uneven):
-            # their faces tell which of the cells bound the body here
-            here &= particle_set.area[:, axis] != 0.0
-        result |= here
-    return result

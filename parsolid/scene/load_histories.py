@@ -202,7 +202,6 @@ class LoadHistory(SeparatedFunction):
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether the values change in time."""
         return self.history is not None or self.formulas.depends_on_time
 
     def component(self, index: int) -> "LoadHistory":
@@ -304,7 +303,6 @@ class RigidMotion(SeparatedFunction):
 
     @property
     def free(self) -> np.ndarray:
-        """No component is."""
         return np.zeros(self.dimension, bool)
 
     @property

@@ -187,6 +187,5 @@ class HistoryOutput(Output):
                 self._file.append([row[name] for name in self.columns])
 
     def close(self) -> None:
-        """Close the file."""
         if self._file is not None:
             self._file.close()

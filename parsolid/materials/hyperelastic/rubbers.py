@@ -4,7 +4,7 @@ W = w(I1bar - 3) + U(J). A law of this kind is a NamedTuple with `volume` and a 
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from parsolid.elementary import exp, log
 from parsolid.kernels import inlined
@@ -13,7 +13,6 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pr
 from parsolid.materials.hyperelastic.volume import (
     BulkModulus,
     VolumeKind,
-    law_with_volume,
     volume_energy,
     volume_slopes,
     volume_terms,
@@ -27,42 +26,8 @@ def chain(law, x):
     """w [J/m^3] and its first two derivatives [Pa] at x = I1bar - 3."""
 
 
-class Yeoh(NamedTuple):
-    """See `StatedYeoh`."""
-
-    density: float
-    c1: float
-    c2: float
-    c3: float
-    volume: Any
-    branch_moduli: tuple[float, ...] | None
-    relaxation_times: tuple[float, ...] | None
-
-
-class Gent(NamedTuple):
-    """See `StatedGent`."""
-
-    density: float
-    shear_modulus: float
-    limit: float
-    volume: Any
-    branch_moduli: tuple[float, ...] | None
-    relaxation_times: tuple[float, ...] | None
-
-
-class ArrudaBoyce(NamedTuple):
-    """See `StatedArrudaBoyce`."""
-
-    density: float
-    modulus: float
-    locking_stretch: float
-    volume: Any
-    branch_moduli: tuple[float, ...] | None
-    relaxation_times: tuple[float, ...] | None
-
-
 @law("hyperelastic", "yeoh")
-class StatedYeoh:
+class Yeoh(NamedTuple):
     """sum c_i (I1bar - 3)^i + U(J), i = 1, 2, 3 (Yeoh, Rubber Chem. Technol. 66 (1993) 754); mu = 2 c1."""
 
     density: Density
@@ -71,14 +36,12 @@ class StatedYeoh:
     c3: Annotated[float, Parameter("Pa", "factor of the cube", default=0.0)]
     bulk_modulus: BulkModulus
     volume: VolumeKind
-
-    def equilibrium_law(self) -> Any:
-        """The law without branches."""
-        return law_with_volume(Yeoh, self)
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
 
 @law("hyperelastic", "gent")
-class StatedGent:
+class Gent(NamedTuple):
     """-mu J_m/2 ln(1 - (I1bar - 3)/J_m) + U(J) (Gent, Rubber Chem. Technol. 69 (1996) 59): at I1bar - 3 = J_m chains
     are stretched out, and the run stops."""
 
@@ -87,14 +50,12 @@ class StatedGent:
     limit: Annotated[float, Parameter("1", "J_m", above=0.0)]
     bulk_modulus: BulkModulus
     volume: VolumeKind
-
-    def equilibrium_law(self) -> Any:
-        """The law without branches."""
-        return law_with_volume(Gent, self)
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
 
 @law("hyperelastic", "arruda-boyce")
-class StatedArrudaBoyce:
+class ArrudaBoyce(NamedTuple):
     """Eight chains, five terms: modulus sum c_i/locking_stretch^(2i-2) (I1bar^i - 3^i) + U(J), c = 1/2, 1/20, 11/1050,
     19/7000, 519/673750 (Arruda & Boyce, J. Mech. Phys. Solids 41 (1993) 389). The shear modulus at rest is larger."""
 
@@ -103,10 +64,8 @@ class StatedArrudaBoyce:
     locking_stretch: Annotated[float, Parameter("1", "lambda_m", above=1.0)]
     bulk_modulus: BulkModulus
     volume: VolumeKind
-
-    def equilibrium_law(self) -> Any:
-        """The law without branches."""
-        return law_with_volume(ArrudaBoyce, self)
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
 
 @chain.of(Yeoh)
@@ -148,14 +107,14 @@ def _excess(F, J):
 
 @energy.of(Yeoh, Gent, ArrudaBoyce)
 def _energy(law, F, H, J):
-    return chain(law, _excess(F, J)[0])[0] + volume_energy(law.volume, J)
+    return chain(law, _excess(F, J)[0])[0] + volume_energy(law.volume, law.bulk_modulus, J)
 
 
 @stress.of(Yeoh, Gent, ArrudaBoyce)
 def _stress(law, F, H, J):
     x, shrink, first = _excess(F, J)
     g = 2.0 * chain(law, x)[1] * shrink
-    return combine(g, F, volume_slopes(law.volume, J)[0] - g * first / (3.0 * J), H)
+    return combine(g, F, volume_slopes(law.volume, law.bulk_modulus, J)[0] - g * first / (3.0 * J), H)
 
 
 @pressure_waves.of(Yeoh, Gent, ArrudaBoyce)
@@ -167,7 +126,7 @@ def _waves(law, F, H, J):
     HH, r = gram(H), 1.0 / (J * J)
     k = 0.5 * max(first * contract(H, H) * r - 9.0, 0.0) ** 0.5
     of_inverse = (5.0 / 9.0 * g * first + stiffer * first * first / 9.0) * r
-    of_volume = max(volume_slopes(law.volume, J)[1], 0.0)
+    of_volume = max(volume_slopes(law.volume, law.bulk_modulus, J)[1], 0.0)
     waves = combine_symmetric(of_inverse + of_volume, HH, stiffer, gram(F))
     return add_spherical(waves, g * (2.0 * k - 1.0) / 3.0 - 2.0 / 3.0 * stiffer * first)
 
@@ -175,7 +134,7 @@ def _waves(law, F, H, J):
 @elastic_moduli.of(Yeoh, Gent, ArrudaBoyce)
 def _moduli(law):
     shear = 2.0 * chain(law, 0.0)[1]
-    return shear, law.volume.bulk_modulus - 2.0 / 3.0 * shear
+    return shear, law.bulk_modulus - 2.0 / 3.0 * shear
 
 
 volume_part.of(Yeoh, Gent, ArrudaBoyce)(volume_terms)

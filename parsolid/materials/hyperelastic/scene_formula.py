@@ -217,9 +217,12 @@ def source_of(text: str, constants: tuple[str, ...]) -> str:
     W = of_volume + rest
     names = {name: f"law.c_{name}" for name in constants}
     fields = "".join(f"    c_{name}: float\n" for name in constants)
+    lines, (value,) = _body([W], names)
     written = [
         _HEAD.format(text=text, fields=fields, kind=_KIND),
-        _energy_source(W, names),
+        "\n".join(
+            ["@energy.of(Formula)", "def _energy(law, F, H, J):", *_state_lines(W), *lines, f"    return {value}\n"]
+        ),
         _stress_source(W, s, names),
     ]
     return "\n\n".join([*written, _waves_source(of_volume, rest, s, names)])
@@ -235,13 +238,6 @@ def _state_lines(W: Any) -> list[str]:
     used = _variables(W)
     lines = [_STATE[name] for name in ("I1", "I2") if name in used]
     return [*lines, _STATE["stretches"]] if used & {*_STRETCHES} else lines
-
-
-def _energy_source(W: Any, names: dict[str, str]) -> str:
-    lines, (value,) = _body([W], names)
-    return "\n".join(
-        ["@energy.of(Formula)", "def _energy(law, F, H, J):", *_state_lines(W), *lines, f"    return {value}\n"]
-    )
 
 
 def _stress_source(W: Any, s: Any, names: dict[str, str]) -> str:
@@ -317,26 +313,22 @@ def _faults(text: str, constants: tuple[tuple[str, float], ...]) -> tuple[Any, .
         unused = [name for name in names if name not in used]
         if unused:
             return tuple((("constants", name), "a constant of the formula", name) for name in unused)
-        _check_real(formula, constants)
+        # a root or a logarithm of a negative number near rest
+        a, b, c = _TRIED
+        J = a * b * c
+        first, second = a * a + b * b + c * c, (a * b) ** 2 + (a * c) ** 2 + (b * c) ** 2
+        shrink = J ** (-1.0 / 3.0)
+        state = (first, second, J, shrink**2 * first, shrink**4 * second, a, b, c, shrink * a, shrink * b, shrink * c)
+        values = dict(zip(VARIABLES, state)) | dict(constants)
+        found = formula.subs({symbol: values[symbol.name] for symbol in formula.free_symbols}).evalf()
+        if not (found.is_real and found.is_finite):
+            raise FormulaError("a formula of real numbers near rest", Phrase(str(found)))
         _check(_law_with(text, constants))
     except FormulaError as error:
         return ((("energy",), error.expected, error.found),)
     except registry.LawError as error:
         return ((("energy",), str(error), text[:200]),)
     return ()
-
-
-def _check_real(formula: Any, constants: tuple[tuple[str, float], ...]) -> None:
-    """Raise FormulaError where a root or a logarithm of a negative number is taken near rest."""
-    a, b, c = _TRIED
-    J = a * b * c
-    first, second = a * a + b * b + c * c, (a * b) ** 2 + (a * c) ** 2 + (b * c) ** 2
-    shrink = J ** (-1.0 / 3.0)
-    state = (first, second, J, shrink**2 * first, shrink**4 * second, a, b, c, shrink * a, shrink * b, shrink * c)
-    values = dict(zip(VARIABLES, state)) | dict(constants)
-    found = formula.subs({symbol: values[symbol.name] for symbol in formula.free_symbols}).evalf()
-    if not (found.is_real and found.is_finite):
-        raise FormulaError("a formula of real numbers near rest", Phrase(str(found)))
 
 
 def _check(law: Any) -> None:

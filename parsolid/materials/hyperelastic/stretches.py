@@ -13,7 +13,6 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pr
 from parsolid.materials.hyperelastic.volume import (
     BulkModulus,
     VolumeKind,
-    law_with_volume,
     volume_energy,
     volume_slopes,
     volume_terms,
@@ -31,48 +30,8 @@ def of_stretches(law, e):
     """w [J/m^3], its slopes t_i = dw/d ln lambda_i and curvatures T_ij [Pa] (11, 22, 33, 12, 13, 23), of three e."""
 
 
-class Ogden(NamedTuple):
-    """See `StatedOgden`."""
-
-    density: float
-    mu_1: float
-    alpha_1: float
-    mu_2: float
-    alpha_2: float
-    mu_3: float
-    alpha_3: float
-    volume: Any
-    branch_moduli: tuple[float, ...] | None
-    relaxation_times: tuple[float, ...] | None
-
-
-class Hencky(NamedTuple):
-    """See `StatedHencky`."""
-
-    density: float
-    shear_modulus: float
-    volume: Any
-    branch_moduli: tuple[float, ...] | None
-    relaxation_times: tuple[float, ...] | None
-
-
-class Polynomial(NamedTuple):
-    """See `StatedPolynomial`."""
-
-    density: float
-    c10: float
-    c01: float
-    c20: float
-    c11: float
-    c02: float
-    c30: float
-    volume: Any
-    branch_moduli: tuple[float, ...] | None
-    relaxation_times: tuple[float, ...] | None
-
-
 @law("hyperelastic", "ogden")
-class StatedOgden:
+class Ogden(NamedTuple):
     """sum mu_p/alpha_p (sum_i lambdabar_i^alpha_p - 3) + U(J), up to three terms (Ogden, Proc. R. Soc. A 326 (1972)
     565); the shear modulus is sum mu_p alpha_p/2, each mu_p alpha_p > 0. mu_p of Abaqus is mu_p alpha_p/2 here."""
 
@@ -85,6 +44,8 @@ class StatedOgden:
     alpha_3: Annotated[float, Parameter("1", "exponent, not 0", default=2.0)]
     bulk_modulus: BulkModulus
     volume: VolumeKind
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
     def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
         """Terms whose energy is not convex."""
@@ -97,13 +58,9 @@ class StatedOgden:
                 found.append(((f"mu_{p}",), f"the sign of alpha_{p} = {alpha:g}", mu))
         return found
 
-    def equilibrium_law(self) -> Any:
-        """The law without branches."""
-        return law_with_volume(Ogden, self)
-
 
 @law("hyperelastic", "hencky")
-class StatedHencky:
+class Hencky(NamedTuple):
     """mu |dev ln U|^2 + U(J): linear in logarithmic strain, for small elastic strain; waves are sure for stretches of
     .21 to 1.39 (Bruhns, Xiao & Meyers, Int. J. Plasticity 17 (2001))."""
 
@@ -111,14 +68,12 @@ class StatedHencky:
     shear_modulus: Annotated[float, Parameter("Pa", "mu", above=0.0)]
     bulk_modulus: BulkModulus
     volume: VolumeKind
-
-    def equilibrium_law(self) -> Any:
-        """The law without branches."""
-        return law_with_volume(Hencky, self)
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
 
 @law("hyperelastic", "polynomial")
-class StatedPolynomial:
+class Polynomial(NamedTuple):
     """sum c_ij (I1bar - 3)^i (I2bar - 3)^j + U(J) (Rivlin & Saunders, Phil. Trans. R. Soc. A 243 (1951) 251); mu = 2
     (c10 + c01). Terms of I2bar are not polyconvex (Hartmann & Neff, Int. J. Solids Struct. 40 (2003) 2767)."""
 
@@ -131,14 +86,12 @@ class StatedPolynomial:
     c30: Annotated[float, Parameter("Pa", "factor of (I1bar - 3)^3", default=0.0)]
     bulk_modulus: BulkModulus
     volume: VolumeKind
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
     def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
         """A solid that does not resist shear at rest."""
         return [] if self.c10 + self.c01 > 0.0 else [(("c10",), "c10 + c01 > 0", self.c10)]
-
-    def equilibrium_law(self) -> Any:
-        """The law without branches."""
-        return law_with_volume(Polynomial, self)
 
 
 @inlined
@@ -228,14 +181,14 @@ def _principal_state(F):
 
 @energy.of(Ogden, Hencky, Polynomial)
 def _energy(law, F, H, J):
-    return of_stretches(law, _principal_state(F)[2])[0] + volume_energy(law.volume, J)
+    return of_stretches(law, _principal_state(F)[2])[0] + volume_energy(law.volume, law.bulk_modulus, J)
 
 
 @stress.of(Ogden, Hencky, Polynomial)
 def _stress(law, F, H, J):
     squares, axes, e = _principal_state(F)
     P = stress_of_logarithms(F, squares, axes, of_stretches(law, e)[1])
-    return combine(1.0, P, volume_slopes(law.volume, J)[0], H)
+    return combine(1.0, P, volume_slopes(law.volume, law.bulk_modulus, J)[0], H)
 
 
 @inlined
@@ -295,7 +248,7 @@ def waves_of_logarithms(squares, axes, t, T):
 def _waves(law, F, H, J):
     squares, axes, e = _principal_state(F)
     _, t, T = of_stretches(law, e)
-    of_volume = max(volume_slopes(law.volume, J)[1], 0.0)
+    of_volume = max(volume_slopes(law.volume, law.bulk_modulus, J)[1], 0.0)
     return combine_symmetric(1.0, waves_of_logarithms(squares, axes, t, T), of_volume, gram(H))
 
 
@@ -304,7 +257,7 @@ def _moduli(law):
     # at rest T11 - T12 is twice the shear modulus
     T = of_stretches(law, (0.0, 0.0, 0.0))[2]
     shear = 0.5 * (T[0] - T[3])
-    return shear, law.volume.bulk_modulus - 2.0 / 3.0 * shear
+    return shear, law.bulk_modulus - 2.0 / 3.0 * shear
 
 
 volume_part.of(Ogden, Hencky, Polynomial)(volume_terms)

@@ -15,7 +15,7 @@ from parsolid.kernels import inlined
 from parsolid.materials.declaration import Density, Direction, Parameter, law
 from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pressure_waves, stress, volume_part
 from parsolid.materials.hyperelastic.rubbers import Yeoh
-from parsolid.materials.hyperelastic.volume import BulkModulus, VolumeKind, law_with_volume
+from parsolid.materials.hyperelastic.volume import KINDS, BulkModulus, VolumeKind
 from parsolid.tensors import combine, combine_symmetric, contract, gram, plus, plus_symmetric, times
 
 # the exponent that k2 E^2 counts for at most: e^80 of any stiffness stops a run
@@ -75,11 +75,13 @@ class StatedHolzapfelGasserOgden:
 
     def equilibrium_law(self) -> Any:
         """The law without branches."""
-        matrix = law_with_volume(Yeoh, self, c1=0.5 * float(self.shear_modulus), c2=0.0, c3=0.0)
+        density, shear, bulk = float(self.density), float(self.shear_modulus), float(self.bulk_modulus)
+        volume: Any = dict(KINDS)[self.volume]
+        matrix = Yeoh(density, 0.5 * shear, 0.0, 0.0, bulk, volume, None, None)
         numbers = (float(self.fibre_modulus), float(self.fibre_exponent), float(getattr(self, "dispersion", 0.0)))
         directions = [Direction().at_rest] * (1 if self.second_fibre is None else 2)
         kind: Any = OneFamily if self.second_fibre is None else TwoFamilies
-        return kind(float(self.density), matrix, *numbers, *directions, None, None)
+        return kind(density, matrix, *numbers, *directions, None, None)
 
 
 @law("hyperelastic", "gasser-ogden-holzapfel")

@@ -1,6 +1,6 @@
 """Heart muscle: the transversely isotropic exponential law of Guccione, McCulloch & Waldman."""
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from parsolid.elementary import exp
 from parsolid.kernels import inlined
@@ -9,7 +9,6 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli, energy, pr
 from parsolid.materials.hyperelastic.volume import (
     BulkModulus,
     VolumeKind,
-    law_with_volume,
     volume_energy,
     volume_slopes,
     volume_terms,
@@ -29,22 +28,8 @@ from parsolid.tensors import (
 FIBRE = Annotated[tuple[float, float, float], Direction("of the fibres")]
 
 
-class Guccione(NamedTuple):
-    """See `StatedGuccione`."""
-
-    density: float
-    stiffness: float
-    along: float
-    across: float
-    shear: float
-    fibre: FIBRE
-    volume: Any
-    branch_moduli: tuple[float, ...] | None
-    relaxation_times: tuple[float, ...] | None
-
-
 @law("hyperelastic", "guccione")
-class StatedGuccione:
+class Guccione(NamedTuple):
     """C/2 [exp(Q) - 1] + U(J), Q = b_f E_ff^2 + b_t (E_ss^2 + E_nn^2 + 2 E_sn^2) + 2 b_fs (E_fs^2 + E_fn^2) of Green's
     strain along fibres f and across (Guccione, McCulloch & Waldman, J. Biomech. Eng. 113 (1991) 42)."""
 
@@ -56,10 +41,8 @@ class StatedGuccione:
     bulk_modulus: BulkModulus
     volume: VolumeKind
     fibre: FIBRE
-
-    def equilibrium_law(self) -> Any:
-        """The law without branches."""
-        return law_with_volume(Guccione, self, fibre=Direction().at_rest)
+    branch_moduli: tuple[float, ...] | None
+    relaxation_times: tuple[float, ...] | None
 
 
 @inlined
@@ -92,14 +75,14 @@ def _slope_of_Q(law, E, Ea, along):
 def _energy(law, F, H, J):
     _, _, _, Q = _strains(law, F)
     series = Q * (1.0 + Q * (0.5 + Q * (1.0 / 6.0 + Q * (1.0 / 24.0 + Q / 120.0))))
-    return 0.5 * law.stiffness * (series if Q < 1e-3 else exp(Q) - 1.0) + volume_energy(law.volume, J)
+    return 0.5 * law.stiffness * (series if Q < 1e-3 else exp(Q) - 1.0) + volume_energy(law.volume, law.bulk_modulus, J)
 
 
 @stress.of(Guccione)
 def _stress(law, F, H, J):
     E, Ea, along, Q = _strains(law, F)
     S = times_symmetric(0.5 * law.stiffness * exp(Q), _slope_of_Q(law, E, Ea, along))
-    return combine(1.0, matmul(F, general(S)), volume_slopes(law.volume, J)[0], H)
+    return combine(1.0, matmul(F, general(S)), volume_slopes(law.volume, law.bulk_modulus, J)[0], H)
 
 
 @pressure_waves.of(Guccione)
@@ -110,7 +93,7 @@ def _waves(law, F, H, J):
     slope, grown = _slope_of_Q(law, E, Ea, along), 0.5 * law.stiffness * exp(Q)
     waves = combine_symmetric(grown, slope, grown, gram(matmul(F, general(slope))))
     most = 2.0 * grown * max(law.along, law.across, law.shear) * largest_eigenvalue_bound(gram(F))
-    of_volume = max(volume_slopes(law.volume, J)[1], 0.0)
+    of_volume = max(volume_slopes(law.volume, law.bulk_modulus, J)[1], 0.0)
     return add_spherical(combine_symmetric(1.0, waves, of_volume, gram(H)), most)
 
 
@@ -118,7 +101,7 @@ def _waves(law, F, H, J):
 def _moduli(law):
     # the shear modulus across fibres
     shear = 0.5 * law.stiffness * law.across
-    return shear, law.volume.bulk_modulus - 2.0 / 3.0 * shear
+    return shear, law.bulk_modulus - 2.0 / 3.0 * shear
 
 
 volume_part.of(Guccione)(volume_terms)

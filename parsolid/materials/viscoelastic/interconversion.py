@@ -30,27 +30,20 @@ def shear_relaxation(bulk_modulus: float, equilibrium: float, moduli, times) -> 
 
     rates, slopes = [], []
     for j, pole in enumerate(poles):
-        offset = brentq(
-            excess, *_bracket(excess, poles, strengths[j] / (9.0 * K), j), args=(j,), xtol=1e-300, rtol=1e-14
-        )
+        # two offsets between which E(s) - 9 K falls through zero: from plus infinity at a pole to minus infinity at the
+        # next
+        low = strengths[j] / (9.0 * K)
+        last = j + 1 == len(poles)
+        high = np.inf if last else (poles[j + 1] - pole) / pole * (1.0 - 1e-15)
+        while low >= high or excess(low, j) < 0.0:
+            low *= 0.5
+        if last:
+            # beyond the last pole E falls to E(0+) < 9 K
+            high = 2.0 * low
+            while excess(high, j) > 0.0:
+                high *= 2.0
+        offset = brentq(excess, low, high, args=(j,), xtol=1e-300, rtol=1e-14)
         rates.append(pole * (1.0 + offset))
         slopes.append(float(np.sum(strengths * poles / distance(offset, j) ** 2)))
     rate = np.array(rates)
     return 3.0 * K * equilibrium / (9.0 * K - equilibrium), 27.0 * K * K / (np.array(slopes) * rate), 1.0 / rate
-
-
-def _bracket(excess, poles: np.ndarray, guess: float, j: int) -> tuple[float, float]:
-    """Two offsets between which E(s) - 9 K falls through zero: from plus infinity at a pole to minus infinity at the
-    next.
-    """
-    low = guess
-    last = j + 1 == len(poles)
-    high = np.inf if last else (poles[j + 1] - poles[j]) / poles[j] * (1.0 - 1e-15)
-    while low >= high or excess(low, j) < 0.0:
-        low *= 0.5
-    if last:
-        # beyond the last pole E falls to E(0+) < 9 K
-        high = 2.0 * low
-        while excess(high, j) > 0.0:
-            high *= 2.0
-    return low, high

@@ -23,7 +23,7 @@ from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import region_of
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.base_model import Plane
-from parsolid.scene.boundaries import Condition, HeatFlux, MotionCondition, PrescribedTemperature, Support, Wall
+from parsolid.scene.boundaries import HeatFlux, MotionCondition, PrescribedTemperature, Support, Wall
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.regions import NearestTo
 
@@ -129,18 +129,13 @@ class DrivenRegion:
 
     def follow(self, time: float) -> None:
         """Move a plane that bounds bodies to a time [s]."""
-        speed = self._normal_speed()
+        found = dict(self.components).get(self.plane[0]) if self.plane is not None else None
+        speed = found if found is not None and not set(found.formulas[0].names) - {"t"} else None
         if speed is not None and time > self.at:
             self.moved += (
                 0.5 * (time - self.at) * sum(speed.evaluate(np.zeros((1, 3)), t)[0, 0] for t in (self.at, time))
             )
         self.at = time
-
-    def _normal_speed(self) -> LoadHistory | None:
-        """Of a plane's own motion; None where it stays."""
-        velocities = dict(self.components)
-        found = velocities.get(self.plane[0]) if self.plane is not None else None
-        return found if found is not None and not set(found.formulas[0].names) - {"t"} else None
 
     def choose(self, nodes: Nodes) -> np.ndarray:
         """Slots of the nodes in the region, found anew when there are others."""
@@ -280,7 +275,10 @@ class GridConditions:
         self.upper = maximum(comm, position.max(axis=0, initial=-np.inf))
         self.loads = Loads(comm, scene, particle_set, points)
         for key, one in self.loads.all:
-            _refuse_body(key, one)
+            # nodes belong to all bodies; only heat through a plane and loads on surfaces go to the particles of one
+            if one.body is not None and not isinstance(one, HeatFlux) and surface_load(one) is None:
+                what = "a plane's temperature" if isinstance(one, PrescribedTemperature) else "a condition on nodes"
+                raise SolverError(f"{key}.body: expected none, {what} is that of all bodies, found one")
         refuse_bodies_behind_walls(comm, scene, particle_set)
         self.planes = self._folded(scene)
         self.imposed: list[NodalWall | DrivenRegion] = [
@@ -292,22 +290,18 @@ class GridConditions:
         ]
         self.imposed += self.driven
         if self.driven:
-            self._refuse_contradictions(comm, scene, position)
+            # conditions that hold a component of a node differently, of corners of cells with particles
+            d, cell, origin = self.dimension, scene.method.cell, self.points.origin[: self.dimension]
+            lowest = np.unique(np.floor((position - origin) / cell), axis=0)
+            corners = [lowest + corner for corner in itertools.product((0.0, 1.0), repeat=d)]
+            places = origin + cell * np.unique(np.concatenate(corners), axis=0)
+            chosen = [np.full(len(places), isinstance(one, Support)) for one in scene.boundaries]
+            for region in self.driven:
+                chosen[int(region.key.rpartition(".")[2])] = region.contains(places, cell)
+            faults = contradictions(scene, places, cell, chosen, comm, "nodes")
+            if faults:
+                raise SceneError(faults)
         self._beside, self._seen = np.zeros(0, bool), -1
-
-    def _refuse_contradictions(self, comm: MPI.Comm, scene: Scene, position: np.ndarray) -> None:
-        """Raise SceneError on all ranks where conditions hold a component of a node differently, of those that are
-        corners of cells with particles at positions (n, d) [m]. Collective."""
-        d, cell, origin = self.dimension, scene.method.cell, self.points.origin[: self.dimension]
-        lowest = np.unique(np.floor((position - origin) / cell), axis=0)
-        corners = [lowest + corner for corner in itertools.product((0.0, 1.0), repeat=d)]
-        places = origin + cell * np.unique(np.concatenate(corners), axis=0)
-        chosen = [np.full(len(places), isinstance(one, Support)) for one in scene.boundaries]
-        for region in self.driven:
-            chosen[int(region.key.rpartition(".")[2])] = region.contains(places, cell)
-        faults = contradictions(scene, places, cell, chosen, comm, "nodes")
-        if faults:
-            raise SceneError(faults)
 
     def _folded(self, scene: Scene) -> list[FoldedPlane]:
         supports = self.loads.of(Support)
@@ -419,13 +413,6 @@ class GridConditions:
                 fluxes = [one.prescribed for one in entering]
                 heated.append(ThermalPlane(fold.mirror, plane, None, fluxes, conductivity))
         return heated + result
-
-
-def _refuse_body(key: str, one: Condition) -> None:
-    """Nodes belong to all bodies; only heat through a plane and loads on surfaces go to the particles of one."""
-    if one.body is not None and not isinstance(one, HeatFlux) and surface_load(one) is None:
-        what = "a plane's temperature" if isinstance(one, PrescribedTemperature) else "a condition on nodes"
-        raise SolverError(f"{key}.body: expected none, {what} is that of all bodies, found one")
 
 
 def refuse_bodies_behind_walls(comm: MPI.Comm, scene: Scene, particle_set: ParticleSet) -> None:

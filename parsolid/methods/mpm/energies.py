@@ -119,13 +119,7 @@ class StepEnergies:
             lost = self._lost() + caught
         ledger.add(1.0, materials.pop(MATERIAL, 0.0), lost, supplied)
         loads.report(duration, ledger)
-        for name, energy in (materials | self._delete(step, loads)).items():
-            ledger.add_term(name, energy)
-        if self.external is None:
-            ledger.add_term(KINETIC_OFFSET, before - self.behind.work)
-
-    def _delete(self, step: float, loads: Loads) -> dict[str, float]:
-        """Terms [J] of what is deleted; after the step's balance, which would take it for a loss."""
+        # what is deleted, after the step's balance, which would take it for a loss
         in_halves = self.external is not None
         self.behind.follow(step, in_halves)
         if self.external is not None and step > 0.0:
@@ -135,7 +129,10 @@ class StepEnergies:
             loads.masses_changed()
             # velocities that went with it were half a step behind, too
             gone[DELETED_KINETIC] -= self.behind.follow(step, in_halves)
-        return gone
+        for name, energy in (materials | gone).items():
+            ledger.add_term(name, energy)
+        if self.external is None:
+            ledger.add_term(KINETIC_OFFSET, before - self.behind.work)
 
     def _kinetic_now(self) -> float:
         return float(kinetic_energy(self.points.owned, self.points.motion))

@@ -125,17 +125,7 @@ class Nodes:
         self._base, self.places = np.zeros((len(cells.index), 4)), np.zeros((self.count, 4))
         self._base[:, :d] = cells.index
         self.places[:, :d] = self.points.origin[:d] + self.spacing * cells.nodes
-        self._find_folds()
-        self._sums: dict[str, Exchange] = {"motion": self.grid.shared.sum(self.motion[:, 0:7])}
-        if self._remaps:
-            self._sums["remapped"] = self.grid.shared.sum(self.remapped[:, 0:4])
-        if self._conducts:
-            self._sums["capacity"] = self.grid.shared.sum(self.heat[:, 0:2])
-            self._sums["flow"] = self.grid.shared.sum(self.heat[:, 4:5])
-        self.changes += 1
-
-    def _find_folds(self) -> None:
-        """Nodes behind and on the mirror planes, and what counts of each node."""
+        # nodes behind and on the mirror planes, and what counts of each node
         self.share = np.ones(self.count)
         self._folds: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self.mirrored: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
@@ -147,6 +137,13 @@ class Nodes:
             self.share[on_plane] *= 0.5
         self._common = self.grid.shared_slots()
         self._share_of_all = self.share[self._common]
+        self._sums: dict[str, Exchange] = {"motion": self.grid.shared.sum(self.motion[:, 0:7])}
+        if self._remaps:
+            self._sums["remapped"] = self.grid.shared.sum(self.remapped[:, 0:4])
+        if self._conducts:
+            self._sums["capacity"] = self.grid.shared.sum(self.heat[:, 0:2])
+            self._sums["flow"] = self.grid.shared.sum(self.heat[:, 4:5])
+        self.changes += 1
 
     # --- in a step --------------------------------------------------------------------------------------------------
 

@@ -345,7 +345,12 @@ class Conduction:
         self.refresh()
         self._find_folds()
         self._supply_sources(middle)
-        passed = self._pass_plastic_heat(step)
+        # the grid spreads what plastic flow has warmed since the last step, where planes hold temperatures: particles
+        # beside such a plane would keep it, as nodes on the plane have no increments that could take it up
+        rise, passed = self.points.find("plastic_rise"), 0.0
+        if rise is not None and step > 0.0:
+            for block in self.points.warm_blocks:
+                passed += hand_over_rise(block.first, block.last, self.thermal, rise, step, self.nodes.spacing)
         held = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
         # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements
         # on it would
@@ -413,19 +418,6 @@ class Conduction:
             column = points.storage("deformation_gradient")[plane.axis : d * d : d][:, rows].T
             self._feet[rows, :d] = points.motion[rows, :d] + column * beyond[:, None]
             supply_at_faces(points.basis, self.nodes.cells, self._feet, self._power, self.nodes.heat)
-
-    def _pass_plastic_heat(self, step: float) -> float:
-        """Let the grid spread what plastic flow has warmed since the last step, where planes hold temperatures; that
-        heat [J].
-
-        Particles beside a held plane would keep it otherwise: nodes on the plane have no increments that could take it
-        up.
-        """
-        rise, heat = self.points.find("plastic_rise"), 0.0
-        if rise is not None and step > 0.0:
-            for block in self.points.warm_blocks:
-                heat += hand_over_rise(block.first, block.last, self.thermal, rise, step, self.nodes.spacing)
-        return heat
 
     def _jumps(self, held: list[np.ndarray]) -> list[np.ndarray]:
         """Temperatures of the planes less those of the particles beside them [K], at the rows of the folds.

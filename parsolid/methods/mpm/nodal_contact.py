@@ -92,12 +92,35 @@ class FieldPair:
             self._rebuild()
         if not len(self.nodes.words):
             return 0.0
-        d, fields = self.dimension, self._sum_fields()
+        # mass [kg], momentum [kg m/s] and weight of each field (n, 2, 5) over all ranks
+        table = self._table
+        table[:] = 0.0
+        for number, (system, field) in enumerate(zip(self.systems, self._particles())):
+            first, mine = number * _OF_FIELD, self._counted[number]
+            node = system.nodes.motion[self.slots[number][mine]]
+            table[mine, first] = node[:, 3]
+            table[mine, first + 1 : first + 4] = node[:, 3:4] * node[:, :3]
+            kernels.add_weights(field, self.dimension, table[:, first + 4])
+        self._sums[0].now()
+        d, fields = self.dimension, table.reshape(-1, 2, _OF_FIELD)
         mass, weight = fields[:, :, 0], fields[:, :, 4]
         self.active = (mass > self._least).all(axis=1) & self.inside & (weight > 0.0).all(axis=1)
         velocity = fields[:, :, 1 : 1 + d] / np.where(mass > 0.0, mass, 1.0)[:, :, None]
         relative = velocity[:, 0] - velocity[:, 1]
-        gap = self._find_normals(weight, np.linalg.norm(relative, axis=1) * step)
+        # a node is not active where the first step of Newton's method parts the fields by more than closes: they do not
+        # meet, whatever plane is best
+        self._see(weight)
+        fit = np.zeros((len(weight), FIT))
+        self._improve(fit, 0)
+        self._set_normals(fit)
+        self.active &= self._gaps() <= np.linalg.norm(relative, axis=1) * step
+        alone = self.active & ~self._shared
+        kernels.find_fits(self._seen, _SHRUNK, self._penalties[1:], _EASED - 1, _TOLERANCE, alone, fit)
+        if self._shared.any():
+            for turn in range(1, _ITERATIONS):
+                self._improve(fit, turn)
+        self._set_normals(fit)
+        gap = self._gaps()
         self._find_impulses(mass, relative, gap, step)
         warmed = sum(self._warm(number, mass[:, number]) for number in range(2)) if self.friction else 0.0
         for number, system in enumerate(self.systems):
@@ -202,39 +225,7 @@ class FieldPair:
             )
         return result
 
-    def _sum_fields(self) -> np.ndarray:
-        """Mass [kg], momentum [kg m/s] and weight of each field (n, 2, 5) over all ranks."""
-        table = self._table
-        table[:] = 0.0
-        for number, (system, field) in enumerate(zip(self.systems, self._particles())):
-            first, mine = number * _OF_FIELD, self._counted[number]
-            node = system.nodes.motion[self.slots[number][mine]]
-            table[mine, first] = node[:, 3]
-            table[mine, first + 1 : first + 4] = node[:, 3:4] * node[:, :3]
-            kernels.add_weights(field, self.dimension, table[:, first + 4])
-        self._sums[0].now()
-        return table.reshape(-1, 2, _OF_FIELD)
-
     # --- normals ------------------------------------------------------------------------------------------------------
-
-    def _find_normals(self, weights: np.ndarray, closing: np.ndarray) -> np.ndarray:
-        """Normals, and gaps (n,) [m] between the domains of the particles of both fields along them; weights (n, 2).
-
-        A node is not active where the first step of Newton's method parts the fields by more than closes (n,) [m]: they
-        do not meet, whatever plane is best.
-        """
-        self._see(weights)
-        fit = np.zeros((len(weights), FIT))
-        self._improve(fit, 0)
-        self._set_normals(fit)
-        self.active &= self._gaps() <= closing
-        alone = self.active & ~self._shared
-        kernels.find_fits(self._seen, _SHRUNK, self._penalties[1:], _EASED - 1, _TOLERANCE, alone, fit)
-        if self._shared.any():
-            for turn in range(1, _ITERATIONS):
-                self._improve(fit, turn)
-        self._set_normals(fit)
-        return self._gaps()
 
     def _see(self, weights: np.ndarray) -> None:
         """What active nodes see of both fields."""

@@ -156,7 +156,6 @@ class Reports(ParticleSystem):
         return kinetic, sum((self.solids[block.law].stored_energy(block) for block in self.points.blocks), 0.0)
 
     def advice(self) -> str:
-        """What most likely helps."""
         settings, hints = self.settings, [f"a smaller method.cfl (it is {self.settings.cfl:g})"]
         others = [f"{key} = '{word}'" for key, word in (("order", "musl"), ("transfer", "apic"))]
         stated = (settings.order == "musl", settings.transfer == "apic")
@@ -173,7 +172,6 @@ class Reports(ParticleSystem):
         }
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays besides those of the particles."""
         return [self.nodes.motion, self.nodes.remapped, self.nodes.heat, *self.grid.cells.arrays()]
 
     def bytes_a_step(self) -> int:
@@ -202,7 +200,6 @@ class Reports(ParticleSystem):
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
         return symmetry_planes([one.plane for one in self.conditions.planes])
 
     @property

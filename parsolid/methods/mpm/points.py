@@ -55,25 +55,19 @@ class MaterialPoints(Particles):
         if scene.method.origin is not None:
             self.origin[: self.dimension] = scene.method.origin
         declare_generated(self, particle_set)
-        self._declare_motion(particle_set)
-        self._declare_options(particle_set, {boundary.kind for boundary in scene.boundaries})
-        self._bases = np.empty((0, self.dimension), np.int64)
-
-    def _declare_motion(self, particles: ParticleSet) -> None:
-        d, density = self.dimension, np.array([law.density for law in self.laws])[self.law_of_body[particles.body]]
-        volume = particles.volume * (particles.position[:, 0] if self.axisymmetric else 1.0)
+        d, density = self.dimension, np.array([law.density for law in self.laws])[self.law_of_body[particle_set.body]]
+        volume = particle_set.volume * (particle_set.position[:, 0] if self.axisymmetric else 1.0)
         self.declare(Field("motion", 8, "m kg m/s m^3"))
         position = Field("position", d, "m", checkpointed=True, shown=True, layout=Within("motion", 0))
-        self.declare(position, particles.position)
+        self.declare(position, particle_set.position)
         self.declare(Field("mass", 1, "kg", layout=Within("motion", 3)), volume * density)
         self.declare(Field("velocity", d, "m/s", checkpointed=True, shown=True, layout=Within("motion", 4)))
         self.declare(Field("grid_volume", 1, "m^3", layout=Within("motion", 7)), volume)
         declare_deformation(self, d, self.laws)
         self.declare(Field("velocity_gradient", 12, "1/s"))
         self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
-
-    def _declare_options(self, particles: ParticleSet, boundaries: set[str]) -> None:
-        """What only some settings and boundaries need."""
+        # what only some settings and boundaries need
+        boundaries = {boundary.kind for boundary in scene.boundaries}
         settings, d = self.settings, self.dimension
         # FLIP has slopes beside driven nodes alone, see `conditions.GridConditions.keep_slopes_beside_driven`
         if settings.transfer != "flip" or "velocity" in boundaries:
@@ -83,9 +77,10 @@ class MaterialPoints(Particles):
             self.declare(Field("temperature_slope", 4, "K/m", checkpointed=True))
         if settings.basis == "ugimp":
             # cells of a particle's own axes count as boxes along the grid
-            halves = np.full((len(particles), 4), 0.5)
-            halves[:, :d] = np.minimum(0.5 * particles.spacing / settings.cell, 0.5)
+            halves = np.full((len(particle_set), 4), 0.5)
+            halves[:, :d] = np.minimum(0.5 * particle_set.spacing / settings.cell, 0.5)
             self.declare(Field("half_widths", 4, "1", padding=(0.5,) * 4), halves)
+        self._bases = np.empty((0, self.dimension), np.int64)
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
         """Velocity, position, F, and slopes of the velocity if there are any, at time 0 by the bodies' formulas.

@@ -114,7 +114,6 @@ class MaterialPoint(Reports):
         self._sound = self.migration.migrate() and self._sound
 
     def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """See `advance_positions`."""
         announce(self._sound, self.stable_step())
         return self._sound
 
@@ -272,7 +271,6 @@ class MaterialPoint(Reports):
         return self.migration.layout_version if self.migration.keeps_rows else None
 
     def follow_work(self, work: list[float], number: int) -> None:
-        """See `CellMigration.follow_work`."""
         self.migration.follow_work(work, number)
 
     @property

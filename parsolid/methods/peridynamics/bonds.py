@@ -114,7 +114,6 @@ class Bonds(BondSweeps):
 
     @property
     def directed_pairs(self) -> int:
-        """Interactions counted once a particle."""
         return sum((2 if mutual else 1) * len(bonds.neighbour) for bonds, _, mutual in self.lists)
 
     def arrays(self) -> list[np.ndarray]:

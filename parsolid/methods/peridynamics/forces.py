@@ -58,26 +58,21 @@ def build_forces(
             fixed[:, plane.axis] |= plane.contains(particle_set)
     if isinstance(laws[0], BondBased):
         return BondBasedForces(bonds, blocks, settings, fixed)
-    scales = control_scales(laws, blocks, settings.stabilisation, particle_set.spacing.max(axis=1))
-    return CorrespondenceForces(bonds, blocks, laws, settings, scales, fixed)
-
-
-def control_scales(
-    laws: list[Any], blocks: list[Any], stabilisation: Any, spacing: np.ndarray
-) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """The scales (n,) of the control [Pa] and of that on velocities [Pa s], None where no law of the scene has it; the
-    latter is 0 without control."""
+    # the scales (n,) of the control [Pa] and of that on velocities [Pa s], None where no law of the scene has it; the
+    # latter is 0 without control
+    spacing = particle_set.spacing.max(axis=1)
     elastic, viscous = np.zeros((2, len(spacing)))
     for block in blocks:
         own, law = slice(block.first, block.last), block.law
         if flows(law):
             impedance = np.sqrt(law.density * undeformed_wave_modulus(law))
-            viscous[own] = stabilisation.viscous_factor * impedance * spacing[own]
+            viscous[own] = settings.stabilisation.viscous_factor * impedance * spacing[own]
         else:
-            elastic[own] = stabilisation.factor * algorithmic_law(law, 0.0).shear_modulus
+            elastic[own] = settings.stabilisation.factor * algorithmic_law(law, 0.0).shear_modulus
     flow = list(map(flows, laws))
-    stores = stabilisation.kind != "none" and not all(flow)
-    return elastic if stores else None, viscous if any(flow) else None
+    stores = settings.stabilisation.kind != "none" and not all(flow)
+    scales = elastic if stores else None, viscous if any(flow) else None
+    return CorrespondenceForces(bonds, blocks, laws, settings, scales, fixed)
 
 
 def _faults(scene: Any, laws: list[Any]) -> str | None:

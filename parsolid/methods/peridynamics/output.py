@@ -39,11 +39,9 @@ class Reports(ParticleSystem):
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions counted once a particle."""
         return self.pairs.directed_pairs
 
     def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions."""
         return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
@@ -96,7 +94,6 @@ class Reports(ParticleSystem):
         return METRIC_FIELD in self.particles
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
-        """See `ParticleSystem.take_heat`."""
         return take_heat(self.particles, self.forces.plastic.blocks, heat, rows)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
@@ -145,7 +142,6 @@ class Reports(ParticleSystem):
         )
 
     def advice(self) -> str:
-        """What most likely helps."""
         if self.solver.unheld:
             return "a support of the piece, or loads on it that balance"
         hints = []
@@ -172,12 +168,10 @@ class Reports(ParticleSystem):
         return {"bond stress": self.particles.fields["bond_stress"].components}
 
     def bytes_a_step(self) -> int:
-        """Fields and records."""
         return self.forces.bytes_sent()
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
         return symmetry_planes(self.conditions.planes)
 
     def held_components(self) -> np.ndarray | None:

@@ -134,7 +134,6 @@ class Peridynamics(Reports):
         return self.solver.state()
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take it back."""
         self.solver.set_state(state)
 
     # --- what the loop asks ------------------------------------------------------------------------------------
@@ -163,7 +162,6 @@ class Peridynamics(Reports):
         self.solver.advance_positions(time, step, ledger)
 
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """The second part."""
         return bool(self.solver.complete_step(time, step, ledger, announce))
 
     @property

@@ -47,7 +47,6 @@ class DerivedFunction(SpaceTimeFunction):
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether it changes."""
         return bool(self.function.depends_on_time)
 
     @property

@@ -56,7 +56,19 @@ class VelocityVerlet:
         lags by half a step, lambda dt^2 + 2 b dt = 4, which is less than any wave allows.
         """
         if self.largest_eigenvalue is None:
-            self.largest_eigenvalue = self._find_eigenvalue()
+            # of the stiffness of the undeformed body, and that of the damping; collective
+            operator = self.body.operator
+
+            def stiffness(change: np.ndarray, out: np.ndarray) -> None:
+                operator.stiffness(change, out, 0.0)
+
+            if self.body.forces.damping is not None:
+                self.largest_damping = self._power_iteration(operator.damping, operator.free)
+            # all are driven: the step that they would have if none were
+            found = self._power_iteration(stiffness, operator.free)
+            self.largest_eigenvalue = (
+                found if found > 0.0 else self._power_iteration(stiffness, np.ones_like(operator.free))
+            )
         growth, b, plastic = self.body.forces.growth, self.largest_damping, self.body.forces.plastic
         if plastic is not None:
             growth = max(growth, plastic.damped_growth(self.largest_eigenvalue, b))
@@ -67,19 +79,6 @@ class VelocityVerlet:
         if self.breaks_bonds:
             safety = min(safety, self.settings.damage_safety)
         return safety * 4.0 / (b + sqrt(b * b + 4.0 * self.largest_eigenvalue * growth))
-
-    def _find_eigenvalue(self) -> float:
-        """Of the stiffness of the undeformed body, and that of the damping; collective."""
-        operator = self.body.operator
-
-        def stiffness(change: np.ndarray, out: np.ndarray) -> None:
-            operator.stiffness(change, out, 0.0)
-
-        if self.body.forces.damping is not None:
-            self.largest_damping = self._power_iteration(operator.damping, operator.free)
-        # all are driven: the step that they would have if none were
-        found = self._power_iteration(stiffness, operator.free)
-        return found if found > 0.0 else self._power_iteration(stiffness, np.ones_like(operator.free))
 
     def _power_iteration(self, multiply: Any, free: np.ndarray) -> float:
         operator = self.body.operator

@@ -67,18 +67,15 @@ class BoxBodies(StepBound):
         self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, staged, dissipation > 0.0, in_turn)
         self.parts = [(box, blocks[one.body]) for one, box in zip(bodies, self.sweeps.boxes) if box is not None]
         self.blocks = [block for _, block in self.parts]
-        self._edges = self._edges_of(bodies)
-        self._left = 1.0 - settings.clamp_edges
-
-    def _edges_of(self, bodies: list[LatticeBody]) -> np.ndarray:
-        """Places in box arrays, which keep all planes then, of nodes on edges of clamps, whose stresses count as their
-        volumes."""
+        # places in box arrays, which keep all planes then, of nodes on edges of clamps, whose stresses count as their
+        # volumes
         found = [np.zeros(0, np.int64)]
         for one, box in zip(bodies, self.sweeps.boxes):
             if box is not None:
                 plane, node = np.divmod(one.clamp_edges - box.first, box.last_node - box.first_node)
                 found.append(box.motion.kept + (plane + box.first_plane) * box.nodes + box.first_node + node)
-        return np.concatenate(found)
+        self._edges = np.concatenate(found)
+        self._left = 1.0 - settings.clamp_edges
 
     def advance_step(self, step: float, relaxing: float | None = None) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
@@ -166,7 +163,6 @@ class BoxBodies(StepBound):
         given: np.ndarray | None = None,
         volumes: Any = None,
     ) -> None:
-        """See `ListBodies.change_forces`."""
         stored, sweeps = self.particles.storage, self.sweeps
         motion = np.zeros_like(stored("velocity"))
         motion[:, : self.particles.owned] = change.T
@@ -245,7 +241,6 @@ class BoxBodies(StepBound):
         return total
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays that count as memory."""
         return self.sweeps.arrays()
 
     def bytes_a_step(self) -> int:

@@ -131,10 +131,28 @@ def find_lattice_bodies(
             axes = _axes(filling, [plane for plane in planes if plane.body in (None, body)])
             fourth_order = kinds[body] == "fourth-order" and any(axis.has_room for axis in axes)
             if settings.weights == kinds[body] == "fourth-order" and not fourth_order:
-                raise SolverError(_no_room(body, axes))
+                expected = 'for "fourth-order" an axis with 8 nodes or more, those beyond mirror planes counted'
+                counts = [axis.nodes for axis in axes]
+                raise SolverError(f"method.weights: expected {expected}, found particles = {counts} in bodies.{body}")
             index = filling.nodes(particle_set.identifier[rows] - int(first[body]))
-            axes = _with_held_ends(comm, axes, index, held[rows])
-            _check_grading(body, axes, fourth_order, settings, float(np.sqrt(speed_ratio(laws[body]))))
+            # which ends of axes stand still
+            free = ~held[rows].all(axis=1)
+            ends = [(i == end) & free for axis, i in zip(axes, index) for end in (0, axis.nodes - 1)]
+            moves = maximum(comm, np.array([float(end.any()) for end in ends])).reshape(-1, 2)
+            axes = [axis._replace(held=(not low, not high)) for axis, (low, high) in zip(axes, moves)]
+            # distances that change so fast that a node would have no volume, or waves would grow
+            ratio = float(np.sqrt(speed_ratio(laws[body])))
+            fed, dissipation = fourth_order and settings.reconstruction, settings.dissipation_of("kernel")
+            for k, axis in enumerate(axes):
+                if not axis.places:
+                    continue
+                length = lengths_of(axis, fourth_order and axis.has_room)
+                if (length < _THINNEST * axis.step * np.diff(axis.places).min()).any():
+                    raise SolverError(_too_fast(body, k, axis, "more particles change slower"))
+                if fed and axis.has_room and feeds_waves(axis, True, dissipation):
+                    raise SolverError(_too_fast(body, k, axis, _FED))
+                if fed and axis.has_room and feeds_waves_of_volume(axis, dissipation, ratio):
+                    raise SolverError(_too_fast(body, k, axis, f"where volume hardly changes, {_FED}"))
         except SolverError as error:
             # on all ranks
             fault = fault or str(error)
@@ -194,14 +212,6 @@ def _axes(filling: Any, planes: list[Any]) -> list[Axis]:
     return result
 
 
-def _with_held_ends(comm: Any, axes: list[Axis], index: list[np.ndarray], held: np.ndarray) -> list[Axis]:
-    """Axes that know which of their ends stand still; index: d arrays (n,); held (n, d); collective."""
-    free = ~held.all(axis=1)
-    ends = [(i == end) & free for axis, i in zip(axes, index) for end in (0, axis.nodes - 1)]
-    moves = maximum(comm, np.array([float(end.any()) for end in ends])).reshape(-1, 2)
-    return [axis._replace(held=(not low, not high)) for axis, (low, high) in zip(axes, moves)]
-
-
 def on_clamp_edges(axes: list[Axis], index: list[np.ndarray]) -> np.ndarray:
     """Which nodes (n,) of a box are where an end that stands still meets a free one; index: d arrays (n,)."""
     still, free = np.zeros(len(index[0]), bool), np.zeros(len(index[0]), bool)
@@ -218,30 +228,6 @@ def _have_clamp_edges(axes: tuple[Axis, ...]) -> bool:
     held = [any(axis.held) for axis in axes]
     free = [any(not still and not mirror for still, mirror in zip(axis.held, axis.mirrors)) for axis in axes]
     return any(held[i] and free[j] for i in range(len(axes)) for j in range(len(axes)) if i != j)
-
-
-def _no_room(body: int, axes: list[Axis]) -> str:
-    counts = [axis.nodes for axis in axes]
-    return (
-        'method.weights: expected for "fourth-order" an axis with 8 nodes or more, those beyond mirror planes counted, '
-        f"found particles = {counts} in bodies.{body}"
-    )
-
-
-def _check_grading(body: int, axes: list[Axis], fourth_order: bool, settings: Any, ratio: float) -> None:
-    """Raise SolverError where distances change so fast that a node would have no volume, or waves would grow; ratio:
-    of the speeds of shear and pressure waves."""
-    fed, dissipation = fourth_order and settings.reconstruction, settings.dissipation_of("kernel")
-    for k, axis in enumerate(axes):
-        if not axis.places:
-            continue
-        length = lengths_of(axis, fourth_order and axis.has_room)
-        if (length < _THINNEST * axis.step * np.diff(axis.places).min()).any():
-            raise SolverError(_too_fast(body, k, axis, "more particles change slower"))
-        if fed and axis.has_room and feeds_waves(axis, True, dissipation):
-            raise SolverError(_too_fast(body, k, axis, _FED))
-        if fed and axis.has_room and feeds_waves_of_volume(axis, dissipation, ratio):
-            raise SolverError(_too_fast(body, k, axis, f"where volume hardly changes, {_FED}"))
 
 
 def _too_fast(body: int, k: int, axis: Axis, remedy: str) -> str:

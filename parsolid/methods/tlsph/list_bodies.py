@@ -92,11 +92,9 @@ class ListBodies(StepBound):
 
     @property
     def directed_pairs(self) -> int:
-        """Interactions counted once a particle."""
         return 2 * len(self.near.inner.neighbour) + len(self.near.outer.neighbour)
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays that count as memory."""
         lists = [*self.near.inner, *self.near.outer]
         rows = [*lists, self.motion, self.operator, self.record, self.force, self.heat, self.fast, self.slow]
         return [one for one in rows if one is not None]

@@ -46,7 +46,13 @@ class Reports(ParticleSystem):
         if name in FLOW_FIELDS:
             return shown_flow(self.particles, name, first, last, deformation_gradients(self.particles, first, last))
         if name == NODAL_STRESS:
-            return self._nodal_stress(first, last)
+            if self.meshes is None:
+                return None
+            F = deformation_gradients(self.particles, first, last)
+            P: Any = self.shown("first_piola_kirchhoff_stress", first, last)
+            result = np.asarray(P @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None])
+            self.meshes.nodal_stress(first, last, result)
+            return result
         if name != "first_piola_kirchhoff_stress":
             return None
         stress = np.zeros((last - first, 3, 3))
@@ -69,16 +75,6 @@ class Reports(ParticleSystem):
         """See `ParticleSystem`; for stresses at nodes."""
         if self.meshes is not None and any(name.startswith((NODAL_STRESS, NODAL_VON_MISES)) for name in names):
             self.meshes.prepare_nodal_stress(time)
-
-    def _nodal_stress(self, first: int, last: int) -> np.ndarray | None:
-        """Cauchy stress (n, 3, 3) [Pa] at nodes, of particles whose stress belongs to their place that one."""
-        if self.meshes is None:
-            return None
-        F = deformation_gradients(self.particles, first, last)
-        P: Any = self.shown("first_piola_kirchhoff_stress", first, last)
-        result = np.asarray(P @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None])
-        self.meshes.nodal_stress(first, last, result)
-        return result
 
     def first_invalid(self) -> tuple[int, str] | None:
         """Also a reference that could not be moved."""
@@ -105,7 +101,6 @@ class Reports(ParticleSystem):
         return METRIC_FIELD in self.particles
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
-        """See `ParticleSystem.take_heat`."""
         return take_heat(self.particles, self.plastic_blocks, heat, rows)
 
     def measure(self, name: str) -> tuple[str, np.ndarray]:
@@ -145,7 +140,6 @@ class Reports(ParticleSystem):
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions counted once a particle."""
         return sum(bodies.directed_pairs for bodies in self.sweeps)
 
     def energies(self) -> tuple[float, float]:
@@ -169,7 +163,6 @@ class Reports(ParticleSystem):
         return found if self.statics is None else found | {"unknowns": int(self.statics.free.sum())}
 
     def arrays(self) -> list[np.ndarray]:
-        """Pair lists, and what sweeps read and write."""
         return [array for bodies in self.sweeps for array in bodies.arrays()]
 
     def bytes_a_step(self) -> int:
@@ -226,7 +219,6 @@ class Reports(ParticleSystem):
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
         return symmetry_planes([*self.conditions.planes, *self.conditions.ends])
 
     def held_components(self) -> np.ndarray | None:

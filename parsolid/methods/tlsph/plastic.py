@@ -198,11 +198,9 @@ class PlasticBlock(LawBlock):
         return stress, waves
 
     def stresses(self, first: int, last: int) -> np.ndarray:
-        """See `LawBlock.stresses`."""
         return self._states(first, last)[0].reshape(-1, 3, 3)
 
     def wave_speeds(self, signals: tuple[float, ...]) -> tuple[float, float]:
-        """See `LawBlock.wave_speeds`."""
         largest, fast, slow = self._states(self.first, self.last)[1].T
         pairs = zip(signals[::2], signals[1::2])
         sums = [a * np.sqrt(fast) + b * np.sqrt(slow) for a, b in pairs]

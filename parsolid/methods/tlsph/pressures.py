@@ -122,23 +122,21 @@ class Pressures:
         p += (self.lame - self._of(FIELDS[1])) * j
         self._of(FIELDS[1])[:] = self.lame
         if balance:
-            p += self._balanced(self.volume * j - self.complied(p))
+            # pressures (owned,) [Pa] that comply by volumes (owned,) [m^3]; collective
+            volumes = self.volume * j - self.complied(p)
+            diagonal = self.volume * self.compliance + np.pad(self._C.diagonal(), (0, len(volumes) - self._C.shape[0]))
+            over = np.divide(1.0, diagonal, out=np.zeros(len(volumes)), where=self.free)[:, None]
+
+            def product(p: np.ndarray, out: np.ndarray) -> None:
+                out[:, 0] = self.complied(p[:, 0])
+
+            target = _BALANCED * float(np.sqrt(sums(self.system.comm, [np.vdot(volumes, volumes)])[0]))
+            found = conjugate_gradients(
+                self.system.comm, product, volumes[:, None], target, precondition=lambda r: over * r
+            )
+            p += found.value[:, 0]
         self.settle()
         return before - self.energy()
-
-    def _balanced(self, volumes: np.ndarray) -> np.ndarray:
-        """Pressures (owned,) [Pa] that comply by volumes (owned,) [m^3]; collective."""
-        diagonal = self.volume * self.compliance + np.pad(self._C.diagonal(), (0, len(volumes) - self._C.shape[0]))
-        over = np.divide(1.0, diagonal, out=np.zeros(len(volumes)), where=self.free)[:, None]
-
-        def product(p: np.ndarray, out: np.ndarray) -> None:
-            out[:, 0] = self.complied(p[:, 0])
-
-        target = _BALANCED * float(np.sqrt(sums(self.system.comm, [np.vdot(volumes, volumes)])[0]))
-        found = conjugate_gradients(
-            self.system.comm, product, volumes[:, None], target, precondition=lambda r: over * r
-        )
-        return found.value[:, 0]
 
     def hold(self) -> None:
         """What pressures have beyond those of the law becomes a part of it."""

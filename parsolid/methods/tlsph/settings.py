@@ -347,7 +347,6 @@ class TotalLagrangianSPH(MethodSettings):
         return 10.0
 
     def contact_refused(self, scene: Any) -> str | None:
-        """They can."""
         return None
 
     def tie_refused(self, scene: Any) -> str | None:
@@ -355,7 +354,6 @@ class TotalLagrangianSPH(MethodSettings):
         return None
 
     def substeps_refused(self) -> str | None:
-        """Equilibria have no steps of motion."""
         return _SOLUTION if self.integrator in _SOLVED else None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
@@ -365,7 +363,7 @@ class TotalLagrangianSPH(MethodSettings):
         faults: list[Detail] = [
             (("boundaries", i, "kind"), expected, kind) for i, kind in kinds if kind == "antisymmetric"
         ]
-        if self.integrator == "ssp-rk3" and _meets(scene):
+        if self.integrator == "ssp-rk3" and (of_model(scene.contact, "kernel") or scene.tie or scene.tools):
             expected = "'leapfrog' with contact, tools and ties, whose forces are found once a step"
             faults.append((("method", "integrator"), expected, self.integrator))
         used = self.integrators(scene)
@@ -500,8 +498,3 @@ class TotalLagrangianSPH(MethodSettings):
         others = [i for i in graded if meets or kinds[i] not in ON_LATTICES or self.integrator == "ssp-rk3"]
         found = Phrase(f"{self.pair_weights!r} weights with {self.integrator!r}{' and contact' if meets else ''}")
         return [(("bodies", i, "grading"), expected, found) for i in others]
-
-
-def _meets(scene: Any) -> bool:
-    """Whether forces act between bodies of a scene besides those of methods."""
-    return bool(of_model(scene.contact, "kernel") or scene.tie or scene.tools)

@@ -271,7 +271,10 @@ class TotalLagrangianSPH(Reports):
         if self.settings.integrator == before:
             return
         if self.pressures is not None:
-            self._change_pressures(before == "leapfrog", ledger)
+            if self.settings.integrator == "leapfrog":
+                self.pressures.hold()
+            elif before == "leapfrog":
+                ledger.add_term(STAGE_CHANGE, self.pressures.release(self.settings.integrator == "implicit"))
         if self.settings.integrator == "static":
             self.statics.begin()
             ledger.add_term(STAGE_CHANGE, kinetic)
@@ -279,13 +282,6 @@ class TotalLagrangianSPH(Reports):
             self.integrator.begin()
             self.conditions.impose(time)
             ledger.add(1.0, 0.0, 0.0, self.energies()[0] - kinetic)
-
-    def _change_pressures(self, moved: bool, ledger: Any) -> None:
-        """Pressures of a stage that begins, after one of leapfrog or another."""
-        if self.settings.integrator == "leapfrog":
-            self.pressures.hold()
-        elif moved:
-            ledger.add_term(STAGE_CHANGE, self.pressures.release(self.settings.integrator == "implicit"))
 
     def state(self) -> dict[str, Any]:
         """When the reference was moved, and whether the particles have the forces that a step begins with; the stage,
@@ -295,7 +291,6 @@ class TotalLagrangianSPH(Reports):
         return moved | {name: value for one in self._integrators for name, value in one.state().items()}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take back what `state` gave."""
         if self.reference is not None:
             self.reference.set_state(state)
         self._enter(state.get("stage", 0))
@@ -363,7 +358,6 @@ class TotalLagrangianSPH(Reports):
             self.integrator.advance_positions(time, step, ledger)
 
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """See `ParticleSystem`."""
         if self.reference_lost:
             announce(False, 0.0)
             return False

@@ -95,7 +95,10 @@ class UpdatedReference:
         """The configuration that the particles ask for now, and the lists there; collective."""
         rows, d = self.particles.owned_rows, self.dimension
         F = in_space(self._matrices("deformation_gradient"))
-        if not self._follows(F):
+        ratio = np.linalg.det(F) / self.particles.owned_rows("jacobian")
+        if anywhere(self.system.comm, not bool(np.all((ratio > _ASTRAY) & (ratio < 1.0 / _ASTRAY)))):
+            self.fault = "det F is no longer J"
+        if self.fault is not None:
             return False
         # with the original volume, so that the correction is L / J_r
         lists, free = self.system.lists, ~self.system.conditions.held
@@ -112,13 +115,6 @@ class UpdatedReference:
             return False
         rows(_GRADIENT)[:] = (inverses(in_space(np.eye(d) + change)) @ F)[:, :d, :d].reshape(-1, d * d)
         return True
-
-    def _follows(self, F: np.ndarray) -> bool:
-        """Whether F (n, 3, 3) still is what J says, so that a metric follows it; collective."""
-        ratio = np.linalg.det(F) / self.particles.owned_rows("jacobian")
-        if anywhere(self.system.comm, not bool(np.all((ratio > _ASTRAY) & (ratio < 1.0 / _ASTRAY)))):
-            self.fault = "det F is no longer J"
-        return self.fault is None
 
     def _rebuilt(self) -> bool:
         """Lists, weights and corrections at the kept places; False with a `fault` when there are none. Collective."""

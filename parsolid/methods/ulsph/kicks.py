@@ -79,7 +79,12 @@ class Kicks:
         """Closing half kick of a step [s] with the forces of a time [s], then impulses of contact, then walls."""
         before = self.particles.owned_rows("velocity").T.copy()
         self.leapfrog.close_step(time, step, self.system.substeps)
-        self._follow_impulse(before)
+        impulse = self.leapfrog.impulse
+        if impulse is not None:
+            power, viscous = self.particles.owned_rows("impulse_power"), self.particles.owned_rows("viscous_force")
+            power[:] = 0.0
+            power[impulse.rows] = np.sum(viscous[impulse.rows] * impulse.change, axis=1)
+            before[:, impulse.rows] += impulse.change.T
         self.closing = self._energies(False, time, step, before, self.leapfrog.given)
 
     def _energies(self, opening: bool, time: float, step: float, before: np.ndarray, gained: float) -> HalfKick:
@@ -104,16 +109,6 @@ class Kicks:
             storing = [here for solid, here in self.system.parts() if solid.stores_heat]
             to_come = -0.5 * step * sum(np.sum(of("viscous_force").T[:, here] * mean[:, here]) for here in storing)
         return HalfKick(*map(float, (*energies, to_come)))
-
-    def _follow_impulse(self, before: np.ndarray) -> None:
-        """Impulses of contact follow the closing kick from velocities `before` (d, owned), which are moved by them: of
-        the two half kicks of the viscous forces of its time only the next one comes after them."""
-        impulse = self.leapfrog.impulse
-        if impulse is not None:
-            power, viscous = self.particles.owned_rows("impulse_power"), self.particles.owned_rows("viscous_force")
-            power[:] = 0.0
-            power[impulse.rows] = np.sum(viscous[impulse.rows] * impulse.change, axis=1)
-            before[:, impulse.rows] += impulse.change.T
 
     def book(self, step: float, ledger: EnergyLedger, plastic: float, lost: float) -> None:
         """Enter the energies of a step [s]; plastic, lost: plastic heat and numerical loss of the state [J]."""

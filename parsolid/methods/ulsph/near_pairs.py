@@ -66,16 +66,13 @@ class NearPairs:
     def find(self, motion: np.ndarray) -> tuple[Pairs, np.ndarray | None]:
         """The pairs that may be within the support, and their weights."""
         if self._before is None or have_moved(self._rows, self._before, self._first, motion, self._most):
-            self._select(motion)
+            # until a particle has moved by nearly half of the margin
+            rows, first = self._rows, self._first
+            self._before = motion[:rows, first : first + self._dimension].copy()
+            self._most = 0.499 * _MARGIN * self._support * float(motion[:rows, self._length].min(initial=np.inf))
+            columns = self._dimension, first, self._length, (1.0 + _MARGIN) * self._support
+            select_near(self._all, self._weights, *columns, motion, *self._near, self._near_weights)
         return self._near, self._near_weights
-
-    def _select(self, motion: np.ndarray) -> None:
-        """Find the near pairs, which stay so until a particle has moved by nearly half of the margin."""
-        rows, first = self._rows, self._first
-        self._before = motion[:rows, first : first + self._dimension].copy()
-        self._most = 0.499 * _MARGIN * self._support * float(motion[:rows, self._length].min(initial=np.inf))
-        columns = self._dimension, first, self._length, (1.0 + _MARGIN) * self._support
-        select_near(self._all, self._weights, *columns, motion, *self._near, self._near_weights)
 
     def arrays(self) -> list[np.ndarray]:
         """For what counts memory."""

@@ -120,7 +120,26 @@ class Neighbours:
         if self._corrected:
             self._tension = aligned_zeros((rows, 8 if self.dimension == 3 else 4))
         if pairs.images is not None:
-            self._follow_images(pairs.images, pairs.codes)
+            # factors and shifts that make rows of images of the rows that they mirror: v' = Q v + 2 w, x' as in
+            # `MirrorCodes`, P' = Q P R, so that the power of forces is that of stresses on the rates; fluxes, and P in
+            # weights, are reflected
+            d, stride, m = self.dimension, self.stride, len(pairs.images.source)
+            codes, code = pairs.codes, pairs.images.code
+            Q, R, D = (array[code, :d] for array in (codes.signs, codes.reflections, codes.drifts))
+            self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
+            self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, D
+            # planes whose images do not move as mirror images of their particles do
+            self._unlike = (codes.signs != codes.reflections).any(axis=1)
+            self._carried = (R - D) * self._reference_place()[pairs.images.source] if codes.carried else 0.0
+            self._code = code
+            self._shift_images()
+            self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
+            for j in range(d):
+                self._record_factor[:, stride * j : stride * j + d] = Q * R[:, j : j + 1]
+            self._tension_factor = np.ones((m, 8 if d == 3 else 4))
+            for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)) if d == 3 else ((0, 1),)):
+                self._tension_factor[:, d + column] = R[:, i] * R[:, j]
+            self._flux_factor[:, : 2 * d] = np.repeat(R, 2, axis=1)
         lists = ((pairs.inner, n), (pairs.outer, known), (pairs.mirror, rows))
         reference = self._reference(pairs.images, pairs.codes) if self._corrected else None
         self._parts = {id(one): self._by_bodies(one, read, reference) for one, read in lists if one is not None}
@@ -134,27 +153,6 @@ class Neighbours:
         particles.update("record")
         self._fill(0, known, self._record, self._rows_of_record)
         self._mirror_record()
-
-    def _follow_images(self, images: Any, codes: Any) -> None:
-        """Factors and shifts that make rows of images of the rows that they mirror: v' = Q v + 2 w, x' as in
-        `MirrorCodes`, P' = Q P R, so that the power of forces is that of stresses on the rates; fluxes, and P in
-        weights, are reflected."""
-        d, stride, m = self.dimension, self.stride, len(images.source)
-        Q, R, D = (array[images.code, :d] for array in (codes.signs, codes.reflections, codes.drifts))
-        self._motion_factor, self._shift = np.ones((m, 8)), np.zeros((m, 8))
-        self._motion_factor[:, :d], self._motion_factor[:, stride : stride + d] = Q, D
-        # planes whose images do not move as mirror images of their particles do
-        self._unlike = (codes.signs != codes.reflections).any(axis=1)
-        self._carried = (R - D) * self._reference_place()[images.source] if codes.carried else 0.0
-        self._code = images.code
-        self._shift_images()
-        self._record_factor, self._flux_factor = np.ones((m, 4 * stride)), np.ones((m, 2 * stride))
-        for j in range(d):
-            self._record_factor[:, stride * j : stride * j + d] = Q * R[:, j : j + 1]
-        self._tension_factor = np.ones((m, 8 if d == 3 else 4))
-        for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)) if d == 3 else ((0, 1),)):
-            self._tension_factor[:, d + column] = R[:, i] * R[:, j]
-        self._flux_factor[:, : 2 * d] = np.repeat(R, 2, axis=1)
 
     def _shift_images(self) -> None:
         """What images have besides their factors, at the present planes."""

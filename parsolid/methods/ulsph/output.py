@@ -112,7 +112,6 @@ class Reports(ParticleSystem):
         return "maximum", (rows("position") + half).max(axis=0, initial=-np.inf)
 
     def first_invalid(self) -> tuple[int, str] | None:
-        """The rank's first particle that is not sound, and what is wrong with it."""
         rows = self.particles.owned_rows
         density, finite = rows("density"), np.isfinite(rows("velocity")).all(axis=1)
         for name in ("deviator", "temperature", "plastic_strain"):
@@ -137,7 +136,6 @@ class Reports(ParticleSystem):
         return None
 
     def advice(self) -> str:
-        """What most likely helps when a run goes wrong."""
         settings = self.settings
         hints = [f"a smaller method.cfl (it is {settings.cfl:g}; 0.3 is stable)"] if settings.cfl > 0.3 else []
         if not settings.viscosity:
@@ -151,7 +149,6 @@ class Reports(ParticleSystem):
 
     @property
     def directed_pairs(self) -> int:  # type: ignore[override]
-        """Interactions counted once a particle."""
         return self.pairs.directed_pairs
 
     def energies(self) -> tuple[float, float]:
@@ -164,11 +161,9 @@ class Reports(ParticleSystem):
         return kinetic, stored
 
     def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions."""
         return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
-        """Lists, and rows that sweeps read and write."""
         return self.pairs.arrays() + self.neighbours.arrays()
 
     def bytes_a_step(self) -> int:
@@ -187,7 +182,6 @@ class Reports(ParticleSystem):
 
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
-        """Rollers."""
         return symmetry_planes(self.conditions.planes)
 
     def held_components(self) -> np.ndarray | None:

@@ -147,7 +147,6 @@ class UpdatedLagrangianSPH(MethodSettings):
         return np.maximum(self.reach(spacing), spacing)
 
     def contact_refused(self, scene: Any) -> str | None:
-        """It can."""
         return None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
@@ -174,12 +173,7 @@ class UpdatedLagrangianSPH(MethodSettings):
         of_flow = flow_fields_of_no_body(scene)
         if not needed["temperature"]:
             of_flow = fields_of_no_body(scene) + temperatures_without_heat(scene)
-        return details + self._of_no_body(scene, kinds) + of_flow + faults_of_names(scene)
-
-    @staticmethod
-    def _of_no_body(scene: Any, kinds: set[str]) -> list[Detail]:
-        """What is to be shown of laws that no body has."""
         wanted, one = "something that a body of this scene has", next(iter(kinds))
-        return [
-            (place, wanted, name) for place, name in named_observables(scene) if _KIND_OF.get(name, one) not in kinds
-        ]
+        named = named_observables(scene)
+        details += [(place, wanted, name) for place, name in named if _KIND_OF.get(name, one) not in kinds]
+        return details + of_flow + faults_of_names(scene)

@@ -177,7 +177,10 @@ class UpdatedLagrangianSPH(Reports):
 
     def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Opening half kick, state from the rates in the middle of the step [s], and drift to its end."""
-        self.rebuild_expired_list(time)
+        if self.rebuild_anywhere:
+            with self.deletion.announced() if self.deletion is not None else nullcontext():
+                self.pairs.rebuild(time)
+            self.neighbours.follow()
         if self.planes is not None:
             self.planes.drive(time, step)
         self.kicks.open_step(time, step)
@@ -202,13 +205,6 @@ class UpdatedLagrangianSPH(Reports):
         self.kicks.close_step(time + step, step)
         self.kicks.book(step, ledger, plastic + self.advance_fluxes(step), lost)
         return sound
-
-    def rebuild_expired_list(self, time: float) -> None:
-        """Make the list anew where a rank has found it used up; collective then."""
-        if self.rebuild_anywhere:
-            with self.deletion.announced() if self.deletion is not None else nullcontext():
-                self.pairs.rebuild(time)
-            self.neighbours.follow()
 
     def check_list(self, time: float, step: float) -> None:
         """Whether the list will be used up by the next step, or particles are to be deleted."""
@@ -267,7 +263,6 @@ class UpdatedLagrangianSPH(Reports):
         return kept | {"last_step": self.kicks.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take back what `state` gave."""
         self.checkpoint, self.time, self.rebuild_needed = state, state["time"], state["rebuild_needed"]
         self.kicks.leapfrog.last_step, self.neighbours.torn = state["last_step"], state["torn"]
         self.kicks.viscous_heat.set_state(self.comm, state["viscous_heat"])

@@ -67,7 +67,12 @@ def elements_around(
         if len(come["cells"]):
             blocks.append((kind, first + come["cells"][np.argsort(come["element"])]))
     identifier = np.where(used, first + kept, -1)
-    return ElementsAround(blocks, _extent(mesh), mesh.of_second_order, identifier, rank_of)
+    # of all elements, the largest distance [m] of two nodes
+    square, points = 0.0, mesh.local.points
+    for _, cells in mesh.local.blocks:
+        for i, j in combinations(range(cells.shape[1]), 2):
+            square = max(square, float(((points[cells[:, i]] - points[cells[:, j]]) ** 2).sum(axis=1).max(initial=0.0)))
+    return ElementsAround(blocks, float(np.sqrt(maximum(mesh.comm, square))), mesh.of_second_order, identifier, rank_of)
 
 
 def shared_nodes(comm: Any, bodies: list[ElementsAround]) -> tuple[np.ndarray, np.ndarray]:
@@ -91,12 +96,3 @@ def _owners(comm: Any, count: int, numbers: np.ndarray) -> tuple[int, np.ndarray
         come = slices.deliver(numbers, rank=np.full(len(numbers), comm.rank))
         owner[come["number"]] = come["rank"]
     return total, owner
-
-
-def _extent(mesh: MeshSlices) -> float:
-    """Of all elements, the largest distance [m] of two nodes."""
-    square, points = 0.0, mesh.local.points
-    for _, cells in mesh.local.blocks:
-        for i, j in combinations(range(cells.shape[1]), 2):
-            square = max(square, float(((points[cells[:, i]] - points[cells[:, j]]) ** 2).sum(axis=1).max(initial=0.0)))
-    return float(np.sqrt(maximum(mesh.comm, square)))

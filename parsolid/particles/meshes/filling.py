@@ -162,7 +162,17 @@ class MeshFilling:
         member = Membership(self.mesh, known, self.edge, self.whole)
         inside = member.facets(self.outer)
         if self.body.placed_on == "vertices":
-            vectors, held = self._surfaces_on_nodes(inside, len(known))[self._used], member.nodes()[self._used]
+            # area vectors (own nodes, regions, d) [m^2] of the facets in regions, lumped to their nodes
+            local = self.mesh.local
+            met = np.unique(np.concatenate([nodes.ravel() for _, nodes, _ in self.outer]))
+            vectors = np.zeros((len(met), len(known), local.points.shape[1]))
+            for (_, nodes, area), chosen in zip(self.outer, inside):
+                places = np.searchsorted(met, nodes)
+                for to, share in zip(places.T, shares_of_nodes(local.points[nodes], area).swapaxes(0, 1)):
+                    np.add.at(vectors, to, chosen[:, :, None] * share[:, None, :])
+            come = self.mesh.nodes.deliver(local.nodes[met], vectors=vectors)
+            vectors = _summed(len(self.mesh.nodes), come["number"], come["vectors"])[self._used]
+            held = member.nodes()[self._used]
         else:
             vectors = np.zeros((len(self.mesh.local.numbers), len(known), self.mesh.points.shape[1]))
             for (owner, _, area), chosen in zip(self.outer, inside):
@@ -171,18 +181,6 @@ class MeshFilling:
             held = member.elements(self.rows["position"], self.rows["spacing"])
         self.rows["regions"] = (held | vectors.any(axis=2)).astype(np.int64)
         self.rows["surfaces"] = vectors.reshape(len(vectors), len(known) * self.mesh.points.shape[1])
-
-    def _surfaces_on_nodes(self, inside: list[np.ndarray], regions: int) -> np.ndarray:
-        """Area vectors (own nodes, regions, d) [m^2] of the facets in regions, lumped to their nodes."""
-        local = self.mesh.local
-        met = np.unique(np.concatenate([nodes.ravel() for _, nodes, _ in self.outer]))
-        vectors = np.zeros((len(met), regions, local.points.shape[1]))
-        for (_, nodes, area), chosen in zip(self.outer, inside):
-            places = np.searchsorted(met, nodes)
-            for to, share in zip(places.T, shares_of_nodes(local.points[nodes], area).swapaxes(0, 1)):
-                np.add.at(vectors, to, chosen[:, :, None] * share[:, None, :])
-        come = self.mesh.nodes.deliver(local.nodes[met], vectors=vectors)
-        return _summed(len(self.mesh.nodes), come["number"], come["vectors"])
 
     def scatter(self, start: int, particles: Slices) -> None:
         """Bring this rank those of the mesh's particles, which begin at number `start`, that are in its slice of all.

@@ -156,18 +156,14 @@ def agreed(comm: Any, ask: Any) -> Any:
             found = ask()
         except SceneError as error:
             found = error
-    _wait(comm)
+    # until all ranks are here, without the processor that the reader may need
+    request = comm.Ibarrier()
+    while not request.Test():
+        time.sleep(0.002)
     found = comm.bcast(found, _READER)
     if isinstance(found, SceneError):
         raise found
     return found
-
-
-def _wait(comm: Any) -> None:
-    """Until all ranks are here, without the processor that the reader may need; collective."""
-    request = comm.Ibarrier()
-    while not request.Test():
-        time.sleep(0.002)
 
 
 def _slices_of(comm: Any, contents: Contents, shapes: dict[str, tuple[int, ...]], rank: int) -> dict[str, Any]:
