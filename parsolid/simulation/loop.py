@@ -4,7 +4,7 @@ import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
+from typing import Any, NoReturn
 
 from decomposition.timer import COMMUNICATION
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
@@ -102,7 +102,15 @@ class Simulation:
         self.subcycling = Subcycling(comm, self.systems, restart.header["stable_steps"] if restart else None)
         if restart:
             restart.apply(self)
-        self._begin_interactions(restart is not None)
+        # forces at the start; those of a checkpoint stay, which found anew differ in the last bits
+        acted_on = [system.particles for system in self.systems if EXTERNAL_FORCE in system.particles]
+        kept = [particles.owned_rows(EXTERNAL_FORCE).copy() for particles in acted_on]
+        for particles in acted_on:
+            particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
+        for interaction in self.interactions:
+            interaction.begin(self.clock.time)
+        for particles, force in zip(acted_on, kept if restart else []):
+            particles.owned_rows(EXTERNAL_FORCE)[:] = force
         self.agreement = StepAgreement(comm, self.systems, self.interactions, self.subcycling)
         # the step at which each stage of the scene has begun
         self.stage_steps: list[int] = restart.header["stage_steps"] if restart else [0]
@@ -111,17 +119,6 @@ class Simulation:
         self.first_step = self.clock.step
         self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
         self.setup_seconds = clock.perf_counter() - self.clock.began
-
-    def _begin_interactions(self, restarted: bool) -> None:
-        """Forces at the start; those of a checkpoint stay, which found anew differ in the last bits. Collective."""
-        acted_on = [system.particles for system in self.systems if EXTERNAL_FORCE in system.particles]
-        kept = [particles.owned_rows(EXTERNAL_FORCE).copy() for particles in acted_on]
-        for particles in acted_on:
-            particles.owned_rows(EXTERNAL_FORCE)[:] = 0.0
-        for interaction in self.interactions:
-            interaction.begin(self.clock.time)
-        for particles, force in zip(acted_on, kept if restarted else []):
-            particles.owned_rows(EXTERNAL_FORCE)[:] = force
 
     def run(
         self,
@@ -137,14 +134,29 @@ class Simulation:
         """
         end = self.scene.end_time if until is None else min(until, self.scene.end_time)
         due, limits, first = Outputs(outputs), limits or Limits(), self.clock.step
-        self._begin_run(due, end)
+        self.phases.set_up = self.phases.set_up or clock.perf_counter() - self.clock.began
+        self.time_steps.land_on({end, *due.times})
+        requests = 1 + len(due.with_wall_times)
+        self.agreement = StepAgreement(self.comm, self.systems, self.interactions, self.subcycling, requests)
+        if self.stable is None:
+            self.agreement.start()
+        else:
+            self.agreement.resume(self.stable)
         while True:
             self.stable, (interrupted, *over) = self._agreed()
-            self._check_step(self.stable)
-            self._write(due, over)
-            self._check_reached(due)
-            self._check_energy()
-            self._check_meetings()
+            floor = self.time_steps.floor
+            if self.stable < floor:
+                # the agreed step is negative when a stage of any rank was not sound
+                self.failed_somewhere = self.stable < 0.0
+                what = f"the stable time step {self.stable:.3g} s fell below the floor {floor:.3g} s"
+                self._fail("the state was lost within the step" if self.failed_somewhere else what)
+            began = clock.perf_counter()
+            due.write_due(self, over)
+            self.phases.output += clock.perf_counter() - began
+            if any(system.reached is not None for system in self.systems):
+                due.write_all(self)
+                self._fail("there is no way on")
+            self._check_row_and_meetings()
             if self.clock.time >= end:
                 return FINISHED
             if interrupted:
@@ -154,17 +166,6 @@ class Simulation:
             late = limits.wall is not None and clock.perf_counter() > limits.wall
             ends = late or (stop is not None and stop.received is not None)
             self.advance(*self.time_steps.next(self.clock.time, self.stable), (float(ends), *due.wall_times_over()))
-
-    def _begin_run(self, outputs: Outputs, end: float) -> None:
-        """Have steps end at the run's end and at the times of outputs, and begin to agree on the first one."""
-        self.phases.set_up = self.phases.set_up or clock.perf_counter() - self.clock.began
-        self.time_steps.land_on({end, *outputs.times})
-        requests = 1 + len(outputs.with_wall_times)
-        self.agreement = StepAgreement(self.comm, self.systems, self.interactions, self.subcycling, requests)
-        if self.stable is None:
-            self.agreement.start()
-        else:
-            self.agreement.resume(self.stable)
 
     def _agreed(self) -> tuple[float, list[bool]]:
         """Stable step [s] and requests of all ranks."""
@@ -184,11 +185,6 @@ class Simulation:
         self.agreement.start()
         return self.agreement.result()[0], result[1]
 
-    def _write(self, outputs: Outputs, over: Sequence[bool]) -> None:
-        began = clock.perf_counter()
-        outputs.write_due(self, over)
-        self.phases.output += clock.perf_counter() - began
-
     def take_step(self, step: float) -> float:
         """One time step [s] and the reduction that goes with it, whatever the stable step is; that of the state after
         it [s]. Collective.
@@ -201,6 +197,7 @@ class Simulation:
 
         requests: of this rank, which all ranks hear of with the next stable step.
         """
+        spent, start = self.clock, self.clock.time
         began, processor_began = clock.perf_counter(), clock.process_time()
         sent_processor = COMMUNICATION.processor_seconds
         self.agreement.begin_step(requests)
@@ -208,36 +205,49 @@ class Simulation:
         # those of places that are solved for are found with these
         moving = self.interactions and any(system.bounded for system in self.systems)
         for interaction in self.interactions if moving else ():
-            interaction.start_step(self.clock.time, step, self.ledger)
+            interaction.start_step(start, step, self.ledger)
         started = moment = clock.perf_counter()
-        for number in range(len(self.systems)):
+        for number, system in enumerate(self.systems):
             sent = COMMUNICATION.seconds
-            self._advance_positions(number, step)
+            # several steps of its own are under the external forces that there are; of the last the second part waits
+            count = self.subcycling.count(number, step)
+            if COMMON_START in system.particles:
+                system.particles.owned_rows(COMMON_START)[:] = system.particles.owned_rows("position")
+            for k in range(count - 1):
+                system.substep, time = k, start + k * (step / count)
+                if not system.advance(time, step / count, self._ledgers[number], self._note_unsound):
+                    self.agreement.unsound = True
+                # what all ranks must act on, they have
+                system.rebuild_anywhere = False
+            system.substep = count - 1
+            system.advance_positions(start + (count - 1) * (step / count), step / count, self._ledgers[number])
             moment = self._count_work(number, moment, sent)
         positions = moment
         if moving:
             self._find_external_forces(arrival, step)
         forces = moment = clock.perf_counter()
-        for number in range(len(self.systems)):
-            sent = COMMUNICATION.seconds
-            self._complete_step(number, step)
+        for number, system in enumerate(self.systems):
+            sent, own = COMMUNICATION.seconds, step / system.substeps
+            time = start + (system.substeps - 1) * own
+            if not system.complete_step(time, own, self._ledgers[number], self.agreement.reporter(system)):
+                self.agreement.unsound = True
             moment = self._count_work(number, moment, sent)
-        self._count_step(arrival, step)
+        # as far as systems have come, which may be nowhere
+        reached = [one.reached for one in self.systems if one.reached is not None]
+        if reached:
+            arrival = min(reached)
+            step = arrival - start
+        spent.time, spent.step_size, self.time_steps.last = arrival, step, step
+        if not reached or step > 0.0:
+            spent.step += 1
         if self.interactions:
             self.phases.contact += started - began + forces - positions
         self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor
-        self._count_seconds(moment - began, clock.process_time() - processor_began)
-
-    def _count_step(self, arrival: float, step: float) -> None:
-        """A step [s] to a time [s], or as far as systems have come, which may be nowhere."""
-        before, reached = self.clock.time, [one.reached for one in self.systems if one.reached is not None]
-        if reached:
-            arrival = min(reached)
-            step = arrival - before
-        self.clock.time, self.clock.step_size = arrival, step
-        self.time_steps.last = step
-        if not reached or step > 0.0:
-            self.clock.step += 1
+        seconds, processor_seconds = moment - began, clock.process_time() - processor_began
+        spent.loop_seconds += seconds
+        spent.loop_processor_seconds += processor_seconds
+        if spent.step == self.first_step + 1:
+            spent.first_step_seconds, spent.first_step_processor_seconds = seconds, processor_seconds
 
     def _count_work(self, number: int, began: float, sent: float) -> float:
         """Count what a part of a step of one system took that began at a reading of the clock, with so many seconds in
@@ -249,23 +259,7 @@ class Simulation:
             self.clock.work[number] += now - began - messages
         return now
 
-    def _advance_positions(self, number: int, step: float) -> None:
-        """Positions of one system at the end of a step [s]; of several steps of its own all but the second part of the
-        last, under the external forces that there are."""
-        system, count = self.systems[number], self.subcycling.count(number, step)
-        if COMMON_START in system.particles:
-            system.particles.owned_rows(COMMON_START)[:] = system.particles.owned_rows("position")
-        for k in range(count):
-            system.substep, time = k, self.clock.time + k * (step / count)
-            if k == count - 1:
-                system.advance_positions(time, step / count, self._ledgers[number])
-            elif not system.advance(time, step / count, self._ledgers[number], self._report_within):
-                self.agreement.unsound = True
-            if k < count - 1:
-                # what all ranks must act on, they have
-                system.rebuild_anywhere = False
-
-    def _report_within(self, sound: bool, stable: float) -> None:
+    def _note_unsound(self, sound: bool, stable: float) -> None:
         """What a system reports of a step that is not its last in the common one."""
         self.agreement.unsound |= not sound
 
@@ -275,8 +269,6 @@ class Simulation:
         A system with several steps of its own has had the forces F of the start in all of them, and takes half of one
         with the new ones F': the rest of (F + F') step/2 is an impulse.
         """
-        if not self.interactions:
-            return
         acted_on = [system for system in self.systems if EXTERNAL_FORCE in system.particles]
         before = [system.particles.owned_rows(EXTERNAL_FORCE).copy() for system in acted_on if system.substeps > 1]
         for system in acted_on:
@@ -287,21 +279,6 @@ class Simulation:
         for system, force in zip((one for one in acted_on if one.substeps > 1), before):
             owned, rest = system.particles.owned_rows, 0.5 * step * (1.0 - 1.0 / system.substeps)
             owned(EXTERNAL_IMPULSE)[:] += rest * (owned(EXTERNAL_FORCE) - force)
-
-    def _complete_step(self, number: int, step: float) -> None:
-        """The second part of a step [s] of one system, or of the last of its own."""
-        system = self.systems[number]
-        time, own = self.clock.time + (system.substeps - 1) * (step / system.substeps), step / system.substeps
-        if not system.complete_step(time, own, self._ledgers[number], self.agreement.reporter(system)):
-            self.agreement.unsound = True
-
-    def _count_seconds(self, seconds: float, processor_seconds: float) -> None:
-        """Add what a step took, on the wall and on this rank's processor [s]."""
-        spent = self.clock
-        spent.loop_seconds += seconds
-        spent.loop_processor_seconds += processor_seconds
-        if spent.step == self.first_step + 1:
-            spent.first_step_seconds, spent.first_step_processor_seconds = seconds, processor_seconds
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in the current state."""
@@ -336,37 +313,23 @@ class Simulation:
             self.coldest = minimum(self.comm, min(float(one.min(initial=inf)) for one in temperatures))
         return row
 
-    def _check_step(self, stable: float) -> None:
-        """Raise RunFailed on all ranks when the agreed step says that something went wrong."""
-        floor = self.time_steps.floor
-        if stable >= floor:
-            return
-        # the agreed step is negative when a stage of any rank was not sound
-        self.failed_somewhere = stable < 0.0
-        what = f"the stable time step {stable:.3g} s fell below the floor {floor:.3g} s"
-        raise RunFailed(describe_failure(self, "the state was lost within the step" if stable < 0.0 else what))
-
-    def _check_reached(self, outputs: Outputs) -> None:
-        """Write the state and raise RunFailed on all ranks where a system has found no way on from it."""
-        if any(system.reached is not None for system in self.systems):
-            outputs.write_all(self)
-            raise RunFailed(describe_failure(self, "there is no way on"))
-
-    def _check_meetings(self) -> None:
-        """Raise RunFailed on all ranks where bodies have met that no table names, or warn of them."""
+    def _check_row_and_meetings(self) -> None:
+        """Raise RunFailed on all ranks when the last row of the ledger is not what it may be, or where bodies have met
+        that no table names; warn of these where the scene says so."""
+        check = self.energy_check
+        if not self.coldest >= 0.0:
+            self._fail(f"an absolute temperature has fallen to {self.coldest:.6g} K")
+        if check.violation is not None:
+            share, limit = check.relative(abs(check.violation), self.energy_scale), check.limits.balance_limit
+            off = f"the energy balance is off by {check.violation:.4g} J, {share or 0.0:.2g} of the largest energy"
+            self._fail(f"{off} (method.balance_limit = {limit:g})")
         for part in self.interactions:
             met, part.met = part.met, []
             if met and self.scene.undeclared_contact != "warn":
                 raise RunFailed(describe_meetings(self, met))
-            text = f"without [[contact]] {meetings_in_words(self.scene, met)} at t = {self.clock.time:.6g} s"
-            self.warnings += [Warned("undeclared-contact", text)] if met else []
+            if met:
+                text = f"without [[contact]] {meetings_in_words(self.scene, met)} at t = {self.clock.time:.6g} s"
+                self.warnings.append(Warned("undeclared-contact", text))
 
-    def _check_energy(self) -> None:
-        """Raise RunFailed on all ranks when the last row of the ledger is not what it may be."""
-        check = self.energy_check
-        if not self.coldest >= 0.0:
-            raise RunFailed(describe_failure(self, f"an absolute temperature has fallen to {self.coldest:.6g} K"))
-        if check.violation is not None:
-            share, limit = check.relative(abs(check.violation), self.energy_scale), check.limits.balance_limit
-            off = f"the energy balance is off by {check.violation:.4g} J, {share or 0.0:.2g} of the largest energy"
-            raise RunFailed(describe_failure(self, f"{off} (method.balance_limit = {limit:g})"))
+    def _fail(self, what: str) -> NoReturn:
+        raise RunFailed(describe_failure(self, what))
