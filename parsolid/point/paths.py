@@ -4,8 +4,7 @@ A path may jump, or have a kink, at its breaks. There, `side` chooses the value 
 """
 
 import csv
-import itertools
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -28,7 +27,7 @@ def _in_time(value: Any) -> Formula:
 
 
 def _in_time_or_free(value: Any) -> Formula | str:
-    return FREE if isinstance(value, str) and value == FREE else _in_time(value)
+    return FREE if value == FREE else _in_time(value)
 
 
 _SOURCE = PlainSerializer(lambda formula: formula if isinstance(formula, str) else formula.source)
@@ -65,16 +64,6 @@ class Path(SceneModel):
 
     def _at(self, times: np.ndarray) -> np.ndarray:
         raise NotImplementedError
-
-
-def _constant(row: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """The same row (9,) at all times."""
-    return np.tile(row, (len(times), 1))
-
-
-def _linear(x: np.ndarray, y: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Between rows y (m, 9) at rising x (m,)."""
-    return np.stack([np.interp(times, x, column) for column in y.T], axis=1)
 
 
 def _values(formula: Formula, times: np.ndarray) -> np.ndarray:
@@ -247,30 +236,22 @@ class Table(Path):
                 F[:, known[name]] = _numbers(rows, j, name)
         return _numbers(rows, columns.index("time"), "time"), F
 
-    @cached_property
-    def _pieces(self) -> list[Any]:
-        """Functions of time between jumps, with the time at which each ends."""
-        times, F = self._series
-        if self.interpolation == "constant":
-            return [(end, partial(_constant, row)) for end, row in zip([*times[1:], np.inf], F)]
-        bounds = [0, *(np.flatnonzero(np.diff(times) == 0.0) + 1), len(times)]
-        pieces: list[Any] = []
-        for lower, upper in itertools.pairwise(bounds):
-            x, y = times[lower:upper], F[lower:upper]
-            if len(x) == 1:
-                pieces.append((x[0], partial(_constant, y[0])))
-            elif self.interpolation == "cubic":
-                pieces.append((x[-1], CubicSpline(x, y)))
-            else:
-                pieces.append((x[-1], partial(_linear, x, y)))
-        return pieces
-
     def _at(self, times: Any) -> Any:
-        ends = np.array([end for end, _ in self._pieces])
-        which = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1)
-        result = np.empty((len(times), 9))
-        for piece in np.unique(which):
-            result[which == piece] = self._pieces[piece][1](times[which == piece])
+        knots, F = self._series
+        # numbers of the rows before the times, the first one for a time before all; of a jump the later one
+        before = np.maximum(np.searchsorted(knots, times, side="right") - 1, 0)
+        if self.interpolation == "constant":
+            return F[before].reshape(-1, 3, 3)
+        if self.interpolation == "linear":
+            return np.stack([np.interp(times, knots, column) for column in F.T], axis=1).reshape(-1, 3, 3)
+        result = F[before]
+        # a spline between each two jumps, beyond the last row, too
+        starts = np.flatnonzero(np.diff(knots, prepend=-np.inf) == 0.0)
+        piece = np.searchsorted(starts, before, side="right")
+        for number, (first, last) in enumerate(zip([0, *starts], [*starts, len(knots)])):
+            here = piece == number
+            if here.any() and last - first > 1:
+                result[here] = CubicSpline(knots[first:last], F[first:last])(times[here])
         return result.reshape(-1, 3, 3)
 
 
