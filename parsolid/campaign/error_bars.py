@@ -15,9 +15,10 @@ from parsolid.campaign.estimate import (
     SAFETY,
     SAFETY_DIVERGED,
     SAFETY_NO_ORDER,
+    TIME_WINDOW,
     Bar,
     Series,
-    largest_in_window,
+    largest_nearby,
     phase_and_amplitude,
     spacing_bar,
 )
@@ -211,13 +212,12 @@ def _add_parts(scene: Scene, name: str, bar: Bar, times: np.ndarray, runs: list[
         if one.variant.purpose == SPACING or name not in one.history or one.ratio != base.ratio:
             continue
         difference = on_times(base.history, name, times) - on_times(one.history, name, times)
+        largest = largest_nearby(difference, times, TIME_WINDOW * scene.end_time)
         if one.variant.purpose == STEP:
-            part = largest_in_window(difference, times, scene.end_time) / (1.0 - 0.5 ** order_in_time(scene))
-            bar.parts["step"] = part
+            part = bar.parts["step"] = largest / (1.0 - 0.5 ** order_in_time(scene))
             bar.error = bar.error + SAFETY * part
         elif one.variant.purpose == SOLVER:
-            part = largest_in_window(difference, times, scene.end_time) / (LOOSER - 1.0)
-            bar.parts["solver"] = part
+            part = bar.parts["solver"] = largest / (LOOSER - 1.0)
             bar.error = bar.error + SAFETY_NO_ORDER * part
 
 

@@ -112,13 +112,6 @@ def largest_nearby(values: np.ndarray, times: np.ndarray, reach: float) -> np.nd
     return np.array([size[a:b].max() for a, b in zip(first, last)])
 
 
-def quarter_period(values: np.ndarray, times: np.ndarray) -> float:
-    """A quarter of the period [s] of a series that oscillates, so that an error of the same period is seen near its
-    largest; 0 where nothing oscillates."""
-    crossed = crossings(values)
-    return float(np.ptp(times)) / (2.0 * crossed) if crossed >= _MIN_CROSSINGS else 0.0
-
-
 def crossings(values: np.ndarray) -> int:
     """How often a series (n,) crosses its mean, small ripples aside."""
     about = values - values.mean()
@@ -145,29 +138,27 @@ def spacing_bar(series: Series, known: float, duration: float, trust: Trust = OF
         if varies and norms[0] > MIN_REDUCTION * norms[1]:
             return mean_bar(series, known)
     used, factor, verdict = order_to_use(order, correlation, known, trust)
-    if order is not None and correlation < UNCORRELATED:
-        error = np.ptp(values, axis=0) if trust.by_spread else uncorrelated_error(series, used)
-        misfit = np.zeros(len(times))
+    misfit = np.zeros(len(times))
+    if order is None or correlation >= UNCORRELATED:
+        # the larger of what all spacings and the two finest say
+        error, misfit = fitted_error(series, used)
+        other, _ = fitted_error(Series(times, values[:2], ratios[:2]), used)
+        error = np.maximum(np.abs(error), np.abs(other))
+    elif trust.by_spread:
+        error = np.ptp(values, axis=0)
     else:
-        error, misfit = largest_fitted_error(series, used)
-    near = largest_nearby(error, times, max(TIME_WINDOW * duration, quarter_period(values[0], times)))
+        # errors of runs are independent of one another: squares add up
+        error = (np.abs(values[1:] - values[0]) / np.sqrt(1.0 + ratios[1:, None] ** (2.0 * used))).max(axis=0)
+    # a quarter of the period, so that an error of the same period is seen near its largest
+    crossed = crossings(values[0])
+    quarter = float(np.ptp(times)) / (2.0 * crossed) if crossed >= _MIN_CROSSINGS else 0.0
+    near = largest_nearby(error, times, max(TIME_WINDOW * duration, quarter))
     # errors grow: a zero of the difference is none of the error
-    total = factor * np.maximum(near, 0.5 * running_rms(error, times)) + misfit
+    steps = np.maximum(np.diff(times, prepend=times[:1]), 0.0)
+    spans = np.cumsum(steps)
+    so_far = np.sqrt(np.cumsum(steps * error**2) / np.where(spans > 0.0, spans, 1.0))
+    total = factor * np.maximum(near, 0.5 * so_far) + misfit
     return Bar(total, order, used, factor, verdict, {"spacing": near})
-
-
-def largest_fitted_error(series: Series, order: float) -> tuple[np.ndarray, np.ndarray]:
-    """The larger of what all spacings and the two finest say of the first run's error (n,), and what the fit misses."""
-    error, misfit = fitted_error(series, order)
-    other, _ = fitted_error(Series(series.times, series.values[:2], series.ratios[:2]), order)
-    return np.maximum(np.abs(error), np.abs(other)), misfit
-
-
-def uncorrelated_error(series: Series, order: float) -> np.ndarray:
-    """The error (n,) of the first run where those of others are independent of it: squares add up."""
-    apart = np.abs(series.values[1:] - series.values[0])
-    result: np.ndarray = (apart / np.sqrt(1.0 + series.ratios[1:, None] ** (2.0 * order))).max(axis=0)
-    return result
 
 
 def mean_bar(series: Series, known: float) -> Bar:
@@ -175,24 +166,10 @@ def mean_bar(series: Series, known: float) -> Bar:
     times, values, _ = series
     spans = np.diff(times)
     means = (0.5 * (values[:, 1:] + values[:, :-1])) @ spans / spans.sum()
-    used = max(known, OF_LATTICES.least)
-    bar = Bar(
-        np.full(len(times), np.nan),
-        None,
-        used,
-        SAFETY_NO_ORDER,
-        "resolutions differ by as much as it varies (chaotic?)",
-    )
+    verdict = "resolutions differ by as much as it varies (chaotic?)"
+    bar = Bar(np.full(len(times), np.nan), None, max(known, OF_LATTICES.least), SAFETY_NO_ORDER, verdict)
     bar.mean, bar.mean_error = float(means[0]), SAFETY_NO_ORDER * float(np.abs(means[1:] - means[0]).max())
     return bar
-
-
-def running_rms(values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Root of the mean square (n,) over all times up to each."""
-    steps = np.maximum(np.diff(times, prepend=times[:1]), 0.0)
-    spans = np.cumsum(steps)
-    result: np.ndarray = np.sqrt(np.cumsum(steps * values**2) / np.where(spans > 0.0, spans, 1.0))
-    return result
 
 
 def order_to_use(
@@ -215,11 +192,6 @@ def order_to_use(
     if order >= known - TOLERANCE:
         return min(order, known), trust.with_order, f"order {order:.1f}"
     return order, trust.with_order, f"order {order:.1f}, below the known one"
-
-
-def largest_in_window(values: np.ndarray, times: np.ndarray, duration: float) -> np.ndarray:
-    """The largest of |values| (n,) within TIME_WINDOW of the duration [s]."""
-    return largest_nearby(values, times, TIME_WINDOW * duration)
 
 
 def phase_and_amplitude(series: Series, order: float) -> tuple[float | None, float | None]:

@@ -1,6 +1,5 @@
 """What may be chosen for a scene: method, kernel, horizon, weights, integrator and so on, one change from it each."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,9 +105,11 @@ def _with_method(tables: dict[str, Any], kind: str, level: Scene) -> dict[str, A
     stood on nodes of a lattice stand in its cells.
     """
     old = methods_of(tables)[0]
+    settings = level.systems[0].settings
     for key in _OF_THE_SOLID:
-        said, usual = getattr(level.systems[0].settings, key, None), _usual(level.systems[0].settings, key)
-        if said != usual:
+        field = type(settings).model_fields.get(key)
+        usual = None if field is None else field.get_default(call_default_factory=True)
+        if getattr(settings, key, None) != usual:
             raise SceneError([f"method.{key}: expected to be as usual for another method, found {describe(old[key])}"])
     lattices, bodies = lattices_of(level), [dict(body) for body in tables["bodies"]]
     method: dict[str, Any] = {"kind": kind}
@@ -127,46 +128,28 @@ def _with_method(tables: dict[str, Any], kind: str, level: Scene) -> dict[str, A
     return {key: table for key, table in tables.items() if key != "methods"} | {"method": method, "bodies": bodies}
 
 
-def _usual(settings: Any, key: str) -> Any:
-    """The default of a setting."""
-    field = type(settings).model_fields.get(key)
-    return None if field is None else field.get_default(call_default_factory=True)
-
-
-def options_of(scene: Scene, axes: list[str]) -> Iterator[Option]:
+def options_of(scene: Scene, axes: list[str]) -> list[Option]:
     """One change from a scene each, along the axes that are named, or all."""
     settings: Any = scene.systems[0].settings
     own = settings.model_dump()
     if settings.kind == "tlsph":
         own["weights"] = settings.pair_weights
         own["dissipation"] = settings.dissipation_of(settings.pair_weights)
+    found = []
     for axis, (key, values) in AXES[settings.kind].items():
         for value in values:
-            if not _same(own.get(key), value):
-                yield from _along(axes, Option(((axis, key, value),)))
+            now = own.get(key)
+            # of tables, what the value says
+            is_table = isinstance(now, dict) and isinstance(value, dict)
+            if not (all(now.get(k) == one for k, one in value.items()) if is_table else now == value):
+                found.append((axis, key, value))
     solution = own.get("solution") or {}
     if solution.get("kind") == "quasi-static":
         for key, values in _EQUILIBRIUM.items():
-            for value in values:
-                if solution[key] != value:
-                    yield from _along(axes, Option(((key, f"solution.{key}", value),)))
+            found += [(key, f"solution.{key}", value) for value in values if solution[key] != value]
     step = next((key for key in _STEPS if own.get(key) is not None), None)
     step = step or next((f"solution.{key}" for key in _STEPS if solution.get(key) is not None), None)
-    for share in (_HALF, _LONGER if step in ("cfl", "safety") else 2.0):
-        if step is not None:
-            yield from _along(axes, Option((("step", step, share),)))
-    for kind in method_kinds():
-        if kind != settings.kind:
-            yield from _along(axes, Option(((NEW, "kind", kind),)))
-
-
-def _along(axes: list[str], option: Option) -> Iterator[Option]:
-    if not axes or option.axes[0] in axes:
-        yield option
-
-
-def _same(own: Any, value: Any) -> bool:
-    """Whether a setting has a value already; of tables, what the value says."""
-    if isinstance(own, dict) and isinstance(value, dict):
-        return all(own.get(key) == one for key, one in value.items())
-    return bool(own == value)
+    if step is not None:
+        found += [("step", step, share) for share in (_HALF, _LONGER if step in ("cfl", "safety") else 2.0)]
+    found += [(NEW, "kind", kind) for kind in method_kinds() if kind != settings.kind]
+    return [Option((change,)) for change in found if not axes or change[0] in axes]

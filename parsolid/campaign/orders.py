@@ -10,16 +10,8 @@ from parsolid.scene.observation import ENERGIES
 from parsolid.scene.systems import settings_of_stages
 from parsolid.simulation.ledger import terms_of
 
-ENERGY, MOTION, STRESS, HEAT, INTEGRAL, EXTREME, REACTION, MICRO = (
-    "energy",
-    "motion",
-    "stress",
-    "heat",
-    "integral",
-    "extreme",
-    "reaction",
-    "micro",
-)
+ENERGY, MOTION, STRESS, HEAT = "energy", "motion", "stress", "heat"
+INTEGRAL, EXTREME, REACTION, MICRO = "integral", "extreme", "reaction", "micro"
 # of the spacing; peridynamics with a horizon that shrinks with it has surfaces of first order
 _SPACING: dict[str, dict[str, float]] = {
     "tlsph": {ENERGY: 2.0, MOTION: 2.0, STRESS: 2.0, INTEGRAL: 2.0},

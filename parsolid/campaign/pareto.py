@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 from parsolid.campaign.coarsening import Level, NotCoarsened, lattice_words, parsed
 from parsolid.campaign.options import Option, options_of
 from parsolid.campaign.reference import Reference, observed_reference, stated_reference
@@ -150,11 +148,6 @@ class SuccessiveHalving:
     spent: float = 0.0
     reference: Reference | None = None
 
-    @property
-    def comm(self) -> MPI.Intracomm:
-        """The ranks that run."""
-        return self.runner.comm
-
     def follow(self) -> None:
         """Make all runs. Raises Interrupted."""
         plan = self.plan
@@ -172,7 +165,7 @@ class SuccessiveHalving:
         """Run an option at a level and those below it that it lacks, unless the budget says no."""
         for number in range(len(one.runs), level + 1):
             expected = self.expected(one, number)
-            if self.comm.bcast(self.spent + expected > self.budget):
+            if self.runner.comm.bcast(self.spent + expected > self.budget):
                 one.dropped = f"the budget: about {expected:.3g} s more were needed"
                 return
             run = self.runner.run(self.plan.variant(one.option, number))
@@ -193,18 +186,10 @@ class SuccessiveHalving:
         last = min(level, len(known.runs) - 1)
         return known.times[last] * self.plan.work(level) / self.plan.work(last)
 
-    def expected_in_all(self) -> float:
-        """Processor seconds of all levels if every option cost what the scene's own does."""
-        plan, count, total = self.plan, len(self.plan.configurations), 0.0
-        for level in range(len(plan.levels)):
-            count = max(2, (count + 1) // 2) + (level == 2) if level >= 2 else count
-            total += count * self.expected(plan.configurations[0], level)
-        return total
-
     def compare(self) -> None:
         """Compare all runs with the reference as it is known now; on rank 0, which has the histories."""
         plan = self.plan
-        if self.comm.rank > 0:
+        if self.runner.comm.rank > 0:
             return
         families = [(one.option.name, one.runs) for one in plan.configurations]
         self.reference = stated_reference(plan.scene, plan.column) or observed_reference(
@@ -219,7 +204,7 @@ class SuccessiveHalving:
         own and the best.
         """
         found = {}
-        if self.comm.rank == 0:
+        if self.runner.comm.rank == 0:
             plan = self.plan
             newest = [one.errors[-1] for one in plan.configurations if one.errors]
             own = plan.configurations[0].errors
@@ -230,7 +215,7 @@ class SuccessiveHalving:
                 for number, one in enumerate(plan.configurations)
                 if one.dropped is None and one.errors
             }
-        result: dict[int, float] = self.comm.bcast(found)
+        result: dict[int, float] = self.runner.comm.bcast(found)
         return result
 
     def halve(self, level: int) -> None:
@@ -342,7 +327,12 @@ def run_pareto(
         search.advance(own, 0, "first")
         if not own.runs:
             raise SolverError(f"pareto: expected a scene that runs, found: {own.dropped}")
-        say(f"pareto: expected: {search.expected_in_all():.3g} core-seconds, at most {budget:g}")
+        # if every option cost what the scene's own does
+        count, total = len(plan.configurations), 0.0
+        for level in range(len(plan.levels)):
+            count = max(2, (count + 1) // 2) + (level == 2) if level >= 2 else count
+            total += count * search.expected(own, level)
+        say(f"pareto: expected: {total:.3g} core-seconds, at most {budget:g}")
         search.follow()
     except Interrupted:
         say(f"stopped; what is finished is kept in {runner.folder}: the same command goes on")
@@ -393,17 +383,14 @@ def table_of(plan: Plan) -> ResultTable:
     edge = envelope(plan)
     for one in sorted(plan.configurations, key=lambda one: (-len(one.errors), one.errors[-1:] or [math.inf])):
         levels = [str(level + 1) for _, _, other, level in edge if other is one]
-        finest = ["", "", ""]
+        finest, order = ["", "", ""], ""
+        if len(one.errors) > 1 and min(one.errors[-2:]) > 0.0:
+            # observed between the last two runs
+            gain, finer = one.errors[-2] / one.errors[-1], one.runs[-2].ratio / one.runs[-1].ratio
+            order = f"{math.log(gain) / math.log(finer):.1f}"
         if one.errors:
             last = one.runs[-1]
             finest = [last.variant.lattices, f"{last.seconds:.3g}", f"{100.0 * one.errors[-1]:.2g} %"]
         at = f"level {', '.join(levels)}" if levels else ""
-        table.rows.append([one.option.name, str(len(one.runs)), *finest, _order_of(one), at, one.dropped or ""])
+        table.rows.append([one.option.name, str(len(one.runs)), *finest, order, at, one.dropped or ""])
     return table
-
-
-def _order_of(one: Configuration) -> str:
-    """The observed order between the last two runs."""
-    if len(one.errors) < 2 or min(one.errors[-2:]) <= 0.0:
-        return ""
-    return f"{math.log(one.errors[-2] / one.errors[-1]) / math.log(one.runs[-2].ratio / one.runs[-1].ratio):.1f}"

@@ -115,11 +115,12 @@ def _panels(lines: list[list[Case]], names: list[str]) -> list[tuple[str, list[C
 
 def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
     """The errors that a line has, with what tells each from the others; of errors that agree the first."""
-    had: list[str] = []
+    had: dict[str, list[float]] = {}
     for error in errors:
-        values = _values(line, error)
-        if any(values) and not any(_agree(values, _values(line, other)) for other in had):
-            had.append(error)
+        own = [case.measures["errors"].get(error) or 0.0 for case in line]
+        agrees = [all(abs(a - b) <= _ALIKE * max(a, b) for a, b in zip(own, other)) for other in had.values()]
+        if any(own) and not any(agrees):
+            had[error] = own
     result = []
     for error in had:
         words = [*line[0].line]
@@ -129,14 +130,6 @@ def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
             words.append(words_of(error))
         result.append(Curve(line, error, ", ".join(words)))
     return result
-
-
-def _values(line: list[Case], error: str) -> list[float]:
-    return [case.measures["errors"].get(error) or 0.0 for case in line]
-
-
-def _agree(one: list[float], two: list[float]) -> bool:
-    return all(abs(a - b) <= _ALIKE * max(a, b) for a, b in zip(one, two))
 
 
 def _looks(curves: list[Curve]) -> dict[str, dict[str, Any]]:

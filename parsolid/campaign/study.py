@@ -3,8 +3,7 @@
 import math
 import shlex
 import signal
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from fnmatch import fnmatchcase
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +23,7 @@ from parsolid.campaign.report import (
     write_study_csv,
     write_study_markdown,
 )
-from parsolid.campaign.runner import LASTING, MEASURES, REFUSED, Record, measures_of, read_record, run_beside
+from parsolid.campaign.runner import LASTING, MEASURES, REFUSED, measures_of, read_record, run_beside
 from parsolid.exit_status import DONE, TO_BE_CONTINUED, WENT_WRONG
 from parsolid.machine import cores_in_words
 from parsolid.output.summary import provenance, write_summary
@@ -280,12 +279,19 @@ def _lacking(case: Case, repetitions: int) -> bool:
 
 def make_runs(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, jobs: int) -> int:
     """Make the runs that are lacking, so many at once, with a line for each: 0, or 75 where it was interrupted."""
+
+    def interrupt(number: Any, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    # batch systems send SIGTERM, which ends the study as the keyboard does
+    before = signal.signal(signal.SIGTERM, interrupt)
     try:
-        with _interruptible():
-            _make(console, runs, repetitions, jobs)
+        _make(console, runs, repetitions, jobs)
     except KeyboardInterrupt:
         console.print("interrupted: what is finished is kept, the same command goes on and draws the pictures")
         return TO_BE_CONTINUED
+    finally:
+        signal.signal(signal.SIGTERM, before)
     return DONE
 
 
@@ -306,17 +312,13 @@ def _make(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, 
             _measure(case)
             left = seconds_left(cases, [case for _, case in waiting.values()], repetitions) / jobs
             remains = f"about {_duration(left)} left" if waiting else "done"
-            line = f"[{count:>{width}}/{len(lacking)}] {case.title}: {_outcome(planned.study, case, record)}"
+            outcome = f"{record.status}: {(record.message or '').partition(chr(10))[0]}"
+            if record.status == FINISHED:
+                errors, names = case.measures.get("errors") or {}, shown_errors(planned.study, [case])[:2]
+                first = [f"{spaced(name)} {errors[name]:.1e}" for name in names]
+                outcome = ", ".join([f"{record.status}, {record.seconds:.3g} CPU s", *first])
+            line = f"[{count:>{width}}/{len(lacking)}] {case.title}: {outcome}"
             console.print(f"{line}; {seconds:.1f} s, {remains}", markup=False, soft_wrap=True)
-
-
-def _outcome(study: Study, case: Case, record: Record) -> str:
-    """How a run went, in a few words."""
-    if record.status != FINISHED:
-        return f"{record.status}: {(record.message or '').partition(chr(10))[0]}"
-    errors = case.measures.get("errors") or {}
-    first = [f"{spaced(name)} {errors[name]:.1e}" for name in shown_errors(study, [case])[:2]]
-    return ", ".join([f"{record.status}, {record.seconds:.3g} CPU s", *first])
 
 
 def seconds_left(cases: list[Case], todo: list[Case], repetitions: int) -> float:
@@ -343,17 +345,3 @@ def _duration(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """SIGTERM, which batch systems send, ends the study as the keyboard does."""
-
-    def interrupt(number: Any, frame: Any) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

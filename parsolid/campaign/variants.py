@@ -117,20 +117,15 @@ def usual_ratios(scene: Scene) -> tuple[float, ...]:
     if has_meshes(scene):
         return RATIOS_OF_MESHES
     wide, *narrow = RATIOS[scene.dimension]
-    if not narrow or all(_is_enough(scene, one) for one in _all_or_none(scene, wide)):
+    if not narrow:
         return wide
-    return next((ratios for ratios in narrow if None not in _all_or_none(scene, ratios)), narrow[0])
+    made = coarse_scenes(scene, wide)[0]
+    if len(made) == len(wide) and all(_is_enough(scene, one) for one in made):
+        return wide
+    return next((ratios for ratios in narrow if len(coarse_scenes(scene, ratios)[0]) == len(ratios)), narrow[0])
 
 
-def _all_or_none(scene: Scene, ratios: tuple[float, ...]) -> list[Level | None]:
-    """The coarse scenes of ratios, and None for each that cannot be made."""
-    found = coarse_scenes(scene, ratios)[0]
-    return [*found, *[None] * (len(ratios) - len(found))]
-
-
-def _is_enough(scene: Scene, made: Level | None) -> bool:
-    if made is None:
-        return False
+def _is_enough(scene: Scene, made: Level) -> bool:
     kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}
     for one in lattices_of(scene):
         least = _ENOUGH.get(kinds[one.number], _ENOUGH_ELSEWHERE)
