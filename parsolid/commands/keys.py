@@ -5,7 +5,7 @@ import re
 import textwrap
 import tomllib
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from math import inf
@@ -239,6 +239,7 @@ def starting_scene(method: str) -> str:
     tables = tomllib.loads(text)
     lines: list[str] = []
     scene = Table.of(Scene)
+    stated: Any
     open_keys = scene.keys
     place: list[str] = []
     # how many tables of each list have begun
@@ -251,21 +252,18 @@ def starting_scene(method: str) -> str:
         if header:
             place = header[1].split(".")
             begun[header[1]] += 1
-            open_keys = _table_at(scene, place, tables, begun).keys
+            # the table within the scene, by the kinds that it states; of a list, the last one that has begun
+            table, stated = scene, tables
+            for depth, word in enumerate(place, 1):
+                listed = isinstance(stated[word], list)
+                stated = stated[word][begun[".".join(place[:depth])] - 1] if listed else stated[word]
+                kinds = table.keys[word].tables
+                table = kinds[""] if "" in kinds else kinds[stated["kind"]]
+            open_keys = table.keys
         if key and key[1] in open_keys:
             line = _commented(line, open_keys.pop(key[1]).meaning)
         lines.append(line)
     return "\n".join(lines) + "\n"
-
-
-def _table_at(table: Table, place: list[str], tables: Any, begun: Mapping[str, int]) -> Table:
-    """A table within another, by the kinds that the scene states; of a list, of the last table that has begun."""
-    for depth, word in enumerate(place, 1):
-        listed = isinstance(tables[word], list)
-        tables = tables[word][begun[".".join(place[:depth])] - 1] if listed else tables[word]
-        kinds = table.keys[word].tables
-        table = kinds[""] if "" in kinds else kinds[tables["kind"]]
-    return table
 
 
 def _commented(line: str, meaning: str) -> str:

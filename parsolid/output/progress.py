@@ -76,7 +76,14 @@ class Progress:
         if step == self._before + 1:
             # the first step also loads kernels, or compiles them: it says nothing of the others
             self._first = (now, step, time)
-        if not self._due(now, time):
+        since = now - self._last[0]
+        if self._bar is not None:
+            due = since >= _BAR_SECONDS
+        else:
+            seconds, share = _LINES[self._level]
+            tenths, before = (int(moment / (share * self._end_time) + 1e-9) for moment in (time, self._last[2]))
+            due = since >= seconds or (since >= _LEAST_SECONDS and tenths > before)
+        if not due and time < self._end_time:
             return
         words = [*self._words(self._first, (now, step, time), step_size, row or {}), *told]
         self._last = (now, step, time)
@@ -135,26 +142,24 @@ class Progress:
         for name, value in (summary.get("errors") or {}).items():
             self._say(f"error {name}: {value:.3g}" if isinstance(value, float) else f"error {name}: {value}")
 
-    def _due(self, now: float, time: float) -> bool:
-        since = now - self._last[0]
-        if self._bar is not None:
-            return since >= _BAR_SECONDS or time >= self._end_time
-        seconds, share = _LINES[self._level]
-        tenths, tenths_before = (int(moment / (share * self._end_time) + 1e-9) for moment in (time, self._last[2]))
-        return since >= seconds or (since >= _LEAST_SECONDS and tenths > tenths_before) or time >= self._end_time
-
     def _words(self, first: Moment, last: Moment, step_size: float, row: dict[str, float]) -> list[str]:
         (began, _, first_time), (now, step, time) = first, last
         rate = self._particles * (step - self._last[1]) / max(now - self._last[0], 1e-9)
         parts = [f"dt {step_size:.2e} s"]
         # after the first step nothing is known of what is left
         if (gone := time - first_time) > 0.0:
-            parts.append(f"ETA {_duration((now - began) * max(self._end_time - time, 0.0) / gone)}")
+            minutes, seconds = divmod(int((now - began) * max(self._end_time - time, 0.0) / gone), 60)
+            hours, minutes = divmod(minutes, 60)
+            parts.append(f"ETA {hours}:{minutes:02d}:{seconds:02d}")
         if row:
             # energies are those of the last row of the history
             parts += [f"at t {row['time']:.4e} s:"] if row.get("time", time) != time else []
             parts += [f"{name} {value:.3e} J" for name, value in self._energies(row).items()]
-            parts += _failed(row)
+            # probes of failed matter
+            for column, value in row.items():
+                name = column.rpartition(".")[2]
+                if name in _OF_FAILURE and value > 0.0:
+                    parts.append(f"{name.replace('_', ' ')} {value:.3e} {_OF_FAILURE[name]}")
         return [*parts, f"{rate:.2e} particle-steps/s"]
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
@@ -178,16 +183,6 @@ class Progress:
             print(text, file=self._stream, flush=True)
         except (OSError, ValueError):  # nobody listens any more: the run goes on
             self._level = QUIET
-
-
-def _failed(row: dict[str, float]) -> list[str]:
-    """What the probes of a history row say of failed matter."""
-    asked = [(column, column.rpartition(".")[2]) for column in row]
-    return [
-        f"{name.replace('_', ' ')} {row[column]:.3e} {_OF_FAILURE[name]}"
-        for column, name in asked
-        if name in _OF_FAILURE and row[column] > 0.0
-    ]
 
 
 class Compilations:
@@ -267,9 +262,3 @@ def _shares(summary: dict[str, Any]) -> str:
 
 def _short(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds >= 1.0 else f"{seconds:.2g} s"
-
-
-def _duration(seconds: float) -> str:
-    minutes, seconds = divmod(int(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{seconds:02d}"

@@ -53,7 +53,8 @@ _PANEL = (460, 330)
 def write_energies(results: Results, path: Path) -> None:
     """Energies, dissipations and the energy error over time, side by side."""
     history = results.columns
-    time, factor = _time_axis(history["time"])
+    factor, seconds = prefixed("s", _last(history["time"]))
+    time = history["time"] / factor
     stored = stored_energy(history)
     terms = {name: history[name] for name in ENERGIES if name in history} | _method_terms(history)
     largest = max((np.nanmax(np.abs(values)) for values in terms.values() if len(values)), default=0.0)
@@ -74,7 +75,9 @@ def write_energies(results: Results, path: Path) -> None:
         what = f"change of {_WITHIN[name]}" if below else _WITHIN[name]
         energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=what, linewidth=1.0)
     others = [name for name in (*DISSIPATIONS, *_method_terms(history)) if name in told and name not in _WITHIN]
-    others = _seen(others, terms)
+    # without lines of zeros in the panel of all of them
+    tallest = max((_largest(terms[name]) for name in others), default=0.0)
+    others = [name for name in others if _largest(terms[name]) > _FLAT * tallest]
     spare = iter(_PALETTE[5:])
     for name in _most(others, terms):
         colour = _COLOURS.get(name) or next(spare)
@@ -86,7 +89,7 @@ def write_energies(results: Results, path: Path) -> None:
     energies.set_ylabel(f"energy [{prefix}]")
     dissipations.set_ylabel(f"dissipated [{prefix}]")
     error.set_ylabel("energy error / largest energy")
-    _finish((energies, dissipations, error), prefixed("s", _last(history["time"]))[1])
+    _finish((energies, dissipations, error), seconds)
     error.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
     figure.savefig(path, dpi=DOTS_PER_INCH)
 
@@ -102,10 +105,17 @@ def write_probes(results: Results, path: Path) -> bool:
     """One panel for each field of each probe; False, and no file, when the scene has none."""
     history = results.columns
     idle = {name for name in history if name.endswith(".work") and _largest(history[name]) == 0.0}
-    panels = _probe_panels([name for name in history if name not in idle])
+    # probe.field -> its columns in the history
+    panels: dict[str, list[str]] = {}
+    for name in history:
+        if "." in name and name not in idle:
+            stem, _, part = name.rpartition("_")
+            component = "." in stem and part and len(part) <= 2 and set(part) <= set("xyz")
+            panels.setdefault(stem if component else name, []).append(name)
     if not panels:
         return False
-    time, factor = _time_axis(history["time"])
+    factor, seconds = prefixed("s", _last(history["time"]))
+    time = history["time"] / factor
     # four are a square
     columns = 2 if len(panels) == 4 else min(len(panels), 3)
     rows = -(-len(panels) // columns)
@@ -132,19 +142,13 @@ def write_probes(results: Results, path: Path) -> bool:
         axes.set_ylabel(labelled(words_of(field), label and f"{label}{per}"))
     for axes in grid[len(panels) :]:
         axes.set_visible(False)
-    _finish(grid[: len(panels)], prefixed("s", _last(history["time"]))[1])
+    _finish(grid[: len(panels)], seconds)
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return True
 
 
 def _largest(values: np.ndarray) -> float:
     return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-
-
-def _seen(names: list[str], columns: dict[str, Any]) -> list[str]:
-    """Those of columns that are no line of zeros in a panel of all of them."""
-    largest = max((_largest(columns[name]) for name in names), default=0.0)
-    return [name for name in names if _largest(columns[name]) > _FLAT * largest]
 
 
 def _most(names: list[str], columns: dict[str, Any]) -> list[str]:
@@ -164,18 +168,6 @@ def _told_apart(names: list[str], history: dict[str, np.ndarray]) -> list[str]:
         if _largest(values) > _NOTHING * largest and not same:
             kept.append(name)
     return _most(kept, history) or names[:1]
-
-
-def _probe_panels(columns: list[str]) -> dict[str, list[str]]:
-    """probe.field -> its columns in the history."""
-    panels: dict[str, list[str]] = {}
-    for name in columns:
-        if "." not in name:
-            continue
-        stem, _, part = name.rpartition("_")
-        component = "." in stem and part and len(part) <= 2 and set(part) <= set("xyz")
-        panels.setdefault(stem if component else name, []).append(name)
-    return panels
 
 
 def _add_references(axes: Any, results: Results, names: Iterable[str], factor: float, unit: float) -> None:
@@ -202,11 +194,6 @@ def _add_bands(
             colour = colours[name] if colours else colour
             axes.fill_between(time, value - bar, value + bar, color=colour, alpha=0.2, linewidth=0)
     axes.set_ylim(shown)
-
-
-def _time_axis(time: np.ndarray) -> tuple[np.ndarray, float]:
-    factor, _ = prefixed("s", _last(time))
-    return time / factor, factor
 
 
 def _last(time: np.ndarray) -> float:

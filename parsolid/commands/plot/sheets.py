@@ -156,13 +156,6 @@ class Sheet:
 
         return Cut(*self.look.cut) if self.look.cut else None
 
-    @property
-    def _seams(self) -> list[tuple[int, float]]:
-        """Axes of the mirror planes, and how near to them a point [m] lies on the seam of the images."""
-        least = float(self.volume.min()) ** (1.0 / int(self.results.dimension or 3)) if len(self.volume) else 0.0
-        # corners are continued from particles, and beyond the plane by a part of a spacing
-        return [(axis, 0.3 * least) for axis in self.look.mirror]
-
     def figure(self, numbers: list[int]) -> Figure:
         """A figure of the frames with these numbers."""
         size, panels = self._layout(len(numbers))
@@ -197,7 +190,15 @@ class Sheet:
 
     def _layout(self, count: int) -> Any:
         """Size of the picture, and left, top, width, height of every panel, in pixels."""
-        columns = min(self.look.columns or self._fitting_columns(count), count)
+        if not self.look.columns:
+            # brings the sheet nearest to 16 : 9, or to its size, with few places left empty
+            wide, high = self.look.size or (16, 9)
+            tried = np.arange(1, count + 1)
+            lines = -(-count // tried)
+            off = np.abs(np.log(tried * self.view.aspect / lines * high / wide))
+            columns = int(tried[np.argmin(off + 2.0 * (1.0 - count / (lines * tried)))])
+        else:
+            columns = min(self.look.columns, count)
         rows = -(-count // columns)
         top = _MARGIN + (_TITLE if self.look.title else 0)
         if self.look.size is None:
@@ -221,31 +222,21 @@ class Sheet:
         ]
         return size, panels
 
-    def _fitting_columns(self, count: int) -> int:
-        """The number of columns that brings the sheet nearest to 16 : 9, or to its size, with few places left empty."""
-        width, height = self.look.size or (16, 9)
-        columns = np.arange(1, count + 1)
-        rows = -(-count // columns)
-        off = np.abs(np.log(columns * self.view.aspect / rows * height / width))
-        return int(columns[np.argmin(off + 2.0 * (1.0 - count / (rows * columns)))])
-
     def _draw(self, axes: Any, number: int, pixels: tuple[int, int]) -> None:
+        frame, shown = self.frames[number], (self.skins, self.volume)
         if self.results.dimension == 2:
-            draw_plane(
-                axes, self.skins, self.volume, self.frames[number], number, self.view, self.scale, self.cut, self._seams
-            )
+            # how near to a mirror plane a point [m] lies on the seam of the images: corners are continued from
+            # particles, and beyond the plane by a part of a spacing
+            near = 0.3 * float(self.volume.min()) ** 0.5 if len(self.volume) else 0.0
+            seams = [(axis, near) for axis in self.look.mirror]
+            draw_plane(axes, *shown, frame, number, self.view, self.scale, self.cut, seams)
             return
         axes.set_axis_off()
-        axes.imshow(self._renderer(pixels).draw(self.frames[number], number), interpolation="none", aspect="auto")
-
-    def _renderer(self, pixels: tuple[int, int]) -> Any:
         if pixels not in self._renderers:
             from parsolid.commands.plot.space import Renderer
 
-            self._renderers[pixels] = Renderer(
-                self.skins, self.volume, self.view, self.scale, pixels, self.cut, self.look.mirror
-            )
-        return self._renderers[pixels]
+            self._renderers[pixels] = Renderer(*shown, self.view, self.scale, pixels, self.cut, self.look.mirror)
+        axes.imshow(self._renderers[pixels].draw(frame, number), interpolation="none", aspect="auto")
 
 
 def _mirrored(frame: Frame, axes: tuple[int, ...], cut: int | None) -> Frame:
@@ -308,21 +299,17 @@ def write_animation(sheet: Sheet, path: Path, frames_per_second: float) -> None:
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=1000.0 / frames_per_second, loop=0)
 
 
-def _ffmpeg() -> str:
-    """The program that writes .mp4: the machine's, else that of imageio-ffmpeg. Raises SceneError without any."""
-    if (program := shutil.which("ffmpeg")) is not None:
-        return program
-    try:
-        import imageio_ffmpeg
-
-        return str(imageio_ffmpeg.get_ffmpeg_exe())
-    except (ImportError, RuntimeError):
-        expected = "the program ffmpeg or the package imageio-ffmpeg for .mp4"
-        raise SceneError([f"--animation: expected {expected}, found none (.gif needs none)"]) from None
-
-
 def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
-    program = _ffmpeg()
+    # the machine's program, else that of imageio-ffmpeg
+    program = shutil.which("ffmpeg")
+    if program is None:
+        try:
+            import imageio_ffmpeg
+
+            program = str(imageio_ffmpeg.get_ffmpeg_exe())
+        except (ImportError, RuntimeError):
+            expected = "the program ffmpeg or the package imageio-ffmpeg for .mp4"
+            raise SceneError([f"--animation: expected {expected}, found none (.gif needs none)"]) from None
     first = next(images)
     # the usual encoding wants even numbers of pixels
     height, width = (length - length % 2 for length in first.shape[:2])

@@ -40,7 +40,18 @@ def cut_body(skin: Skin, position: np.ndarray, values: np.ndarray, coordinate: n
     """
     places, shown = skin.points(position, linear=True), skin.points(values, linear=False)
     along = skin.points(coordinate, linear=True)
-    grid, rows = _of_elements(skin, places) if skin.lines is None else _of_lines(skin, places)
+    number = np.arange(len(places))
+    grid: Any
+    if skin.lines is None:
+        kinds = {getattr(pyvista.CellType, kind.upper()): cells for kind, cells in skin.elements or ()}
+        grid, rows = pyvista.UnstructuredGrid(kinds, np.ascontiguousarray(places)), number
+    else:
+        # a lattice, whose closed lines end with their first points
+        number = number.reshape([count for count, _ in skin.lines])
+        for axis, (_, closed) in enumerate(skin.lines):
+            if closed:
+                number = np.concatenate([number, np.take(number, [0], axis)], axis=axis)
+        grid, rows = pyvista.StructuredGrid(*(places[number, k] for k in range(3))), number.ravel(order="F")
     grid["shown"], grid["cut"] = shown[rows], along[rows]
     if cut.above is None:
         left = grid.contour([cut.value], scalars="cut")
@@ -50,22 +61,6 @@ def cut_body(skin: Skin, position: np.ndarray, values: np.ndarray, coordinate: n
         surface.Update()
         left = pyvista.wrap(surface.GetOutput())
     return left if left.n_cells else None
-
-
-def _of_lines(skin: Skin, places: np.ndarray) -> tuple[Any, np.ndarray]:
-    """The grid of a lattice with points at places (p, 3) [m], and which of these each of its points is."""
-    assert skin.lines is not None
-    number = np.arange(len(places)).reshape([count for count, _ in skin.lines])
-    for axis, (_, closed) in enumerate(skin.lines):
-        if closed:
-            number = np.concatenate([number, np.take(number, [0], axis)], axis=axis)
-    return pyvista.StructuredGrid(*(places[number, k] for k in range(3))), number.ravel(order="F")
-
-
-def _of_elements(skin: Skin, places: np.ndarray) -> tuple[Any, np.ndarray]:
-    """The same of a mesh."""
-    kinds = {getattr(pyvista.CellType, kind.upper()): cells for kind, cells in skin.elements or ()}
-    return pyvista.UnstructuredGrid(kinds, np.ascontiguousarray(places)), np.arange(len(places))
 
 
 # VTK tells of every way of drawing that it tries in vain
@@ -108,13 +103,14 @@ class Camera:
         self.right /= np.linalg.norm(self.right)
         self.up = np.cross(self.towards, self.right)
         axes = np.array([self.right, self.up, self.towards])
-        seen = [_bounds(frame.position @ axes.T) for frame in frames]
-        self.middles = np.array([0.5 * (low + high) for low, high in seen])
-        size = np.array([high - low for low, high in seen]).max(axis=0)
+        seen = [frame.position @ axes.T for frame in frames]
+        lows, highs = (
+            np.array([places.min(axis=0) for places in seen]),
+            np.array([places.max(axis=0) for places in seen]),
+        )
         if not follow:
-            low, high = np.min([low for low, _ in seen], axis=0), np.max([high for _, high in seen], axis=0)
-            self.middles[:] = 0.5 * (low + high)
-            size = high - low
+            lows[:], highs[:] = lows.min(axis=0), highs.max(axis=0)
+        self.middles, size = 0.5 * (lows + highs), (highs - lows).max(axis=0)
         self.middles = self.middles @ axes
         self.depth = float(size[2]) + 2.0 * margin
         width, height = size[:2] + 2.0 * margin
@@ -133,10 +129,6 @@ class Camera:
     def pixels_of_a_metre(self, width: int, height: int) -> float:
         """In a picture of so many pixels."""
         return height / max(self.span[1], self.span[0] * height / width)
-
-
-def _bounds(points: Any) -> tuple[np.ndarray, np.ndarray]:
-    return points.min(axis=0), points.max(axis=0)
 
 
 class Renderer:
@@ -161,23 +153,21 @@ class Renderer:
         self._plotter = plotter
         plotter.background_color = "white"
         # a main light from the upper left of the viewer, a weak one from the right
-        camera = self.camera
         upper_left, right = camera.towards + 0.6 * camera.up - 0.5 * camera.right, camera.towards + camera.right
         for direction, intensity in ((upper_left, 0.72), (right, 0.3)):
             light = pyvista.Light(
                 position=direction, focal_point=(0, 0, 0), intensity=intensity, light_type="scene light"
             )
-            self._plotter.add_light(light)
+            plotter.add_light(light)
 
     def draw(self, frame: Frame, number: int) -> np.ndarray:
         """The picture (height, width, 3) uint8 of a frame, the number-th of the camera's."""
         plotter = self._plotter
         plotter.clear_actors()
-        images = 2 ** len(self.mirror)
-        bodies = len(self.skins) // images
+        bodies = len(self.skins) // 2 ** len(self.mirror)
         for body in range(bodies):
-            self._add_body(frame, [self.skins[body + image * bodies] for image in range(images)])
-        camera, plotter = self.camera, self._plotter
+            self._add_body(frame, self.skins[body::bodies])
+        camera = self.camera
         middle = camera.middles[number]
         distance = 2.0 * camera.depth + max(camera.span)
         plotter.camera.position = middle + distance * camera.towards

@@ -55,26 +55,32 @@ def show(options: Any) -> None:
 
 def write_page(sheet: Sheet, path: Path) -> None:
     """One file with all that is shown. Raises SceneError where it would be too large, and OSError."""
-    frames, triangles, size = [], dict[bytes, int](), 0
+    frames, triangles, size, scale = [], dict[bytes, int](), 0, sheet.scale
     lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
     for frame, label in zip(sheet.frames, sheet.labels):
         pieces = []
         for places, values, faces, diameter in _pieces(sheet, frame):
             lower, upper = np.minimum(lower, places.min(axis=0)), np.maximum(upper, places.max(axis=0))
             number = None if faces is None else triangles.setdefault(faces.astype(np.uint32).tobytes(), len(triangles))
-            piece = {"places": _text(places.astype(np.float32)), "values": _text(_shades(sheet, values))}
+            # numbers of colours
+            share = (values - scale.lower) / (scale.upper - scale.lower)
+            shade = np.clip(np.nan_to_num(254.0 * share), 0.0, 254.0).round()
+            shade = np.where(np.isfinite(share), shade, _NOT_A_NUMBER).astype(np.uint8)
+            piece = {"places": _text(places.astype(np.float32)), "values": _text(shade)}
             size += 17 * len(values)
             pieces.append(piece | {"faces": number, "diameter": diameter})
         frames.append({"time": label, "pieces": pieces})
         if size + sum(map(len, triangles)) > _MOST:
             expected = f"a page of at most {_MOST / 1e6:.0f} MB"
             raise SceneError([f"--html: expected {expected}, found more: --only or --slice some of it"])
-    scale = sheet.scale
+    low, high = scale.lower / scale.factor, scale.upper / scale.factor
+    # round numbers, and how far below the upper one each stands, as a share of the bar
+    told = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high)
     colours = matplotlib.colormaps[scale.colours](np.linspace(0.0, 1.0, 255))[:, :3]
     page = {
         "title": sheet.results.title,
         "label": scale.label,
-        "numbers": _numbers(scale.lower / scale.factor, scale.upper / scale.factor),
+        "numbers": [(f"{value:.6g}", float((high - value) / (high - low))) for value in told if low <= value <= high],
         "palette": _text((255.0 * colours).round().astype(np.uint8)),
         "centre": (0.5 * (lower + upper)).tolist(),
         "radius": float(0.55 * np.linalg.norm(upper - lower)) or 1.0,
@@ -89,12 +95,6 @@ def write_page(sheet: Sheet, path: Path) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def _numbers(lower: float, upper: float) -> list[tuple[str, float]]:
-    """Round numbers from lower to upper, and how far below the upper one each stands, as a share of the bar."""
-    told = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(lower, upper)
-    return [(f"{value:.6g}", float((upper - value) / (upper - lower))) for value in told if lower <= value <= upper]
-
-
 def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None, float]]:
     """Of every body and image: places (k, 3) [m], values (k,), triangles (m, 3) or None where particles are drawn one
     by one, and then their diameter [m].
@@ -105,7 +105,12 @@ def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray
         if sheet.cut is not None:
             assert frame.along is not None
             if skin.solid and sheet.results.dimension == 3:
-                yield from _cut_piece(sheet, skin, position, values, frame.along[rows])
+                from parsolid.commands.plot.space import cut_body
+
+                left = cut_body(skin, position, values, frame.along[rows], sheet.cut)
+                if left is not None:
+                    left = left.triangulate()
+                    yield np.asarray(left.points), np.asarray(left["shown"]), left.faces.reshape(-1, 4)[:, 1:], 0.0
                 continue
             there = sheet.cut.keeps(frame.along[rows], 0.55 * np.cbrt(volume) * (sheet.cut.above is None))
             position, values, volume = position[there], values[there], volume[there]
@@ -123,23 +128,6 @@ def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray
         )
         used, number = np.unique(faces, return_inverse=True)
         yield places[used], shown[used], number.reshape(faces.shape), 0.0
-
-
-def _cut_piece(sheet: Sheet, skin: Any, position: np.ndarray, values: np.ndarray, along: np.ndarray) -> Iterator[Any]:
-    from parsolid.commands.plot.space import cut_body
-
-    left = cut_body(skin, position, values, along, sheet.cut)
-    if left is not None:
-        left = left.triangulate()
-        yield np.asarray(left.points), np.asarray(left["shown"]), left.faces.reshape(-1, 4)[:, 1:], 0.0
-
-
-def _shades(sheet: Sheet, values: np.ndarray) -> np.ndarray:
-    """Numbers of colours (k,)."""
-    scale = sheet.scale
-    share = (values - scale.lower) / (scale.upper - scale.lower)
-    shade = np.clip(np.nan_to_num(254.0 * share), 0.0, 254.0).round()
-    return np.where(np.isfinite(share), shade, _NOT_A_NUMBER).astype(np.uint8)
 
 
 def _turn(sheet: Sheet) -> list[float]:
