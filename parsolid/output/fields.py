@@ -202,10 +202,11 @@ class FieldSeries:
                 for name in self._layout.constant:
                     values = self._shown(constant[name], name)
                     self._write_rows(writer, f"VTKHDF/PointData/{name}", rows.first, rows, values, sums)
-                for name, entries in (("Connectivity", vtkhdf.vertex_connectivity), ("Offsets", vtkhdf.vertex_offsets)):
+                # the point of each cell, and where its points begin, counted within its part
+                for name, period in (("Connectivity", vtkhdf.PART), ("Offsets", vtkhdf.PART + 1)):
                     total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
                     first, last = (total * rank // self._comm.size for rank in self._mine)
-                    writer.write(f"VTKHDF/Vertices/{name}", first, entries(first, last))
+                    writer.write(f"VTKHDF/Vertices/{name}", first, np.arange(first, last) % period)
         sums = added(self._comm, sums)
         with together(self._comm, f"cannot write {sums_path(self.path)}"):
             if self._comm.rank == 0:

@@ -68,7 +68,13 @@ def lay_out(path: Path | str, layout: Layout, index: int | None = None) -> None:
         vtk["NumberOfPoints"] = sizes
         create_slab(vtk, "Points", (capacity * particles, 3), np.float64)
         for name in _TOPOLOGIES:
-            _create_cells(vtk.create_group(name), sizes if name == "Vertices" else np.zeros_like(sizes))
+            group, counts = vtk.create_group(name), sizes if name == "Vertices" else np.zeros_like(sizes)
+            group["NumberOfCells"] = group["NumberOfConnectivityIds"] = counts
+            create_slab(group, "Connectivity", (counts.sum(),), np.int64)
+            if counts.any():
+                create_slab(group, "Offsets", (counts.sum() + parts,), np.int64)
+            else:
+                group["Offsets"] = np.zeros(parts, np.int64)
         data = vtk.create_group("PointData")
         for name, (shape, kind) in layout.varying.items():
             create_slab(data, name, (capacity * particles, *shape), kind)
@@ -108,16 +114,6 @@ def collected(path: Path | str) -> dict[str, Path]:
     return {name: Path(path).with_name(file) for name, file in files.items()} or {"": Path(path)}
 
 
-def _create_cells(group: h5py.Group, sizes: np.ndarray) -> None:
-    group["NumberOfCells"] = sizes
-    group["NumberOfConnectivityIds"] = sizes
-    create_slab(group, "Connectivity", (sizes.sum(),), np.int64)
-    if sizes.any():
-        create_slab(group, "Offsets", (sizes.sum() + len(sizes),), np.int64)
-    else:
-        group["Offsets"] = np.zeros(len(sizes), np.int64)
-
-
 def _create_steps(file: h5py.File, layout: Layout, parts: int) -> None:
     series = file.create_group("series")
     series.attrs["layout"] = json.dumps(layout)
@@ -143,16 +139,6 @@ def _create_steps(file: h5py.File, layout: Layout, parts: int) -> None:
             steps[name] = tables[name]
     # a group that tracks the order keeps its link in its own header, one block of the file
     series.create_group("shown", track_order=True)["steps"] = h5py.SoftLink("/series/empty")
-
-
-def vertex_connectivity(first: int, last: int) -> np.ndarray:
-    """Entries first to last of Vertices/Connectivity: the point of each cell, counted within its part."""
-    return np.arange(first, last) % PART
-
-
-def vertex_offsets(first: int, last: int) -> np.ndarray:
-    """Entries first to last of Vertices/Offsets: where each cell's points begin, one more than a part has cells."""
-    return np.arange(first, last) % (PART + 1)
 
 
 def published(path: Path | str) -> tuple[Layout, np.ndarray]:

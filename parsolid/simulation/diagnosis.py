@@ -22,7 +22,9 @@ Found = dict[str, Any]
 @np.errstate(all="ignore")
 def describe_failure(simulation: "Simulation", otherwise: str) -> str:
     """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
-    found = _first_of(simulation.comm, _unsound_particle(simulation.scene, simulation.systems))
+    unsound = ((system, system.first_invalid()) for system in simulation.systems)
+    said = next(({"what": one[1]} | _named(simulation.scene, system, one[0]) for system, one in unsound if one), None)
+    found = _first_of(simulation.comm, said)
     if found is None and simulation.failed_somewhere:
         found = _first_of(simulation.comm, _most_crushed_particle(simulation))
     if found is None:
@@ -77,15 +79,6 @@ def _advice(scene: Scene, *systems: ParticleSystem) -> str:
     plans = {plan.bodies: plan for plan in scene.systems}
     advice = [qualify_keys(scene, plans[system.bodies], system.advice()) for system in systems]
     return "; ".join(dict.fromkeys(advice))
-
-
-def _unsound_particle(scene: Scene, systems: list[ParticleSystem]) -> Found | None:
-    """The rank's first particle that is not sound, as its method says."""
-    for system in systems:
-        found = system.first_invalid()
-        if found:
-            return {"what": found[1]} | _named(scene, system, found[0])
-    return None
 
 
 def _fastest_particle(simulation: "Simulation") -> Found | None:

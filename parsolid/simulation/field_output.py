@@ -131,27 +131,23 @@ def fit_of_neighbours(place: np.ndarray, body: np.ndarray, rows: np.ndarray, rea
         pairs = cKDTree(place[part]).sparse_distance_matrix(tree, reach, output_type="ndarray")
         i, j = pairs["i"], pairs["j"]
         kept = (pairs["v"] > 1e-9 * reach) & (rows[j, d] == body[part][i])
-        result[part] = _solved(len(place[part]), i[kept], j[kept], place[part], rows, reach, d)
+        i, j, n = i[kept], j[kept], len(place[part])
+        # weighted least squares over pairs
+        apart = (rows[j, :d] - place[part][i]) / reach
+        base = np.column_stack([np.ones(len(i)), apart])
+        weight = (1.0 - np.minimum((apart**2).sum(axis=1), 1.0)) ** 2
+        values = rows[j, d + 1 :]
+        matrix = np.empty((n, d + 1, d + 1))
+        right = np.empty((n, d + 1, values.shape[1]))
+        for a in range(d + 1):
+            for b in range(d + 1):
+                matrix[:, a, b] = np.bincount(i, weight * base[:, a] * base[:, b], n)
+            for c in range(values.shape[1]):
+                right[:, a, c] = np.bincount(i, weight * base[:, a] * values[:, c], n)
+        fitted = (np.linalg.pinv(matrix, rcond=1e-8, hermitian=True)[:, :1] @ right)[:, 0]
+        fitted[np.bincount(i, minlength=n) < d + 1] = np.nan
+        result[part] = fitted
     return result
-
-
-def _solved(n: int, i: np.ndarray, j: np.ndarray, place: np.ndarray, rows: np.ndarray, reach: float, d: int) -> Any:
-    """Values at the places of weighted least squares over pairs (i, j)."""
-    apart = (rows[j, :d] - place[i]) / reach
-    base = np.column_stack([np.ones(len(i)), apart])
-    weight = (1.0 - np.minimum((apart**2).sum(axis=1), 1.0)) ** 2
-    values = rows[j, d + 1 :]
-    matrix = np.empty((n, d + 1, d + 1))
-    right = np.empty((n, d + 1, values.shape[1]))
-    for a in range(d + 1):
-        for b in range(d + 1):
-            matrix[:, a, b] = np.bincount(i, weight * base[:, a] * base[:, b], n)
-        for c in range(values.shape[1]):
-            right[:, a, c] = np.bincount(i, weight * base[:, a] * values[:, c], n)
-    few = np.bincount(i, minlength=n) < d + 1
-    fitted = (np.linalg.pinv(matrix, rcond=1e-8, hermitian=True)[:, :1] @ right)[:, 0]
-    fitted[few] = np.nan
-    return fitted
 
 
 def _arrays(of: Observables | OfRegion, names: list[str]) -> tuple[np.ndarray, Fields, Fields]:

@@ -115,10 +115,15 @@ def _across(scene: Scene, body: Body, extent: Extent) -> list[Across]:
     lengths, found = _lengths(body, extent), []
     counts, gap = np.rint((upper - lower) / spacing) + 1.0, 0.0 if body.placed_on == "vertices" else 1.0
     for axis in range(len(counts)):
-        images, bends = _symmetry(scene, axis, (lower[axis], upper[axis]), spacing[axis])
-        if bends:
-            count = int(counts[axis] * (1 + images) - images * (1.0 - gap))
-            found.append(Across(axis, count, float(lengths[axis]) * (1 + images)))
+        ends, near = (lower[axis], upper[axis]), 0.6 * spacing[axis]
+        planes = [(getattr(one, "plane", None), one.kind) for one in scene.boundaries]
+        here = [kind for plane, kind in planes if plane is not None and plane.axis == axis
+                and min(abs(plane.offset - end) for end in ends) <= near]  # fmt: skip
+        symmetric = sum(kind in ("roller", "antisymmetric") for kind in here)
+        # between two planes of symmetry it cannot bend
+        if "fixed" not in here and symmetric < 2:
+            count = int(counts[axis] * (1 + symmetric) - symmetric * (1.0 - gap))
+            found.append(Across(axis, count, float(lengths[axis]) * (1 + symmetric)))
     return found
 
 
@@ -144,16 +149,3 @@ def thinnest(scene: Scene, number: int, extent: Extent) -> tuple[int, str] | Non
     free = [one for one in _across(scene, body, extent) if _lengths(body, extent).max() >= _SLENDER * one.length]
     best = min(free, key=lambda one: one.particles, default=None)
     return None if best is None else (best.particles, "XYZ"[best.axis])
-
-
-def _symmetry(scene: Scene, axis: int, ends: tuple[float, float], spacing: float) -> tuple[int, bool]:
-    """Planes of symmetry that a body ends at along an axis, at most one, and whether it may bend across it."""
-    found = 0
-    for boundary in scene.boundaries:
-        plane = getattr(boundary, "plane", None)
-        if plane is None or plane.axis != axis or min(abs(plane.offset - end) for end in ends) > 0.6 * spacing:
-            continue
-        if boundary.kind == "fixed":
-            return 0, False
-        found += boundary.kind in ("roller", "antisymmetric")
-    return min(found, 1), found < 2

@@ -3,6 +3,7 @@
 On the same ranks it goes on bit for bit; it may on any other number of ranks.
 """
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,12 +55,23 @@ class Restart:
             header, self.values, rows = read_checkpoint(comm, path)
             self.header = join_per_rank(header, rows)
         except OutputError as error:
-            raise OutputError(f"{error}{_offer(comm, path)}") from error
+            # the checkpoint before, if it can be read
+            before, offer = previous_name(path), ""
+            with suppress(OutputError):
+                time = read_checkpoint(comm, before)[0].get("time", 0.0)
+                offer = f"; the one before is whole: --restart {before} goes on from t = {time:.6g} s"
+            raise OutputError(f"{error}{offer}") from error
         missing = sorted(_NEEDED - set(self.header))
         if missing:
             raise OutputError(f"{path}: expected the checkpoint of a run, found one without {', '.join(missing)}")
         self.same_ranks = self.header["ranks"] == comm.size
-        self.particle_sets = [_particle_set(values) for values in self.values]
+        self.particle_sets: list[ParticleSet] = []
+        for values in self.values:
+            position, fields = values["reference_position"], {name: values.get(name) for name in _PARTICLE_SET}
+            if (axes := fields["axes"]) is not None:
+                fields["axes"] = axes.reshape(-1, position.shape[1], position.shape[1])
+            known: Any = fields
+            self.particle_sets.append(ParticleSet(position=position, **known))
 
     def distribute(self, scene: Scene) -> None:
         """Partition the particles anew, for another number of ranks; collective."""
@@ -101,8 +113,14 @@ class Restart:
         for number, (system, values, order) in enumerate(zip(systems, self.values, orders)):
             kept = system.particles.checkpointed()
             wanted, found = set(kept), set(values)
+            if wanted != found and self.allowed:
+                expected = f"the state of the checkpoint {self.path} ({', '.join(sorted(found))})"
+                raise SolverError(f"bodies.material: expected {expected}, found one with {', '.join(sorted(wanted))}")
             if wanted != found:
-                raise SolverError(self._other_state(wanted, found))
+                # the scene is the checkpoint's
+                missing, extra = (", ".join(sorted(one)) or "nothing" for one in (wanted - found, found - wanted))
+                expected = "a checkpoint that this version of parsolid has written, found one of another"
+                raise SolverError(f"{self.path}: expected {expected}: {missing} is missing, {extra} is too much")
             for name, rows in kept.items():
                 if (rows.shape[1:], rows.dtype) != (values[name].shape[1:], values[name].dtype):
                     raise SolverError(
@@ -114,20 +132,6 @@ class Restart:
             system.resume()
             if self.allowed:
                 system.forget()
-
-    def _other_state(self, wanted: set[str], found: set[str]) -> str:
-        """What is wrong with a checkpoint that keeps other fields than the particles have."""
-        if self.allowed:
-            return (
-                f"bodies.material: expected the state of the checkpoint {self.path} ({', '.join(sorted(found))}), "
-                f"found one with {', '.join(sorted(wanted))}"
-            )
-        # the scene is the checkpoint's
-        missing, extra = (", ".join(sorted(one)) or "nothing" for one in (wanted - found, found - wanted))
-        return (
-            f"{self.path}: expected a checkpoint that this version of parsolid has written, found one of another: "
-            f"{missing} is missing, {extra} is too much"
-        )
 
     def apply(self, simulation: "Simulation") -> None:
         """Put ledger, balance, clock and steps back. Raises SolverError, on all ranks, for other energy terms."""
@@ -160,24 +164,6 @@ class Restart:
             if jump:
                 text = f"the energy of the state changes by {jump:.4g} J with what was allowed to change"
                 self.notes.append(Note("restart-energy", text))
-
-
-def _offer(comm: Any, path: Path) -> str:
-    """The checkpoint before one that cannot be read, if it can be, in words; collective."""
-    before = previous_name(path)
-    try:
-        header, *_ = read_checkpoint(comm, before)
-    except OutputError:
-        return ""
-    return f"; the one before is whole: --restart {before} goes on from t = {header.get('time', 0.0):.6g} s"
-
-
-def _particle_set(values: dict[str, np.ndarray]) -> ParticleSet:
-    dimension = values["reference_position"].shape[1]
-    fields: dict[str, Any] = {name: values.get(name) for name in _PARTICLE_SET}
-    if fields["axes"] is not None:
-        fields["axes"] = fields["axes"].reshape(-1, dimension, dimension)
-    return ParticleSet(position=values["reference_position"], **fields)
 
 
 class CheckpointOutput(Output):

@@ -14,7 +14,7 @@ from parsolid.methods.peridynamics.tangent import SmallMotion
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.codes import Note
-from parsolid.scene.validation_errors import fault
+from parsolid.scene.validation_errors import fault as fault_of
 from parsolid.simulation.setup import build_systems
 from parsolid.solvers import GridLevels, LowestModes, Modes, moduli_of_rows, rigid_modes, rigid_motions, start_vector
 
@@ -56,7 +56,15 @@ class VibratingBodies:
         self.comm, self.scene = comm, scene
         systems: list[Any] = build_systems(comm, scene, None)[0]
         (self.system,) = systems
-        raise_together(comm, self._fault())
+        kinds = sorted({kind for kind in getattr(self.system, "body_weights", ()) if kind not in _WEIGHTS})
+        factor, fault = scene.method.inertia_factor, None
+        if kinds:
+            fault = f"method.weights: expected one of {', '.join(_WEIGHTS)} for modes, found {kinds[0]!r}"
+        elif factor != 1.0:
+            fault = f"method.mass_scaling: expected no such key for modes, which have the true mass, found {factor:g}"
+        elif self.system.conditions.rollers:
+            fault = "boundaries: expected rollers on planes for modes, found one in a region, inclined to the axes"
+        raise_together(comm, fault)
         self.tangent: Any = _TANGENTS[self.system.settings.kind](self.system)
         self.tangent.linearise()
         self.free, self.mass = self.tangent.free, self.tangent.mass[:, None]
@@ -66,18 +74,6 @@ class VibratingBodies:
         self.particles = comm.allreduce(len(self.places))
         upper = maximum(comm, self.places.max(axis=0, initial=-np.inf))
         self.size = float(np.max(upper - minimum(comm, self.places.min(axis=0, initial=np.inf))))
-
-    def _fault(self) -> str | None:
-        of_bodies = getattr(self.system, "body_weights", ())
-        kinds = sorted({kind for kind in of_bodies if kind not in _WEIGHTS})
-        if kinds:
-            return f"method.weights: expected one of {', '.join(_WEIGHTS)} for modes, found {kinds[0]!r}"
-        if self.scene.method.inertia_factor != 1.0:
-            factor = self.scene.method.inertia_factor
-            return f"method.mass_scaling: expected no such key for modes, which have the true mass, found {factor:g}"
-        if self.system.conditions.rollers:
-            return "boundaries: expected rollers on planes for modes, found one in a region, inclined to the axes"
-        return None
 
     def notes(self) -> list[Note]:
         """What is left out of the linear motion."""
@@ -152,35 +148,32 @@ class VibratingBodies:
         return Vibrations(len(rigid), frequencies, residuals, shapes, shares, found)
 
 
-def _no_tangent(material: Any, method: str) -> str:
-    """What is expected for modes in place of a law with fibres that has no tangent at rest, or none that the method
-    knows; empty where the law has one."""
-    notes = [note for _, note in parameters_of(getattr(material, "declared", object)).values()]
-    if not any(isinstance(note, Direction) for note in notes):
-        return ""
-    if getattr(material, "bears_tension_alone", False):
-        return "a law as stiff in compression as in tension for modes"
-    return "'tlsph', or a law without fibres, for modes" if method == "peridynamics" else ""
-
-
 def refuse_nonlinear(scene: Scene) -> None:
     """Raise SceneError for what of a scene does not vibrate linearly, or not by this method."""
     meeting = [name for name in ("contact", "tie", "tools") if getattr(scene, name)]
-    faults = [fault((name,), "none for modes, whose bodies are linear", getattr(scene, name)) for name in meeting]
+    faults = [fault_of((name,), "none for modes, whose bodies are linear", getattr(scene, name)) for name in meeting]
     springs = [number for number, one in enumerate(scene.boundaries) if one.kind == "spring"]
-    faults += [fault(("boundaries", i, "kind"), "no spring for modes", "spring") for i in springs]
+    faults += [fault_of(("boundaries", i, "kind"), "no spring for modes", "spring") for i in springs]
     rough = [number for number, one in enumerate(scene.bodies) if one.shape.kind == "perforated_box"]
-    faults += [fault(("bodies", i, "shape"), "a box or a mesh for modes", "perforated_box") for i in rough]
+    faults += [fault_of(("bodies", i, "shape"), "a box or a mesh for modes", "perforated_box") for i in rough]
     for i, body in enumerate(scene.bodies):
-        if expected := _no_tangent(body.material, scene.systems[0].settings.kind):
-            faults.append(fault(("bodies", i, "material", "kind"), expected, body.material.kind, "method"))
+        notes = [note for _, note in parameters_of(getattr(body.material, "declared", object)).values()]
+        expected = ""
+        if not any(isinstance(note, Direction) for note in notes):
+            continue
+        if getattr(body.material, "bears_tension_alone", False):
+            expected = "a law as stiff in compression as in tension for modes"
+        elif scene.systems[0].settings.kind == "peridynamics":
+            expected = "'tlsph', or a law without fibres, for modes"
+        if expected:
+            faults.append(fault_of(("bodies", i, "material", "kind"), expected, body.material.kind, "method"))
     systems = scene.systems
     if len(systems) > 1:
-        faults.append(fault(("methods",), "one method for modes", len(systems)))
+        faults.append(fault_of(("methods",), "one method for modes", len(systems)))
     elif systems[0].settings.kind not in _TANGENTS:
         expected = f"{' or '.join(map(repr, _TANGENTS))} for modes"
-        faults.append(fault((*systems[0].place, "kind"), expected, systems[0].settings.kind, "method"))
+        faults.append(fault_of((*systems[0].place, "kind"), expected, systems[0].settings.kind, "method"))
     elif any(isinstance(law, BondBased) for law in laws_of(scene.part(systems[0]))):
-        faults.append(fault(("bodies",), "laws with elastic moduli for modes", "a bond-based one", "method"))
+        faults.append(fault_of(("bodies",), "laws with elastic moduli for modes", "a bond-based one", "method"))
     if faults:
         raise SceneError(faults)
