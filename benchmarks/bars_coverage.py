@@ -23,7 +23,7 @@ from parsolid.campaign.orders import kind_of
 from parsolid.campaign.recovery import COLUMN
 from parsolid.campaign.reference import exact_values, series_of
 from parsolid.campaign.runner import InProcess
-from parsolid.campaign.variants import SPACING, Variant, coarse_variants, history_alone
+from parsolid.campaign.variants import SPACING, Variant, coarse_variants, history_only
 from parsolid.scene.loading import apply_override, parse_scene, read_tables
 
 ROOT = Path(__file__).parents[1]
@@ -395,7 +395,7 @@ def truth_of(one: Scene, scene: Any, columns: list[str], folder: Path) -> dict[s
     if one.formulas:
         return dict(one.formulas)
     if one.finer is not None:
-        tables = history_alone(scene, coarsen(scene, one.finer, 0.0).tables, 1.0)
+        tables = history_only(scene, coarsen(scene, one.finer, 0.0).tables, 1.0)
         done = InProcess(MPI.COMM_WORLD, folder).run(Variant(parsed(tables, False, 1.0), SPACING, 1.0, "finer"))
         print(f"{one.name}: {done.record.particles} particles for reference, {done.seconds:.2f} s", flush=True)
         return {c: partial(on_times, done.history, c) for c in one.truth if c in done.history}

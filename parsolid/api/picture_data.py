@@ -10,7 +10,7 @@ from parsolid.particles.generation import generate
 from parsolid.particles.initial_fields import initial_velocity
 from parsolid.particles.regions import selected
 from parsolid.particles.skins import Skin, skins_of
-from parsolid.particles.touching import TOUCHING, close_pairs, homes, within_touch
+from parsolid.particles.touching import TOUCHING, close_pairs, systems_of_bodies, within_touch
 from parsolid.scene import Scene
 from parsolid.scene.base_model import AXES
 from parsolid.scene.boundaries import Condition
@@ -136,7 +136,7 @@ def _interfaces(scene: Scene, position: np.ndarray, spacing: np.ndarray, body: n
     boxes = np.array([[position[rows].min(axis=0), position[rows].max(axis=0)] for rows in rows_of])
     widest = np.array([np.full(d, spacing[rows].max()) for rows in rows_of])
     names = {one.name: k for k, one in enumerate(scene.bodies)}
-    touching = close_pairs(boxes, homes(scene), TOUCHING * widest, TOUCHING * widest)
+    touching = close_pairs(boxes, systems_of_bodies(scene), TOUCHING * widest, TOUCHING * widest)
     acting = within_touch(scene, boxes, widest)
     marks, bonded = [], scene.bonded
     for kind, stated in tables:

@@ -135,7 +135,7 @@ def _numbered(marks: list[Mark]) -> list[tuple[Mark, str]]:
     return result
 
 
-def _few(rows: np.ndarray, most: int) -> np.ndarray:
+def _evenly_chosen(rows: np.ndarray, most: int) -> np.ndarray:
     """Evenly chosen ones of many."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(np.int64))] if len(rows) else rows
 
@@ -168,7 +168,7 @@ def _draw_plane(axes: Any, scene: Scene, data: PictureData) -> None:
         look: dict[str, Any] = {"facecolor": "none", "edgecolor": colour, "lw": 1.1} if ring else {"facecolor": colour}
         discs(one.rows, _SIZES[one.kind], zorder=3 + ring, **look)
         if one.arrows is not None:
-            chosen = _few(np.arange(len(one.rows)), _MOST_ARROWS)
+            chosen = _evenly_chosen(np.arange(len(one.rows)), _MOST_ARROWS)
             along = length * one.arrows[chosen]
             along = np.pad(along, ((0, 0), (0, 1))) if flat else along
             tails = place[one.rows[chosen]]
@@ -240,14 +240,14 @@ def _draw_space(axes: Any, scene: Scene, data: PictureData) -> None:
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=[1000, 1000])
     plotter.set_background("white")
 
-    def grains(rows: np.ndarray, share: float, colour: str) -> None:
+    def draw_cells(rows: np.ndarray, share: float, colour: str) -> None:
         if len(rows):
             sizes = share * np.median(data.spacing[rows], axis=0)
             cube = pyvista.Cube(x_length=sizes[0], y_length=sizes[1], z_length=sizes[2])
             cloud = pyvista.PolyData(np.ascontiguousarray(place[rows], float))
             plotter.add_mesh(cloud.glyph(geom=cube, scale=False, orient=False), color=colour, ambient=0.25)
 
-    def arrow(tail: np.ndarray, along: np.ndarray, colour: str) -> None:
+    def draw_arrow(tail: np.ndarray, along: np.ndarray, colour: str) -> None:
         length = float(np.linalg.norm(along))
         if length > 0.0:
             drawn = pyvista.Arrow(
@@ -266,23 +266,23 @@ def _draw_space(axes: Any, scene: Scene, data: PictureData) -> None:
         )
     for number in sorted(set(range(len(scene.bodies))) - drawn_by_elements):
         here = data.body == number
-        inside = _few(np.flatnonzero(here & ~data.outer), _MOST_INSIDE)
+        inside = _evenly_chosen(np.flatnonzero(here & ~data.outer), _MOST_INSIDE)
         rows = np.concatenate((np.flatnonzero(here & data.outer), inside))
-        grains(rows, 0.98, _BODIES[number % len(_BODIES)])
+        draw_cells(rows, 0.98, _BODIES[number % len(_BODIES)])
     shares = {"region": 1.02, "contact": 1.04, "tie": 1.04, "bond": 1.04, "support": 1.06, "load": 1.08}
     for one, colour in _numbered(data.marks):
-        grains(one.rows, shares[one.kind], colour)
+        draw_cells(one.rows, shares[one.kind], colour)
         if one.arrows is not None:
-            for k in _few(np.arange(len(one.rows)), _MOST_ARROWS):
+            for k in _evenly_chosen(np.arange(len(one.rows)), _MOST_ARROWS):
                 along, tail = _ARROW * size * one.arrows[k], place[one.rows[k]]
-                arrow(tail - along if one.inwards else tail, along, colour)
+                draw_arrow(tail - along if one.inwards else tail, along, colour)
     fastest = np.linalg.norm(data.velocity, axis=1).max()
     for number, velocity in enumerate(data.velocity):
         if velocity.any():
             middle = place[data.body == number]
             along = velocity / fastest
             tip = middle.mean(axis=0) + along * float(((middle - middle.mean(axis=0)) @ along).max())
-            arrow(tip, 1.5 * _ARROW * size * along, _VELOCITY)
+            draw_arrow(tip, 1.5 * _ARROW * size * along, _VELOCITY)
     for _, axis, offset in data.walls:
         centre, normal = 0.5 * (low + high), np.eye(3)[axis]
         centre[axis] = offset
@@ -294,7 +294,7 @@ def _draw_space(axes: Any, scene: Scene, data: PictureData) -> None:
             plotter.add_mesh(drawn, color=_TOOL, opacity=0.5)
     plotter.add_axes(line_width=3, viewport=(0.0, 0.0, 0.18, 0.18))
     plotter.camera.parallel_projection = True
-    views = [_seen(plotter, 0.5 * (low + high), size * np.array(towards)) for towards in _VIEWS]
+    views = [_rendered(plotter, 0.5 * (low + high), size * np.array(towards)) for towards in _VIEWS]
     plotter.close()
     tallest = max(len(one) for one in views)
     # white below and beside each
@@ -314,7 +314,7 @@ def _draw_space(axes: Any, scene: Scene, data: PictureData) -> None:
     )
 
 
-def _seen(plotter: Any, middle: np.ndarray, towards: np.ndarray) -> np.ndarray:
+def _rendered(plotter: Any, middle: np.ndarray, towards: np.ndarray) -> np.ndarray:
     """The picture (rows, columns, 3) from a direction, Z upright, without the white around it."""
     plotter.camera_position = [tuple(middle + towards), tuple(middle), (0, 0, 1)]
     plotter.reset_camera()

@@ -141,7 +141,7 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
                 raise NotCoarsened(
                     f"bodies.{lattice.number} would have {found} at 1/{ratio:.3g} of its resolution, {least}"
                 )
-    tables = without_requests(scene)
+    tables = without_error_tables(scene)
     for lattice, intervals in zip(lattices, new):
         body = tables["bodies"][lattice.number]
         body.pop("spacing", None)
@@ -163,7 +163,7 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
     return Level(tables, actual, ", ".join([*words, *_sizes_in_words(tables)]))
 
 
-def without_requests(scene: Scene) -> dict[str, Any]:
+def without_error_tables(scene: Scene) -> dict[str, Any]:
     """A scene's tables without what is requested of its errors, which its numbers do not depend on."""
     return {key: part for key, part in scene.resolved().items() if key not in ("errors", "run")}
 

@@ -67,7 +67,7 @@ def reduced_regularity(scene: Any) -> str | None:
     kinds = {body.material.kind for body in scene.bodies}
     if "elastic-plastic" in kinds and moving(scene):
         return "plastic flow"
-    return "plastic flow" if "micro-inertia" in kinds and struck(scene) else None
+    return "plastic flow" if "micro-inertia" in kinds and has_kinks(scene) else None
 
 
 def without_order(scene: Any) -> str | None:
@@ -78,7 +78,7 @@ def without_order(scene: Any) -> str | None:
     return None
 
 
-def struck(scene: Any) -> bool:
+def has_kinks(scene: Any) -> bool:
     """Whether matter with micro-inertia is hit, or its flow is held at a plane, where it has a kink; without either its
     micro waves are smooth.
     """

@@ -16,7 +16,7 @@ from parsolid.campaign.options import Option, options_of
 from parsolid.campaign.reference import Reference, observed_reference, stated_reference
 from parsolid.campaign.report import ResultTable
 from parsolid.campaign.runner import InProcess, Interrupted, VariantRun
-from parsolid.campaign.variants import SPACING, Variant, history_alone, level_of
+from parsolid.campaign.variants import SPACING, Variant, history_only, level_of
 from parsolid.collective import SolverError
 from parsolid.exit_status import DONE, TO_BE_CONTINUED
 from parsolid.machine import cores_in_words
@@ -64,7 +64,7 @@ class Plan:
     def variant(self, option: Option, level: int) -> Variant:
         """An option at a level, with a history and nothing else in its output, and the one probe that is looked at."""
         base = self.levels[level]
-        tables = history_alone(base, option.applied(base), 1.0)
+        tables = history_only(base, option.applied(base), 1.0)
         probe = self.column.partition(".")[0] if "." in self.column else None
         tables["probes"] = [one for one in tables.get("probes", ()) if one["name"] == probe]
         tables["boundaries"] = [

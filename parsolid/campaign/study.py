@@ -80,11 +80,11 @@ def run_study(
     console = new_console()
     if dry_run:
         for case in chosen:
-            state = case.record.status if case.record is not None and not _lacking(case, repetitions) else "to do"
+            state = case.record.status if case.record is not None and not _needs_run(case, repetitions) else "to do"
             console.print(f"{state:<10} {case.title}: {case.particles} particles, {case.ranks} ranks", markup=False)
             command = shlex.join(["parsolid", *case.arguments(Path(case.folder_name))])
             console.print(f"           {command}", markup=False, style="dim", soft_wrap=True)
-        console.print(f"{len(chosen)} runs, {sum(_lacking(case, repetitions) for case in chosen)} to do")
+        console.print(f"{len(chosen)} runs, {sum(_needs_run(case, repetitions) for case in chosen)} to do")
         return DONE
     status = make_runs(console, [(planned, case) for case in chosen], repetitions, jobs)
     # who ends it waits for it
@@ -270,7 +270,7 @@ def _chosen(cases: list[Case], only: list[str]) -> list[Case]:
     return [case for case in cases if not only or any(meant(case, name) for name in only)]
 
 
-def _lacking(case: Case, repetitions: int) -> bool:
+def _needs_run(case: Case, repetitions: int) -> bool:
     record = case.record
     if record is None or record.status not in LASTING:
         return True
@@ -296,7 +296,7 @@ def make_runs(console: Console, runs: list[tuple[Planned, Case]], repetitions: i
 
 
 def _make(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, jobs: int) -> None:
-    lacking = [one for one in runs if _lacking(one[1], repetitions)]
+    lacking = [one for one in runs if _needs_run(one[1], repetitions)]
     if len(runs) > len(lacking):
         title = runs[0][0].study.title if len({planned.path for planned, _ in runs}) == 1 else "studies"
         console.print(f"{title}: {len(runs) - len(lacking)} of {len(runs)} runs are there already")

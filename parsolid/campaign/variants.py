@@ -14,7 +14,7 @@ from parsolid.campaign.coarsening import (
     lattices_of,
     methods_of,
     parsed,
-    without_requests,
+    without_error_tables,
 )
 from parsolid.campaign.orders import has_meshes, step_is_stated
 from parsolid.scene import Scene
@@ -72,7 +72,7 @@ def digest_of(scene: Scene, ranks: int | None = None) -> str:
 def level_of(scene: Scene, ratio: float, more_than: float = 0.0) -> Level:
     """The scene nearest to a ratio of the spacing, below 1 for a finer one. Raises NotCoarsened."""
     if ratio == 1.0:
-        return Level(without_requests(scene), 1.0, lattice_words(scene))
+        return Level(without_error_tables(scene), 1.0, lattice_words(scene))
     return coarsen(scene, ratio, more_than)
 
 
@@ -93,7 +93,7 @@ def coarse_variants(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()
     made, refused = coarse_scenes(scene, tuple(ratios) or usual_ratios(scene))
     found: list[Variant] = []
     for number, one in enumerate(reversed(made)):
-        tables = history_alone(scene, one.tables, one.ratio)
+        tables = history_only(scene, one.tables, one.ratio)
         purposes: list[tuple[str, dict[str, Any] | None]] = [(SPACING, tables)]
         if number == 0:
             # elsewhere steps follow the spacing, and their error is in the differences of the spacings
@@ -135,7 +135,7 @@ def _is_enough(scene: Scene, made: Level) -> bool:
     return True
 
 
-def history_alone(scene: Scene, tables: dict[str, Any], ratio: float) -> dict[str, Any]:
+def history_only(scene: Scene, tables: dict[str, Any], ratio: float) -> dict[str, Any]:
     """Tables of a variant that writes a history and nothing else; its rows are as dense as the scene's."""
     output = tables["output"]
     kept = {"pictures": False, "fields_times": [], "checkpoint_wall": scene.output.checkpoint_wall}

@@ -11,7 +11,7 @@ from parsolid.contact.broad_phase import SPEED_GAIN, body_motions
 from parsolid.methods.interaction import Interaction, Meeting
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 from parsolid.pairs.displacement import body_bounds
-from parsolid.particles.touching import ClosePairs, close_pairs, homes, touch, within_touch
+from parsolid.particles.touching import ClosePairs, close_pairs, systems_of_bodies, touch, within_touch
 from parsolid.scene import Scene
 from parsolid.scene.contact import BodyPairs, tied_pairs
 
@@ -47,7 +47,7 @@ class UndeclaredContact(Interaction):
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
         """Collective."""
         self.comm, self.scene, self.systems = comm, scene, systems
-        self.home, self._contact = homes(scene), scene.in_contact
+        self.home, self._contact = systems_of_bodies(scene), scene.in_contact
         self._tied = BodyPairs(pair[:2] for pair in tied_pairs(scene))
         self.met: Sequence[Meeting] = []
         self.due: float | None = None

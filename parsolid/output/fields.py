@@ -205,7 +205,7 @@ class FieldSeries:
                 # the point of each cell, and where its points begin, counted within its part
                 for name, period in (("Connectivity", vtkhdf.PART), ("Offsets", vtkhdf.PART + 1)):
                     total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
-                    first, last = (total * rank // self._comm.size for rank in self._mine)
+                    first, last = (total * rank // self._comm.size for rank in self._ranks_of_share)
                     writer.write(f"VTKHDF/Vertices/{name}", first, np.arange(first, last) % period)
         sums = added(self._comm, sums)
         with together(self._comm, f"cannot write {sums_path(self.path)}"):
@@ -269,7 +269,7 @@ class FieldSeries:
                 # a step at a time, so that no rank has more than its share of one
                 total, steps = (n, len(times)) if name in varying else (old[name].shape[0], 1)
                 for step in range(steps):
-                    first, last = (step * total + total * rank // self._comm.size for rank in self._mine)
+                    first, last = (step * total + total * rank // self._comm.size for rank in self._ranks_of_share)
                     new.write(name, first, old[name][first:last])
         with together(self._comm, f"cannot write {self.path}"):
             if self._comm.rank == 0:
@@ -278,7 +278,7 @@ class FieldSeries:
         self._times = times
 
     @property
-    def _mine(self) -> tuple[int, int]:
+    def _ranks_of_share(self) -> tuple[int, int]:
         return self._comm.rank, self._comm.rank + 1
 
     def _lay_out(self, partial: Path, steps: int) -> dict[str, DataSet]:

@@ -35,7 +35,7 @@ class FolderLock:
         # as a file object it is closed, and the lock given back, when nobody refers to it any more
         self._file = os.fdopen(self._opened(), "r+b", buffering=0)
         self._file.truncate(0)
-        self._file.write((json.dumps(_myself()) + "\n").encode())
+        self._file.write((json.dumps(_this_process()) + "\n").encode())
 
     def _opened(self) -> int:
         while True:
@@ -58,7 +58,7 @@ class FolderLock:
         except OSError as error:
             owner = _owner(descriptor)
             if error.errno in _NO_LOCKS:
-                if not owner or not _alive(owner):
+                if not owner or not _still_runs(owner):
                     return
                 remedy = f"; if that run has ended, remove {self.path}"
             elif error.errno in (errno.EWOULDBLOCK, errno.EACCES):
@@ -81,7 +81,7 @@ class FolderLock:
         self._file.close()
 
 
-def _myself() -> dict[str, Any]:
+def _this_process() -> dict[str, Any]:
     job = next((os.environ[name] for name in _JOBS if os.environ.get(name)), None)
     since = datetime.now(UTC).isoformat(timespec="seconds")
     return {"host": platform.node(), "process": os.getpid(), "job": job, "since": since}
@@ -96,8 +96,8 @@ def _owner(descriptor: int) -> dict[str, Any]:
     return owner if isinstance(owner, dict) else {}
 
 
-def _alive(owner: dict[str, Any]) -> bool:
-    mine = _myself()
+def _still_runs(owner: dict[str, Any]) -> bool:
+    mine = _this_process()
     if owner.get("host") != mine["host"]:
         return mine["job"] is None or owner.get("job") != mine["job"]
     process = owner.get("process")

@@ -121,9 +121,9 @@ class Progress:
         here = summary.get("steps_this_run", summary.get("steps"))
         # a restart goes on counting, but its seconds are its own
         text += "" if here == summary.get("steps") else f", {here} of them since the restart"
-        text += f" in {_short(summary['wall_seconds'])}"
+        text += f" in {_seconds_in_words(summary['wall_seconds'])}"
         if (loop := summary.get("loop_seconds")) is not None:
-            text += f", {_short(loop)} of it in the steps"
+            text += f", {_seconds_in_words(loop)} of it in the steps"
         if (rate := summary.get("particle_steps_per_second_per_rank")) is not None:
             text += f", {rate:.3g} particle-steps/s a rank"
         if (error := summary.get("energy_error_share")) is not None:
@@ -260,5 +260,5 @@ def _shares(summary: dict[str, Any]) -> str:
     return f"time: {', '.join(shares)}{balance}"
 
 
-def _short(seconds: float) -> str:
+def _seconds_in_words(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds >= 1.0 else f"{seconds:.2g} s"

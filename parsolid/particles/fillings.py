@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from parsolid.particles.lattice import BoxFilling, Filling, Lattice, Line, jitter_offsets, lines_of, staircase
+from parsolid.particles.lattice import BoxFilling, Filling, Lattice, Line, jitter_offsets, lattice_with_faces, lines_of
 from parsolid.particles.meshes.filling import MeshFilling
 from parsolid.particles.meshes.slices import MeshSlices
 from parsolid.particles.particle_set import ParticleSet
@@ -63,7 +63,7 @@ class PerforatedFilling:
         along = identifier - self.ends[column] + self.lines[-1].count - self.missing[column]
         along += np.where(along >= self.start[column], self.missing[column], 0)
         index = [*np.unravel_index(column, self.cross_shape), along]
-        return staircase(self, identifier, index, self.volume / self.step)
+        return lattice_with_faces(self, identifier, index, self.volume / self.step)
 
 
 class ShellFilling(Lattice):
@@ -290,7 +290,7 @@ class ClippedFilling:
         index = [along] * self.dimension
         for i, cross in zip(self.across, np.unravel_index(column, self.cross_shape)):
             index[i] = cross
-        return staircase(self, identifier, index, self.face)
+        return lattice_with_faces(self, identifier, index, self.face)
 
 
 _FILLINGS: dict[str, Any] = {

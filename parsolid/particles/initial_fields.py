@@ -37,7 +37,7 @@ def meant(scene: Scene, state: Any, body: np.ndarray, regions: Regions) -> np.nd
     return result
 
 
-def _anyone_states(scene: Scene, key: str) -> bool:
+def _is_stated(scene: Scene, key: str) -> bool:
     stated = [getattr(body, key, None) for body in scene.bodies] + [state.of(key) for state in scene.initial]
     return any(one is not None for one in stated)
 
@@ -73,7 +73,7 @@ def initial_displacement(
     scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None
 ) -> np.ndarray | None:
     """Initial displacement (n, d) [m]; None when nothing has one."""
-    if not _anyone_states(scene, "displacement"):
+    if not _is_stated(scene, "displacement"):
         return None
     return _filled(np.zeros_like(position), scene, body, position, regions, "displacement")
 
@@ -84,7 +84,7 @@ def initial_deformation_gradient(
     """Initial deformation gradient (n, d, d) and where it is given (n,) bool, the identity elsewhere; None
     without any.
     """
-    if not _anyone_states(scene, "deformation_gradient"):
+    if not _is_stated(scene, "deformation_gradient"):
         return None
     key, identity = "deformation_gradient", np.tile(np.eye(position.shape[1]), (len(position), 1, 1))
     given = np.zeros(len(position), bool)
@@ -118,7 +118,7 @@ def initial_plastic_strain(scene: Scene, body: np.ndarray, position: np.ndarray,
 
 def initial_micro_rate(scene: Scene, body: np.ndarray, position: np.ndarray) -> np.ndarray | None:
     """Initial micro-velocity v^p (n,) [1/s], 0 in bodies that state none; None when no body has one."""
-    if not _anyone_states(scene, "micro_rate"):
+    if not _is_stated(scene, "micro_rate"):
         return None
     return _filled(np.zeros(len(body)), scene, body, position, None, "micro_rate")
 

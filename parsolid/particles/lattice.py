@@ -107,7 +107,7 @@ def lines_of(body: FilledShape) -> list[Line]:
     return [Line(low, high, count, nodes) for low, high, count in zip(lower, upper, body.numbers())]
 
 
-def staircase(filling: Any, identifier: np.ndarray, index: list[np.ndarray], face: np.ndarray) -> ParticleSet:
+def lattice_with_faces(filling: Any, identifier: np.ndarray, index: list[np.ndarray], face: np.ndarray) -> ParticleSet:
     """Particles at places of a lattice of which a filling holds some, with a face towards each neighbour that it lacks.
 
     filling: has `holds`; index: d arrays (n,); face (d,) [m^2]: area of a particle's face across each axis.

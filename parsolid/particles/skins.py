@@ -46,7 +46,7 @@ class Skin:
         """The same skin of particles that come so many rows later."""
         return replace(self, first=self.first + rows, last=self.last + rows)
 
-    def torn(self) -> "Skin":
+    def by_particle(self) -> "Skin":
         """The same body drawn particle by particle."""
         return replace(self, patches=None, cells=None, lines=None, elements=None)
 

@@ -32,7 +32,7 @@ class ClosePairs(NamedTuple):
         return self._replace(bodies=self.bodies[chosen], semi_axes=self.semi_axes[chosen])
 
 
-def homes(scene: Scene) -> np.ndarray:
+def systems_of_bodies(scene: Scene) -> np.ndarray:
     """Number (bodies,) of the system of each body."""
     home = np.zeros(len(scene.bodies), np.int64)
     for number, system in enumerate(scene.systems):
@@ -45,7 +45,7 @@ def touching_faults(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> 
     collective."""
     if len(scene.bodies) == 1:
         return []
-    home, bonded, contact = homes(scene), scene.bonded, scene.unbonded
+    home, bonded, contact = systems_of_bodies(scene), scene.bonded, scene.unbonded
     tied = BodyPairs(pair[:2] for pair in tied_pairs(scene))
     rows = _rows_of_bodies(particle_set.body)
     boxes, spacing = _extents(scene, particle_set, comm)
@@ -141,7 +141,7 @@ def within_touch(scene: Scene, boxes: np.ndarray, spacing: np.ndarray) -> CloseP
     Bodies of one method touch where it lets their particles act on one another.
     """
     settings = [system.settings for system in scene.systems]
-    home = homes(scene)
+    home = systems_of_bodies(scene)
     within = [np.maximum(settings[k].reach(each), TOUCHING * each) for k, each in zip(home, spacing)]
     return close_pairs(boxes, home, np.array(within), TOUCHING * spacing)
 

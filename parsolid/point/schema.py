@@ -19,7 +19,7 @@ MOST_STEPS = 1_000_000
 _HEATED = ("elastic-plastic", "micro-inertia")
 
 
-def _warms(material: Any) -> bool:
+def _has_temperature(material: Any) -> bool:
     """Whether a material is of one of these kinds, or a file's of the role of one."""
     role = getattr(getattr(material, "declared", None), "role", None)
     return material.kind in _HEATED or role in _HEATED
@@ -84,7 +84,7 @@ class MaterialPoint(SceneModel):
                 self.material.law_at((0.0, 0.0, 0.0))
         except ValueFault as fault:
             details.append((("material", *fault.place), fault.expected, Phrase(fault.found)))
-        if not _warms(self.material):
+        if not _has_temperature(self.material):
             stated = [key for key in ("temperature", "heat") if getattr(self, key) is not None]
             details += [
                 ((key,), f"no such key but with the material {' or '.join(map(repr, _HEATED))}", getattr(self, key))
@@ -111,7 +111,7 @@ class MaterialPoint(SceneModel):
     @property
     def conditions(self) -> dict[str, Any]:
         """What the law needs to know besides its parameters."""
-        if not _warms(self.material):
+        if not _has_temperature(self.material):
             return {}
         held = (
             {}

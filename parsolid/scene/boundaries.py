@@ -167,7 +167,7 @@ class Spring(OnSurface):
     along: Literal["all", "normal"] = Field("all", description="all directions, or the normal alone")
 
     @model_validator(mode="after")
-    def _some(self) -> Spring:
+    def _has_a_coefficient(self) -> Spring:
         if not self.stiffness and not self.damping:
             reject((("stiffness",), "a stiffness or a damping above 0", NOTHING))
         return self

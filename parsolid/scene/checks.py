@@ -27,8 +27,8 @@ from parsolid.scene.named_regions import region_details
 from parsolid.scene.observation import HISTORY_COLUMNS, MANUFACTURED, solution_faults
 from parsolid.scene.observed import FIELDS_OF_CONTACT, with_components
 from parsolid.scene.schema import Scene
-from parsolid.scene.systems import carriers_of, faults_of_systems, stage_faults
-from parsolid.scene.tools import still_faults, tool_faults
+from parsolid.scene.systems import faults_of_systems, methods_of_boundaries, stage_faults
+from parsolid.scene.tools import tool_faults, tool_motion_faults
 from parsolid.scene.validation_errors import NOTHING, Fault, suggestion
 
 # outputs in a run to its end, at most, by the keys of their intervals
@@ -74,12 +74,12 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
         details += stage_faults(scene) if repairs.systems_known else []
     if repairs.models_known:
         if repairs.systems_known:
-            details += faults_of_systems(scene) + still_faults(scene)
+            details += faults_of_systems(scene) + tool_motion_faults(scene)
         if repairs.systems_known and repairs.body_names is not None:
             details += tie_faults(scene) + bond_faults(scene)
         details += grid_faults(scene) + ([] if repairs.body_names is None else initial_details(scene))
         names = [probe.name for probe in scene.probes]
-        details += reaction_details(scene.boundaries, names, carriers_of(scene))
+        details += reaction_details(scene.boundaries, names, methods_of_boundaries(scene))
         if exact is not None and len(scene.methods or ()) > 1:
             details.append((("reference", "exact"), "no such key with several methods", exact))
         elif exact is not None:

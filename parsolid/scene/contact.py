@@ -50,7 +50,7 @@ class Contact(SceneModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _usual(cls, value: Any) -> Any:
+    def _complete_forces(cls, value: Any) -> Any:
         """What is for forces alone has a value there, and none on a grid, where a stated one is refused."""
         forces = isinstance(value, dict) and value.get("model", "kernel") == "kernel"
         return USUAL | value if forces else value

@@ -44,7 +44,7 @@ class InitialState(SceneModel):
     _of_results: dict[str, PreviousField] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
-    def _something(self, info: ValidationInfo) -> "InitialState":
+    def _states_a_value(self, info: ValidationInfo) -> "InitialState":
         if not self.stated and self.results is None:
             reject(((), f"at least one of {', '.join(FIELDS)}, results", Phrase("none")))
         if self.results is None:
@@ -88,7 +88,7 @@ class InitialState(SceneModel):
         """Stated keys and fields of results that a state has in it."""
         return [name for name in (*self.stated, *self._of_results) if name != "stress"]
 
-    def behind(self, others: list["InitialState"]) -> int | None:
+    def overridden_by(self, others: list["InitialState"]) -> int | None:
         """Which of the states before this one takes that of results, which holds in its place; None if none does."""
         if self.takes_state or not self._carried:
             return None
@@ -126,7 +126,7 @@ def initial_details(scene: Any) -> list[FaultDetail]:
             details.append(
                 (("initial", i, "body"), f"the name of a body ({', '.join(names) or 'none'})", one.body, "unknown-name")
             )
-        if (first := one.behind(scene.initial[:i])) is not None:
+        if (first := one.overridden_by(scene.initial[:i])) is not None:
             key = next((name for name in one.stated if name != "stress"), "fields" if one.fields else "results")
             expected = f"to stand before initial.{first}, whose state of results holds in its place"
             details.append((("initial", i, key), expected, Phrase("it behind")))

@@ -123,7 +123,7 @@ class HyperelasticSolid(DeclaredModel):
     softening: Softening | None = None
 
     @model_validator(mode="after")
-    def _softens_alone(self) -> "HyperelasticSolid":
+    def _softening_without_state(self) -> "HyperelasticSolid":
         if self.softening is not None and self._has_state:
             reject((("softening",), "no such key of a law with state variables of its own", Phrase("a table")))
         return self

@@ -90,7 +90,7 @@ class Probe(SceneModel):
     _kinds: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
-    def _somewhere(self, info: ValidationInfo) -> "Probe":
+    def _has_a_place(self, info: ValidationInfo) -> "Probe":
         """Fields are of a place, a mode or a region; only a region has a statistic."""
         if self.fields is not None and self.at is None and self.weight is None and self.where is None:
             reject(((), "exactly one of at, quantity, weight, where", Phrase("none")))
@@ -123,18 +123,18 @@ class Probe(SceneModel):
         if method is not None:
             known = with_components(probed_fields() | method.field_kinds(dimension_of(info)), dimension_of(info) or 3)
             known = known if self.quantity is None else method.extra_quantities
-            self._kinds.update({name: known[name] for name in self._watched() if name in known})
+            self._kinds.update({name: known[name] for name in self._observed() if name in known})
         return self
 
-    def _watched(self) -> list[str]:
+    def _observed(self) -> list[str]:
         return (self.fields or []) if self.quantity is None else [self.quantity]
 
     def columns_of_fields(self, dimension: int) -> dict[str, list[str]]:
         """The columns of the history that each field, or the quantity, fills."""
-        names = {name: component_names(name, dimension, self._kinds.get(name)) for name in self._watched()}
+        names = {name: component_names(name, dimension, self._kinds.get(name)) for name in self._observed()}
         return {name: [f"{self.name}.{component}" for component in components] for name, components in names.items()}
 
     def columns(self, dimension: int) -> list[str]:
         """The columns of the history that the probe fills."""
         filled = self.columns_of_fields(dimension)
-        return [column for name in self._watched() for column in filled[name]]
+        return [column for name in self._observed() for column in filled[name]]

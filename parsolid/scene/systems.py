@@ -193,7 +193,7 @@ def boundaries_of(scene: "Scene", system: SystemOfScene) -> list[int]:
     return result
 
 
-def carriers_of(scene: "Scene") -> list[list[MethodSettings]]:
+def methods_of_boundaries(scene: "Scene") -> list[list[MethodSettings]]:
     """Settings of the methods that carry each boundary of a scene."""
     every = range(len(scene.boundaries))
     alone = len(scene.systems) == 1

@@ -56,7 +56,7 @@ class ToolShape(OneShape):
     mesh: MeshFile | None = None
 
     @property
-    def endless(self) -> bool:
+    def unbounded(self) -> bool:
         """Whether it has no bounds in space."""
         return self.kind == "plane" or (self.cylinder is not None and self.cylinder.length is None)
 
@@ -164,7 +164,7 @@ class Tool(SceneModel):
                 details.append(((key,), "no such key for a tool that does not turn", value))
             elif value is not None and len(value) != count:
                 details.append(((key,), f"{count} numbers in {dimension}-D", value))
-        if self.free is not None and "rotation" in self.free and (self.shape.endless or dimension == 1):
+        if self.free is not None and "rotation" in self.free and (self.shape.unbounded or dimension == 1):
             details.append((("free",), "no rotation of an endless shape, or in 1-D", self.free))
         beyond = [axis for axis in self.free or () if axis in AXES[dimension:]]
         details += [(("free",), f"axes of {dimension}-D", axis) for axis in beyond]
@@ -181,7 +181,7 @@ class Tool(SceneModel):
 
     def turns(self, dimension: int) -> bool:
         """Whether it turns freely."""
-        if self.shape.endless or dimension == 1:
+        if self.shape.unbounded or dimension == 1:
             return False
         return self.free is None or "rotation" in self.free
 
@@ -210,7 +210,7 @@ def tool_faults(scene: Any, names: list[str] | None) -> list[FaultDetail]:
     return faults
 
 
-def still_faults(scene: Any) -> list[Detail]:
+def tool_motion_faults(scene: Any) -> list[Detail]:
     """What tools want of the methods: motion that impulses change, and in axisymmetry nothing across the axis."""
     details: list[Detail] = []
     for system in scene.systems:

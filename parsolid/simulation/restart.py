@@ -22,7 +22,7 @@ from parsolid.per_rank import PerRank, join_per_rank, own_share, split_per_rank
 from parsolid.scene import Scene, SceneError
 from parsolid.scene.codes import Note
 from parsolid.simulation.outputs import Cadence, Output
-from parsolid.simulation.scene_changes import changes, completed, contents, judged
+from parsolid.simulation.scene_changes import changes, completed, contents, faults_and_notes
 
 if TYPE_CHECKING:
     from parsolid.simulation.history import HistoryOutput
@@ -98,7 +98,7 @@ class Restart:
         time = self.header["time"]
         before, now = completed(self.header["scene"]), completed(self.comm.bcast(tables))
         found = list(changes(before, now, time))
-        faults, self.notes = judged(found, self.allowed, self.path, time)
+        faults, self.notes = faults_and_notes(found, self.allowed, self.path, time)
         if scene.end_time < time:
             expected = f"at least {time:.6g} s, the time of the checkpoint {self.path}"
             faults.append(f"end_time: expected {expected}, found {scene.end_time:.6g} s")

@@ -147,7 +147,9 @@ def _until(time: float, jumps: Any) -> list[float]:
     return [jump for jump in jumps if jump <= time] if isinstance(jumps, list) else []
 
 
-def judged(found: list[Change], allowed: tuple[str, ...], source: Path, time: float) -> tuple[list[str], list[Note]]:
+def faults_and_notes(
+    found: list[Change], allowed: tuple[str, ...], source: Path, time: float
+) -> tuple[list[str], list[Note]]:
     """Faults, and notes on what was accepted; allowed: keys that the user allows to change, and all within them."""
     faults, notes = list[str](), list[Note]()
     for change in found:

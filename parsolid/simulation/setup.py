@@ -87,7 +87,7 @@ def _strained(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -
         [_column(scene, particle_set, axis, step) for axis, step in enumerate(small * np.eye(len(place[0])))], 2
     )
     stated = ~taken_from_results(scene, body, particle_set.regions)
-    folded = stated & (~(np.linalg.det(F) > 0.0) | _jumps_over(scene, particle_set))
+    folded = stated & (~(np.linalg.det(F) > 0.0) | _turned_inside_out(scene, particle_set))
     if folded.any():
         return _start_of(system, particle_set, folded, "a start that is not folded")
     carries = [getattr(type(one.material).declared, "of_strain", True) for one in scene.bodies]
@@ -103,7 +103,7 @@ def _strained(scene: Scene, system: ParticleSystem, particle_set: ParticleSet) -
     return None
 
 
-def _jumps_over(scene: Scene, particle_set: ParticleSet) -> np.ndarray:
+def _turned_inside_out(scene: Scene, particle_set: ParticleSet) -> np.ndarray:
     """Which particles (n,) bool of boxes a displacement that jumps turns over with the next ones along the axes."""
     result = np.zeros(len(particle_set), bool)
     for number, body in enumerate(scene.bodies):

@@ -25,7 +25,7 @@ def test_a_mesh_that_is_cut_shows_a_closed_half_and_a_whole_section(tmp_path, ki
     body = {"shape": {"mesh": {"file": str(tmp_path / "cube.vtk")}}, "material": soft}
     scene = {"dimension": 3, "end_time": 1.0, "method": {"kind": "tlsph"}, "bodies": [body]}
     (skin,) = skins_of({0: parse_scene(scene).bodies[0]}, 3, np.zeros(8, int))
-    assert skin.solid and not skin.torn().solid
+    assert skin.solid and not skin.by_particle().solid
     values = points[:, 0]
     half = cut_body(skin, points, values, points[:, 0], Cut(0, 0.25, above=False, present=False)).triangulate()
     # two faces of 1 m^2, four strips

@@ -270,13 +270,13 @@ def test_bodies_cut_open_show_a_part(comm, folders):
 
 def test_images_join_without_a_seam(comm, folders):
     """A body and its image in a plane through its side are one surface of two sides less."""
-    from parsolid.commands.plot.space import _seamless, _surface
+    from parsolid.commands.plot.space import _joined, _surface
 
     lines = ((3, False), (3, False), (3, False))
     skin = Skin(0, 27, lattice_faces(list(lines), 3), None, lines)
     position = np.stack(np.meshgrid(*3 * [np.arange(3.0)], indexing="ij"), axis=-1).reshape(-1, 3)
     images = [_surface(skin, position * [sign, 1, 1], position[:, 0], turned=sign < 0) for sign in (1, -1)]
-    joined = _seamless(images, (0,), 0.05)
+    joined = _joined(images, (0,), 0.05)
     assert joined.n_cells == 40 and joined.area == pytest.approx(40.0) and joined.n_open_edges == 0
 
 

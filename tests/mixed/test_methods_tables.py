@@ -15,7 +15,7 @@ from parsolid.simulation.energy_check import EnergyLimits
 from parsolid.simulation.ledger import names_of_terms, terms_of
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.restart import contents
-from parsolid.simulation.scene_changes import changes, judged
+from parsolid.simulation.scene_changes import changes, faults_and_notes
 
 PAIR = ("soft", "metal")
 
@@ -141,6 +141,6 @@ def test_a_restart_may_change_of_each_method_what_it_may_of_one():
     assert not found
     data["bodies"][0]["method"], data["bodies"][1]["method"] = "soft", "metal"
     found = list(changes(before, contents(parse_scene(data)), 1.0))
-    wrong, notes = judged(found, (), Path("checkpoint.h5"), 1.0)
+    wrong, notes = faults_and_notes(found, (), Path("checkpoint.h5"), 1.0)
     assert len(wrong) == 1 and wrong[0].startswith("methods.1.cell: expected 0.25 as in the checkpoint")
     assert [one.code for one in notes] == ["restart-change"] and notes[0].text.startswith("methods.1.cfl: 0.3 ")

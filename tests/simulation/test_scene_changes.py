@@ -11,14 +11,14 @@ from parsolid.scene.bodies import Body
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.methods import method_kinds, settings_class
 from parsolid.scene.schema import Scene
-from parsolid.simulation.scene_changes import _until, changes, completed, contents, judged
+from parsolid.simulation.scene_changes import _until, changes, completed, contents, faults_and_notes
 
 TIME = 0.3
 
 
 def compared(before: dict, now: dict, allowed: tuple[str, ...] = (), folder=".") -> tuple[list[str], list[str]]:
     old, new = (contents(parse_scene(data, folder)) for data in (before, now))
-    return judged(list(changes(old, new, TIME)), allowed, "checkpoint.h5", TIME)
+    return faults_and_notes(list(changes(old, new, TIME)), allowed, "checkpoint.h5", TIME)
 
 
 def test_the_same_scene_has_not_changed():
@@ -33,11 +33,11 @@ def test_every_key_that_is_not_in_the_list_is_refused():
         key = ".".join(map(str, place))
         (change,) = changes(scene, _with(scene, place, "another"), TIME)
         assert change.key == key or key.startswith(change.key)
-        faults, _ = judged([change], (), "checkpoint.h5", TIME)
+        faults, _ = faults_and_notes([change], (), "checkpoint.h5", TIME)
         assert bool(faults) == (change.rule not in ("free", "silent")), key
         if faults:
             assert faults[0].startswith(f"{change.key}: expected ") and "'another'" in faults[0]
-            assert bool(judged([change], (change.key,), "", TIME)[0]) == (change.rule == "fixed")
+            assert bool(faults_and_notes([change], (change.key,), "", TIME)[0]) == (change.rule == "fixed")
         seen += 1
     assert seen > 40
 
@@ -83,7 +83,7 @@ def test_a_checkpoint_from_before_contact_had_a_control_of_its_own_names_the_key
     now = contents(parse_scene(bonds(contact, **control)))
     before = now | {"method": now["method"] | {"stabilisation": dict(now["method"]["stabilisation"])}}
     before["method"]["stabilisation"].pop("coefficient", None)
-    faults = judged(list(changes(completed(before), completed(now), TIME)), (), "checkpoint.h5", TIME)[0]
+    faults = faults_and_notes(list(changes(completed(before), completed(now), TIME)), (), "checkpoint.h5", TIME)[0]
     assert len(faults) == (found is not None)
     assert not faults or (faults[0].startswith("method.stabilisation.coefficient: expected") and found in faults[0])
 
@@ -94,7 +94,7 @@ def test_a_checkpoint_from_before_boxes_had_weights_of_their_own_goes_on_where_t
     method = {"integrator": "ssp-rk3"} | ({"weights": stated} if stated else {})
     now = contents(parse_scene(tables((4, 4), method={"kind": "tlsph", **method})))
     before = now | {"method": {key: value for key, value in now["method"].items() if key != "weights"}}
-    told = judged(list(changes(completed(before), completed(now), TIME)), (), "checkpoint.h5", TIME)[0]
+    told = faults_and_notes(list(changes(completed(before), completed(now), TIME)), (), "checkpoint.h5", TIME)[0]
     assert len(told) == faults
     assert not told or told[0].startswith("method.weights: expected 'kernel' as in the checkpoint")
 

@@ -124,7 +124,7 @@ class Sheet:
         """The skins of the bodies and of their images."""
         body = self.results.rows("body")[self._rows]
         skins = skins_of(self.results.bodies, int(self.results.dimension or 0), body)
-        skins = [skin.torn() if self._failed[skin.first : skin.last].mean() > _TORN else skin for skin in skins]
+        skins = [skin.by_particle() if self._failed[skin.first : skin.last].mean() > _TORN else skin for skin in skins]
         particles = len(body)
         return [skin.moved(image * particles) for image in range(2 ** len(self.look.mirror)) for skin in skins]
 

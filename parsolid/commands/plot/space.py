@@ -216,7 +216,7 @@ class Renderer:
                 continue
             pieces.append(_surface(skin, position, values, turned=image.bit_count() % 2 == 1))
         if pieces:
-            mesh = _seamless(pieces, self.mirror, 0.05 * float(np.cbrt(self.volume[skins[0].first])))
+            mesh = _joined(pieces, self.mirror, 0.05 * float(np.cbrt(self.volume[skins[0].first])))
             # edges where the faces are large enough for them to be told apart
             pixels_of_a_face = np.sqrt(mesh.area / max(mesh.n_cells, 1)) * self.size[1] / self.camera.span[1]
             self._add(mesh, edges=bool(pixels_of_a_face > 5.0))
@@ -249,7 +249,7 @@ class Renderer:
         )
 
 
-def _seamless(pieces: list[pyvista.PolyData], mirror: tuple[int, ...], near: float) -> pyvista.PolyData:
+def _joined(pieces: list[pyvista.PolyData], mirror: tuple[int, ...], near: float) -> pyvista.PolyData:
     """A surface and its images as one, without the faces between them; near [m]: such points are on a plane."""
     if len(pieces) == 1:
         return pieces[0]

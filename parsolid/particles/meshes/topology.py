@@ -138,7 +138,7 @@ def boundary_facets(mesh: MeshSlices) -> Facets:
         if mesh.comm.size > 1:
             rows = np.sort(mesh.local.nodes[nodes], axis=1)
             # a facet of two elements of a rank is inside for good: no third one is on its other side
-            alone = mesh.nodes.ask(rows[:, 0], lambda asked: there_once(asked["rows"]), rows=rows)
+            alone = mesh.nodes.ask(rows[:, 0], lambda asked: occur_once(asked["rows"]), rows=rows)
             owner, nodes, areas = owner[alone], nodes[alone], areas[alone]
         result.append((owner, nodes, areas))
     return result
@@ -153,10 +153,10 @@ def _of_one_element(pieces: list[tuple[int, np.ndarray, tuple[int, ...]]], total
         ordered = keys[order]
         differs = ordered[1:] != ordered[:-1]
         return np.sort(order[np.append(True, differs) & np.append(differs, True)]) if len(order) else order
-    return np.flatnonzero(there_once(np.concatenate([np.sort(c[:, facet], axis=1) for _, c, facet in pieces])))
+    return np.flatnonzero(occur_once(np.concatenate([np.sort(c[:, facet], axis=1) for _, c, facet in pieces])))
 
 
-def there_once(rows: np.ndarray) -> np.ndarray:
+def occur_once(rows: np.ndarray) -> np.ndarray:
     """Which rows (n, k) are there once (n,) bool."""
     order = np.lexsort(rows.T[::-1])
     differs = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
