@@ -11,16 +11,17 @@ A step of leapfrog (`methods.leapfrog.Leapfrog` makes these calls):
     external = conditions.external_force(t + step, force, damping, before_jump=True)
     conditions.observe(step / 2)
     ...                                           # closing kick
-    conditions.impose(t + step)                   # prescribed velocities
+    conditions.end_motion(t + step)               # prescribed velocities
     work = conditions.end_step(step, ledger)      # external work of what moves prescribed components
 
 Stages of SSP-RK3 begin with `begin_step`, and call `external_force(time of the stage, ...)`, `observe(weight step)` and
-`impose(next time)` in turn. A static solution calls `find_loads` and `motion.displace(t, step, u)`. The material point
+`impose(next time)` in turn, the last one `end_motion`. A static solution calls `find_loads` and `motion.displace(t, step, u)`. The material point
 method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCondition)`) and
 `walls.RigidWall` to nodes; it calls `find_loads`, `observe(duration, velocity)` and `report` at the end of its step.
 
 Vectors are arrays (d, n) with a row for each component. `external_force` and `find_loads` give forces [N] on the parts
-of particles on this side of mirror planes; `force` and `damping` are those on whole particles. The force of contact,
+of particles on this side of mirror planes; `force` and `damping` are those on whole particles, which `observe` reads
+again. The force of contact,
 tools and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it.
 
 A new kind is a class of its keys in `scene/boundaries.py`; if it derives from `Traction`, `Pressure` or
@@ -36,7 +37,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.boundary.constraints import InclinedRoller, Supports, inclined_rollers, mirror_plane
-from parsolid.boundary.kernels import observe_changes, put, replace, resisting_forces
+from parsolid.boundary.kernels import end_motion, put, replace
 from parsolid.boundary.loads import Loads, Parts
 from parsolid.boundary.motion import PrescribedMotion
 from parsolid.boundary.reactions import Reaction
@@ -241,9 +242,7 @@ class Conditions(Loads):
         if self.rollers:
             external = np.zeros((self.dimension, self.particles.owned)) if external is None else external.copy()
             self._hold_rollers(force, damping, external)
-        at = self._entries
-        if at.holding:
-            resisting_forces(at.holding, at.rows, at.parts, force, damping, *self._acting(), external, at.force)
+        self._forces = force, damping, *self._acting(), external
         return external
 
     def _hold_rollers(self, force: np.ndarray, damping: np.ndarray | None, external: np.ndarray) -> None:
@@ -267,17 +266,21 @@ class Conditions(Loads):
         return share, particles.storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None
 
     def observe(self, duration: float, velocity: np.ndarray | None = None) -> float:
-        """See `Loads.observe`."""
+        """See `Loads.observe`; of what holds components, too, against the forces of the last `external_force`."""
         work = super().observe(duration, velocity)
         self._work += work
         return work
 
+    def end_motion(self, time: float) -> None:
+        """`impose`, at the end of a step."""
+        if self.motion.there:
+            (rows, parts, start), of, velocity = self.prescribed, self.particles.owned_rows, self._velocity()
+            mean = None if self.motion.all_velocities else velocity[self.motion.axes, self.motion.rows]
+            state = self.motion.end_velocities(time, mean), start, velocity, of("mass"), self._acting()[0]
+            self._work += end_motion(rows, parts, *state, of("position").T, self._about, self._sums)
+
     def end_step(self, step: float, ledger: Any) -> float:
         """External work [J] of what has moved prescribed components in a step [s]; reactions go to the ledger."""
-        if self.motion.there:
-            (rows, parts, start), of = self.prescribed, self.particles.owned_rows
-            state = self._velocity(), of("mass"), self._acting()[0], of("position").T
-            self._work += observe_changes(rows, parts, start, *state, self._about, self._sums)
         self.report(step, ledger)
         return self._work
 

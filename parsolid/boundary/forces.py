@@ -226,7 +226,7 @@ class SpringLoad(Load):
         """See `Load`; by the present positions and velocities, void when others are asked for."""
         self._follow_layout()
         of = self.particles.owned_rows
-        state = of("position").T, of("reference_position").T, of("velocity").T
+        state = of("position").T, self._start, of("velocity").T
         spring_forces(self._rows, self.stiffness, self.damping, self._areas, self._normals, *state, self._forces)
         return self._rows, self._forces
 
@@ -240,7 +240,8 @@ class SpringLoad(Load):
         self._rows = self.surface.selection.rows
         self._areas = self.surface.areas(self._rows)
         self._normals = self.surface.normals(self._rows) if self.along_normal else None
-        self._forces = np.empty((self.particles.owned_rows("position").shape[1], len(self._rows)))
+        self._start = np.array(self.particles.owned_rows("reference_position")[self._rows].T, order="C")
+        self._forces = np.empty(self._start.shape)
         per_mass = self._areas / tributary_mass(self.particles, self._rows)
         rate = np.sqrt(self.stiffness * per_mass) + self.damping * per_mass
         self._largest_step = float(_SAFETY * 1.7 / rate.max(initial=1e-300))

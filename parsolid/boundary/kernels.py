@@ -3,7 +3,7 @@
 Vectors are (d, n or more) with a row for each component. Entries are components of particles: rows (k,), and parts
 (p, 4) of entries from one number to before another along one axis, whose forces one reaction reports. sums
 (reactions + 1, c): of each reaction impulse [N s], moment [N m s] about a point (about, (reactions + 1, d)) and work
-[J]; the last one takes what is not reported.
+[J]; what is not reported has the number after the last one.
 """
 
 import numpy as np
@@ -52,82 +52,100 @@ def set_loads(rows, parts, first, last, values, constant, vectors):
             component[rows[e]] += values[e]
 
 
-@kernel
-def resisting_forces(count, rows, parts, force, damping, share, interaction, external, values):
-    """Fill values (k,) [N] of the entries of the first parts, so many as `count`, with what holds them against all
-    other forces on the parts of particles on this side of mirror planes; arguments as in `methods.leapfrog.kick`."""
-    for p in range(count):
-        c = parts[p, 2]
-        for e in range(parts[p, 0], parts[p, 1]):
-            a = rows[e]
-            acting = force[c, a]
-            if damping is not None:
-                acting += damping[c, a]
-            if share is not None:
-                acting *= share[a]
-            if interaction is not None:
-                acting += interaction[c, a]
-            if external is not None:
-                acting += external[c, a]
-            values[e] = -acting
-
-
 @reduction
-def add_impulses(c, rows, impulses, velocity, place, about, sums):
-    """Add impulses (k,) [N s] along axis c on particles to the sums of one reaction; their work [J]."""
-    d = about.size
-    following, last = (c + 1) % d, (c + 2) % d
-    moving, first, second = velocity[c], place[following], place[last]
-    total, work, of_first, of_second = 0.0, 0.0, 0.0, 0.0
+def add_impulses(c, rows, duration, forces, velocity, place, about, sums):
+    """Add impulses of forces (k,) [N] over a duration [s] along axis c on particles to the sums of one reaction, None
+    where nobody reports them; their work [J]."""
+    moving, work = velocity[c], 0.0
     for i in range(rows.size):
-        a, impulse = rows[i], impulses[i]
-        total += impulse
-        work += impulse * moving[a]
-        of_first += impulse * (first[a] - about[following])
-        of_second += impulse * (second[a] - about[last])
-    sums[c] += total
-    sums[-1] += work
-    if d == 2:
-        sums[2] += of_first if c == 1 else -of_first
-    else:
-        sums[3 + following] += of_second
-        sums[3 + last] -= of_first
+        work += forces[i] * moving[rows[i]]
+    work *= duration
+    if sums is not None:
+        d = about.size
+        following, last = (c + 1) % d, (c + 2) % d
+        first, second = place[following], place[last]
+        total, of_first, of_second = 0.0, 0.0, 0.0
+        for i in range(rows.size):
+            total += forces[i]
+            of_first += forces[i] * (first[rows[i]] - about[following])
+            of_second += forces[i] * (second[rows[i]] - about[last])
+        sums[c] += duration * total
+        sums[-1] += work
+        if d == 2:
+            sums[2] += duration * (of_first if c == 1 else -of_first)
+        else:
+            sums[3 + following] += duration * of_second
+            sums[3 + last] -= duration * of_first
     return work
 
 
 @kernel
-def observe_entries(moving, rows, parts, duration, values, velocity, place, about, sums):
-    """Count impulses and works of forces (k,) [N] on entries over a duration [s], but not of parts that nobody reports
-    and that are none of the first ones, so many as `moving`; the work [J] of these."""
+def observe_entries(moving, holding, rows, parts, duration, values, acting, velocity, place, about, sums):
+    """Count impulses and works of forces on entries over a duration [s], but not of parts that nobody reports and that
+    are none of the first ones, so many as `moving`; the work [J] of these.
+
+    values (k,) [N]: the forces, filled for the first parts, so many as `holding`, with what holds these against all
+    other forces on the parts of particles on this side of mirror planes. acting: these forces, None without such parts:
+    internal, damping, share, interaction and external as in `methods.leapfrog.kick`.
+    """
     total = 0.0
     for p in range(parts.shape[0]):
         first, last, c, one = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
-        if p >= moving and one == sums.shape[0] - 1:
+        reported = one < sums.shape[0] - 1
+        if p >= moving and not reported:
             continue
-        impulses = duration * values[first:last]
-        work = add_impulses(c, rows[first:last], impulses, velocity, place, about[one], sums[one])
+        among, forces = rows[first:last], values[first:last]
+        if acting is not None and p < holding:
+            force, damping, share, interaction, external = acting
+            resist(c, among, force, damping, share, interaction, external, forces)
+        if reported:
+            work = add_impulses(c, among, duration, forces, velocity, place, about[one], sums[one])
+        else:
+            work = add_impulses(c, among, duration, forces, velocity, place, about[one], None)
         total += work if p < moving else 0.0
     return total
 
 
 @kernel
-def observe_changes(rows, parts, start, velocity, mass, share, place, about, sums):
-    """Count impulses and works that changed the velocities of entries from start (k,) [m/s] to the present ones; the
-    work of all [J]."""
+def resist(c, rows, force, damping, share, interaction, external, values):
+    """Fill values (k,) [N] with what holds component c of particles against all forces on them."""
+    for i in range(rows.size):
+        a = rows[i]
+        acting = force[c, a]
+        if damping is not None:
+            acting += damping[c, a]
+        if share is not None:
+            acting *= share[a]
+        if interaction is not None:
+            acting += interaction[c, a]
+        if external is not None:
+            acting += external[c, a]
+        values[i] = -acting
+
+
+@kernel
+def end_motion(rows, parts, values, start, velocity, mass, share, place, about, sums):
+    """Set the velocities of entries to values (k,), and count impulses and works that have changed them from start (k,)
+    [m/s], which is used up; the work of all [J]."""
     total = 0.0
     for p in range(parts.shape[0]):
         first, last, c, one = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
-        impulses, behind = np.empty(last - first), 0.0
-        for e in range(first, last):
-            a = rows[e]
+        among, impulses, behind = rows[first:last], start[first:last], 0.0
+        component, after = velocity[c], values[first:last]
+        for i in range(among.size):
+            a = among[i]
             part = mass[a] if share is None else mass[a] * share[a]
-            change = velocity[c, a] - start[e]
-            impulses[e - first] = part * change
+            change = after[i] - impulses[i]
+            component[a] = after[i]
+            impulses[i] = part * change
             # they act on the mean of both velocities
             behind += 0.5 * part * change * change
-        work = add_impulses(c, rows[first:last], impulses, velocity, place, about[one], sums[one]) - behind
-        sums[one, -1] -= behind
-        total += work
+        if one < sums.shape[0] - 1:
+            total += add_impulses(c, among, 1.0, impulses, velocity, place, about[one], sums[one])
+            sums[one, -1] -= behind
+        else:
+            total += add_impulses(c, among, 1.0, impulses, velocity, place, about[one], None)
+        total -= behind
     return total
 
 
@@ -135,23 +153,24 @@ def observe_changes(rows, parts, start, velocity, mass, share, place, about, sum
 def observe_forces(one, rows, duration, forces, velocity, place, about, sums):
     """Count impulses and works of forces (d, k) [N] over a duration [s] for one reaction."""
     for c in range(forces.shape[0]):
-        add_impulses(c, rows, duration * forces[c], velocity, place, about[one], sums[one])
+        add_impulses(c, rows, duration, forces[c], velocity, place, about[one], sums[one])
 
 
 @kernel
 def spring_forces(rows, stiffness, damping, areas, normals, place, start, velocity, forces):
-    """Fill forces (d, k) [N] of springs [Pa/m] and dashpots [Pa s/m] on areas (k,) [m^2] from start to rest; normals
-    (k, d): along which alone they act, or None."""
-    d = forces.shape[0]
-    for i in range(rows.size):
-        a = rows[i]
-        along = 0.0
-        for c in range(d):
-            forces[c, i] = -areas[i] * (stiffness * (place[c, a] - start[c, a]) + damping * velocity[c, a])
-            if normals is not None:
+    """Fill forces (d, k) [N] of springs [Pa/m] and dashpots [Pa s/m] on areas (k,) [m^2] from start (d, k) to rest;
+    normals (k, d): along which alone they act, or None."""
+    for c in range(forces.shape[0]):
+        component, now, moving = forces[c], place[c], velocity[c]
+        for i in range(rows.size):
+            a = rows[i]
+            component[i] = -areas[i] * (stiffness * (now[a] - start[c, i]) + damping * moving[a])
+    if normals is not None:
+        for i in range(rows.size):
+            along = 0.0
+            for c in range(forces.shape[0]):
                 along += forces[c, i] * normals[i, c]
-        if normals is not None:
-            for c in range(d):
+            for c in range(forces.shape[0]):
                 forces[c, i] = along * normals[i, c]
 
 

@@ -20,8 +20,8 @@ _Kind = TypeVar("_Kind", bound=Condition)
 class Entries(NamedTuple):
     """Components of particles on which forces of conditions act: rows (k,) and parts (p, 4), see `boundary.kernels`, in
     the order: prescribed, so many parts as `moving`; other ones that are held, up to `holding`; loads that change, up
-    to `changing`; reported loads that do not. force (k,) [N]: what acted on them when it was found last; counted:
-    whether anything asks for its impulse or work."""
+    to `changing`; reported loads that do not. force (k,) [N]: what acted on them when it was found or observed last;
+    counted: whether anything asks for its impulse or work."""
 
     moving: int
     holding: int
@@ -65,6 +65,8 @@ class Loads:
         # forces (d, k) found last of what is no entry: number of the reaction, rows, forces
         self._reported: list[tuple[int, np.ndarray, np.ndarray]] = []
         self._layout, self._entries = -1, _entries_of([], [], [], [], len(self.reactions))
+        # on particles that are held, see `boundary.kernels.observe_entries`
+        self._forces: Any = None
         self._jumps = {*scene.loads.jump_times}
         for _, one in self.all:
             if getattr(one, "quantity", "") == "displacement":
@@ -201,7 +203,7 @@ class Loads:
         if at.counted or self._reported:
             position = self.particles.owned_rows("position").T
             state = self._velocity() if velocity is None else velocity, position, self._about, self._sums
-            work = observe_entries(at.moving, at.rows, at.parts, duration, at.force, *state)
+            work = observe_entries(at.moving, at.holding, at.rows, at.parts, duration, at.force, self._forces, *state)
             for one, rows, forces in self._reported:
                 observe_forces(one, rows, duration, forces, *state)
         return work

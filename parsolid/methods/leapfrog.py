@@ -258,7 +258,7 @@ class Leapfrog:
         self.closing = self._half_kick(False, time, step)
         if self.impulse is not None:
             self.given = self.impulse.act(self.conditions.constrained)
-        self.conditions.impose(time)
+        self.conditions.end_motion(time)
 
     def book(self, step: float, ledger: Any, internal: float, offset_term: str | None) -> None:
         """Enter the energies of a step [s] into the ledger; internal: what laws have dissipated [J]; offset_term: under

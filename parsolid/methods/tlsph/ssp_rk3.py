@@ -81,7 +81,10 @@ class StagedStep:
             stored("velocity_at_start"), stored("position_at_start"), T, D, system.mass, system.share, external,
             conditions.free,
         )  # fmt: skip
-        conditions.impose(time + stage.next_time * step, before_jump=not stage.last)
+        if stage.last:
+            conditions.end_motion(time + step)
+        else:
+            conditions.impose(time + stage.next_time * step, before_jump=True)
         return rates
 
 
