@@ -40,7 +40,8 @@ class Loads:
     """All loads on a rank's particles: those on all bodies, and those of conditions on surfaces.
 
     all: keys and conditions of the scene; loads_of: loads with the reaction that reports their force, or None;
-    reactions: of conditions that report theirs. Vectors are arrays (d, n) of forces [N] on the parts of particles on
+    loaded: rows (k,) of particles that have loads, None where these are many, once loads were found; reactions: of
+    conditions that report theirs. Vectors are arrays (d, n) of forces [N] on the parts of particles on
     this side of mirror planes.
     """
 
@@ -159,9 +160,11 @@ class Loads:
         self._constant_loads = np.zeros((self.dimension, self.particles.owned))
         changing, constant, values = Parts(), Parts(), [np.zeros(0)]
         of_changing, self._on_all = list[tuple[Load, int]](), list[Load]()
+        loaded = np.zeros(self.particles.owned, bool)
         for load, reaction in self.loads_of:
             number = len(self.reactions) if reaction is None else self.reactions.index(reaction)
             rows, forces = load.forces(time, before_jump)
+            loaded[rows] = True
             if load.constant:
                 self._constant_loads[: len(forces), rows] += forces
             if isinstance(rows, slice):
@@ -173,6 +176,8 @@ class Loads:
                 constant += [(axis, number, rows) for axis in range(len(forces))]
                 values.append(forces.ravel())
         self._present_loads = self._constant_loads.copy()
+        few = self.loads_of and 3 * loaded.sum() < self.particles.owned
+        self.loaded = np.flatnonzero(loaded) if few else None
         moving, held = self._held_parts()
         self._entries = at = _entries_of(moving, held, changing, constant, len(self.reactions))
         at.force[len(at.force) - sum(map(len, values)) :] = np.concatenate(values)

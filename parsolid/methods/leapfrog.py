@@ -52,14 +52,14 @@ class KickEnergies(NamedTuple):
 
 
 @reduction
-def kick(n, opening, half, v, force, damping, mass, share, external, interaction, free):
+def kick(n, opening, half, v, force, damping, mass, share, external, interaction, free, loads, loaded):
     """v after half a step `half` [s] of n particles; see `KickEnergies` for what it gives, as a tuple.
 
     v [m/s], force, damping or None [N], all (d, n or more); mass (n,) [kg] of whole particles; share (n,): the part of
     a particle on this side of mirror planes, None where all are whole; external (d, n) [N] on that part, or None;
     interaction: the same of contact, tools and ties, whose work is not counted; free (d, n): 0 where a component does
-    not follow forces, else 1, or None. opening: whether this is the first half of a
-    step, so that its middle is after the kick.
+    not follow forces, else 1, or None; loads, loaded: what `external` is, None there, of some particles alone, and their
+    rows (k,), else None. opening: whether this is the first half of a step, so that its middle is after the kick.
     """
     work, dissipated, offset, centred = 0.0, 0.0, 0.0, 0.0
     for c in range(v.shape[0]):
@@ -91,6 +91,28 @@ def kick(n, opening, half, v, force, damping, mass, share, external, interaction
                 work += external[c, a] * middle
             dissipated -= resistance * middle
             centred += resistance * change if opening else -resistance * change
+        if loads is not None:
+            of_loads = loads[c]
+            for i in range(loaded.size):
+                a = loaded[i]
+                part = mass[a] if share is None else share[a] * mass[a]
+                acting = internal[a]
+                resistance = 0.0
+                if damping is not None:
+                    acting += damping[c, a]
+                    resistance = damping[c, a] * part / mass[a]
+                others, change = half * acting / mass[a], half * of_loads[a] / part
+                if interaction is not None:
+                    others += half * interaction[c, a] / part
+                if free is not None:
+                    others *= free[c, a]
+                    change *= free[c, a]
+                before = velocity[a]
+                velocity[a] = before + change
+                work += of_loads[a] * (velocity[a] if opening else before - others)
+                offset += part * change * (2.0 * others + change)
+                dissipated -= resistance * change if opening else 0.0
+                centred += resistance * change if opening else -resistance * change
     return half * work, half * dissipated, 0.5 * offset, 0.5 * half * centred
 
 
@@ -287,7 +309,10 @@ class Leapfrog:
         if self.shared is not None:
             external, interaction = self._shared(external), self._shared(interaction)
         self.external = external
-        arrays = velocity, force, damping, mass, share, external, interaction, conditions.free
+        on_all, on_some, loaded = external, None, None
+        if conditions.loaded is not None and self.shared is None and not conditions.rollers:
+            on_all, on_some, loaded = None, external, conditions.loaded
+        arrays = velocity, force, damping, mass, share, on_all, interaction, conditions.free, on_some, loaded
         return KickEnergies(*kick(self.particles.owned, opening, 0.5 * step, *arrays))
 
     def _shared(self, force: np.ndarray | None) -> np.ndarray | None:

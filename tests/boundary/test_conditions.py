@@ -1,6 +1,7 @@
 """Boundary conditions on particles whose internal forces are made up: energies, impulses and motion of leapfrog steps
 against sums by numpy."""
 
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -140,15 +141,19 @@ def test_centred_dissipation_is_that_of_mean_velocities():
         *chance.normal(size=(2, 3, 20)),
         np.where(chance.uniform(size=(3, 20)) < 0.2, 0.0, 1.0),
     )
-    for opening in (True, False):
+    some = np.arange(0, 20, 3)
+    alone = np.zeros_like(external)
+    alone[:, some] = external[:, some]
+    for opening, few in product((True, False), repeat=2):
         old, half = v.copy(), 0.05
+        loads, on_all, on_some = (alone, None, (alone, some)) if few else (external, external, (None, None))
         work, dissipated, offset, centred = kick(
-            20, opening, half, v, force, damping, mass, share, external, interaction, free
+            20, opening, half, v, force, damping, mass, share, on_all, interaction, free, *on_some
         )
-        acting = (force + damping) / mass + (external + interaction) / (mass * share)
+        acting = (force + damping) / mass + (loads + interaction) / (mass * share)
         np.testing.assert_allclose(v - old, free * half * acting)
         middle = v if opening else old
-        assert work == pytest.approx(half * np.sum(external * middle))
+        assert work == pytest.approx(half * np.sum(loads * middle))
         assert dissipated == pytest.approx(-half * np.sum(share * damping * middle))
         assert offset == pytest.approx(0.5 * np.sum(mass * share * (v - old) ** 2))
         assert dissipated + centred == pytest.approx(-half * np.sum(share * damping * 0.5 * (v + old)))
