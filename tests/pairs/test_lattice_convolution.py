@@ -1,6 +1,7 @@
 """The sweeps over the bonds of a lattice against those over their lists."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -58,12 +59,27 @@ def test_what_moves_as_one_has_no_force_at_all():
     [
         ({}, {"body": {"jitter": 0.1}}),
         ({"influence": "linear"}, {}),
-        ({"damage": {"critical_stretch": 0.1}}, {}),
+        ({"pre_cracks": [{"plane": "X = 0.5"}]}, {}),
     ],
-    ids=["irregular", "weights that vary", "bonds that break"],
+    ids=["irregular", "weights that vary", "a crack"],
 )
 def test_lists_stay_where_sums_are_not_those_of_a_lattice(method, keys):
     assert simulation(scene(SPACE, method, **keys)).systems[0].pairs.lattice is None
+
+
+def test_the_first_bonds_that_break_bring_the_lists_back():
+    system = simulation(scene(SPACE, {"damage": {"critical_stretch": 0.1}})).systems[0]
+    assert system.pairs.lattice is not None
+    x = system.particles.owned_rows("reference_position")[:, 0]
+    system.displacement[:, 0] = np.where(x > 0.5 * x.max(), 0.03, 0.0)
+    system.forces.internal_force(0.0)
+    system.fracture.look()
+    assert system.fracture.found
+    system.fracture.break_bonds(SimpleNamespace(add_term=lambda name, energy: None))
+    corrected = system.forces.force.copy()
+    assert system.pairs.lattice is None and system.fracture.broken_bonds() > 0.0
+    evaluated = system.forces.internal_force(0.0)
+    assert np.allclose(corrected, evaluated, rtol=0.0, atol=1e-11 * np.abs(evaluated).max())
 
 
 @pytest.mark.parametrize("relaxes", [True, False])

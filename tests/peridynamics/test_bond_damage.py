@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from bonded_body import BondedBody, lattice
+from solids import simulation, supports, tables
 
+from parsolid.methods.peridynamics import fracture
 from parsolid.methods.peridynamics.cracks import distance, patch_of
 from parsolid.methods.peridynamics.fracture import (
     EnergyCriterion,
@@ -274,3 +276,28 @@ def test_bonds_that_store_more_than_the_critical_energy_break(comm, dimension, m
         assert (weight == 0.0) == (stretch > 0.0 and 0.5 * influence * c * stretch**2 * xi > 0.05)
         broken += weight == 0.0
     assert 10 < broken < 0.9 * len(whole)
+
+
+@pytest.mark.parametrize("kind, criterion", [("linear-elastic", "stretch"), ("bond-based", "energy")])
+def test_bonds_fail_as_if_they_were_looked_at_in_every_step(kind, criterion, monkeypatch):
+    material = {"kind": kind, "density": 1.1, "youngs_modulus": 3.0}
+    material |= {"poissons_ratio": 0.3} if kind == "linear-elastic" else {}
+    limit = {"critical_stretch": 0.02} if criterion == "stretch" else {"fracture_energy": 1e-4}
+    method = {"kind": "peridynamics", "damage": {"criterion": criterion, **limit}}
+    moved = {"kind": "velocity", "plane": "X = 1", "velocity": ["0.001", "free"]}
+    data = tables((10, 6), (1.0, 0.6), material=material, method=method, body={"velocity": ["0.001*X", "0"]})
+    data["boundaries"] = [*supports(X=(0.0, "fixed")), moved]
+    data["end_time"] = 100.0
+
+    def run():
+        simulated = simulation(data)
+        while simulated.systems[0].fracture.breaks < 3:
+            assert simulated.clock.step < 400
+            simulated.take_step(simulated.stable_step())
+        return simulated.systems[0]
+
+    spared = run()
+    monkeypatch.setattr(fracture, "least_room", lambda *arguments: 0.0)
+    always = run()
+    assert spared.fracture._looks < 0.7 * always.fracture._looks
+    assert np.array_equal(spared.displacement, always.displacement)

@@ -119,6 +119,8 @@ class BondDamage:
 
     def _refresh(self, particles: np.ndarray) -> Lists:
         """What follows from the bonds of some owned particles, and the lists near them."""
+        if len(particles):
+            self.bonds.lattice = None
         chosen = np.zeros(self.owned, bool)
         chosen[particles] = True
         near = self.near(particles)

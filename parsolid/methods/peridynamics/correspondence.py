@@ -162,9 +162,9 @@ class CorrespondenceForces(BondForces):
         scale, viscous = scales
         self.controls = [None] * len(self.memories) if scale is None else self._controls(scale)
         self.damping = None if viscous is None else self._control_rows("damping", viscous)
-        # where no bond ever breaks sums over a lattice do without the lists; they know one control
+        # while no bond is broken sums over a lattice do without the lists; they know one control
         single = len(self.memories) == 1 and (scale is None or viscous is None)
-        if settings.damage is None and not settings.pre_cracks and single:
+        if not settings.pre_cracks and single:
             bonds.lattice = lattice_convolution(bonds)
 
     def _controls(self, scale: np.ndarray) -> list[np.ndarray]:

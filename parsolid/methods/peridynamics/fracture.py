@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parsolid.collective import anywhere, maximum, minimum, raise_together
-from parsolid.kernels import exact, inlined
+from parsolid.kernels import exact, inlined, kernel
 from parsolid.materials.damage.fracture import breaking_limit
 from parsolid.materials.law_functions import law_function
 from parsolid.methods.peridynamics.bond_based import BondBasedForces
@@ -69,6 +69,10 @@ class Fracture:
         self.patches = [patch_of(crack, lower, upper) for crack in scene.method.pre_cracks]
         break_across(self.damage, self.patches)
         self._initial, self._cut_at_start = self.damage.damage.copy(), self.damage.broken_count()
+        # by how much bonds may still be elongated [m], from the displacement that was seen then; 0 where not known
+        self._room, self._seen = 0.0, np.zeros_like(forces.particles.storage("displacement"))
+        # how often bonds were looked at, and were not since then
+        self._looks = self._spared = 0
 
     # --- in a step --------------------------------------------------------------------------------------------
 
@@ -82,6 +86,11 @@ class Fracture:
         if self.settings is None:
             return
         forces, bonds = self.forces, self.forces.bonds
+        displacement = forces.particles.storage("displacement")
+        # both ends of a bond move
+        if self._room > 0.0 and 2.0 * farthest(len(bonds.positions), displacement, self._seen) < self._room:
+            self._spared += 1
+            return
         criterion: EnergyCriterion | StoredEnergyCriterion | None = None
         if self.settings.criterion == "energy" and isinstance(forces, BondBasedForces):
             criterion = StoredEnergyCriterion(forces.particles["micromodulus"], bonds.volume)
@@ -92,6 +101,13 @@ class Fracture:
             control = np.zeros_like(M) if control is None else control
             criterion = EnergyCriterion(bonds.motion_of(memory.field), M, control, bonds.volume)
         self.pending = failing_bonds(self.damage, criterion)
+        # finding the room takes as long as a look
+        worth, self._room, self._spared = self._spared > 2 or self._looks % 8 == 0, 0.0, 0
+        self._looks += 1
+        if self.pending is None and worth and not isinstance(criterion, EnergyCriterion):
+            arguments = True if bonds.d == 2 else None, criterion, bonds.motion_of("displacement"), self.damage.limit
+            self._room = min(least_room(pairs, images, *arguments) for pairs, images, _ in bonds.lists)
+            self._seen[:] = displacement
 
     def ranks_find(self) -> bool:
         """Look, and tell whether any rank has found some; collective."""
@@ -102,7 +118,7 @@ class Fracture:
         """Break what any rank has found, and correct the forces of the state; collective."""
         self.breaks += 1
         ledger.add_term("fracture_dissipation", self.forces.break_bonds(self.damage, self.pending))
-        self.pending = None
+        self.pending, self._room = None, 0.0
 
     def take_over(self) -> None:
         """Break the bonds of the state of another run; collective.
@@ -111,6 +127,7 @@ class Fracture:
         """
         fault = "initial: expected the bonds of the results (their horizon and bodies), found particles with other ones"
         raise_together(self.comm, None if self.damage.take_over() else fault)
+        self._room = 0.0
 
     # --- for the output ---------------------------------------------------------------------------------------
 
@@ -164,6 +181,36 @@ def failing_bonds(damage: BondDamage, criterion: EnergyCriterion | StoredEnergyC
     bonds, plane = damage.bonds, True if damage.bonds.d == 2 else None
     bonds.fill("displacement", 0, len(bonds.positions))
     return damage.collect(find_failed, plane, criterion, bonds.motion_of("displacement"), damage.limit)
+
+
+@kernel
+def farthest(n, field, start):
+    """The largest distance of vectors (d, n or more) from others."""
+    largest = 0.0
+    for a in range(n):
+        square = 0.0
+        for c in range(field.shape[0]):
+            change = field[c, a] - start[c, a]
+            square += change * change
+        # what is not a number stays
+        largest = largest if (largest >= square) | (largest != largest) else square
+    return largest**0.5
+
+
+@kernel
+def least_room(bonds, images, plane, criterion, motion, limit):
+    """By how much [m] every intact bond may be elongated before it fails, whatever its direction."""
+    least = np.inf
+    for a in range(bonds.start.shape[0] - 1):
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            w, b = bonds.weight[k], bonds.neighbour[k]
+            if w != 0.0:
+                present, reference = squares(plane, motion, images, k, a, b)
+                room = reference**0.5 - present**0.5
+                room += most_elongation(criterion, w, a, b, reference**0.5, min(limit[a], limit[b]))
+                # less what may be rounded
+                least = min(least, room - 1e-9 * reference**0.5)
+    return least
 
 
 # without contraction, so that a product rounds alike from both ends of a bond
@@ -223,6 +270,23 @@ def _stored(criterion, plane, motion, images, weight, k, a, b, limit):
     # the product of the volumes first, so that it rounds alike from both ends
     volumes = criterion.volume[a] * criterion.volume[b]
     return limit < 0.0 or (change > 0.0 and energy > limit * volumes * reference**0.5)
+
+
+@law_function
+def most_elongation(criterion, weight, a, b, reference, limit):
+    """The elongation [m] at which a bond of some length [m] fails, of criteria that depend on it alone."""
+
+
+@most_elongation.of(None)
+def _most_of_stretch(criterion, weight, a, b, reference, limit):
+    return limit * reference
+
+
+@most_elongation.of(StoredEnergyCriterion)
+def _most_of_energy(criterion, weight, a, b, reference, limit):
+    volumes = criterion.volume[a] * criterion.volume[b]
+    energy = max(limit, 0.0) * volumes * reference
+    return (4.0 * energy / (weight * (criterion.micromodulus[a] + criterion.micromodulus[b]))) ** 0.5
 
 
 @exceeds.of(EnergyCriterion)

@@ -243,7 +243,8 @@ class BondSweeps:
     """The two sweeps over a rank's bonds with the messages that they need; `bonds.Bonds` makes the lists.
 
     inner: bonds of owned particles, each once; rim: those with ghosts; mirror: those with the images of particles and
-    ghosts; positions (n, d) [m]; lattice: a convolution that has the same sums without the lists, or None; motion: rows
+    ghosts; positions (n, d) [m]; lattice: a convolution that has the same sums without the lists while all bonds are
+    whole, or None; motion: rows
     of X and of a field, by its name; sums (owned, 12 or 4): of the last gradient.
     """
 
@@ -286,18 +287,18 @@ class BondSweeps:
         """Sums (owned, 12 or 4) of the gradient of a field; message: with which ghosts get it first, or None; lists:
         some of the bonds, or None: all."""
         owned, local, motion = self.owned, len(self.positions), self.motion_of(name)
-        lists = lists or self.lists
+        lattice, lists = None if lists else self.lattice, lists or self.lists
         self.fill(name, 0, owned)
         self.sums[:] = 0.0
         if message is not None:
             self.particles.send(message)
-        if self.lattice is None:
+        if lattice is None:
             self._add_gradients(*lists[0], motion, self.sums)
         if message is not None:
             self.particles.receive(message)
         self.fill(name, owned, local)
-        if self.lattice is not None:
-            self.lattice.gradients(motion, self.sums)
+        if lattice is not None:
+            lattice.gradients(motion, self.sums)
             return self.sums
         for bonds, images, mutual in lists[1:]:
             self._add_gradients(bonds, images, mutual, motion, self.sums)
@@ -310,14 +311,14 @@ class BondSweeps:
         a field, of which gradients were taken; control (n, 12 or 4): rows of C, ghosts behind, or None; lists: as
         before."""
         motion, M = self.motion_of(name), self.particles.storage("bond_stress")
-        lists = lists or self.lists
+        lattice, lists = None if lists else self.lattice, lists or self.lists
         force[:] = 0.0
         self.particles.send("record")
-        if self.lattice is None:
+        if lattice is None:
             self._add_forces(*lists[0], motion, M, control, force)
         self.particles.receive("record")
-        if self.lattice is not None:
-            self.lattice.forces(motion, M, control, force)
+        if lattice is not None:
+            lattice.forces(motion, M, control, force)
             return force
         for bonds, images, mutual in lists[1:]:
             self._add_forces(bonds, images, mutual, motion, M, control, force)
