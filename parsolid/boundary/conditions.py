@@ -15,14 +15,15 @@ A step of leapfrog (`methods.leapfrog.Leapfrog` makes these calls):
     work = conditions.end_step(step, ledger)      # external work of what moves prescribed components
 
 Stages of SSP-RK3 begin with `begin_step`, and call `external_force(time of the stage, ...)`, `observe(weight step)` and
-`impose(next time)` in turn, the last one `end_motion`. A static solution calls `find_loads` and `motion.displace(t, step, u)`. The material point
-method has `Loads` alone, and applies supports, prescribed motion (`of(MotionCondition)`) and
-`walls.RigidWall` to nodes; it calls `find_loads`, `observe(duration, velocity)` and `report` at the end of its step.
+`impose(next time)` in turn, the last one `end_motion`. A static solution calls `find_loads` and
+`motion.displace(t, step, u)`. The material point method has `Loads` alone, and applies supports, prescribed motion
+(`of(MotionCondition)`) and `walls.RigidWall` to nodes; it calls `find_loads`, `observe(duration, velocity)` and
+`report` at the end of its step.
 
 Vectors are arrays (d, n) with a row for each component. `external_force` and `find_loads` give forces [N] on the parts
 of particles on this side of mirror planes; `force` and `damping` are those on whole particles, which `observe` reads
-again. The force of contact,
-tools and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add; supports and motion resist it.
+again. The force of contact, tools and ties is a field of the particles (`EXTERNAL_FORCE`), which integrators add;
+supports and motion resist it.
 
 A new kind is a class of its keys in `scene/boundaries.py`; if it derives from `Traction`, `Pressure` or
 `MotionCondition` there, that is all. A new load is a class in `boundary.forces`; a new constraint is one in

@@ -6,8 +6,6 @@ Vectors are (d, n or more) with a row for each component. Entries are components
 [J]; what is not reported has the number after the last one.
 """
 
-import numpy as np
-
 from parsolid.kernels import kernel, reduction
 
 

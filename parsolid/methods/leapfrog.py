@@ -58,8 +58,8 @@ def kick(n, opening, half, v, force, damping, mass, share, external, interaction
     v [m/s], force, damping or None [N], all (d, n or more); mass (n,) [kg] of whole particles; share (n,): the part of
     a particle on this side of mirror planes, None where all are whole; external (d, n) [N] on that part, or None;
     interaction: the same of contact, tools and ties, whose work is not counted; free (d, n): 0 where a component does
-    not follow forces, else 1, or None; loads, loaded: what `external` is, None there, of some particles alone, and their
-    rows (k,), else None. opening: whether this is the first half of a step, so that its middle is after the kick.
+    not follow forces, else 1, or None; loads, loaded: what `external` is, None there, of few particles, and their rows
+    (k,), else None. opening: whether this is the first half of a step, so that its middle is after the kick.
     """
     work, dissipated, offset, centred = 0.0, 0.0, 0.0, 0.0
     for c in range(v.shape[0]):

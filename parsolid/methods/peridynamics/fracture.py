@@ -193,7 +193,7 @@ def farthest(n, field, start):
             change = field[c, a] - start[c, a]
             square += change * change
         # what is not a number stays
-        largest = largest if (largest >= square) | (largest != largest) else square
+        largest = largest if largest >= square or np.isnan(largest) else square
     return largest**0.5
 
 
