@@ -71,12 +71,14 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
             interval, least = getattr(scene.output, key), scene.end_time / most
             if interval and interval < least:
                 details.append((("output", key), f"at least end_time/{most:g} = {least:g} s", interval))
-        details += stage_faults(scene) if repairs.systems_known else []
+        method_known = repairs.models_known and not repairs.reduced_methods
+        details += stage_faults(scene) if repairs.systems_known or method_known else []
+    if repairs.body_names is not None:
+        details += tie_faults(scene, repairs.models_known and repairs.systems_known)
+        details += bond_faults(scene, repairs.models_known)
     if repairs.models_known:
         if repairs.systems_known:
             details += faults_of_systems(scene) + tool_motion_faults(scene)
-        if repairs.systems_known and repairs.body_names is not None:
-            details += tie_faults(scene) + bond_faults(scene)
         details += grid_faults(scene) + ([] if repairs.body_names is None else initial_details(scene))
         names = [probe.name for probe in scene.probes]
         details += reaction_details(scene.boundaries, names, methods_of_boundaries(scene))

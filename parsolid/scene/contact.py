@@ -232,11 +232,13 @@ def bonded_pairs(scene: Any) -> BodyPairs:
     return BodyPairs(groups.values(), contact)
 
 
-def bond_faults(scene: Any) -> list[FaultDetail]:
-    """Bonds of bodies that are not there or of several methods, and pairs that another table names."""
+def bond_faults(scene: Any, models_known: bool) -> list[FaultDetail]:
+    """Bonds of bodies that are not there or, where these are known, of several methods, and pairs that another table
+    names."""
     names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     number = {name: k for k, name in enumerate(names) if name is not None}
-    several, contact = len(scene.methods or ()) > 1, {} if scene.in_contact is None else scene.in_contact.tables
+    several = models_known and len(scene.methods or ()) > 1
+    contact = {} if scene.in_contact is None else scene.in_contact.tables
     earlier = defaultdict[int, set[int]](set)
     for i, one in enumerate(scene.bond):
         place = ("bond", i, "bodies")
@@ -296,16 +298,16 @@ def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:
     return result
 
 
-def tie_faults(scene: Any) -> list[FaultDetail]:
-    """Ties of bodies that are not there, that are bonded already, that are in contact, or whose method has no motion
-    that impulses could change."""
+def tie_faults(scene: Any, systems_known: bool) -> list[FaultDetail]:
+    """Ties of bodies that are not there; where systems are known also of those that are bonded already, that are in
+    contact, or whose method has no motion that impulses could change."""
     names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     for i, one in enumerate(scene.tie):
         unknown = [name for name in one.bodies if name not in names]
         faults += [unknown_body(("tie", i, "bodies"), name, names) for name in unknown]
         if not unknown and len(set(one.bodies)) < 2:
             faults.append((("tie", i, "bodies"), "two bodies", one.bodies))
-    if faults or not scene.tie:
+    if faults or not scene.tie or not systems_known:
         return faults
     contact, seen = scene.in_contact, set()
     for i, (first, second, one) in enumerate(tied_pairs(scene)):

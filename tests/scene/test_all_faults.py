@@ -110,6 +110,10 @@ FAULTS = [
         ({"loads.gravity": 1}, "loads.gravity", None),
     ],
     [({"reference.final": {"kinetik": 1.0}}, "reference.final.kinetik", "unknown-name")],
+    [
+        ({"bond": [{"bodies": ["low", "hgih"]}]}, "bond.0.bodies", "unknown-name"),
+        ({"tie": [{"bodies": ["lo", "high"]}]}, "tie.0.bodies", "unknown-name"),
+    ],
 ]
 
 
@@ -137,6 +141,13 @@ def test_a_mesh_that_is_not_there_makes_no_other_fault():
     with pytest.raises(SceneError) as caught:
         parse_scene(scene)
     assert {one.key for one in caught.value.faults} == {"title", "bodies.0.shape.mesh.file"}
+
+
+def test_a_body_that_is_elsewhere_hides_no_fault_of_a_stage():
+    stage = {"start": 0.5, "method": {"integrator": "leapfog"}}
+    with pytest.raises(SceneError) as caught:
+        parse_scene(changed(SCENE, {"stages": [stage], "bodies.0.shape.box.upper": [1.0, 1.0, -1.0]}))
+    assert {one.key for one in caught.value.faults} == {"stages.0.method.integrator", "bodies.0.shape.box.upper.2"}
 
 
 def test_what_is_at_fault_hides_what_depends_on_it():
