@@ -70,7 +70,7 @@ def test_johnson_cook_below_its_reference_rate_and_temperature():
     assert slow == reference == pytest.approx(90e6 + 292e6 * 0.2**0.31, rel=1e-14)
 
 
-def test_thermal_activation_solves_its_rate_equation():
+def test_thermal_activation_solves_its_rate_equation(plain_python):
     activation = ThermalActivation(0.71e6, 0.31 * 1.602176634e-19, 20e6, 0.012e6)
     flow = SteinbergCochranGuinan(120e6, 640e6, 47.7e9, 36.0, 0.45, 0.0, activation)
     law = ElasticPlastic(8930.0, 383.0, 300.0, 0.9, 0.0, COPPER, ConstantShearModulus(47.7e9), flow, None)
@@ -86,7 +86,7 @@ def test_thermal_activation_solves_its_rate_equation():
     assert evaluation.flow_stress(law, 0.1, 1e7, 300.0) - athermal == pytest.approx(20e6, rel=1e-9)
 
 
-def test_shear_moduli():
+def test_shear_moduli(plain_python):
     rows = TABLE["shear_modulus_Pa"]
     P, T, J = np.array([(row["P"], row["T"], 1.0 / row["eta"]) for row in rows]).T
     nadal = NadalLePoac(50.7e9, 2.8e-11, 0.04, 0.057, 63.55 * U, 8930.0)

@@ -123,10 +123,9 @@ def test_shear_modulus_is_given_only_where_it_does_not_depend_on_direction(law):
     assert of.isotropic_shear_modulus(law) == expected
 
 
-def test_an_energy_is_enough(neo_hookean, random_deformation):
+def test_an_energy_is_enough(neo_hookean, random_deformation, plain_python):
     """Stress and moduli follow within 1e-9, and the waves are no slower than they are."""
 
-    # not of this module: processes that do not have it could not read the indexes of kernels on the disk
     class EnergyAlone(NamedTuple):
         density: float
         xi: float

@@ -66,7 +66,7 @@ def test_heat_from_outside_warms_light_points():
 
 
 @pytest.mark.parametrize("material", [WARMER, BY_POINTS], ids=["line", "points"])
-def test_plastic_heat_raises_the_temperature_by_the_integral(material):
+def test_plastic_heat_raises_the_temperature_by_the_integral(material, plain_python):
     law = law_of(material | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 2e9}})
     point = PlasticPoint(law)
     state = point.initial_state()
