@@ -41,7 +41,7 @@ _UNSEEN = 3.0
 # of what lists may miss, by which particles may have moved since they were made, when a state is kept and in trials
 _KEPT, _TRIED = 0.1, 0.5
 # of a spacing, by what penetrations are rounding, and by what the faces of lattices are rough
-_TOUCHING, _ROUGH = 1e-9, 1e-3
+_TOUCHING, _ROUGH = 1e-9, 3e-4
 # bodies that one particle may be near at once, at most
 _PARTNERS = 12
 

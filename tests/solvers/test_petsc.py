@@ -30,15 +30,16 @@ def refusals(data):
 
 @with_petsc
 @pytest.mark.ranks(1, 2)
-@pytest.mark.parametrize("body", ["box", "mesh"])
-def test_same_equilibrium(shared_path, comm, body):
-    """As by the embedded solver: of a symmetric tangent with pressures, and of one that is not symmetric."""
+@pytest.mark.parametrize(("body", "integrator"), [("box", "static"), ("mesh", "static"), ("box", "implicit")])
+def test_same_equilibrium(shared_path, comm, body, integrator):
+    """As by the embedded solver: of a symmetric tangent with pressures, of one that is not symmetric, in long steps."""
     found = []
     for solver in ("embedded", "petsc"):
         data = pressed() if body == "box" else cook(shared_path, 8, 0.4999)
-        data["method"]["linear_solver"] = solver
+        data["method"] |= {"linear_solver": solver, "integrator": integrator, "maximum_step": 0.125}
         sim, _ = run_to_end(data, comm)
-        found.append((gathered(sim, "displacement")[0], sim.systems[0].statics.most_products))
+        work = sim.systems[0].statics.most_products or sim.systems[0].implicit.products
+        found.append((gathered(sim, "displacement")[0], work))
     (u, products), (other, of_petsc) = found
     np.testing.assert_allclose(other, u, atol=1e-7 * np.abs(u).max())
     assert of_petsc < 1.5 * products

@@ -25,6 +25,7 @@ LONGER = [
     ("spinning_disc", ["tlsph"]),
     ("taylor_4340", ["mpm, 208 m/s"]),
     ("hugoniot", ["tlsph"]),
+    ("springback", ["tlsph, static"]),
     ("die", ["tlsph"]),
     ("bar_vibration", ["tlsph", "peridynamics", "mpm", "ulsph"]),
     ("restitution", ["tlsph", "mpm", "ulsph"]),
