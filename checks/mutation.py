@@ -74,7 +74,7 @@ TESTS: dict[str, tuple[str, str]] = {
     ),
     **dict.fromkeys(
         [f"parsolid/campaign/{name}.py" for name in ("error_bars", "runner", "targets", "variants")],
-        (COMPILED, _in("campaign", "estimate", "coarsening", "bars_of_runs")),
+        (COMPILED, _in("campaign", "estimate", "coarsening", "study", "bars_of_runs", "meshes_made_anew")),
     ),
     "parsolid/campaign/pictures.py": (PLAIN, _in("campaign", "pictures")),
     "parsolid/campaign/report.py": (PLAIN, _in("campaign", "verification")),

@@ -74,7 +74,9 @@ def context_of(data: dict[str, Any], folder: str | os.PathLike[str]) -> dict[str
         method = JoinedMethods(known) if known and len(known) == len(named) else None
         method = known[0] if method and len(known) == 1 else method
     dimension = data.get("dimension")
-    sound = isinstance(dimension, int) and dimension in (method.dimensions if method else (1, 2, 3))
+    # true is 1 to Python
+    whole = isinstance(dimension, int) and not isinstance(dimension, bool)
+    sound = whole and dimension in (method.dimensions if method else (1, 2, 3))
     bodies = data.get("bodies") if isinstance(data.get("bodies"), list) else []
     context = {"dimension": dimension if sound else None, "method": method, "methods": named}
     of_body = {str(b.get("name")): own_method(b, context) for b in bodies or () if isinstance(b, dict) and "name" in b}

@@ -85,6 +85,14 @@ class Scene(SceneModel):
         reject(*(((i, "name"), f"a name other than that of {names.index(name)}", name) for i, name in again))
         return methods
 
+    @field_validator("dimension", mode="before")
+    @classmethod
+    def _whole(cls, dimension: Any) -> Any:
+        # true and 2.0 equal one of the choices
+        if isinstance(dimension, bool | float):
+            raise mismatch("1, 2 or 3", dimension, "choice")
+        return dimension
+
     @field_validator("dimension")
     @classmethod
     def _known_to_method(cls, dimension: int, info: ValidationInfo) -> int:
