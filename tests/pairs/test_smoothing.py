@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from parsolid.kernels import kernel
 from parsolid.pairs.smoothing import kernel_names, smoothing_kernel
-from parsolid.pairs.smoothing.gradient import gradient_factor
+from parsolid.pairs.smoothing.gradient import gradient_factor as factor
 
 KERNELS = {name: smoothing_kernel(name) for name in kernel_names()}
 
@@ -24,11 +23,6 @@ def _quintic(q):
 
 
 SHAPES = {"wendland-c2": _wendland, "cubic-spline": _cubic, "quintic-spline": _quintic}
-
-
-@kernel
-def factor(kernel, q, dimension):
-    return gradient_factor(kernel, q, dimension)
 
 
 def normalisation(name: str, dimension: int) -> float:
