@@ -149,7 +149,7 @@ def run_to_targets(campaign: Campaign, scene: Scene, requested: list[str], limit
     level, predicted = search.first_level(), None
     for _ in range(MOST_LEVELS):
         status, table = search.run_level(level)
-        if table is None or status:
+        if table is None:
             say("target: stopped before it was reached, by a signal or the wall time: the same command goes on")
             return status
         foretold = "" if predicted is None else f", {predicted:.3g} were predicted"

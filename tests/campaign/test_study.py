@@ -12,8 +12,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from parsolid.campaign import runner
 from parsolid.campaign.cases import cases_of, load_study
-from parsolid.campaign.runner import Record, energies_of, momentum_of, not_finite, read_record, seconds_of, wait
+from parsolid.campaign.runner import (
+    CRASHED,
+    REFUSED,
+    Launched,
+    Record,
+    energies_of,
+    momentum_of,
+    not_finite,
+    read_record,
+    seconds_of,
+    wait,
+)
 from parsolid.campaign.study import error_rows, judge, seconds_left
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
@@ -284,6 +296,22 @@ def test_a_run_that_takes_too_long_is_ended_and_made_again(folder, comm):
     assert (record.status, record.ending["exit_status"]) == ("timed out", None)
     case.timeout = 600.0
     assert case.launched.run(folder / "run").status == "finished"
+
+
+@pytest.mark.parametrize("exit_status, status, programs", [(2, REFUSED, 1), (9, CRASHED, 2)])
+def test_a_program_is_made_again_unless_its_end_lasts(tmp_path, monkeypatch, exit_status, status, programs):
+    begun = []
+
+    def start(arguments, ranks, **pipes):
+        begun.append(arguments)
+        code = f"import sys; print('first\\nparsolid: last words'); sys.exit({exit_status})"
+        return subprocess.Popen([sys.executable, "-S", "-c", code], start_new_session=True, **pipes)
+
+    monkeypatch.setattr(runner, "start", start)
+    program = Launched("a", lambda folder: ["run", "a.toml", "-o", str(folder)], 1, 60.0)
+    records = [program.run(tmp_path / "a") for _ in range(2)]
+    assert [one.status for one in records] == [status] * 2 and len(begun) == programs
+    assert [one.message for one in records] == ["last words"] * 2
 
 
 def test_only_names_that_are_there(folder, comm):
