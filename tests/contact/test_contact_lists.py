@@ -7,6 +7,7 @@ import numpy as np
 from contact.meeting import SPEED, block, simulated, tables
 from mpi4py import MPI
 
+from parsolid.contact.broad_phase import MovingBoxes, Partners, time_left
 from parsolid.contact.friction import gap_correction
 from parsolid.contact.report import describe_contacts
 from parsolid.scene import parse_scene
@@ -52,6 +53,20 @@ def test_lists_hold_until_half_the_skin_is_used():
     skin = 0.5 * contact.boxes.skin[0]
     speed = float(np.hypot(0.5, 0.1)) * SPEED + 0.01 * SPEED
     assert abs(contact.boxes.time_left(0.0, 2.0) - skin / speed) < 1e-12
+
+
+def test_particles_that_get_faster_leave_their_box_or_list_sooner():
+    point, body = np.array([[0.9]]), np.array([0])
+    box = MovingBoxes(*(np.array([[x]]) for x in (0.0, 1.0, 0.0)), np.array([0.1]), np.array([0.25]))
+    no_partners = Partners(np.array([0, 0]), *[np.zeros((0, 1))] * 4, *[np.zeros(0)] * 2)
+    gap = 1.1
+    partner = [np.array([[x]]) for x in (0.9 + gap, 3.0, 0.0, 0.0)]
+    listed = Partners(np.array([0, 1]), *partner, np.array([0.1]), np.array([1.0]))
+    far = listed._replace(reach=np.array([0.8]))
+    times = [
+        time_left.py_func(point, 1.0 + 0.0 * point, point, body, box, one, 9.0) for one in (no_partners, listed, far)
+    ]
+    np.testing.assert_allclose(times, [0.2 / 1.25, 0.1 / 1.25, 0.2 / 1.25], rtol=1e-12)
 
 
 def test_impulses_of_a_gap_that_closes_or_opens_count_for_the_time_of_pressing():
