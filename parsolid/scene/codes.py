@@ -133,8 +133,8 @@ ENERGY_CHECK = {
         "shorter steps (`cfl`, `safety`, `solution.step`); a finer lattice where contact is stiff",
     ),
     "energy-given": Code(
-        "unbalanced: the scheme gave more than `method.balance_warning` of the largest energy",
-        "shorter steps",
+        "unbalanced: the scheme, or breaking, gave more than `method.balance_warning` of the largest energy",
+        "shorter steps; a finer lattice where bonds break",
     ),
     "long-step": Code("unbalanced: kinetic energy swings within a step", "shorter steps (`safety`, `solution.step`)"),
     "momentum-lost": Code("unbalanced: nothing acts from outside, and momentum changes", "another method or option"),

@@ -80,7 +80,8 @@ class EnergyCheck:
     dissipation and what artificial viscosity took [J] by the last row; growth: the most that went in within a step of
     late [J]; kinetic, internal: the largest kinetic energy, and stored energy with what laws dissipated, so far [J];
     scaled: whether inertia is that of more mass; violation: the first energy error [J] beyond the limit, None while
-    there was none.
+    there was none; gained: the most that came from nowhere [J]: by which the numerical dissipation was below zero, or
+    another one below its largest value so far, `taken` [J] by its name; giver: the name of that dissipation.
     """
 
     def __init__(self, limits: EnergyLimits, viscous_terms: Sequence[str] = (), scaled: bool = False) -> None:
@@ -89,6 +90,7 @@ class EnergyCheck:
         self.kinetic = self.internal = 0.0
         self.largest = self.worst = self.entered = self.lost = self.viscous = self.growth = self.gained = 0.0
         self.offset = 0.0
+        self.taken, self.giver = dict[str, float](), "numerical_dissipation"
         self.violation: float | None = None
 
     def check(
@@ -110,7 +112,15 @@ class EnergyCheck:
         self.worst = max(abs(row["energy_error"]), row.get("residual_work", 0.0), self.worst)
         self.lost, self.viscous = row["numerical_dissipation"], sum(row[name] for name in self.viscous_terms)
         # where numerical dissipation is what closes the balance, that is all there is to see of what comes from nowhere
-        self.gained = max(self.gained, -self.lost)
+        given = {"numerical_dissipation": -self.lost}
+        # what breaks, rubs or flows only takes: a term that falls hides a gain, which the balance does not show
+        for name in row:
+            if name.endswith("_dissipation") and name not in given:
+                self.taken[name] = max(self.taken.get(name, row[name]), row[name])
+                given[name] = self.taken[name] - row[name]
+        most = max(given, key=lambda name: given[name])
+        if given[most] > self.gained:
+            self.gained, self.giver = given[most], most
         self.offset = max(self.offset, *(abs(row[name]) for name in row if name.startswith(KINETIC_OFFSET)), 0.0)
         self.entered = max(self.entered, initial + row["external_work"])
         measure = self.largest + _STEPS_TO_COME * self.growth
@@ -118,15 +128,16 @@ class EnergyCheck:
         if not (abs(row["energy_error"]) <= allowed < np.inf):
             self.violation = row["energy_error"]
 
-    def state(self) -> dict[str, float]:
+    def state(self) -> dict[str, Any]:
         """What a restart goes on with, as JSON has it."""
-        return {name: getattr(self, name) for name in _STATE}
+        return {name: getattr(self, name) for name in _STATE} | {"taken": dict(self.taken), "giver": self.giver}
 
-    def set_state(self, state: Mapping[str, float], lost: float) -> None:
+    def set_state(self, state: Mapping[str, Any], lost: float) -> None:
         """Take back what `state` gave; lost: the numerical dissipation in the ledger [J]."""
         for name in _STATE:
             # a checkpoint of an earlier version may have none
             setattr(self, name, state.get(name, 0.0))
+        self.taken, self.giver = dict(state.get("taken", {})), state.get("giver", self.giver)
         self.lost = lost
 
     def relative(self, balance: float, scale: float) -> float | None:
@@ -200,7 +211,9 @@ class EnergyCheck:
             reason = f"{balance:.2g} of the largest energy is not accounted for {allowed}"
             found.append(Finding("unbalanced", ENERGY_UNACCOUNTED, reason))
         if gained > limits.balance_warning:
-            reason = f"the scheme gave {gained:.2g} of the largest energy, {self.gained:.3g} J {allowed}"
+            reason = (
+                f"the scheme gave {gained:.2g} of the largest energy, {self.gained:.3g} J by {self.giver} {allowed}"
+            )
             found.append(Finding("unbalanced", ENERGY_GIVEN, reason))
         if offset > _OFFSET:
             reason = f"within a step kinetic energy swings by {offset:.2g} of the largest energy"

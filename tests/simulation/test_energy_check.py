@@ -164,6 +164,19 @@ def test_what_the_scheme_has_given_is_kept():
     assert judge.gained == 0.05 and judge.verdict(0.0)["spurious_energy_gain"] == 0.025
 
 
+@pytest.mark.parametrize("name", ["fracture_dissipation", "friction_dissipation"])
+def test_what_a_dissipation_gives_back_is_a_gain(name):
+    judge = EnergyCheck(LIMITS)
+    for energy in (1.0, 1.4, 1.36, 1.5):
+        judge.check(row(0.0, kinetic=2.0) | {name: energy}, 0.0)
+    assert judge.gained == pytest.approx(0.04)
+    again = EnergyCheck(LIMITS)
+    again.set_state(judge.state(), 0.0)
+    again.check(row(0.0, kinetic=2.0) | {name: 1.45}, 0.0)
+    said = again.verdict(0.0)
+    assert again.gained == pytest.approx(0.05) and said["energy_check_code"] == "energy-given"
+
+
 @pytest.mark.parametrize(
     "lost, viscous, word, code",
     [
