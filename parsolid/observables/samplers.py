@@ -68,7 +68,7 @@ class ProbePoint:
 _OF_MOTION = ("displacement", "velocity", "position")
 # how far around a point particles count, in spacings: the first reach with enough of them, the last where none has;
 # at the corner of a block of cells the next particles are 1.66 away
-_REACHES = (0.9, 1.25, 1.75)
+_REACHES = (0.9, 1.25, 1.75, 2.5)
 # of a spacing, within which a point is that of a particle; of singular values, those that count; the least singular
 # value of particles that are enough
 _SAME, _CUT_OFF, _ENOUGH = 1e-6, 1e-6, 0.1
@@ -119,8 +119,13 @@ def _weights(apart: np.ndarray) -> np.ndarray:
             weight = near
         if np.linalg.matrix_rank(linear[near > 0.0], tol=_ENOUGH) == linear.shape[1]:
             break
-    moments = linear.T @ (weight[:, None] * linear)
-    return np.asarray(weight * (linear @ np.linalg.pinv(moments, rcond=_CUT_OFF, hermitian=True)[0]))
+    # about the centre, so that weights add up to 1 also where particles lie in a line
+    share = weight / weight.sum()
+    centre = share @ apart
+    off = apart - centre
+    moments = off.T @ (share[:, None] * off)
+    slope = np.linalg.pinv(moments, rcond=_CUT_OFF, hermitian=True) @ centre
+    return np.asarray(share * (1.0 - off @ slope))
 
 
 class ParticleField(Sampler):

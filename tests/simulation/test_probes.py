@@ -235,3 +235,9 @@ def test_a_system_that_has_none_does_not_hide_what_another_has():
     for pair in (([0.1, 0.2], [np.nan, np.nan]), ([np.nan, np.nan], [0.1, 0.2])):
         found = sampler.part(SimpleNamespace(systems=[system(tip) for tip in pair]))
         np.testing.assert_array_equal(found, [0.1, 0.2])
+
+
+def test_weights_of_particles_in_a_line_add_up_to_one():
+    place = point_among([(0, (0.72, 0.5)), (1, (0.69, 1.5))])
+    for weights in (place.continued, place.bounded):
+        assert abs(weights.sum() - 1.0) < 1e-12
