@@ -87,8 +87,7 @@ def _halves(boxes: list[BoxOfNodes], parts: list[_Part], share: float) -> tuple[
                     below.append(part._replace(upper=(*part.upper[:k], cut, *part.upper[k + 1 :])))
                 if cut < part.upper[k]:
                     above.append(part._replace(lower=(*part.lower[:k], cut, *part.lower[k + 1 :])))
-            halves = below, above
-            found.append((abs(sum(part.nodes for part in halves[0]) / total - share), halves))
+            found.append((abs(sum(part.nodes for part in below) / total - share), (below, above)))
         best = min(found, key=lambda one: one[0])
         if best[0] <= 0.1 * share:
             break

@@ -67,10 +67,10 @@ class ProbePoint:
 # first words of the fields that are continued to the surface, components among them
 _OF_MOTION = ("displacement", "velocity", "position")
 # how far around a point particles count, in spacings: the first reach with enough of them, the last where none has;
-# at the corner of a block of cells the next particles are 1.66 away
+# at the corner of a block of cells the next particles are 1.66 away, and farther where cells are cut and spacings short
 _REACHES = (0.9, 1.25, 1.75, 2.5)
-# of a spacing, within which a point is that of a particle; of singular values, those that count; the least singular
-# value of particles that are enough
+# of a spacing, within which a point is that of a particle; of eigenvalues of moments, those that count; the least
+# singular value of particles that are enough
 _SAME, _CUT_OFF, _ENOUGH = 1e-6, 1e-6, 0.1
 # rows between two ranges
 _GAP = 64
@@ -112,19 +112,22 @@ def _weights(apart: np.ndarray) -> np.ndarray:
         return (np.arange(len(r2)) == np.argmin(r2)).astype(float)
     linear = np.concatenate([np.ones((len(apart), 1)), apart], axis=1)
     weight = 1.0 / r2
+    least = _ENOUGH**2
     for reach in _REACHES:
         near = np.maximum(1.0 / r2 - 1.0 / reach**2, 0.0)
         # a nearest particle that is farther than the last reach stands alone
         if near.any():
             weight = near
         if np.linalg.matrix_rank(linear[near > 0.0], tol=_ENOUGH) == linear.shape[1]:
+            least = _CUT_OFF
             break
-    # about the centre, so that weights add up to 1 also where particles lie in a line
+    # about the centre, so that weights add up to 1 also where particles lie in a line or nearly so: a field is taken to
+    # be the same across it
     share = weight / weight.sum()
     centre = share @ apart
     off = apart - centre
     moments = off.T @ (share[:, None] * off)
-    slope = np.linalg.pinv(moments, rcond=_CUT_OFF, hermitian=True) @ centre
+    slope = np.linalg.pinv(moments, rcond=least, hermitian=True) @ centre
     return np.asarray(share * (1.0 - off @ slope))
 
 

@@ -133,7 +133,8 @@ ENERGY_CHECK = {
         "shorter steps (`cfl`, `safety`, `solution.step`); a finer lattice where contact is stiff",
     ),
     "energy-given": Code(
-        "unbalanced: the scheme, or breaking, gave more than `method.balance_warning` of the largest energy",
+        "unbalanced: more than `method.balance_warning` of the largest energy came from the scheme, or from another "
+        "dissipation that fell",
         "shorter steps; a finer lattice where bonds break",
     ),
     "long-step": Code("unbalanced: kinetic energy swings within a step", "shorter steps (`safety`, `solution.step`)"),

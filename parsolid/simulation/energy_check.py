@@ -42,7 +42,7 @@ _SLOW = 0.05
 
 
 # of `EnergyCheck`, what a restart goes on with
-_STATE = ("largest", "worst", "growth", "entered", "gained", "offset", "kinetic", "internal")
+_STATE = ("largest", "worst", "growth", "entered", "gained", "taken", "giver", "offset", "kinetic", "internal")
 
 
 class Finding(NamedTuple):
@@ -112,15 +112,18 @@ class EnergyCheck:
         self.worst = max(abs(row["energy_error"]), row.get("residual_work", 0.0), self.worst)
         self.lost, self.viscous = row["numerical_dissipation"], sum(row[name] for name in self.viscous_terms)
         # where numerical dissipation is what closes the balance, that is all there is to see of what comes from nowhere
-        given = {"numerical_dissipation": -self.lost}
+        if -self.lost > self.gained:
+            self.gained, self.giver = -self.lost, "numerical_dissipation"
         # what breaks, rubs or flows only takes: a term that falls hides a gain, which the balance does not show
-        for name in row:
-            if name.endswith("_dissipation") and name not in given:
-                self.taken[name] = max(self.taken.get(name, row[name]), row[name])
-                given[name] = self.taken[name] - row[name]
-        most = max(given, key=lambda name: given[name])
-        if given[most] > self.gained:
-            self.gained, self.giver = given[most], most
+        if not self.taken:
+            self.taken = {name: energy for name, energy in row.items() if name.endswith("_dissipation")}
+            del self.taken["numerical_dissipation"]
+        for name, most in self.taken.items():
+            energy = row[name]
+            if energy > most:
+                self.taken[name] = energy
+            elif most - energy > self.gained:
+                self.gained, self.giver = most - energy, name
         self.offset = max(self.offset, *(abs(row[name]) for name in row if name.startswith(KINETIC_OFFSET)), 0.0)
         self.entered = max(self.entered, initial + row["external_work"])
         measure = self.largest + _STEPS_TO_COME * self.growth
@@ -130,14 +133,13 @@ class EnergyCheck:
 
     def state(self) -> dict[str, Any]:
         """What a restart goes on with, as JSON has it."""
-        return {name: getattr(self, name) for name in _STATE} | {"taken": dict(self.taken), "giver": self.giver}
+        return {name: getattr(self, name) for name in _STATE}
 
     def set_state(self, state: Mapping[str, Any], lost: float) -> None:
         """Take back what `state` gave; lost: the numerical dissipation in the ledger [J]."""
         for name in _STATE:
             # a checkpoint of an earlier version may have none
-            setattr(self, name, state.get(name, 0.0))
-        self.taken, self.giver = dict(state.get("taken", {})), state.get("giver", self.giver)
+            setattr(self, name, state.get(name, getattr(self, name)))
         self.lost = lost
 
     def relative(self, balance: float, scale: float) -> float | None:

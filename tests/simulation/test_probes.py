@@ -237,7 +237,8 @@ def test_a_system_that_has_none_does_not_hide_what_another_has():
         np.testing.assert_array_equal(found, [0.1, 0.2])
 
 
-def test_weights_of_particles_in_a_line_add_up_to_one():
-    place = point_among([(0, (0.72, 0.5)), (1, (0.69, 1.5))])
+@pytest.mark.parametrize("off", [0.0, 0.01])
+def test_weights_of_particles_nearly_in_a_line_add_up_to_one_and_stay_small(off):
+    place = point_among([(0, (0.72, 0.5)), (1, (0.72 - off, 1.3)), (2, (0.72, 2.0))])
     for weights in (place.continued, place.bounded):
-        assert abs(weights.sum() - 1.0) < 1e-12
+        assert abs(weights.sum() - 1.0) < 1e-12 and np.abs(weights).max() < 3.0

@@ -71,8 +71,8 @@ class Fracture:
         self._initial, self._cut_at_start = self.damage.damage.copy(), self.damage.broken_count()
         # by how much bonds may still be elongated [m], from the displacement that was seen then; 0 where not known
         self._room, self._seen = 0.0, np.zeros_like(forces.particles.storage("displacement"))
-        # how often bonds were looked at, and were not since then
-        self._looks = self._spared = 0
+        # how often bonds were checked, and how often this was left out since then
+        self._checks = self._skipped = 0
 
     # --- in a step --------------------------------------------------------------------------------------------
 
@@ -88,8 +88,8 @@ class Fracture:
         forces, bonds = self.forces, self.forces.bonds
         displacement = forces.particles.storage("displacement")
         # both ends of a bond move
-        if self._room > 0.0 and 2.0 * farthest(len(bonds.positions), displacement, self._seen) < self._room:
-            self._spared += 1
+        if self._room > 0.0 and 2.0 * largest_distance(len(bonds.positions), displacement, self._seen) < self._room:
+            self._skipped += 1
             return
         criterion: EnergyCriterion | StoredEnergyCriterion | None = None
         if self.settings.criterion == "energy" and isinstance(forces, BondBasedForces):
@@ -101,12 +101,12 @@ class Fracture:
             control = np.zeros_like(M) if control is None else control
             criterion = EnergyCriterion(bonds.motion_of(memory.field), M, control, bonds.volume)
         self.pending = failing_bonds(self.damage, criterion)
-        # finding the room takes as long as a look
-        worth, self._room, self._spared = self._spared > 2 or self._looks % 8 == 0, 0.0, 0
-        self._looks += 1
+        # finding the room takes as long as a check of the bonds
+        worth, self._room, self._skipped = self._skipped > 2 or self._checks % 8 == 0, 0.0, 0
+        self._checks += 1
         if self.pending is None and worth and not isinstance(criterion, EnergyCriterion):
             arguments = True if bonds.d == 2 else None, criterion, bonds.motion_of("displacement"), self.damage.limit
-            self._room = min(least_room(pairs, images, *arguments) for pairs, images, _ in bonds.lists)
+            self._room = min(least_elongation_left(pairs, images, *arguments) for pairs, images, _ in bonds.lists)
             self._seen[:] = displacement
 
     def ranks_find(self) -> bool:
@@ -184,7 +184,7 @@ def failing_bonds(damage: BondDamage, criterion: EnergyCriterion | StoredEnergyC
 
 
 @kernel
-def farthest(n, field, start):
+def largest_distance(n, field, start):
     """The largest distance of vectors (d, n or more) from others."""
     largest = 0.0
     for a in range(n):
@@ -198,7 +198,7 @@ def farthest(n, field, start):
 
 
 @kernel
-def least_room(bonds, images, plane, criterion, motion, limit):
+def least_elongation_left(bonds, images, plane, criterion, motion, limit):
     """By how much [m] every intact bond may be elongated before it fails, whatever its direction."""
     least = np.inf
     for a in range(bonds.start.shape[0] - 1):
@@ -207,7 +207,7 @@ def least_room(bonds, images, plane, criterion, motion, limit):
             if w != 0.0:
                 present, reference = squares(plane, motion, images, k, a, b)
                 room = reference**0.5 - present**0.5
-                room += most_elongation(criterion, w, a, b, reference**0.5, min(limit[a], limit[b]))
+                room += failing_elongation(criterion, w, a, b, reference**0.5, min(limit[a], limit[b]))
                 # less what may be rounded
                 least = min(least, room - 1e-9 * reference**0.5)
     return least
@@ -273,16 +273,16 @@ def _stored(criterion, plane, motion, images, weight, k, a, b, limit):
 
 
 @law_function
-def most_elongation(criterion, weight, a, b, reference, limit):
+def failing_elongation(criterion, weight, a, b, reference, limit):
     """The elongation [m] at which a bond of some length [m] fails, of criteria that depend on it alone."""
 
 
-@most_elongation.of(None)
+@failing_elongation.of(None)
 def _most_of_stretch(criterion, weight, a, b, reference, limit):
     return limit * reference
 
 
-@most_elongation.of(StoredEnergyCriterion)
+@failing_elongation.of(StoredEnergyCriterion)
 def _most_of_energy(criterion, weight, a, b, reference, limit):
     volumes = criterion.volume[a] * criterion.volume[b]
     energy = max(limit, 0.0) * volumes * reference

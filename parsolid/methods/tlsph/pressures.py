@@ -122,7 +122,7 @@ class Pressures:
         p += (self.lame - self._of(FIELDS[1])) * j
         self._of(FIELDS[1])[:] = self.lame
         if balance:
-            # pressures (owned,) [Pa] that comply by volumes (owned,) [m^3]; collective
+            # the pressures by which these volumes [m^3] comply are added
             volumes = self.volume * j - self.complied(p)
             diagonal = self.volume * self.compliance + np.pad(self._C.diagonal(), (0, len(volumes) - self._C.shape[0]))
             over = np.divide(1.0, diagonal, out=np.zeros(len(volumes)), where=self.free)[:, None]
