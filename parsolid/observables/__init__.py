@@ -1,6 +1,6 @@
-"""What can be watched of a run: fields of particles and quantities that `scene.observed` names, computed here.
+"""Fields of particles and quantities that a run can write, by the names of `scene.observed`.
 
-A new one is a line there and a function or a class in a file of this folder.
+A new one needs a line there and a function or a class in a file of this folder.
 """
 
 from importlib import import_module
@@ -8,7 +8,7 @@ from pkgutil import iter_modules
 
 
 def load() -> None:
-    """Import every file of this folder, so that what it declares is known."""
+    """Import every file of this folder, whose decorators declare fields and quantities."""
     for module in iter_modules(__path__):
         import_module(f"{__name__}.{module.name}")
 

@@ -1,4 +1,4 @@
-"""What computes the fields and quantities that `scene.observed` names, and all systems of a run as these see them."""
+"""Registers of the functions that compute fields and quantities of `scene.observed`, and the particles they read."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -13,13 +13,12 @@ from parsolid.scene.previous_results import STATE
 
 Compute = Callable[["Rows"], np.ndarray]
 
-
-# what computes a field of `scene.observed.FIELDS` from others where the method has none of this name
+# name in `scene.observed.FIELDS` -> function that computes the field from others, for methods without it
 FIELDS: dict[str, Compute] = {}
 
 
 def field(compute: Compute) -> Compute:
-    """Declare what computes the field of this function's name, (n,), (n, d) or (n, 3, 3)."""
+    """Declare a function that computes the field of its name, (n,), (n, d) or (n, 3, 3)."""
     FIELDS[compute.__name__] = compute
     return compute
 
@@ -32,7 +31,7 @@ class Rows:
         self._found: dict[str, np.ndarray] = {}
 
     def __call__(self, name: str) -> np.ndarray:
-        """(n,), (n, d) or (n, 3, 3); raises KeyError for a name that neither the method nor this room knows."""
+        """(n,), (n, d) or (n, 3, 3); raises KeyError for a name that neither the method nor this folder knows."""
         if name not in self._found:
             values = self.of_method(name)
             if values is None:
@@ -75,9 +74,8 @@ def field_of(system: ParticleSystem, name: str, first: int = 0, last: int | None
 
 
 class Observables:
-    """Fields by name of this rank's particles, those of one system after those of another.
-
-    Every field is an array (n,), (n, d) or (n, 3, 3): those that systems declare, and those of this folder.
+    """Fields by name of this rank's particles, system after system: arrays (n,), (n, d) or (n, 3, 3) of the fields
+    that systems declare and of those of this folder.
     """
 
     def __init__(self, systems: Sequence[ParticleSystem]):
@@ -111,9 +109,8 @@ class Observables:
         return self._joined([system.particles.owned_rows(name) for system in self.systems])
 
     def field(self, name: str) -> np.ndarray:
-        """Values of all particles of this rank, not numbers where a method has no such field.
-
-        Raises KeyError if none has it.
+        """Values of all particles of this rank, NaN where a method has no such field. Raises KeyError if no method has
+        it.
         """
         find = state_rows if name.startswith(STATE) else field_of
         pieces = [find(system, name) for system in self.systems]
@@ -165,7 +162,7 @@ class Observables:
 
 
 class OfRegion(Observables):
-    """The particles of a region, as samplers look at all of them; number: of the region among those with a name."""
+    """The particles of a region; number: its index among the regions with a name."""
 
     def __init__(self, whole: Observables, number: int):
         super().__init__(whole.systems)
@@ -176,9 +173,9 @@ class OfRegion(Observables):
 
 
 class Sampler:
-    """One thing that a probe watches: each rank gives its part, `reduction` joins the parts, columns are made of that.
+    """Values of a probe: each rank gives its part, `reduction` joins the parts, `values` makes the columns.
 
-    name: of the probe; columns: names of what it fills in the history. One is made for each run, on every rank.
+    name: of the probe; columns: names of its columns of the history. Made once a run, on every rank.
     reduction: "sum", "minimum" or "maximum", the same on all ranks at the latest when `part` returns.
     """
 
@@ -203,12 +200,12 @@ class Sampler:
         """Take back what `state` gave."""
 
 
-# what finds a quantity of `scene.observed.QUANTITIES`
+# name in `scene.observed.QUANTITIES` -> class of its sampler
 QUANTITIES: dict[str, type[Sampler]] = {}
 
 
 def quantity(name: str) -> Callable[[type[Sampler]], type[Sampler]]:
-    """Declare a class of samplers as what finds the quantity of this name."""
+    """Declare the class of samplers of a quantity."""
 
     def declare(sampler: type[Sampler]) -> type[Sampler]:
         QUANTITIES[name] = sampler
@@ -217,7 +214,7 @@ def quantity(name: str) -> Callable[[type[Sampler]], type[Sampler]]:
     return declare
 
 
-# of `scene.observed.FIELDS_OF_PROBES`, made as `Sampler(name, columns, place, probe)`
+# name in `scene.observed.FIELDS_OF_PROBES` -> its sampler, made as `Sampler(name, columns, place, probe)`
 PARTICLE_SAMPLERS: dict[str, Callable[..., Sampler]] = {}
 
 

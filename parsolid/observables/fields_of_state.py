@@ -1,4 +1,4 @@
-"""Fields that every method shows, and how they follow from what a method has: F and a stress at the least."""
+"""Fields of every method, computed from its deformation gradient and one of the two stresses."""
 
 import numpy as np
 
@@ -13,14 +13,14 @@ def displacement(rows: Rows) -> np.ndarray:
 
 @field
 def stress(rows: Rows) -> np.ndarray:
-    """Cauchy stress (n, 3, 3) [Pa], of P where a method has that; with the evolved Jacobian where there is one."""
+    """Cauchy stress (n, 3, 3) [Pa] from P, with the evolved Jacobian where the method has one."""
     F, P = rows("deformation_gradient"), rows("first_piola_kirchhoff_stress")
     return np.asarray(P @ F.swapaxes(1, 2) / rows("jacobian")[:, None, None])
 
 
 @field
 def first_piola_kirchhoff_stress(rows: Rows) -> np.ndarray:
-    """P (n, 3, 3) [Pa], of the Cauchy stress where a method has that."""
+    """P (n, 3, 3) [Pa] from the Cauchy stress."""
     F, sigma = rows("deformation_gradient"), rows.of_method("stress")
     if sigma is None:
         raise KeyError("first_piola_kirchhoff_stress")
@@ -41,7 +41,7 @@ def von_mises_stress(rows: Rows) -> np.ndarray:
 
 @field
 def nodal_stress(rows: Rows) -> np.ndarray:
-    """Cauchy stress at nodes (n, 3, 3) [Pa]: that of the particles where a method does not tell them apart."""
+    """Cauchy stress at nodes (n, 3, 3) [Pa]: that of the particles, for methods without a stress at nodes."""
     return rows("stress")
 
 
@@ -70,6 +70,7 @@ def rank(rows: Rows) -> np.ndarray:
 
 @field
 def error_indicator(rows: Rows) -> np.ndarray:
-    """Strain energy (n,) [J/m^3] of the difference of a stress from what neighbours say, as it was last found."""
+    """Strain energy (n,) [J/m^3] of the difference between the stress and a fit to that of the neighbours, see
+    `simulation.field_output.indicate`."""
     found = rows.system.indicated
     return np.zeros(rows.last - rows.first) if found is None else found[rows.first : rows.last]

@@ -38,8 +38,8 @@ class LinearMomentum(Sampler):
 
 @quantity("angular_momentum")
 class AngularMomentum(Sampler):
-    """sum m x cross v [kg m^2/s] about the origin, and what particles have about their own places where a method knows
-    it (`own_angular_momentum`): three components, or one in the plane."""
+    """sum m x cross v [kg m^2/s] about the origin, with the spin of the particles themselves where a method has it
+    (`own_angular_momentum`): three components, or one in the plane."""
 
     def part(self, watched: Observables) -> np.ndarray:
         mass, x, v = watched.tributary_mass[:, None], watched.rows("position"), watched.rows("velocity")
@@ -51,7 +51,7 @@ class AngularMomentum(Sampler):
 
     @staticmethod
     def _own(watched: Observables) -> Any:
-        """Of all particles about their own places [kg m^2/s]."""
+        """Spin of all particles about their own positions [kg m^2/s]."""
         try:
             return np.nan_to_num(watched.field("own_angular_momentum")).sum(axis=0)
         except KeyError:

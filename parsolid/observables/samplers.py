@@ -1,4 +1,4 @@
-"""What probes watch: a field at a point, on a weight or in a region, a method's own quantity, a reaction."""
+"""Samplers of probes: a field at a point, projected on a weight or in a region, a quantity of a method, a reaction."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,8 @@ from parsolid.particles.regions import nearest_particles
 
 
 class RowRange(NamedTuple):
-    """Rows first..last-1 of a system and their weights (last - first,), 0 of particles that do not count."""
+    """Rows first..last-1 of a system and their weights (last - first,), 0 of particles that do not count: `continued`
+    of motion, `bounded` of other fields."""
 
     system: Any
     first: int
@@ -50,7 +51,7 @@ class ProbePoint:
         return self._ranges
 
     def value(self, watched: Observables, field: str, count: int) -> np.ndarray:
-        """This rank's part (count,) of the components of a field; not numbers where its method has no such field."""
+        """This rank's part (count,) of the components of a field; NaN where its method has no such field."""
         moves = field.partition("_")[0] in _OF_MOTION
         result, d = np.zeros(count), watched.dimension
         for rows in self.find(watched):
@@ -66,11 +67,11 @@ class ProbePoint:
 
 # first words of the fields that are continued to the surface, components among them
 _OF_MOTION = ("displacement", "velocity", "position")
-# how far around a point particles count, in spacings: the first reach with enough of them, the last where none has;
-# at the corner of a block of cells the next particles are 1.66 away, and farther where cells are cut and spacings short
+# radii around a point, in spacings, within which particles count: the first with enough of them, else the last. At the
+# corner of a block of cells the next particles are 1.66 away, and farther where cells are cut and spacings short
 _REACHES = (0.9, 1.25, 1.75, 2.5)
-# of a spacing, within which a point is that of a particle; of eigenvalues of moments, those that count; the least
-# singular value of particles that are enough
+# distance over the spacing within which a point is that of a particle; eigenvalues of moments over the largest that
+# count; the least singular value of enough particles
 _SAME, _CUT_OFF, _ENOUGH = 1e-6, 1e-6, 0.1
 # rows between two ranges
 _GAP = 64
@@ -132,7 +133,7 @@ def _weights(apart: np.ndarray) -> np.ndarray:
 
 
 class ParticleField(Sampler):
-    """Components of a field at a material point; of a tensor those in the plane or in space."""
+    """Components of a field at a material point; a tensor has those of the plane in 2-D."""
 
     def __init__(self, name: str, columns: list[str], place: ProbePoint, field: str):
         super().__init__(name, columns)
@@ -142,7 +143,7 @@ class ParticleField(Sampler):
         return self.place.value(watched, self.field, len(self.columns))
 
 
-# a system in which there is no such thing says NaN, as of the tip of no crack
+# NaN of a system without such a value, as of the tip of no crack, does not count
 _JOIN = {"sum": np.add, "minimum": np.fmin, "maximum": np.fmax}
 
 
@@ -226,7 +227,7 @@ class InRegion(Sampler):
 class Statistic(Sampler):
     """Of the components of a field: "mean" by reference volume, "minimum", "maximum", or "integral" over that volume.
 
-    Of a tensor the components are those in the plane or in space.
+    A tensor has the components of the plane in 2-D.
     """
 
     def __init__(self, name: str, columns: list[str], field: str, statistic: str):
