@@ -32,9 +32,9 @@ def _near_box(points: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: f
 # --- ranks that are near ------------------------------------------------------------------------------------------
 
 
-def _told(points: np.ndarray, reach: float) -> np.ndarray:
-    """What a rank tells of its points (12,): whether a coordinate or the reach is wrong, d, -d, reach, -reach, and the
-    upper corners of its box and of the negated one; so the largest of all say what all have in common."""
+def _summary(points: np.ndarray, reach: float) -> np.ndarray:
+    """Twelve numbers of a rank whose maxima over all ranks are used: whether a coordinate is not finite, whether the
+    reach is bad, d, -d, reach, -reach, and the upper corners of its box and of the box of the negated points."""
     d, good = points.shape[1], 0.0 < reach < np.inf
     lower, upper = bounds(points)
     wrong, result = bool(np.isnan(lower).any()), np.full(12, -np.inf)
@@ -44,7 +44,7 @@ def _told(points: np.ndarray, reach: float) -> np.ndarray:
 
 
 def _check(most: np.ndarray, reach: float) -> None:
-    """Raise for what is wrong in the largest (12,) of what all ranks have told."""
+    """Raise ValueError for faults in the maxima (12,) of all ranks' summaries."""
     if most[1]:
         raise ValueError(f"reach: expected a positive finite length, found another on a rank; here {reach!r}")
     if most[2] != -most[3] or most[4] != -most[5]:
@@ -56,9 +56,9 @@ def _check(most: np.ndarray, reach: float) -> None:
         raise ValueError("points: expected finite coordinates, found others on a rank")
 
 
-def _boxes(told: np.ndarray, d: int) -> np.ndarray:
-    """Boxes (..., 2, d) in what ranks have told (..., 12), lower corners first; infinite ones without points."""
-    return np.stack((-told[..., 9 : 9 + d], told[..., 6 : 6 + d]), axis=-2)
+def _boxes(summaries: np.ndarray, d: int) -> np.ndarray:
+    """Boxes (..., 2, d) of summaries (..., 12), lower corners first; infinite ones of ranks without points."""
+    return np.stack((-summaries[..., 9 : 9 + d], summaries[..., 6 : 6 + d]), axis=-2)
 
 
 def _overlap(boxes: np.ndarray, box: np.ndarray, reach: float) -> np.ndarray:
@@ -72,7 +72,7 @@ def near_ranks(comm: MPI.Comm, points: np.ndarray, reach: float) -> tuple[list[i
 
     Collective. All raise ValueError if a coordinate, d or reach of one is wrong.
     """
-    mine, d = _told(points, reach), points.shape[1]
+    mine, d = _summary(points, reach), points.shape[1]
     box = _boxes(mine, d)
     if comm.size > _FEW:
         most = np.empty_like(mine)
@@ -84,10 +84,10 @@ def near_ranks(comm: MPI.Comm, points: np.ndarray, reach: float) -> tuple[list[i
         cells = directory_cells(box, _boxes(most, d), reach, comm.size)
         keepers = np.unique(cells % comm.size)
         entry = np.concatenate(([0.0, comm.rank], box.ravel()))
-        told = [np.tile(entry, (int((cells % comm.size == keeper).sum()), 1)) for keeper in keepers]
-        for keeper, entries in zip(keepers, told):
+        sent = [np.tile(entry, (int((cells % comm.size == keeper).sum()), 1)) for keeper in keepers]
+        for keeper, entries in zip(keepers, sent):
             entries[:, 0] = cells[cells % comm.size == keeper]
-        entries = _with_own(comm, keepers.tolist(), told, entry)
+        entries = _with_own(comm, keepers.tolist(), sent, entry)
         pairs = introductions(entries, reach)
         guests = np.unique(pairs[:, 0])
         answers = [entries[pairs[pairs[:, 0] == guest, 1].astype(np.int64), 1:] for guest in guests]
@@ -105,7 +105,7 @@ def near_ranks(comm: MPI.Comm, points: np.ndarray, reach: float) -> tuple[list[i
 
 
 def _with_own(comm: MPI.Comm, ranks: list[int], arrays: list[np.ndarray], like: np.ndarray) -> np.ndarray:
-    """What all ranks, this one included, have for this one."""
+    """Send arrays (n, k) to ranks, this one included; returns the rows that this rank gets. like: one row."""
     own = [array for rank, array in zip(ranks, arrays) if rank == comm.rank]
     others = [(rank, array) for rank, array in zip(ranks, arrays) if rank != comm.rank]
     _, come = send_to_some(comm, [one[0] for one in others], [one[1] for one in others], like[None])
@@ -128,7 +128,7 @@ def directory_cells(box: np.ndarray, everything: np.ndarray, reach: float, ranks
 
 
 def introductions(entries: np.ndarray, reach: float) -> np.ndarray:
-    """Which ranks a keeper of the directory tells of which others: pairs (rank, row of the entry of the other).
+    """Pairs (rank, row of the entry of another rank whose box is near) that the keeper of a directory sends out.
 
     entries (n, 2 + 2 d): cell, rank and box.
     """
@@ -173,30 +173,16 @@ class Halo:
         # both ranks know both sets and the distances have the same bits, so neither needs to tell which it takes
         send_rows = [rows[within_reach(o, r, reach)] for rows, o, r in zip(candidates, offered, received)]
         ghosts = [r[within_reach(r, o, reach)] for o, r in zip(offered, received)]
-        self._set(comm, len(points), np.concatenate([points[:0], *ghosts]), ranks, send_rows, [len(g) for g in ghosts])
+        self._set(comm, len(points), ranks, send_rows, [len(g) for g in ghosts])
 
     def _set(
-        self,
-        comm: MPI.Comm,
-        owned: int,
-        positions: np.ndarray,
-        ranks: list[int],
-        send_rows: list[np.ndarray],
-        counts: list[int],
+        self, comm: MPI.Comm, owned: int, ranks: list[int], send_rows: list[np.ndarray], counts: list[int]
     ) -> None:
-        """counts: ghosts of each rank, at positions (ghosts, d)."""
-        self.comm, self.owned, self.ghosts, self._positions = comm, owned, len(positions), positions
+        """counts: ghosts of each rank."""
+        self.comm, self.owned, self.ghosts = comm, owned, sum(counts)
         ends = owned + np.cumsum(counts, dtype=np.int64)
         receive_rows = [np.arange(end - count, end) for end, count in zip(ends, counts)]
         self.plan = Plan(comm, ranks, send_rows, receive_rows, owned + self.ghosts)
-
-    def ghost_positions(self) -> np.ndarray:
-        """Positions (ghosts, d) [m] that the ghosts had when they were found."""
-        return self._positions.copy()
-
-    def ghost_owners(self) -> np.ndarray:
-        """Owner of each ghost (ghosts,) int32."""
-        return np.repeat(np.array(self.plan.neighbours, np.int32), [len(rows) for rows in self.plan.receive_rows])
 
     def with_ghosts(self, owned: np.ndarray) -> np.ndarray:
         """A new array of the owned rows (owned, ...) followed by the ghosts', of a type of 8 bytes; collective."""
@@ -225,8 +211,7 @@ class Halo:
                 raise ValueError("owned: expected every row that a rank keeps as a ghost, found some left out")
             send_rows = [number[rows] for rows in send_rows]
         result = Halo.__new__(Halo)
-        kept = [int(piece.sum()) for piece in pieces]
-        result._set(self.comm, count, self._positions[ghosts], plan.neighbours, send_rows, kept)
+        result._set(self.comm, count, plan.neighbours, send_rows, [int(piece.sum()) for piece in pieces])
         return result
 
     def forward(self, *arrays: np.ndarray) -> Exchange:

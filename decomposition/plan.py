@@ -184,7 +184,7 @@ class Exchange:
     written at the finish, so between the two the arrays are free, save for sums and maxima, of which the finish reads
     the own rows. Several may be under way at once if all ranks start them in the same order.
 
-    bytes_sent, bytes_received: of one start on this rank; silent: whether start and finish do nothing on it.
+    bytes_sent: by one start on this rank; silent: whether start and finish do nothing on this rank.
     """
 
     def __init__(self, plan: "Plan", arrays: Sequence[np.ndarray], unpack: Any, backward: bool = False) -> None:
@@ -196,8 +196,7 @@ class Exchange:
         width = sum(int(np.prod(array.shape[1:])) for array in arrays)
         outgoing, incoming = ([width * len(rows) for rows in side] for side in (sent, received))
         self.messages = Messages(plan.comm, plan.neighbours, outgoing, incoming)
-        self.bytes_sent, self.bytes_received = self.messages.outgoing.nbytes, self.messages.incoming.nbytes
-        self.silent, self._freed = self.messages.silent, False
+        self.bytes_sent, self.silent, self._freed = self.messages.outgoing.nbytes, self.messages.silent, False
         self._packed = _copies(arrays, sent, self.messages.outgoing, width, np.int64)
         self._unpacked = _copies(arrays, received, self.messages.incoming, width, kind)
         if unpack is _sum:

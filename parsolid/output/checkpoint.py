@@ -138,12 +138,6 @@ def write_checkpoint(
             _put_in_place(path)
 
 
-def read_header(path: Path | str) -> Header:
-    """The header of a checkpoint; one rank alone may call it. Raises OutputError when the file is not whole."""
-    with _open_whole(path) as file:
-        return sound_header(file, stated_sums(file))
-
-
 def read_checkpoint(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], np.ndarray]:
     """Read a checkpoint and compare all of it with its checksums: header, fields of each system, per-rank rows.
 

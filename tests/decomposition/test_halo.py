@@ -42,11 +42,11 @@ def test_ghosts_equal_brute_force(comm, kind, dimension, how):
     expected = expected_ghosts(comm, points, numbers, REACH)
     assert (halo.owned, halo.ghosts) == (len(numbers), len(expected))
     np.testing.assert_array_equal(halo.with_ghosts(numbers), np.concatenate((numbers, expected)))
-    np.testing.assert_array_equal(halo.ghost_positions(), points[expected])
     owners = np.empty(len(points), np.int64)
     for rank, theirs in enumerate(comm.allgather(numbers)):
         owners[theirs] = rank
-    np.testing.assert_array_equal(halo.ghost_owners(), owners[expected])
+    found = np.repeat(halo.plan.neighbours, [len(rows) for rows in halo.plan.receive_rows])
+    np.testing.assert_array_equal(found, owners[expected])
     assert comm.rank not in halo.plan.neighbours and halo.plan.neighbours == sorted(halo.plan.neighbours)
 
 
@@ -67,7 +67,7 @@ def test_pairs_over_ranks_equal_those_of_one(comm):
     place, numbers = distribute(comm, points, "bisected")
     halo = Halo(comm, place, 0.3)
     everyone = halo.with_ghosts(numbers)
-    start, neighbour = half_pairs(np.concatenate((place, halo.ghost_positions())), halo.owned, 0.3)
+    start, neighbour = half_pairs(halo.with_ghosts(place), halo.owned, 0.3)
     row = np.repeat(np.arange(halo.owned), np.diff(start))
     pairs = np.sort(np.stack((everyone[row], everyone[neighbour])), axis=0)
     within = neighbour < halo.owned
@@ -119,7 +119,6 @@ def test_exchange_of_arrays_of_any_strides(comm, how):
             assert not array[: halo.owned].any() and not array[len(everyone) :].any()
     columns = sum(int(np.prod(array.shape[1:])) for array in arrays)
     assert exchange.bytes_sent == 8 * columns * sum(len(rows) for rows in halo.plan.send_rows)
-    assert exchange.bytes_received == 8 * columns * halo.ghosts
 
 
 def test_integers_travel_bit_by_bit(comm):
@@ -169,7 +168,6 @@ def test_keep_drops_ghosts_on_both_sides(comm):
     for mask in (ghosts % 3 == 0, np.zeros(halo.ghosts, bool), np.ones(halo.ghosts, bool)):
         kept = halo.subset(mask)
         np.testing.assert_array_equal(kept.with_ghosts(numbers), np.concatenate((numbers, ghosts[mask])))
-        np.testing.assert_array_equal(kept.ghost_positions(), halo.ghost_positions()[mask])
         if not mask.any() and not comm.allreduce(int(mask.any())):
             assert kept.plan.neighbours == []
 

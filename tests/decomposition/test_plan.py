@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from decomposition.halo import Halo
 from decomposition.plan import Plan, send_to_some, swap
-
-
-def test_ghosts_get_their_owners_values(comm):
-    points = np.random.default_rng(comm.rank).random((200, 2))
-    halo = Halo(comm, points, 0.1)
-    assert (halo.with_ghosts(np.full(halo.owned, comm.rank))[halo.owned :] == halo.ghost_owners()).all()
 
 
 def shared_rows(comm, count=40):

@@ -16,7 +16,6 @@ from parsolid.output.checkpoint import (
     partial_name,
     previous_name,
     read_checkpoint,
-    read_header,
     write_checkpoint,
 )
 from parsolid.output.slabs import SlabWriter, create_slab, open_serial, places
@@ -28,11 +27,15 @@ def same_bits(one, other):
     return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
 
 
+def step_of(comm, path):
+    return read_checkpoint(comm, path)[0]["step"]
+
+
 def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared_path, fields):
     own = np.array([comm.rank + 0.1, np.nextafter(1.0, 2.0)])
     write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields], own)
     header, (found,), per_rank = read_checkpoint(comm, shared_path / "checkpoint.h5")
-    assert header == HEADER and read_header(shared_path / "checkpoint.h5") == HEADER
+    assert header == HEADER
     assert list(found) == sorted(fields)
     assert all(same_bits(np.ascontiguousarray(fields[name]), found[name]) for name in fields)
     assert per_rank.shape == (comm.size, 2) and same_bits(per_rank[comm.rank], own)
@@ -71,7 +74,7 @@ def test_the_last_two_are_kept(comm, shared_path, fields):
     path = shared_path / "checkpoint.h5"
     for step in range(4):
         write_checkpoint(comm, path, {"step": step}, [fields])
-    assert read_header(path)["step"] == 3 and read_header(previous_name(path))["step"] == 2
+    assert step_of(comm, path) == 3 and step_of(comm, previous_name(path)) == 2
     assert not partial_name(path).exists()
 
 
@@ -83,10 +86,10 @@ def test_the_newest_whole_file_is_found_wherever_the_run_was_killed(comm, shared
         # killed between the two renames
         os.replace(path, partial_name(path))
     comm.Barrier()
-    assert read_header(find_checkpoint(shared_path, comm))["step"] == 2
+    assert step_of(comm, find_checkpoint(shared_path, comm)) == 2
     # going on from there must not overwrite the only newest file before the next is whole
     write_checkpoint(comm, path, {"step": 3}, [fields])
-    assert read_header(path)["step"] == 3 and read_header(previous_name(path))["step"] == 2
+    assert step_of(comm, path) == 3 and step_of(comm, previous_name(path)) == 2
     comm.Barrier()
     if comm.rank == 0:
         with open(path, "r+b") as file:
@@ -117,7 +120,7 @@ def test_other_files_are_refused_by_name(comm, shared_path):
     with pytest.raises(OutputError, match="text.h5: not a whole HDF5 file"):
         read_checkpoint(comm, shared_path / "text.h5")
     with pytest.raises(OutputError, match="other.h5: not a checkpoint"):
-        read_header(shared_path / "other.h5")
+        read_checkpoint(comm, shared_path / "other.h5")
 
 
 def test_a_directory_that_does_not_exist_is_one_error_on_all_ranks(comm, shared_path, fields):
@@ -162,7 +165,7 @@ def test_a_disk_that_fills_while_writing_is_an_error_on_all_ranks(comm, shared_p
     monkeypatch.setattr(SlabWriter, "write", write_on_full_disk)
     with pytest.raises(OutputError, match="cannot write .*checkpoint.h5"):
         write_checkpoint(comm, path, {"step": 2}, [{"x": np.zeros(100_000)}])
-    assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
+    assert step_of(comm, find_checkpoint(shared_path, comm)) == 1
 
 
 class _Short:
@@ -187,7 +190,7 @@ def test_a_write_that_is_short_without_an_error_is_one_on_all_ranks(comm, shared
     monkeypatch.setattr(SlabWriter, "_open", open_short)
     with pytest.raises(OutputError, match="the disk is full: only 0 of .* bytes written"):
         write_checkpoint(comm, path, {"step": 2}, [fields])
-    assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
+    assert step_of(comm, find_checkpoint(shared_path, comm)) == 1
 
 
 def test_a_disk_too_full_to_begin_is_an_error_on_all_ranks(comm, shared_path, small_files):
@@ -196,7 +199,7 @@ def test_a_disk_too_full_to_begin_is_an_error_on_all_ranks(comm, shared_path, sm
     small_files()
     with pytest.raises(OutputError, match="cannot write the checkpoint .*File too large"):
         write_checkpoint(comm, path, {"step": 2}, [{"x": np.zeros(100_000)}])
-    assert read_header(find_checkpoint(shared_path, comm))["step"] == 1
+    assert step_of(comm, find_checkpoint(shared_path, comm)) == 1
 
 
 def test_the_header_takes_numpy_values_and_is_text_in_the_file(comm, shared_path):

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from parsolid.checksums import sum_of_rows
 from parsolid.output import OutputError, checkpoint
-from parsolid.output.checkpoint import find_checkpoint, previous_name, read_checkpoint, read_header, write_checkpoint
+from parsolid.output.checkpoint import find_checkpoint, previous_name, read_checkpoint, write_checkpoint
 from parsolid.output.slabs import open_serial, places
 from parsolid.simulation.restart import Restart
 
@@ -187,13 +187,6 @@ def test_missing_or_misshapen_content_is_one_message_on_all_ranks(comm, whole, n
     with pytest.raises(OutputError, match=words) as caught:
         read_checkpoint(comm, whole)
     assert set(comm.allgather(str(caught.value))) == {str(caught.value)} and "\n" not in str(caught.value)
-
-
-def test_a_header_alone_is_compared_too(comm, whole):
-    assert read_header(whole) == HEADER
-    on_one_rank(comm, edit, whole, MISSHAPEN["another header"][0])
-    with pytest.raises(OutputError, match="damaged: header"):
-        read_header(whole)
 
 
 def test_a_truncated_file_is_refused_at_every_length(comm, whole):

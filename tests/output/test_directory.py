@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from parsolid.output import OutputError
-from parsolid.output.checkpoint import find_checkpoint, read_header, write_checkpoint
+from parsolid.output.checkpoint import find_checkpoint, read_checkpoint, write_checkpoint
 from parsolid.output.run_folder import occupy, prepare
 
 
@@ -157,4 +157,4 @@ def test_a_folder_that_may_only_be_read_is_one_error_on_all_ranks(comm, disk):
         assert set(comm.allgather(str(caught.value))) == {str(caught.value)}
     with pytest.raises(OutputError, match="cannot write the checkpoint .*Read-only"):
         write_checkpoint(comm, place / "checkpoint.h5", {"step": 2}, [{"x": np.zeros(3)}])
-    assert read_header(find_checkpoint(place, comm))["step"] == 1
+    assert read_checkpoint(comm, find_checkpoint(place, comm))[0]["step"] == 1

@@ -14,6 +14,11 @@ def top(spin, axes=None) -> FreeBody:
     return FreeBody(pose, 2.0, INERTIA, np.eye(3) if axes is None else axes, np.ones(3), True)
 
 
+def in_space(body):
+    """Angular momentum about the place."""
+    return body.pose.matrix @ body.axes @ body.angular
+
+
 def exact_spin(spin, t):
     """Euler's top, with the spin about the second axis 0 at the start (Landau and Lifshitz, Mechanics, section 37)."""
     (a, b, c), (p, _, r) = INERTIA[::-1], spin[::-1]
@@ -30,12 +35,12 @@ def test_free_asymmetric_top_of_second_order():
     spin, end, errors = [1.0, 0.0, 0.4], 7.0, []
     for steps in (40, 80, 160, 320):
         body = top(spin)
-        momentum, energy = body.angular_momentum, body.kinetic
+        momentum, energy = in_space(body), body.kinetic
         drift = 0.0
         for _ in range(steps):
             body.drift(0.0, end / steps)
             drift = max(drift, abs(body.kinetic / energy - 1.0))
-        assert np.abs(body.angular_momentum - momentum).max() < 1e-13 * np.linalg.norm(momentum)
+        assert np.abs(in_space(body) - momentum).max() < 1e-13 * np.linalg.norm(momentum)
         errors.append(np.abs(np.abs(body.angular / INERTIA) - np.abs(exact_spin(spin, end))).max())
         assert drift < 0.05 * (40 / steps) ** 2
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -54,10 +59,10 @@ def test_the_frame_of_the_shape_does_not_matter():
 
 def test_kicks_give_linear_and_angular_momentum():
     body = top([0.3, 0.0, 0.1])
-    before = body.angular_momentum
+    before = in_space(body)
     body.drift(0.0, 0.3)
     body.kick(np.array([1.0, 2.0, 3.0]), np.array([0.5, -0.2, 0.1]))
-    assert np.allclose(body.angular_momentum, before + np.array([0.5, -0.2, 0.1]), atol=1e-14)
+    assert np.allclose(in_space(body), before + np.array([0.5, -0.2, 0.1]), atol=1e-14)
     assert np.allclose(body.pose.velocity, [0.5, 1.0, 1.5])
 
 

@@ -101,11 +101,6 @@ class FreeBody:
         energy = self.mass * float(self.pose.velocity @ self.pose.velocity)
         return 0.5 * (energy + (float(self.angular @ (self.angular / self.inertia)) if self.turns else 0.0))
 
-    @property
-    def angular_momentum(self) -> np.ndarray:
-        """About the place, in space (3,) [kg m^2/s]."""
-        return np.asarray(self.pose.matrix @ (self.axes @ self.angular))
-
     def square_of(self, stiffness: float, turning: float) -> float:
         """The most that springs of so much stiffness [N/m], and stiffness times squared arms [N m], make of the square
         of its angular frequency [1/s^2]."""
