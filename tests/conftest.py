@@ -201,16 +201,13 @@ def comm():
     return WORLD
 
 
-def _replace(chosen) -> None:
-    """In modules of this package and of its tests, give names the values that are chosen by name and value, if any."""
+def _names():
+    """(module, name, value) of all names in modules of this package and of its tests."""
     tests = str(Path(__file__).parent)
     for name, module in list(sys.modules.items()):
         ours = name.partition(".")[0] in ("decomposition", "parsolid")
         if ours or str(getattr(module, "__file__", None)).startswith(tests):
-            for key, it in list(vars(module).items()):
-                other = chosen(key, it)
-                if other is not None:
-                    setattr(module, key, other)
+            yield from ((module, key, it) for key, it in list(vars(module).items()))
 
 
 @cache
@@ -225,24 +222,29 @@ def _import_kernels() -> None:
 def plain_python():
     """Kernels are the Python functions that they were made of, with tiles of one particle: nothing is compiled for laws
     that one test alone has."""
-    kernels = {}
+    kernels, changed = {}, []
     _import_kernels()
-
-    def plain(key, it):
+    for module, key, it in _names():
         if is_jitted(it):
-            kernels[it.py_func] = it
-            return it.py_func
-        return 1 if key in _TILES and it == TILE else None
-
-    def compiled(key, it):
-        if key in _TILES and it == 1:
-            return TILE
-        return kernels.get(it) if isinstance(it, FunctionType) else None
-
-    _replace(plain)
+            changed.append((module, key, it))
+            setattr(module, key, it.py_func)
+            # others are made of functions that kernels take as they are
+            if (module.__name__, key) == (it.py_func.__module__, it.py_func.__name__):
+                kernels[it.py_func] = it
+        elif key in _TILES and it == TILE:
+            changed.append((module, key, it))
+            setattr(module, key, 1)
+    known = set(sys.modules)
     yield
-    # in modules that the test was the first to import, too
-    _replace(compiled)
+    for module, key, it in changed:
+        setattr(module, key, it)
+    # modules that the test was the first to import
+    for module, key, it in _names():
+        if module.__name__ not in known:
+            if key in _TILES and it == 1:
+                setattr(module, key, TILE)
+            elif isinstance(it, FunctionType) and it in kernels:
+                setattr(module, key, kernels[it])
 
 
 @pytest.fixture

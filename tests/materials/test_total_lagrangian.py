@@ -11,6 +11,7 @@ from parsolid.materials.failure.failure import Failure, chained
 from parsolid.materials.failure.maximum_tension import MaximumTension
 from parsolid.materials.plastic import plastic_evaluation as evaluation
 from parsolid.materials.plastic import tile_update as update
+from parsolid.materials.plastic import total_lagrangian
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.equation_of_state import LinearElastic, MieGrueneisen
 from parsolid.materials.plastic.johnson_cook import JohnsonCook
@@ -19,6 +20,7 @@ from parsolid.materials.plastic.shear_modulus import ConstantShearModulus
 from parsolid.materials.plastic.total_lagrangian import advance_tile
 from parsolid.materials.plastic.voce import Voce
 from parsolid.materials.registry import law_of
+from parsolid.methods.peridynamics import solids
 from parsolid.principal import from_principal, principal
 from parsolid.scene.plasticity import library
 
@@ -252,3 +254,15 @@ def test_principal_values_and_axes_at_any_distance():
         worst = max(worst, np.abs(axes.T @ axes - ONE).max())
         worst = max(worst, np.abs(np.sort(found) - np.sort(values)).max() / np.abs(values).max())
     assert worst < 1e-14
+
+
+@pytest.fixture
+def same_names():
+    before = total_lagrangian.times_symmetric, solids.times_symmetric
+    yield
+    assert (total_lagrangian.times_symmetric, solids.times_symmetric) == before
+
+
+def test_names_are_as_before_after_plain_python(same_names, plain_python):
+    """One is inlined, the other a kernel of the same function, with which others are 3 times slower."""
+    assert total_lagrangian.times_symmetric is solids.times_symmetric
