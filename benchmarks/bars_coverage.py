@@ -19,10 +19,10 @@ from mpi4py import MPI
 
 from parsolid.campaign.coarsening import NotCoarsened, coarsen, parsed
 from parsolid.campaign.error_bars import error_table, on_times
+from parsolid.campaign.in_process import InProcess
 from parsolid.campaign.orders import kind_of
 from parsolid.campaign.recovery import COLUMN
 from parsolid.campaign.reference import exact_values, series_of
-from parsolid.campaign.runner import InProcess
 from parsolid.campaign.variants import SPACING, Variant, coarse_variants, history_only
 from parsolid.scene.loading import apply_override, parse_scene, read_tables
 

@@ -73,7 +73,7 @@ TESTS: dict[str, tuple[str, str]] = {
         _in("campaign", "estimate", "comparison", "coarsening", "pareto", "study"),
     ),
     **dict.fromkeys(
-        [f"parsolid/campaign/{name}.py" for name in ("error_bars", "runner", "targets", "variants")],
+        [f"parsolid/campaign/{name}.py" for name in ("error_bars", "in_process", "records", "targets", "variants")],
         (COMPILED, _in("campaign", "estimate", "coarsening", "study", "bars_of_runs", "meshes_made_anew")),
     ),
     "parsolid/campaign/pictures.py": (PLAIN, _in("campaign", "pictures")),

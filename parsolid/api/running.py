@@ -231,7 +231,7 @@ def _run_campaign(
 ) -> int:
     """Error bars of a scene, or levels of it until targets are reached; the exit status. Collective."""
     from parsolid.campaign.error_bars import Campaign, run_with_error_bars
-    from parsolid.campaign.runner import has_checkpoint
+    from parsolid.campaign.in_process import has_checkpoint
     from parsolid.campaign.targets import run_to_targets
     from parsolid.particles.generation import generate
 

@@ -1,4 +1,4 @@
-"""What a study may say, and its single runs: overrides, ranks, and a folder named by a digest."""
+"""The tables of a study file, and the single runs of a study with their overrides, ranks and folders."""
 
 import hashlib
 import itertools
@@ -12,7 +12,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from parsolid.campaign.comparison import Comparison
-from parsolid.campaign.runner import MEASURES, Launched, Record
+from parsolid.campaign.measures import MEASURES
+from parsolid.campaign.records import Record
+from parsolid.campaign.subprocess_runs import SubprocessRun
 from parsolid.campaign.variants import digest_of
 from parsolid.exact import SOLUTIONS
 from parsolid.materials.declaration import Phrase
@@ -31,14 +33,13 @@ Ranks = Annotated[int, Field(ge=1)]
 
 
 class Demands(SceneModel):
-    """What a run must show; what a setting says goes before what its series says.
+    """What a run must show; a setting overrides its series.
 
-    expect      "stable": the run ends and no number is anything but finite; "failure": it ends with exit status 3, one
-                message and no number in its files that is not finite; "refused": exit status 2 before anything is
-                computed
-    shows       the same in words, for the table
+    expect      "stable": the run finishes with finite numbers; "failure": exit status 3, one message, finite numbers in
+                its files; "refused": exit status 2 before anything is computed
+    shows       the expectation in words, for the table
     bounds      largest allowed value of a measure or an error, by name
-    other_code  what another code reached: errors, processor_seconds
+    other_code  errors and processor_seconds of another code, by name
     """
 
     expect: Expected | None = None
@@ -48,7 +49,7 @@ class Demands(SceneModel):
 
 
 class Setting(Demands):
-    """One place on an axis: what it is called and what it changes."""
+    """One value on an axis: its label and what it changes."""
 
     label: Annotated[str, Field(min_length=1, description="a name for the table")]
     set: list[Override] = []
@@ -57,7 +58,7 @@ class Setting(Demands):
 
 
 class Axis(SceneModel):
-    """Something that varies: `settings`, or a `key` of the scene with its `values`, or numbers of `ranks`."""
+    """An axis of variation: `settings`, or a `key` of the scene with its `values`, or numbers of `ranks`."""
 
     exactly_one: ClassVar = (("settings", "key", "ranks"),)
     name: str | None = Field(None, description="the heading of its column (default: the key, or ranks)")
@@ -83,7 +84,7 @@ class Axis(SceneModel):
 
     @property
     def places(self) -> list[Setting]:
-        """The places along the axis, in the order given."""
+        """The settings along the axis, in the order given."""
         if self.settings is not None:
             return self.settings
         if self.ranks is not None:
@@ -92,9 +93,9 @@ class Axis(SceneModel):
 
 
 class Series(Demands):
-    """One scene, varied along its axes: every combination of their places, or all axes in step (`combine = "zip"`).
+    """One scene varied along axes: all combinations of their settings, or the axes together (`combine = "zip"`).
 
-    orders: least observed order of an error between consecutive spacings, by the error's name.
+    orders: least observed order between consecutive spacings, by the name of the error.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name, for the tables and --only")]
@@ -107,7 +108,7 @@ class Series(Demands):
     orders: dict[str, float] = {}
 
     @model_validator(mode="after")
-    def _in_step(self) -> "Series":
+    def _equal_lengths(self) -> "Series":
         lengths = [len(axis.places) for axis in self.axes]
         if self.combine == "zip" and len(set(lengths)) > 1:
             reject((("axes",), "axes of equal length with combine = 'zip'", lengths))
@@ -117,14 +118,13 @@ class Series(Demands):
 class Study(SceneModel):
     """A set of series and how to report on them; made by `load_study`.
 
-    report      "accuracy": errors with observed orders, and pictures; "stability": how each run ended, energy drift,
-    steps
+    report      "accuracy": errors with observed orders, and pictures; "stability": exit, energy drift and steps
     timeout     wall time [s] after which a run is ended
-    allowed     errors may be so many times those of the other code
+    allowed     largest allowed ratio of an error to that of the other code
     errors      names of the errors to show, in this order (default: all)
-    group       the section of a report of several studies, and the picture, that its comparisons are in
-    remark      what else a reader of that report is to know
-    compared    published numbers and how runs compute them
+    group       section and picture of the verification report that the study belongs to
+    remark      remark for the verification report
+    compared    published values and how runs compute them
     """
 
     title: str
@@ -140,27 +140,25 @@ class Study(SceneModel):
 
     @field_validator("series")
     @classmethod
-    def _told_apart(cls, series: list[Series]) -> list[Series]:
+    def _unique_names(cls, series: list[Series]) -> list[Series]:
         names = [one.name for one in series]
         reject(*(((i, "name"), "a name that no other series has", n) for i, n in enumerate(names) if n in names[:i]))
         return series
 
     @model_validator(mode="after")
     def _known_series(self) -> "Study":
-        known = [one.name for one in self.series]
-        wrong = [(i, j, name) for i, one in enumerate(self.compared) for j, name in enumerate(one.series or ())]
-        reject(
-            *(
-                (("compared", i, "series", j), f"one of {', '.join(known)}{suggestion(name, known)}", name)
-                for i, j, name in wrong
-                if name not in known
-            )
-        )
+        known, details = [series.name for series in self.series], list[Any]()
+        for i, comparison in enumerate(self.compared):
+            for j, name in enumerate(comparison.series or ()):
+                if name not in known:
+                    expected = f"one of {', '.join(known)}{suggestion(name, known)}"
+                    details.append((("compared", i, "series", j), expected, name))
+        reject(*details)
         return self
 
 
 def load_study(path: str | Path) -> Study:
-    """Read a study; scenes are relative to its folder. Raises SceneError with every fault."""
+    """Read a study file; paths of scenes are relative to its folder. Raises SceneError with all faults."""
     path = Path(path)
     data = read_tables(path, "study")
     try:
@@ -171,7 +169,11 @@ def load_study(path: str | Path) -> Study:
 
 @dataclass
 class Case:
-    """One run of a study. `labels`: axis title -> label; `scene` is None where the scene is refused, as expected."""
+    """One run of a study.
+
+    labels: title of an axis -> label of the setting; resolution_axis: title of the axis with spacings; scene: None if
+    refused; work: particles times an estimate of the steps; measures, faults, orders: filled in from the record
+    """
 
     series: Series
     labels: dict[str, str]
@@ -196,25 +198,24 @@ class Case:
 
     @property
     def title(self) -> str:
-        """What the run is called: series and labels."""
+        """The series and labels of the run."""
         return ", ".join([self.series.name, *self.labels.values()])
 
     @property
     def line(self) -> tuple[str, ...]:
-        """What the runs of one line of a picture share: the series and all labels but the resolution's."""
-        others = (label for axis, label in self.labels.items() if axis != self.resolution_axis)
-        return (self.series.name, *others)
+        """The series and all labels but that of the resolution: runs with one line form one curve of a picture."""
+        return (self.series.name, *(label for axis, label in self.labels.items() if axis != self.resolution_axis))
 
     @property
     def folder_name(self) -> str:
-        """The folder of the run: words for the eye, the digest for the rest."""
+        """The folder of the run: its title and its digest."""
         words = re.sub(r"[^a-z0-9.]+", "-", self.title.lower()).strip("-")
         return f"{words[:60].strip('-')}-{self.digest}"
 
     @property
-    def launched(self) -> Launched:
-        """The run as a program of its own."""
-        return Launched(self.title, self.arguments, self.ranks, self.timeout)
+    def subprocess_run(self) -> SubprocessRun:
+        """The run of `parsolid` in a subprocess."""
+        return SubprocessRun(self.title, self.arguments, self.ranks, self.timeout)
 
     def arguments(self, folder: Path) -> list[str]:
         """The arguments of `parsolid` that make the run."""
@@ -223,32 +224,32 @@ class Case:
         return ["run", scene, "-o", str(folder), *overrides, *(["--trust-code"] if self.trust_code else [])]
 
     def value(self, name: str) -> float | None:
-        """A measure or an error of the run."""
+        """An error or a measure of the run by name; None if the run has none of this name."""
         errors = self.measures.get("errors") or {}
         return errors[name] if name in errors else self.measures.get(name)
 
     @property
     def other_code_ratios(self) -> dict[str, float]:
-        """What the run has over what the other code reached, by name; without what the run has not."""
+        """Errors and costs of the run over those of the other code, by name; without those that the run lacks."""
         values = {name: self.value(name) for name in self.other_code}
         return {name: value / self.other_code[name] for name, value in values.items() if value is not None}
 
 
 def cases_of(study: Study, trust_code: bool = False) -> list[Case]:
-    """All runs of a study in its order, their scenes read, with the laws they name where these are trusted.
+    """All runs of a study in its order, with their scenes; trust_code: scenes may import modules with laws.
 
     Raises SceneError with the faults of all scenes.
     """
     cases, faults = [], []
     for series in study.series:
         axes = [axis.places for axis in series.axes]
-        for places in zip(*axes) if series.combine == "zip" and axes else itertools.product(*axes):
-            case = _case(study, series, places)
+        for settings in zip(*axes) if series.combine == "zip" and axes else itertools.product(*axes):
+            case = _case(study, series, settings)
             case.trust_code = trust_code
-            faults += _complete(case)
+            faults += _read_scene(case)
             cases.append(case)
     for line in dict.fromkeys(case.line for case in cases if case.resolution_axis is not None):
-        faults += _alike([case for case in cases if case.line == line and case.scene is not None])
+        faults += _share_defaults([case for case in cases if case.line == line and case.scene is not None])
     faults += _unknown_names(study, cases)
     first = {case.digest: case.title for case in reversed(cases) if case.digest}
     faults += [
@@ -261,105 +262,118 @@ def cases_of(study: Study, trust_code: bool = False) -> list[Case]:
     return cases
 
 
-def _case(study: Study, series: Series, places: tuple[Setting, ...]) -> Case:
-    def chosen(name: str) -> Any:
-        return next((value for place in (*places, series) if (value := getattr(place, name)) is not None), None)
+def _case(study: Study, series: Series, settings: tuple[Setting, ...]) -> Case:
+    def first(name: str) -> Any:
+        """The value of the first setting that has one, else that of the series."""
+        values = [getattr(table, name) for table in (*settings, series)]
+        return next((value for value in values if value is not None), None)
 
-    resolution = next((i for i, place in enumerate(places) if place.spacing is not None), None)
-    ranks = next((place.ranks for place in places if place.ranks is not None), None)
-    return Case(
+    resolution = next((i for i, setting in enumerate(settings) if setting.spacing is not None), None)
+    case = Case(
         series=series,
-        labels={axis.title: place.label for axis, place in zip(series.axes, places)},
-        overrides=[*series.set, *(override for place in places for override in place.set)],
-        ranks=ranks or series.ranks or study.ranks,
+        labels={axis.title: setting.label for axis, setting in zip(series.axes, settings)},
+        overrides=list(series.set),
+        ranks=first("ranks") or study.ranks,
         timeout=series.timeout or study.timeout,
-        spacing=None if resolution is None else places[resolution].spacing,
+        spacing=None if resolution is None else settings[resolution].spacing,
         resolution_axis=None if resolution is None else series.axes[resolution].title,
-        expect=chosen("expect"),
-        shows=chosen("shows"),
-        bounds=series.bounds | {name: bound for place in places for name, bound in place.bounds.items()},
-        other_code=series.other_code | {name: value for place in places for name, value in place.other_code.items()},
+        expect=first("expect"),
+        shows=first("shows"),
+        bounds=dict(series.bounds),
+        other_code=dict(series.other_code),
     )
+    for setting in settings:
+        case.overrides += setting.set
+        case.bounds |= setting.bounds
+        case.other_code |= setting.other_code
+    return case
 
 
-def _complete(case: Case) -> list[str]:
-    """Read a case's scene; the faults of one that is not expected to have any."""
+def _read_scene(case: Case) -> list[str]:
+    """Read the scene of a case, and set digest, particles and work; its faults, unless it is expected to be refused."""
     try:
         case.scene = load_scene(case.series.scene, case.overrides, case.trust_code)
     except SceneError as error:
         if case.expect != "refused":
             return [f"{case.title}: {fault}" for fault in error.faults]
     if case.scene is None:
-        # what is refused has no scene but its text
-        stated = Path(case.series.scene).read_text(encoding="utf-8")
-        text = json.dumps([stated, case.overrides, case.ranks, source_digest()])
+        scene_text = Path(case.series.scene).read_text(encoding="utf-8")
+        text = json.dumps([scene_text, case.overrides, case.ranks, source_digest()])
         case.digest = hashlib.sha256(text.encode()).hexdigest()[:12]
     else:
         case.digest = digest_of(case.scene, case.ranks)
         dimension = case.scene.dimension
         case.particles = sum(filling_of(body, dimension).count for body in case.scene.bodies)
-        # steps become as many more as particles come closer, and as the simulated time is longer
+        # the number of steps grows as end_time / spacing
         case.work = float(case.particles) ** (1.0 + 1.0 / dimension) * case.scene.end_time
     return []
 
 
-def _alike(line: list[Case]) -> list[str]:
-    """Have runs that differ in resolution alone leave out the same: usual values may depend on how fine a scene is, and
-    those of the finest are for all. The faults of scenes with them."""
+def _share_defaults(line: list[Case]) -> list[str]:
+    """Give all runs of a line the defaults of the finest one, since defaults may depend on the resolution.
+
+    Returns the faults of the scenes with them.
+    """
     faults: list[str] = []
     finest: Any = max(line, key=lambda case: case.particles).scene if line else None
     for case in line:
         scene: Any = case.scene
-        stated: list[str] = []
+        overrides: list[str] = []
         for own, fine in zip(scene.systems, finest.systems):
-            one, other = own.settings.defaults_for(scene, own.bodies), fine.settings.defaults_for(finest, fine.bodies)
-            values = {key: getattr(fine.settings, key) for key in one | other} if one != other else {}
-            if values.keys() & (own.settings.model_fields_set | fine.settings.model_fields_set):
-                # one of them has its own
+            own_defaults = own.settings.defaults_for(scene, own.bodies)
+            fine_defaults = fine.settings.defaults_for(finest, fine.bodies)
+            keys = own_defaults | fine_defaults if own_defaults != fine_defaults else {}
+            if keys.keys() & (own.settings.model_fields_set | fine.settings.model_fields_set):
+                # a scene states one of the keys itself
                 continue
-            place = ".".join(map(str, own.place))
-            stated += [f"{place}.{key}={toml_value(value)}" for key, value in values.items() if value is not None]
-        case.overrides += stated
-        faults += _complete(case) if stated else []
+            table = ".".join(map(str, own.place))
+            for key in keys:
+                value = getattr(fine.settings, key)
+                if value is not None:
+                    overrides.append(f"{table}.{key}={toml_value(value)}")
+        if overrides:
+            case.overrides += overrides
+            faults += _read_scene(case)
     return faults
 
 
 def _unknown_names(study: Study, cases: list[Case]) -> list[str]:
-    """Names in bounds, other codes, orders and errors that no run will have."""
-    faults, every = [], set()
+    """Faults of names of errors, measures and columns in a study that no run has."""
+    faults, all_errors = [], set()
     for case in cases:
+        if case.scene is None:
+            continue
         errors = error_names(case.scene)
-        every |= errors
+        all_errors |= errors
         for key, names in (("bounds", case.bounds), ("other_code", case.other_code), ("orders", case.series.orders)):
-            wanted = errors | (set(MEASURES) if key != "orders" else set())
+            known = errors if key == "orders" else errors | set(MEASURES)
             faults += [
-                f"{case.series.name}: {key}: expected one of {', '.join(sorted(wanted))}"
-                f"{suggestion(name, wanted)}, found {name!r}"
+                f"{case.series.name}: {key}: expected one of {', '.join(sorted(known))}"
+                f"{suggestion(name, known)}, found {name!r}"
                 for name in names
-                if name not in wanted and case.scene is not None
-            ]
-    # columns that comparisons read and a run's history will not have
-    for i, one in enumerate(study.compared):
-        for case in cases:
-            if case.scene is None or (one.series is not None and case.series.name not in one.series):
-                continue
-            known = history_columns(case.scene)
-            faults += [
-                f"compared.{i}.readings: expected a column of {case.series.name}{suggestion(name, known)}, "
-                f"found {name!r}"
-                for name in one.columns
                 if name not in known
             ]
+    for i, comparison in enumerate(study.compared):
+        for case in cases:
+            if case.scene is None or (comparison.series is not None and case.series.name not in comparison.series):
+                continue
+            columns = history_columns(case.scene)
+            faults += [
+                f"compared.{i}.readings: expected a column of {case.series.name}{suggestion(name, columns)}, "
+                f"found {name!r}"
+                for name in comparison.columns
+                if name not in columns
+            ]
     return faults + [
-        f"errors: expected one of {', '.join(sorted(every))}{suggestion(name, every)}, found {name!r}"
+        f"errors: expected one of {', '.join(sorted(all_errors))}{suggestion(name, all_errors)}, found {name!r}"
         for name in study.errors or ()
-        if name not in every
+        if name not in all_errors
     ]
 
 
 def error_names(scene: Any) -> set[str]:
-    """Names of the errors that summary.json will hold; scene: None where it cannot be read."""
-    reference = scene.reference if scene is not None else None
+    """Names of the errors that the summary.json of a scene's run holds."""
+    reference = scene.reference
     if reference is None:
         return set()
     if reference.exact is None:

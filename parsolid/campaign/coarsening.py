@@ -1,14 +1,13 @@
-"""One rule that makes a coarser scene of a scene: same lengths, shapes and masses, fewer particles.
+"""Coarser scenes: same lengths, shapes and masses, fewer particles.
 
-Every lattice gets whole numbers of intervals again, so that the ratio of the spacings is not the one requested; the
-ratio is chosen near it such that all directions of all bodies have nearly the same one, probes stand as they did
-between particles, and planes that lie on a background grid lie on the coarser one. Geometry is meshed with larger
-elements, and a mesh made anew of such within its own surface. What follows from the spacing by a ratio (horizon, skin,
-smoothing length, radius of contact) needs no rule; the cell of a grid grows with it.
+Lattices need whole numbers of intervals, so that the actual ratio of the spacings differs from the requested one. It is
+chosen near it such that all directions of all bodies have nearly the same ratio, probes keep their positions relative
+to particles, and planes on nodes of a background grid lie on nodes of the coarser one. Geometry and meshes are meshed
+again with larger elements. Lengths stated as ratios of the spacing (horizon, skin, smoothing length, contact radius)
+follow it; the cell of a grid is scaled.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -19,11 +18,11 @@ from parsolid.particles.meshes.imported import is_imported
 from parsolid.scene import Scene, parse_scene
 from parsolid.scene.contact import BodyPairs
 
-# fewest intervals of a lattice along a direction of which it had more
+# fewest intervals of a coarser lattice along a direction, by method
 LEAST = {"tlsph": 2, "ulsph": 3, "mpm": 2, "peridynamics": 3}
-# how far from the ratio requested, as a factor; of a position on a grid, and of a ratio
+# largest factor between actual and requested ratio; rounding of a number of cells; smallest ratio
 _REACH, _ROUND_OFF, _LEAST_RATIO = 1.4, 1e-6, 1.15
-# weights of unlike ratios and of displaced probes beside the distance from the ratio requested
+# weights of unequal ratios and of displaced probes against the distance from the requested ratio
 _UNLIKE, _DISPLACED = 3.0, 0.5
 
 
@@ -32,7 +31,7 @@ class NotCoarsened(Exception):
 
 
 class BodyLattice(NamedTuple):
-    """Intervals along the directions of a body's lattice; ends: how many particles more than intervals there are."""
+    """The lattice of a body: intervals along its directions; ends: number of particles minus number of intervals."""
 
     number: int
     intervals: tuple[int, ...]
@@ -47,18 +46,18 @@ class BodyLattice(NamedTuple):
         return tuple(max(1, round(count / ratio)) for count in self.intervals)
 
     def offsets(self, place: np.ndarray, intervals: tuple[int, ...]) -> np.ndarray:
-        """Where a place stands between particles (d,), in intervals from the nearest one."""
-        where = (place - self.lower) / (self.upper - self.lower) * intervals - 0.5 * (1 - np.array(self.ends))
+        """Offsets (d,) of a point [m] from the nearest particle, in intervals."""
+        position = (place - self.lower) / (self.upper - self.lower) * intervals - 0.5 * (1 - np.array(self.ends))
         last = np.array(intervals) - 1 + np.array(self.ends)
-        result: np.ndarray = where - np.clip(np.round(where), 0, last)
+        result: np.ndarray = position - np.clip(np.round(position), 0, last)
         return result
 
 
 class CoarserScene(Scene):
-    """A scene at a coarser level, whose particles reach farther: it has the bonds of the scene that it is made from.
+    """A coarser scene with the bonds of the original one.
 
-    Bodies that no table names are apart there and stay so. Those of one background grid act on one another where points
-    have nodes in common.
+    Its particles reach farther, so that bodies without a bond would be bonded; `unbonded` keeps them apart. Bodies on
+    one background grid still act on one another where their points share nodes.
     """
 
     @property
@@ -69,8 +68,8 @@ class CoarserScene(Scene):
 
 @dataclass(frozen=True)
 class Level:
-    """A scene at another resolution as tables; ratio: of the spacings, the actual one; lattices: numbers of particles,
-    in words."""
+    """The tables of a scene at another resolution, its actual ratio of the spacings, and its numbers of particles in
+    words."""
 
     tables: dict[str, Any]
     ratio: float
@@ -78,7 +77,7 @@ class Level:
 
 
 def lattices_of(scene: Scene) -> list[BodyLattice]:
-    """The lattices of all bodies but meshes. Raises NotCoarsened for a mesh that is not made anew."""
+    """The lattices of all bodies that are not meshes. Raises NotCoarsened for a mesh that cannot be made again."""
     kinds = {number: system.settings.kind for system in scene.systems for number in system.bodies}
     result = []
     for number, body in enumerate(scene.bodies):
@@ -90,16 +89,15 @@ def lattices_of(scene: Scene) -> list[BodyLattice]:
                 raise NotCoarsened(f"{place} is an imported mesh, of which none is made anew")
             continue
         filling: Any = filling_of(body, scene.dimension)
-        on_ends = [line.nodes and not line.closed and line.count > 1 for line in filling.lines]
-        intervals = tuple(line.count - bool(ends) for line, ends in zip(filling.lines, on_ends))
+        ends = tuple(int(line.nodes and not line.closed and line.count > 1) for line in filling.lines)
+        intervals = tuple(line.count - end for line, end in zip(filling.lines, ends))
         least, box = LEAST.get(kinds[number], 2), body.shape.kind in ("box", "perforated_box")
-        ends = tuple(map(int, on_ends))
         result.append(BodyLattice(number, intervals, ends, least, filling.lower, filling.upper, box))
     return result
 
 
 def lattice_words(scene: Scene) -> str:
-    """Numbers of particles of all lattices: "9 x 49 x 9", or "71 x 21, 71 x 21"; of meshes the size of elements."""
+    """Numbers of particles of all lattices, "9 x 49 x 9" or "71 x 21, 71 x 21", and element sizes of meshes."""
     try:
         lattices = lattices_of(scene)
     except NotCoarsened:
@@ -124,9 +122,9 @@ def _meshes(tables: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> Level:
-    """The coarser scene at a ratio of spacings near the one requested for, and above another.
+    """The coarser scene with a ratio of the spacings near the requested one and above `more_than`.
 
-    Raises NotCoarsened with the reason: a mesh, a body of too few particles, a grid that does not fit.
+    Raises NotCoarsened for a mesh that cannot be made again, too few particles, or a grid that does not fit.
     """
     lattices = lattices_of(scene)
     if not lattices and requested < more_than:
@@ -151,7 +149,7 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
         if "cell" in method:
             method["cell"] *= ratio
     if lattices and not any("cell" in method for method in methods_of(tables)):
-        # the geometric mean over directions, long ones counting more
+        # geometric mean over all directions, weighted by their intervals
         pairs = [(a, b) for one, now in zip(lattices, new) for a, b in zip(one.intervals, now)]
         weights = sum(a - 1 for a, _ in pairs)
         if not weights:
@@ -164,7 +162,7 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
 
 
 def without_error_tables(scene: Scene) -> dict[str, Any]:
-    """A scene's tables without what is requested of its errors, which its numbers do not depend on."""
+    """The tables of a scene without those that request error bars and targets."""
     return {key: part for key, part in scene.resolved().items() if key not in ("errors", "run")}
 
 
@@ -174,27 +172,36 @@ def methods_of(tables: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def parsed(tables: dict[str, Any], trust_code: bool, ratio: float) -> Scene:
-    """The scene of tables that another scene has been resolved to; ratio: of its spacing. Raises SceneError."""
+    """The scene of resolved tables; ratio: its spacing over that of the original scene. Raises SceneError."""
     scene = parse_scene(tables, trust_code=trust_code)
     return CoarserScene.model_construct(**dict(scene)) if ratio > 1.0 else scene
 
 
 def _best_ratio(scene: Scene, lattices: list[BodyLattice], requested: float, more_than: float) -> float:
-    places = [np.array(probe.at, float) for probe in scene.probes if probe.at is not None]
+    """The ratio of least cost among those at which some direction has a whole number of intervals."""
+    points = [np.array(probe.at, float) for probe in scene.probes if probe.at is not None]
+    least, most = max(requested / _REACH, more_than), requested * _REACH
+    candidates = {
+        count / fewer
+        for lattice in lattices
+        for count in lattice.intervals
+        if count > 1
+        for fewer in range(max(1, math.ceil(count / most)), math.floor(count / least) + 1)
+    }
     best = (math.inf, 0.0)
     misfits = False
-    for ratio in sorted(set(_candidates(lattices, requested, more_than))):
+    for ratio in sorted(candidates):
         if not _grids_fit(scene, ratio):
             misfits = True
             continue
         unlike = displaced = 0.0
-        for one in lattices:
-            now = one.coarser(ratio)
-            moved = [abs(math.log(a / (b * ratio))) for a, b in zip(one.intervals, now) if a > 1]
-            unlike = max([unlike, *moved])
-            for place in places if one.box else ():
-                if (place >= one.lower - 1e-9).all() and (place <= one.upper + 1e-9).all():
-                    offsets = one.offsets(place, one.intervals) - one.offsets(place, now)
+        for lattice in lattices:
+            coarser = lattice.coarser(ratio)
+            ratios = [abs(math.log(a / (b * ratio))) for a, b in zip(lattice.intervals, coarser) if a > 1]
+            unlike = max([unlike, *ratios])
+            for point in points if lattice.box else ():
+                if (point >= lattice.lower - 1e-9).all() and (point <= lattice.upper + 1e-9).all():
+                    offsets = lattice.offsets(point, lattice.intervals) - lattice.offsets(point, coarser)
                     displaced = max(displaced, float(np.abs(offsets).max()))
         cost = abs(math.log(ratio / requested)) + _UNLIKE * unlike + _DISPLACED * displaced
         best = min(best, (cost, ratio))
@@ -209,16 +216,8 @@ def _best_ratio(scene: Scene, lattices: list[BodyLattice], requested: float, mor
     return best[1]
 
 
-def _candidates(lattices: list[BodyLattice], requested: float, more_than: float) -> Iterator[float]:
-    """Ratios at which some direction has a whole number of intervals."""
-    least, most = max(requested / _REACH, more_than), requested * _REACH
-    for count in {count for one in lattices for count in one.intervals if count > 1}:
-        for fewer in range(max(1, math.ceil(count / most)), math.floor(count / least) + 1):
-            yield count / fewer
-
-
 def _grids_fit(scene: Scene, ratio: float) -> bool:
-    """Whether planes of boundaries that lie on nodes of a background grid lie on those of the coarser one."""
+    """Whether planes of boundaries on nodes of a background grid lie on nodes of the coarser grid, too."""
     for system in scene.systems:
         cell: float | None = getattr(system.settings, "cell", None)
         if cell is None:

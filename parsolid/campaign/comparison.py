@@ -1,12 +1,12 @@
-"""Numbers of runs beside published ones: what a study states of them, how they are read from histories, and verdicts.
+"""Comparisons of computed with published values: the tables of a study, readings of histories, verdicts.
 
-A row is one number of one method: what is published with its scatter, what is computed with the bar of its resolutions,
-and whether the two agree. Rows are what the report of a study, of verification and of validation are made of.
+A row holds one quantity of one method: the published value with its scatter, the computed value with the error bar of
+its resolutions, and a verdict. The reports of studies, verification and validation consist of rows.
 """
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -18,12 +18,12 @@ from parsolid.scene.base_model import NotNegative, Positive, SceneModel, reject
 from parsolid.scene.formulas import number_of
 from parsolid.simulation.loop import FINISHED
 
-# of the published value, within which a computed one agrees where the source gives no scatter
+# default tolerance, as a share of the published value, where the source gives no scatter
 SHARE = 0.05
 INSIDE, NEAR, OUTSIDE = "inside the bars", "within the tolerance", "outside"
 UNRESOLVED, MISSING = "not resolved", "no value"
 AS_STATED, NOT_AS_STATED, SHOWN = "as stated", "not as stated", "shown"
-# verdicts of what agrees
+# verdicts of rows that agree
 AGREES = (INSIDE, NEAR, AS_STATED)
 
 Take = Literal[
@@ -43,11 +43,11 @@ Take = Literal[
 
 
 class Reading(SceneModel):
-    """One number of a column of the history: its last value unless said otherwise.
+    """A number read from a column of the history; `take` says how.
 
-    range: greatest less least; frequency: of crossings of the middle between both [1/s]; slope: least squares over
-    `against`, the time unless given; crossing: the first time [s] at which it goes through `level`; at: at a `time`,
-    linear between rows
+    range: maximum minus minimum; frequency [1/s]: from crossings of the middle between both; slope: least squares over
+    the column `against` (default: time); crossing: first time [s] at which the column reaches `level`; at: value at
+    `time`, linear between rows; time_of_maximum, time_of_minimum [s]: of the parabola through three rows
     """
 
     column: str = Field(description="a column of history.csv")
@@ -59,7 +59,7 @@ class Reading(SceneModel):
     against: str | None = Field(None, description="of a slope: the column that it is over")
 
     @model_validator(mode="after")
-    def _used(self) -> "Reading":
+    def _keys_match_take(self) -> "Reading":
         details: list[Any] = []
         for key, take in (("level", "crossing"), ("time", "at")):
             if (getattr(self, key) is None) == (self.take == take):
@@ -74,25 +74,26 @@ class Reading(SceneModel):
 
     @property
     def columns(self) -> list[str]:
-        """The columns of the history that it needs."""
+        """Columns of the history that are read."""
         return [self.column] if self.against is None else [self.column, self.against]
 
     def value(self, history: Mapping[str, np.ndarray]) -> float:
-        """The number that a history (column -> (n,)) gives. Raises ValueError where it gives none."""
+        """The number in a history (column -> values (n,)). Raises ValueError if the history does not give one."""
         for name in self.columns:
             if name not in history:
                 raise ValueError(f"no column {name}")
-        times = history["time"]
-        chosen = (times >= (-math.inf if self.begin is None else self.begin)) & (
-            times <= (math.inf if self.end is None else self.end)
-        )
+        times, values = history["time"], history[self.column]
         over = history[self.against] if self.against is not None else times
-        # there is no tip of a crack before there is a crack
-        chosen &= np.isfinite(history[self.column]) & np.isfinite(over)
-        if not chosen.any():
+        # the column of a crack tip is nan before there is a crack
+        rows = np.isfinite(values) & np.isfinite(over)
+        if self.begin is not None:
+            rows &= times >= self.begin
+        if self.end is not None:
+            rows &= times <= self.end
+        if not rows.any():
             raise ValueError(f"no row of {self.column} in the span of time")
-        place = self.level if self.time is None else self.time
-        return float(_READ[self.take](times[chosen], history[self.column][chosen], over[chosen], place))
+        argument = self.level if self.time is None else self.time
+        return float(_READERS[self.take](times[rows], values[rows], over[rows], argument))
 
 
 def _frequency(times: np.ndarray, values: np.ndarray, over: np.ndarray, level: float | None) -> float:
@@ -102,15 +103,15 @@ def _frequency(times: np.ndarray, values: np.ndarray, over: np.ndarray, level: f
     for upwards in (True, False):
         here = np.nonzero((below[:-1] != below[1:]) & (below[:-1] == upwards))[0]
         if len(here) > 1:
-            first, last = (_through(times, values, int(i), middle) for i in (here[0], here[-1]))
+            first, last = (_crossing_time(times, values, int(i), middle) for i in (here[0], here[-1]))
             periods.append((last - first) / (len(here) - 1))
     if not periods:
         raise ValueError("no whole period")
     return float(1.0 / np.mean(periods))
 
 
-def _through(times: np.ndarray, values: np.ndarray, i: int, level: float) -> float:
-    """When values go through a level between the rows i and i + 1."""
+def _crossing_time(times: np.ndarray, values: np.ndarray, i: int, level: float) -> float:
+    """Time at which values reach a level between the rows i and i + 1, by linear interpolation."""
     return float(times[i] + (level - values[i]) / (values[i + 1] - values[i]) * (times[i + 1] - times[i]))
 
 
@@ -120,17 +121,17 @@ def _crossing(times: np.ndarray, values: np.ndarray, over: np.ndarray, level: fl
     here = np.nonzero(below[:-1] != below[1:])[0]
     if not len(here):
         raise ValueError(f"nothing goes through {level:g}")
-    return _through(times, values, int(here[0]), level)
+    return _crossing_time(times, values, int(here[0]), level)
 
 
 def _slope(times: np.ndarray, values: np.ndarray, over: np.ndarray, level: float | None) -> float:
     if np.ptp(over) <= 0.0:
-        raise ValueError("a slope over one place")
+        raise ValueError("no slope: all abscissae are equal")
     return float(np.polyfit(over - over.mean(), values, 1)[0])
 
 
-def _peak(times: np.ndarray, values: np.ndarray) -> float:
-    """When values are greatest: of the parabola through the greatest and the rows beside it."""
+def _time_of_maximum(times: np.ndarray, values: np.ndarray) -> float:
+    """Time of the maximum of the parabola through the largest value and its two neighbours."""
     i = int(np.argmax(values))
     if i in (0, len(values) - 1):
         return float(times[i])
@@ -144,8 +145,8 @@ def _mean(times: np.ndarray, values: np.ndarray, over: np.ndarray, level: float 
     return float(np.trapezoid(values, times) / span) if span > 0.0 else float(values.mean())
 
 
-# take -> number of times, values, `against` (n,) each and a level or a time
-_READ: dict[str, Any] = {
+# take -> function of times, values, abscissae (n,) each, and the level or time of the reading
+_READERS: dict[str, Any] = {
     "last": lambda t, v, x, level: v[-1],
     "first": lambda t, v, x, level: v[0],
     "maximum": lambda t, v, x, level: v.max(),
@@ -154,22 +155,22 @@ _READ: dict[str, Any] = {
     "range": lambda t, v, x, level: v.max() - v.min(),
     "frequency": _frequency,
     "slope": _slope,
-    "time_of_maximum": lambda t, v, x, level: _peak(t, v),
-    "time_of_minimum": lambda t, v, x, level: _peak(t, -v),
+    "time_of_maximum": lambda t, v, x, level: _time_of_maximum(t, v),
+    "time_of_minimum": lambda t, v, x, level: _time_of_maximum(t, -v),
     "crossing": _crossing,
     "at": lambda t, v, x, time: np.interp(time, t, v),
 }
 
 
 class Comparison(SceneModel):
-    """A published number, and how runs of a study compute it.
+    """A published value, and how the runs of a study compute it.
 
-    value        that is published, exact or of another code; scatter: how far it may be off, by the source
-    tolerance    share of the value (of 1 where it is 0) within which a run agrees where there is no scatter
-    series       names of the series that compute it, all unless given
-    formula      of the readings' names; the one reading unless given
-    order        known order of the spacing for the bar; that of the method unless given
-    cause        why runs do not agree, where that is known: they are then told but not counted as faults
+    value        published, exact or of another code; scatter: its uncertainty as the source gives it
+    tolerance    relative difference (absolute if the value is 0) within which a run agrees if there is no scatter
+    series       names of the series that compute it (default: all)
+    formula      of the names of the readings (default: the single reading)
+    order        known order in the spacing, for the error bar (default: that of the method)
+    cause        known cause of a disagreement: it is then reported, but does not count as a fault
     """
 
     quantity: Annotated[str, Field(min_length=1, description="what is compared, in words")]
@@ -185,7 +186,7 @@ class Comparison(SceneModel):
     cause: str | None = Field(None, description="why runs do not agree")
 
     @model_validator(mode="after")
-    def _sound(self) -> "Comparison":
+    def _consistent(self) -> "Comparison":
         details: list[Any] = []
         if self.formula is None and len(self.readings) > 1:
             details.append((("formula",), f"a formula of {', '.join(self.readings)}", None))
@@ -203,32 +204,32 @@ class Comparison(SceneModel):
 
     @property
     def columns(self) -> list[str]:
-        """The columns of the history that it needs."""
-        return list(dict.fromkeys(name for one in self.readings.values() for name in one.columns))
+        """Columns of the history that are read."""
+        return list(dict.fromkeys(name for reading in self.readings.values() for name in reading.columns))
 
     @property
     def allowed(self) -> float:
-        """How far a run may be off where the source gives no scatter, in the unit of the value."""
+        """The tolerance in the unit of the value, used where the source gives no scatter."""
         return (self.tolerance or SHARE) * (abs(self.value) or 1.0)
 
     @property
     def widest(self) -> float:
-        """The widest bar of a run that can show a disagreement, in the unit of the value."""
+        """The widest error bar with which a run counts as resolved, in the unit of the value."""
         return max(self.scatter or 0.0, self.allowed)
 
     def computed(self, history: Mapping[str, np.ndarray]) -> float:
-        """The number of a run. Raises ValueError where its history does not give it."""
-        found = {name: one.value(history) for name, one in self.readings.items()}
-        value = number_of(self.formula, found) if self.formula is not None else next(iter(found.values()))
+        """The computed value of a run. Raises ValueError if its history does not give one."""
+        readings = {name: reading.value(history) for name, reading in self.readings.items()}
+        value = number_of(self.formula, readings) if self.formula is not None else next(iter(readings.values()))
         if not math.isfinite(value):
             raise ValueError("it is not finite")
         return value
 
     def verdict(self, computed: float, bar: float | None) -> str:
-        """Whether a computed number agrees with the published one, where its bar is narrow enough to tell."""
-        miss, bar = abs(computed - self.value), bar or 0.0
-        near = self.scatter is None and miss <= self.allowed
-        inside = miss <= (self.scatter or 0.0) + bar
+        """The verdict on a computed value with an error bar; UNRESOLVED if the bar is too wide to show a difference."""
+        difference, bar = abs(computed - self.value), bar or 0.0
+        near = self.scatter is None and difference <= self.allowed
+        inside = difference <= (self.scatter or 0.0) + bar
         if not (inside or near):
             return OUTSIDE
         if bar > self.widest:
@@ -238,7 +239,7 @@ class Comparison(SceneModel):
 
 @dataclass
 class Resolution:
-    """One resolution of a row: value and processor seconds."""
+    """One resolution of a row: the value and its costs."""
 
     label: str
     spacing: float | None
@@ -250,7 +251,7 @@ class Resolution:
 
     @classmethod
     def of(cls, case: Any, value: float | None) -> "Resolution":
-        """Of a case that has been run."""
+        """From a case that has been run."""
         label, record = case.labels.get(case.resolution_axis, ""), case.record
         costs = record.core_seconds, record.seconds
         return cls(label, case.spacing, record.particles, record.steps, *costs, value)
@@ -258,11 +259,11 @@ class Resolution:
 
 @dataclass
 class Row:
-    """One line of a report; numbers are None where there is none.
+    """One line of a report; a number that does not exist is None.
 
-    error: of the computed number over the published one, or a relative error against an exact solution; tolerance: of
-    it; remark: the stated cause of a difference; reason: why there is no number, or why it tells nothing; line: the
-    runs' name in pictures; levels: from coarse to fine, of a row without a published number those of its error
+    reference, scatter: published; computed, bar: of the finest run; error: relative difference of both, or the error
+    against an exact solution; tolerance: allowed error; order: observed; remark: the stated cause of a disagreement;
+    reason: why there is no value or no verdict; line: the name in pictures; levels: all resolutions, coarse to fine
     """
 
     case: str
@@ -286,50 +287,49 @@ class Row:
 
     @property
     def agrees(self) -> bool | None:
-        """Whether it agrees; None where nothing is asked of it."""
+        """Whether the row agrees; None if it has no verdict."""
         return None if self.verdict == SHOWN else self.verdict in AGREES
 
     @property
     def faulty(self) -> bool:
-        """Whether it disagrees and nobody has said why, or has no number; what is not resolved does not disagree."""
+        """Whether the row has no value, or is resolved and disagrees without a stated cause."""
         return self.verdict == MISSING or (self.agrees is False and self.verdict != UNRESOLVED and not self.remark)
 
     def errors(self) -> list[tuple[float, float]]:
-        """Processor seconds and |error| of its levels that have both."""
-        scale, away = abs(self.reference or 0.0) or 1.0, self.reference or 0.0
+        """Processor seconds and relative |error| of each level that has both and an error that is not 0."""
+        reference = self.reference or 0.0
+        scale = abs(reference) or 1.0
         return [
-            (one.processor_seconds, abs(one.value - away) / scale)
-            for one in self.levels
-            if one.value is not None and one.processor_seconds > 0.0 and one.value != away
+            (level.processor_seconds, abs(level.value - reference) / scale)
+            for level in self.levels
+            if level.value is not None and level.processor_seconds > 0.0 and level.value != reference
         ]
 
     @classmethod
-    def of(cls, stated: Mapping[str, Any]) -> "Row":
-        """From what `as_stated` gave. Raises TypeError, KeyError for something else."""
-        return cls(**{**stated, "levels": [Resolution(**one) for one in stated["levels"]]})
-
-    def as_stated(self) -> dict[str, Any]:
-        """Plain tables and numbers."""
-        return asdict(self)
+    def of(cls, table: Mapping[str, Any]) -> "Row":
+        """From a table as `dataclasses.asdict` gives it. Raises TypeError or KeyError for another table."""
+        row = cls(**table)
+        row.levels = [Resolution(**level) for level in table["levels"]]
+        return row
 
 
-def rows_of_comparison(title: str, stated: Comparison, lines: Iterable[list[Any]]) -> list[Row]:
-    """A row of each line of cases that have been run, coarse to fine, of those that compute a comparison."""
-    return [
-        _row(title, stated, line) for line in lines if stated.series is None or line[0].series.name in stated.series
-    ]
+def rows_of_comparison(title: str, comparison: Comparison, lines: Iterable[list[Any]]) -> list[Row]:
+    """A row for each line of cases, sorted from coarse to fine, of the series that compute a comparison."""
+    series = comparison.series
+    return [_row(title, comparison, line) for line in lines if series is None or line[0].series.name in series]
 
 
-def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
-    row = Row(title, ", ".join(line[-1].line), stated.quantity, stated.unit, stated.value, stated.scatter)
-    row.source, row.remark, row.line = stated.source, stated.cause or "", row.method
-    row.tolerance = stated.allowed if stated.scatter is None else None
+def _row(title: str, comparison: Comparison, line: list[Any]) -> Row:
+    method = ", ".join(line[-1].line)
+    row = Row(title, method, comparison.quantity, comparison.unit, comparison.value, comparison.scatter)
+    row.source, row.remark, row.line = comparison.source, comparison.cause or "", method
+    row.tolerance = comparison.allowed if comparison.scatter is None else None
     reasons = list[str]()
     for case in line:
         value, record = None, case.record
         if record.status == FINISHED:
             try:
-                value = stated.computed(record.history)
+                value = comparison.computed(record.history)
             except ValueError as error:
                 reasons.append(f"{case.title}: {error}")
         else:
@@ -340,21 +340,22 @@ def _row(title: str, stated: Comparison, line: list[Any]) -> Row:
     if row.computed is None:
         row.verdict, row.reason = MISSING, "; ".join(reasons)
         return row
-    row.bar, row.order = _bar(stated, line[-1].scene, row.levels)
-    row.error = (row.computed - stated.value) / (abs(stated.value) or 1.0)
-    row.verdict = stated.verdict(row.computed, row.bar)
+    row.bar, row.order = _bar(comparison, line[-1].scene, row.levels)
+    row.error = (row.computed - comparison.value) / (abs(comparison.value) or 1.0)
+    row.verdict = comparison.verdict(row.computed, row.bar)
     if row.verdict == UNRESOLVED:
-        values = ", ".join("none" if one.value is None else f"{one.value:.4g}" for one in row.levels)
-        row.reason = f"the bar, {row.bar:.2g}, is wider than {stated.widest:.2g}; from coarse to fine: {values}"
+        values = ", ".join("none" if level.value is None else f"{level.value:.4g}" for level in row.levels)
+        row.reason = f"the bar, {row.bar:.2g}, is wider than {comparison.widest:.2g}; from coarse to fine: {values}"
     return row
 
 
-def _bar(stated: Comparison, scene: Any, levels: list[Resolution]) -> tuple[float | None, float | None]:
-    """The bar of the finest number by the three finest, and the order observed; None with one of them alone."""
-    known = [(one.spacing, one.value) for one in reversed(levels) if one.spacing and one.value is not None][:3]
-    if len(known) < 2:
+def _bar(comparison: Comparison, scene: Any, levels: list[Resolution]) -> tuple[float | None, float | None]:
+    """Error bar of the finest value from the three finest ones, and the observed order; None with fewer than two."""
+    finest = [level for level in reversed(levels) if level.spacing and level.value is not None][:3]
+    if len(finest) < 2:
         return None, None
-    spacings, values = (np.array(column, float) for column in zip(*known))
-    order = stated.order or min(order_in_spacing(name, scene) for name in stated.columns)
-    found = spacing_bar(Series(np.zeros(1), values[:, None], spacings / spacings[0]), order, 1.0)
-    return float(found.error[0]), found.order
+    spacings = np.array([level.spacing for level in finest], float)
+    values = np.array([level.value for level in finest], float)
+    order = comparison.order or min(order_in_spacing(name, scene) for name in comparison.columns)
+    bar = spacing_bar(Series(np.zeros(1), values[:, None], spacings / spacings[0]), order, 1.0)
+    return float(bar.error[0]), bar.order

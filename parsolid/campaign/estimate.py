@@ -1,9 +1,9 @@
-"""From the histories of a run and its coarse runs to error bars.
+"""Error bars from the histories of a run and its coarse runs.
 
-After Eca & Hoekstra, J. Comput. Phys. 262 (2014) 104: an expansion phi = phi_0 + alpha h^p is fitted to the spacings by
-least squares with weights 1/h, and its error gets the factor 1.25 where the observed order is one that the method has,
-3 where it is not. A history is a function of time: the order is observed from the norms of differences over all of it,
-which zeros of an oscillating difference do not disturb, and the error at a time is the largest nearby.
+After Eca & Hoekstra, J. Comput. Phys. 262 (2014) 104: phi = phi_0 + alpha h^p is fitted to the spacings h by least
+squares with weights 1/h, and the error gets a factor of safety of 1.25 if the observed order is near the known one, of
+3 if not. The order is observed from the norms of differences over all times, which zeros of an oscillating difference
+do not disturb; the error at a time is the largest nearby.
 """
 
 from dataclasses import dataclass, field
@@ -11,14 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-# factors of safety: of an observed order that the method has, of one that it has not, and of what has no order at all,
-# twice as much, by which 95 of 100 bars of the linear basis hold
+# factors of safety with an observed order, without one, and where the method has no order; with the last one 95 of 100
+# bars of the linear basis contain the error
 SAFETY, SAFETY_NO_ORDER, SAFETY_DIVERGED = 1.25, 3.0, 6.0
 
 
 class Trust(NamedTuple):
-    """How far observed orders are trusted: the least one that counts, factors of safety where there is one and where
-    there is none, and whether what does not fall from one difference to the next is told by the spread of all runs."""
+    """How far observed orders are trusted.
+
+    least: smallest observed order that counts; with_order, without: factors of safety with and without an observed
+    order; by_spread: where differences are uncorrelated, the error is the spread of all runs
+    """
 
     least: float
     with_order: float
@@ -26,25 +29,25 @@ class Trust(NamedTuple):
     by_spread: bool
 
 
-# observed orders below the least are no orders. Meshes are unlike one another, so that a part of each difference is
-# chance; their factors are those with which 97 of 100 bars hold at the end of runs (docs/error-bars.md)
+# differences of meshes are partly random; their factors make 97 of 100 bars hold at the end (docs/error-bars.md)
 OF_LATTICES, OF_MESHES = Trust(0.4, SAFETY, SAFETY_NO_ORDER, False), Trust(1.0, 1.75, 2.0, True)
-# of the duration, within which the largest error counts
+# share of the duration within which the largest error counts
 TIME_WINDOW = 0.04
-# of the observed order below the known one, by which it is still the known one
+# an observed order this much below the known one still counts as the known one
 TOLERANCE = 0.5
-# differences of so much of the variation that do not fall from one resolution to the next by this are of no use
+# a series is unresolved if the finest difference exceeds the first share of its variation and the second share of the
+# next difference
 UNRESOLVED, MIN_REDUCTION = 0.5, 0.8
-# differences whose correlation is above the first fall together, below the second they are independent
+# correlation of consecutive differences above which they converge together, and below which they are independent
 CORRELATED, UNCORRELATED = 0.5, 0.1
-# crossings of the mean from which a series oscillates
+# a series with at least so many crossings of its mean oscillates
 _MIN_CROSSINGS = 3
-# stretches of time that are tried for a phase
+# largest stretch of time, and number of stretches, tried for a phase error
 _LARGEST_STRETCH, _STRETCHES = 0.08, 41
 
 
 class Series(NamedTuple):
-    """A column over time as runs of several spacings have it: times (n,) [s], values (m, n), ratios (m,) from 1 on."""
+    """A column in runs of several spacings: times (n,) [s], values (m, n), ratios (m,) of the spacings, the first 1."""
 
     times: np.ndarray
     values: np.ndarray
@@ -55,8 +58,9 @@ class Series(NamedTuple):
 class Bar:
     """The error bar of a column.
 
-    error (n,): at the times of the run; order: that was observed, None where none was; used: that of the estimate;
-    factor: of safety; parts: (n,) by name, without that factor; verdict: in words.
+    error (n,): at the times of the run; order: observed, or None; used: the order of the estimate; factor: of safety;
+    verdict: on the order, in words; parts: (n,) each, without the factor, by the source of error; phase, amplitude:
+    relative errors of an oscillation; mean, mean_error: time average of an unresolved series, and its bar
     """
 
     error: np.ndarray
@@ -77,7 +81,10 @@ def rms(values: np.ndarray) -> float:
 
 
 def observed_order(near: float, far: float, ratios: np.ndarray) -> float | None:
-    """p with (r_3^p - r_2^p)/(r_2^p - 1) = far/near, norms of the differences of runs 2 - 1 and 3 - 2; None if none."""
+    """The order p with (r_3^p - r_2^p)/(r_2^p - 1) = far/near, clipped to -2 <= p <= 8.
+
+    near, far: norms of the differences of runs 2 - 1 and 3 - 2; None if one of them is 0.
+    """
     if near <= 0.0 or far <= 0.0:
         return None
     orders = np.linspace(-2.0, 8.0, 2001)
@@ -89,7 +96,7 @@ def observed_order(near: float, far: float, ratios: np.ndarray) -> float | None:
 
 
 def fitted_error(series: Series, order: float) -> tuple[np.ndarray, np.ndarray]:
-    """Error (n,) of the first run by least squares with an order, and what the fit misses of the values (n,)."""
+    """Error (n,) of the first run by a least-squares fit with an order, and the standard deviation (n,) of the fit."""
     spacing = series.ratios**order
     weights = 1.0 / series.ratios
     weights = weights / weights.sum()
@@ -103,25 +110,26 @@ def fitted_error(series: Series, order: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def largest_nearby(values: np.ndarray, times: np.ndarray, reach: float) -> np.ndarray:
-    """The largest of |values| (n,) within a time [s] of each; at the ends of time, where there is nothing on one side,
-    as much more on the other."""
+    """The largest |value| (n,) in a window of half-width `reach` [s] about each time; the window is moved inwards at
+    the start and the end."""
     size = np.abs(values)
-    beyond, before = np.maximum(times + reach - times[-1], 0.0), np.maximum(times[0] - times + reach, 0.0)
-    first = np.searchsorted(times, times - reach - beyond)
-    last = np.searchsorted(times, times + reach + before, side="right")
+    after_end, before_start = np.maximum(times + reach - times[-1], 0.0), np.maximum(times[0] - times + reach, 0.0)
+    first = np.searchsorted(times, times - reach - after_end)
+    last = np.searchsorted(times, times + reach + before_start, side="right")
     return np.array([size[a:b].max() for a, b in zip(first, last)])
 
 
 def crossings(values: np.ndarray) -> int:
-    """How often a series (n,) crosses its mean, small ripples aside."""
-    about = values - values.mean()
-    sound = np.abs(about) > 0.1 * np.abs(about).max(initial=0.0)
-    return int(np.sum(np.diff(np.sign(about[sound])) != 0.0))
+    """How often a series (n,) crosses its mean; deviations below a tenth of the largest one are ignored."""
+    deviation = values - values.mean()
+    large = np.abs(deviation) > 0.1 * np.abs(deviation).max(initial=0.0)
+    return int(np.sum(np.diff(np.sign(deviation[large])) != 0.0))
 
 
 def spacing_bar(series: Series, known: float, duration: float, trust: Trust = OF_LATTICES) -> Bar:
-    """The bar of the discretisation of a column; known: the order that its method has, 0 for none; duration: of the run
-    [s]. Estimates with more than the known order are never made.
+    """The bar of the discretisation error of a column.
+
+    known: order of the method, 0 if it has none; the estimate never uses a higher one; duration: of the run [s]
     """
     times, values, ratios = series
     changes = np.abs(values - values[:, :1])
@@ -140,20 +148,20 @@ def spacing_bar(series: Series, known: float, duration: float, trust: Trust = OF
     used, factor, verdict = order_to_use(order, correlation, known, trust)
     misfit = np.zeros(len(times))
     if order is None or correlation >= UNCORRELATED:
-        # the larger of what all spacings and the two finest say
+        # the larger of the errors from all spacings and from the two finest
         error, misfit = fitted_error(series, used)
-        other, _ = fitted_error(Series(times, values[:2], ratios[:2]), used)
-        error = np.maximum(np.abs(error), np.abs(other))
+        error_of_two, _ = fitted_error(Series(times, values[:2], ratios[:2]), used)
+        error = np.maximum(np.abs(error), np.abs(error_of_two))
     elif trust.by_spread:
         error = np.ptp(values, axis=0)
     else:
-        # errors of runs are independent of one another: squares add up
+        # errors of runs are independent: their squares add up
         error = (np.abs(values[1:] - values[0]) / np.sqrt(1.0 + ratios[1:, None] ** (2.0 * used))).max(axis=0)
-    # a quarter of the period, so that an error of the same period is seen near its largest
+    # the window spans a quarter of the period of an oscillation, which holds a maximum of the error
     crossed = crossings(values[0])
     quarter = float(np.ptp(times)) / (2.0 * crossed) if crossed >= _MIN_CROSSINGS else 0.0
     near = largest_nearby(error, times, max(TIME_WINDOW * duration, quarter))
-    # errors grow: a zero of the difference is none of the error
+    # where the difference vanishes, the bar is at least half the rms error so far
     steps = np.maximum(np.diff(times, prepend=times[:1]), 0.0)
     spans = np.cumsum(steps)
     so_far = np.sqrt(np.cumsum(steps * error**2) / np.where(spans > 0.0, spans, 1.0))
@@ -162,7 +170,7 @@ def spacing_bar(series: Series, known: float, duration: float, trust: Trust = OF
 
 
 def mean_bar(series: Series, known: float) -> Bar:
-    """What a column has whose runs differ by as much as it varies, finer ones no less: a bar of its mean over time."""
+    """The bar of the time average of an unresolved column, whose bar at each time is nan."""
     times, values, _ = series
     spans = np.diff(times)
     means = (0.5 * (values[:, 1:] + values[:, :-1])) @ spans / spans.sum()
@@ -175,19 +183,18 @@ def mean_bar(series: Series, known: float) -> Bar:
 def order_to_use(
     order: float | None, correlation: float, known: float, trust: Trust = OF_LATTICES
 ) -> tuple[float, float, str]:
-    """The order to estimate with, the factor of safety and why; known: 0 where the method has none."""
+    """The order of the estimate, the factor of safety, and the reason; order: observed; known: 0 if there is none."""
     if known <= 0.0:
         return min(1.0, max(trust.least, order or 1.0)), SAFETY_DIVERGED, "the method has no order here"
     if order is None:
         return known, SAFETY_NO_ORDER, "two resolutions: no order observed"
     if correlation < CORRELATED:
-        # what does not fall from one difference to the next has not the known order, whatever its sign
         used = min(known, max(trust.least, order))
         return used, trust.without, "differences change sign between resolutions: no order observed"
     if order < trust.least:
         return trust.least, trust.without, f"hardly converges: order {order:.1f}"
     if order > known + TOLERANCE:
-        # an error of the known order is larger than one of the observed order would be
+        # the known order gives the larger error
         return known, trust.with_order, f"order {order:.1f}, above the known one"
     if order >= known - TOLERANCE:
         return min(order, known), trust.with_order, f"order {order:.1f}"
@@ -195,18 +202,17 @@ def order_to_use(
 
 
 def phase_and_amplitude(series: Series, order: float) -> tuple[float | None, float | None]:
-    """Errors of the first run's phase (stretch of its time) and of its amplitude, both relative; None where nothing
-    oscillates.
-    """
+    """Relative errors of the phase (stretch of time) and the amplitude of the first run; None without oscillation."""
     times, values, ratios = series
     if crossings(values[0]) < _MIN_CROSSINGS or np.ptp(times) <= 0.0:
         return None, None
-    about, own = values[1] - values[1].mean(), values[0] - values[0].mean()
+    coarse, fine = values[1] - values[1].mean(), values[0] - values[0].mean()
 
     def fit(stretch: float) -> tuple[float, float, float]:
-        moved = np.interp(times[0] + (times - times[0]) * (1.0 + stretch), times, own)
-        size = float(moved @ about / max(moved @ moved, 1e-300))
-        return float(np.sum((about - size * moved) ** 2)), float(stretch), size
+        """Squared misfit, stretch and amplitude of the fine run stretched to the coarse one."""
+        moved = np.interp(times[0] + (times - times[0]) * (1.0 + stretch), times, fine)
+        amplitude = float(moved @ coarse / max(moved @ moved, 1e-300))
+        return float(np.sum((coarse - amplitude * moved) ** 2)), float(stretch), amplitude
 
     best = min(map(fit, np.linspace(-_LARGEST_STRETCH, _LARGEST_STRETCH, _STRETCHES)))
     step = 2.0 * _LARGEST_STRETCH / (_STRETCHES - 1)

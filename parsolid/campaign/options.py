@@ -1,4 +1,4 @@
-"""What may be chosen for a scene: method, kernel, horizon, weights, integrator and so on, one change from it each."""
+"""Options of a scene that `pareto` compares: each changes one setting of the method, or the method itself."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,10 +10,11 @@ from parsolid.scene import Scene, SceneError
 from parsolid.scene.methods import method_kinds
 from parsolid.scene.validation_errors import describe
 
-# cells of a grid over the spacing of particles, where a scene comes from a method without one
+# cell of a grid over the particle spacing, for a scene of a method without a grid
 _CELLS = 2.0
-NEW, _HALF, _LONGER = "method", 0.5, 1.25
-# axis -> key of the method's table and its values, by method
+# axis of another method; factors on the time step
+METHOD, _HALF, _LONGER = "method", 0.5, 1.25
+# method -> axis -> key of the method's table and its values
 AXES: dict[str, dict[str, tuple[str, tuple[Any, ...]]]] = {
     "tlsph": {
         "kernel": ("kernel", kernel_names()),
@@ -42,24 +43,24 @@ AXES: dict[str, dict[str, tuple[str, tuple[Any, ...]]]] = {
         "traction": ("traction", ("consistent", "single-layer", "horizon")),
     },
 }
-# of equilibrium, in the table of the solution
+# keys of the solution of an equilibrium
 _EQUILIBRIUM = {"solver": ("conjugate-gradients", "dynamic-relaxation"), "extrapolation": (0, 2)}
-# what a method says of the solid rather than of its discretisation: another method has to say it as well
+# keys of a method that describe the solid and not its discretisation: another method would lose them
 _OF_THE_SOLID = ("geometry", "plane", "damage", "pre_cracks", "initial_state", "motion", "contact")
-# keys that belong to a value of another one
+# keys that are removed with the value of another one
 _GOES_WITH = {"integrator": ("cfl", "safety")}
 _STEPS = ("cfl", "safety", "step")
 
 
 @dataclass(frozen=True)
 class Option:
-    """Changes of a method's table: (axis, key, value) each; "" for the scene as it stands."""
+    """Changes (axis, key, value) of a method's table; no change for the scene as it is."""
 
     changes: tuple[tuple[str, str, Any], ...] = ()
 
     @property
     def name(self) -> str:
-        """What it is called: "integrator leapfrog, weights best"."""
+        """The changes in words: "integrator leapfrog, weights best"."""
         return ", ".join(f"{axis} {_in_words(value)}" for axis, _, value in self.changes) or "as the scene"
 
     @property
@@ -67,28 +68,26 @@ class Option:
         """The axes along which it differs from the scene."""
         return tuple(axis for axis, _, _ in self.changes)
 
-    def together(self, other: "Option") -> "Option":
-        """Both changes."""
-        return Option(self.changes + other.changes)
-
     def applied(self, level: Scene) -> dict[str, Any]:
-        """The tables of a scene with the changes. Raises NotCoarsened where a method needs a lattice of a mesh,
-        SceneError where changes do not go together or another method cannot say what the scene's method says.
+        """The tables of a scene with the changes.
+
+        Raises NotCoarsened if another method needs a lattice of a mesh, SceneError if changes exclude each other or
+        another method cannot have the settings of the solid.
         """
         tables = level.resolved()
         for axis, key, value in self.changes:
             method = methods_of(tables)[0]
-            if axis == NEW:
+            if axis == METHOD:
                 tables = _with_method(tables, value, level)
                 continue
-            inner = key.startswith("solution.")
+            in_solution = key.startswith("solution.")
             name = key.removeprefix("solution.")
-            table = method["solution"] if inner else method
+            table = method["solution"] if in_solution else method
             table = {k: v for k, v in table.items() if k not in _GOES_WITH.get(name, ())}
             if axis == "step" and name not in table:
-                raise SceneError([f"method.{name}: expected a step that is stated so, found another integrator"])
+                raise SceneError([f"method.{name}: expected this key of the step, found an integrator without it"])
             table[name] = table[name] * value if axis == "step" else value
-            tables = tables | {"method": method | {"solution": table} if inner else table}
+            tables = tables | {"method": method | {"solution": table} if in_solution else table}
         return tables
 
 
@@ -101,16 +100,16 @@ def _in_words(value: Any) -> str:
 
 
 def _with_method(tables: dict[str, Any], kind: str, level: Scene) -> dict[str, Any]:
-    """The scene in another method with its usual settings; cells of a grid are twice the spacing, and particles that
-    stood on nodes of a lattice stand in its cells.
+    """The tables with another method and its defaults. Cells of a grid are twice the spacing; for `mpm` and `ulsph`
+    particles on nodes of a lattice move into its cells.
     """
     old = methods_of(tables)[0]
     settings = level.systems[0].settings
     for key in _OF_THE_SOLID:
         field = type(settings).model_fields.get(key)
-        usual = None if field is None else field.get_default(call_default_factory=True)
-        if getattr(settings, key, None) != usual:
-            raise SceneError([f"method.{key}: expected to be as usual for another method, found {describe(old[key])}"])
+        default = None if field is None else field.get_default(call_default_factory=True)
+        if getattr(settings, key, None) != default:
+            raise SceneError([f"method.{key}: expected the default for another method, found {describe(old[key])}"])
     lattices, bodies = lattices_of(level), [dict(body) for body in tables["bodies"]]
     method: dict[str, Any] = {"kind": kind}
     if kind == "mpm":
@@ -129,27 +128,29 @@ def _with_method(tables: dict[str, Any], kind: str, level: Scene) -> dict[str, A
 
 
 def options_of(scene: Scene, axes: list[str]) -> list[Option]:
-    """One change from a scene each, along the axes that are named, or all."""
+    """All options of one change along the named axes, or along all axes if none is named."""
     settings: Any = scene.systems[0].settings
-    own = settings.model_dump()
+    present = settings.model_dump()
     if settings.kind == "tlsph":
-        own["weights"] = settings.pair_weights
-        own["dissipation"] = settings.dissipation_of(settings.pair_weights)
-    found = []
+        present["weights"] = settings.pair_weights
+        present["dissipation"] = settings.dissipation_of(settings.pair_weights)
+    changes: list[tuple[str, str, Any]] = []
     for axis, (key, values) in AXES[settings.kind].items():
+        now = present.get(key)
         for value in values:
-            now = own.get(key)
-            # of tables, what the value says
-            is_table = isinstance(now, dict) and isinstance(value, dict)
-            if not (all(now.get(k) == one for k, one in value.items()) if is_table else now == value):
-                found.append((axis, key, value))
-    solution = own.get("solution") or {}
+            same = now == value
+            if isinstance(now, dict) and isinstance(value, dict):
+                same = all(now.get(name) == part for name, part in value.items())
+            if not same:
+                changes.append((axis, key, value))
+    solution = present.get("solution") or {}
     if solution.get("kind") == "quasi-static":
         for key, values in _EQUILIBRIUM.items():
-            found += [(key, f"solution.{key}", value) for value in values if solution[key] != value]
-    step = next((key for key in _STEPS if own.get(key) is not None), None)
+            changes += [(key, f"solution.{key}", value) for value in values if solution[key] != value]
+    step = next((key for key in _STEPS if present.get(key) is not None), None)
     step = step or next((f"solution.{key}" for key in _STEPS if solution.get(key) is not None), None)
     if step is not None:
-        found += [("step", step, share) for share in (_HALF, _LONGER if step in ("cfl", "safety") else 2.0)]
-    found += [(NEW, "kind", kind) for kind in method_kinds() if kind != settings.kind]
-    return [Option((change,)) for change in found if not axes or change[0] in axes]
+        longer = _LONGER if step in ("cfl", "safety") else 2.0
+        changes += [("step", step, _HALF), ("step", step, longer)]
+    changes += [(METHOD, "kind", kind) for kind in method_kinds() if kind != settings.kind]
+    return [Option((change,)) for change in changes if not axes or change[0] in axes]

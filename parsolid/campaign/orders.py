@@ -1,7 +1,7 @@
-"""The orders that methods are known to have, by kind of quantity: declared here and nowhere else.
+"""Known orders of convergence of the methods, by kind of quantity.
 
-They are those of smooth motions, as docs/studies.md, docs/mpm.md and docs/peridynamics.md observe them. What makes a
-motion less smooth, or a value that of the particle nearest to a point, lowers them to REDUCED.
+They hold for smooth motions (docs/studies.md, docs/mpm.md, docs/peridynamics.md). Contact, fracture
+and plastic flow, and extremes over particles, lower them to REDUCED.
 """
 
 from typing import Any
@@ -12,17 +12,16 @@ from parsolid.simulation.ledger import terms_of
 
 ENERGY, MOTION, STRESS, HEAT = "energy", "motion", "stress", "heat"
 INTEGRAL, EXTREME, REACTION, MICRO = "integral", "extreme", "reaction", "micro"
-# of the spacing; peridynamics with a horizon that shrinks with it has surfaces of first order
+# orders in the spacing; in peridynamics the horizon shrinks with the spacing, and its surfaces are of first order
 _SPACING: dict[str, dict[str, float]] = {
     "tlsph": {ENERGY: 2.0, MOTION: 2.0, STRESS: 2.0, INTEGRAL: 2.0},
     "ulsph": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0, MICRO: 2.0},
     "mpm": {ENERGY: 2.0, MOTION: 2.0, STRESS: 1.0, HEAT: 2.0, INTEGRAL: 2.0},
     "peridynamics": {ENERGY: 1.0, MOTION: 1.0, STRESS: 1.0, INTEGRAL: 1.0},
 }
-# at corners of supports, after contact, where matter yields or fails, of extremes over all particles, of stress on
-# meshes
+# order of reactions, of extremes over particles, of stress on meshes, and of motions that are not smooth
 REDUCED = 1.0
-# of the step, by what integrates in time
+# orders in the time step, by integrator
 _STEP = {
     "ssp-rk3": 3.0,
     "leapfrog": 2.0,
@@ -33,14 +32,15 @@ _STEP = {
     "ulsph": 2.0,
 }
 
+# words in the names of columns, by kind of quantity
 _OF_STRESS, _OF_HEAT = ("stress", "pressure", "mises"), ("temperature", "heat")
-# plastic flow that has inertia: its waves are of the second order and more (docs/ulsph.md)
+# plastic flow with micro-inertia, whose waves are of second order or higher (docs/ulsph.md)
 _OF_MICRO = ("plastic_strain", "micro_rate", "micro_stress")
 _OF_INTEGRALS = ("momentum", "work", "mass", "energy", "entropy", "dissipation")
 
 
 def kind_of(column: str, scene: Any) -> str:
-    """What a column of the history is."""
+    """The kind of quantity of a column of the history."""
     if column in ENERGIES or column in terms_of(scene):
         return ENERGY
     name, _, quantity = column.partition(".")
@@ -59,7 +59,7 @@ def kind_of(column: str, scene: Any) -> str:
 
 
 def reduced_regularity(scene: Any) -> str | None:
-    """Why a scene's motion is not smooth, in words; None where nothing says so."""
+    """Why the motion of a scene is not smooth, in words; None if it is."""
     if scene.contact or scene.tools:
         return "contact"
     if any(getattr(system.settings, "damage", None) for system in scene.systems):
@@ -71,28 +71,26 @@ def reduced_regularity(scene: Any) -> str | None:
 
 
 def without_order(scene: Any) -> str | None:
-    """Why errors of a scene's motion do not fall with the spacing, in words; None where they do (docs/mpm.md)."""
-    grids = [system.settings for system in scene.systems if system.settings.kind == "mpm"]
-    if any(one.basis == "linear" and one.motion for one in grids):
+    """Why errors of a scene's motion do not fall with the spacing, in words; None if they do (docs/mpm.md)."""
+    settings = [system.settings for system in scene.systems if system.settings.kind == "mpm"]
+    if any(one.basis == "linear" and one.motion for one in settings):
         return "the linear basis does not converge where particles cross cells (quadratic-spline does)"
     return None
 
 
 def has_kinks(scene: Any) -> bool:
-    """Whether matter with micro-inertia is hit, or its flow is held at a plane, where it has a kink; without either its
-    micro waves are smooth.
-    """
+    """Whether micro waves of a scene have kinks: after an impact, or where plastic flow is held at a plane."""
     kinds = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro-hard"}
     return bool(kinds) or len(scene.bodies) > 1
 
 
 def moving(scene: Any) -> bool:
-    """Whether anything moves, so that matter may yield."""
+    """Whether a system solves for motion and not for heat alone."""
     return any(getattr(system.settings, "motion", True) for system in scene.systems)
 
 
 def order_in_spacing(column: str, scene: Any) -> float:
-    """The order that is known of a column; 0 where it has none."""
+    """The known order of a column in the spacing; 0 if it does not converge."""
     kind = kind_of(column, scene)
     if kind != HEAT and without_order(scene):
         return 0.0
@@ -104,12 +102,12 @@ def order_in_spacing(column: str, scene: Any) -> float:
 
 
 def has_meshes(scene: Any) -> bool:
-    """Whether bodies are meshes, of which none of another size is like them."""
+    """Whether a body is a mesh."""
     return any(body.shape.kind == "mesh" for body in scene.bodies)
 
 
 def order_in_time(scene: Any) -> float:
-    """The least order of the steps of a scene's methods."""
+    """The lowest order in the time step of a scene's methods and stages."""
     orders = []
     stages = settings_of_stages(scene)[1:] if scene.stages else []
     for settings in [*(system.settings for system in scene.systems), *stages]:
@@ -119,5 +117,5 @@ def order_in_time(scene: Any) -> float:
 
 
 def step_is_stated(scene: Any) -> bool:
-    """Whether steps are as long at any spacing, so that finer particles do not make them shorter."""
+    """Whether the time step is stated and does not follow the spacing."""
     return any(getattr(getattr(s.settings, "solution", None), "kind", None) == "quasi-static" for s in scene.systems)

@@ -1,6 +1,6 @@
-"""Which options of a scene have the least error of a column for their time.
+"""Search for the options of a scene with the least error of a column for their run time, and its report.
 
-Runs go from coarse to fine, the worse half is dropped at each level, within a budget; the envelope, and its report.
+Options are run from coarse to fine within a budget; the worse half is dropped at each level.
 """
 
 import csv
@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from parsolid.campaign.coarsening import Level, NotCoarsened, lattice_words, parsed
-from parsolid.campaign.options import Option, options_of
+from parsolid.campaign.in_process import InProcess, Interrupted, VariantRun
+from parsolid.campaign.options import METHOD, Option, options_of
 from parsolid.campaign.reference import Reference, observed_reference, stated_reference
 from parsolid.campaign.report import ResultTable
-from parsolid.campaign.runner import InProcess, Interrupted, VariantRun
 from parsolid.campaign.variants import SPACING, Variant, history_only, level_of
 from parsolid.collective import SolverError
 from parsolid.exit_status import DONE, TO_BE_CONTINUED
@@ -25,18 +25,20 @@ from parsolid.particles.fillings import filling_of
 from parsolid.particles.generation import generate
 from parsolid.scene import Scene, SceneError
 
-# spacings over that of the scene, coarsest first; the fewest levels that say anything of an option
+# ratios of the spacing of the levels, coarsest first, and the fewest levels of a search
 RATIOS = (3.4, 2.25, 1.5, 1.0)
 FEWEST = 2
-# of the ratio of a level over that of the finer one
+# smallest ratio of the spacings of two levels
 _NEXT_RATIO = 1.2
-# most changes that are tried together
+# largest number of changes in one option
 MOST_TOGETHER = 4
+# an option is on the envelope if its error is below this share of that of all faster ones
+_LEAST_GAIN = 0.99
 
 
 @dataclass
 class Configuration:
-    """An option and its runs so far, coarsest first; errors beside them; dropped: why it is not run any finer."""
+    """An option, its runs so far, coarsest first, and their errors; dropped: why it is not run at finer levels."""
 
     option: Option
     runs: list[VariantRun] = field(default_factory=list)
@@ -46,12 +48,12 @@ class Configuration:
     @property
     def times(self) -> list[float]:
         """Processor seconds of the runs."""
-        return [one.seconds for one in self.runs]
+        return [run.seconds for run in self.runs]
 
 
 @dataclass
 class Plan:
-    """Levels of a scene, coarsest first, with their ratios, the options that it can have, and why it has not others."""
+    """Levels of a scene, coarsest first, their ratios, its options, and the reasons why it cannot have others."""
 
     scene: Scene
     column: str
@@ -62,15 +64,15 @@ class Plan:
     refused: list[str] = field(default_factory=list)
 
     def variant(self, option: Option, level: int) -> Variant:
-        """An option at a level, with a history and nothing else in its output, and the one probe that is looked at."""
+        """An option at a level; of its output and probes only the column that is compared is kept."""
         base = self.levels[level]
         tables = history_only(base, option.applied(base), 1.0)
         probe = self.column.partition(".")[0] if "." in self.column else None
-        tables["probes"] = [one for one in tables.get("probes", ()) if one["name"] == probe]
-        tables["boundaries"] = [
-            one if one.get("reports") == probe else {key: part for key, part in one.items() if key != "reports"}
-            for one in tables.get("boundaries", ())
-        ]
+        tables["probes"] = [table for table in tables.get("probes", ()) if table["name"] == probe]
+        tables["boundaries"] = [dict(table) for table in tables.get("boundaries", ())]
+        for table in tables["boundaries"]:
+            if table.get("reports") != probe:
+                table.pop("reports", None)
         ratio = self.ratios[level]
         scene = parsed(tables, self.trust_code, ratio)
         return Variant(scene, SPACING, ratio, lattice_words(scene))
@@ -80,10 +82,11 @@ class Plan:
         return (self.ratios[0] / self.ratios[level]) ** (self.scene.dimension + 1)
 
     def add(self, option: Option) -> Configuration | None:
-        """Take an option into the plan; None, and words about it, where the scene cannot have it or nothing changes."""
+        """Add an option; None, with the reason in `refused`, if the scene cannot have it or it changes nothing."""
         try:
-            scenes = [self.variant(option, level).scene for level in (0, len(self.levels) - 1)]
-            if option.changes and _stated(scenes[0]) == _stated(self.variant(Option(), 0).scene):
+            coarsest = self.variant(option, 0).scene
+            self.variant(option, len(self.levels) - 1)
+            if option.changes and _effective_tables(coarsest) == _effective_tables(self.variant(Option(), 0).scene):
                 raise SceneError(["it changes nothing here"])
         except SceneError as error:
             self.refused.append(f"{option.name}: {next(iter(error.faults))}")
@@ -95,43 +98,41 @@ class Plan:
         return self.configurations[-1]
 
     def in_words(self, budget: float) -> list[str]:
-        """What will be run."""
+        """The options, levels and the budget, as printed before the search."""
         lines = [f"{len(self.configurations)} choices for {self.column}, each one change from the scene:"]
         lines += [f"    {one.option.name}" for one in self.configurations]
         lines += [f"not for this scene: {reason}" for reason in self.refused]
-        counts = [f"{lattice_words(one)} ({particles_of(one):,})" for one in self.levels]
+        counts = []
+        for level in self.levels:
+            particles = sum(filling_of(body, level.dimension).count for body in level.bodies)
+            counts.append(f"{lattice_words(level)} ({particles:,})")
         lines.append(f"resolutions: {', '.join(counts)}")
         lines.append(f"all at the first two, then the better half; at most {budget:g} core-seconds (--core-seconds)")
         return lines
 
 
-def _stated(scene: Scene) -> dict[str, Any]:
-    """What a scene of one method says to its bodies."""
+def _effective_tables(scene: Scene) -> dict[str, Any]:
+    """The tables of a scene of one method without keys that have no effect."""
     (system,), tables = scene.systems, scene.resolved()
     ignored_keys = system.settings.ignored_keys(scene, system.bodies)
     return tables | {"method": {key: value for key, value in tables["method"].items() if key not in ignored_keys}}
 
 
-def particles_of(scene: Scene) -> int:
-    """Particles of all bodies."""
-    return sum(filling_of(body, scene.dimension).count for body in scene.bodies)
-
-
 def plan_of(scene: Scene, column: str, axes: list[str], trust_code: bool) -> Plan:
-    """Levels and options of a scene. Raises SolverError where no coarser scene can be made, or of several methods."""
+    """Levels and options of a scene. Raises SolverError for several methods or if no coarser scene can be made."""
     if len(scene.systems) > 1 or "methods" in scene.resolved():
         raise SolverError("pareto: expected a scene of one method, found several")
-    found: list[Level] = []
+    made: list[Level] = []
     reason = ""
     for ratio in sorted(RATIOS):
         try:
-            found.insert(0, level_of(scene, ratio, _NEXT_RATIO * found[0].ratio if found else 1.0))
+            made.insert(0, level_of(scene, ratio, _NEXT_RATIO * made[0].ratio if made else 1.0))
         except NotCoarsened as error:
             reason = str(error)
-    if len(found) < FEWEST:
+    if len(made) < FEWEST:
         raise SolverError(f"pareto: expected a scene of which coarser ones can be made, found: {reason}")
-    levels = [parsed(one.tables, trust_code, one.ratio) for one in found]
-    plan = Plan(scene, column, trust_code, levels, [one.ratio for one in found])
+    levels = [parsed(level.tables, trust_code, level.ratio) for level in made]
+    plan = Plan(scene, column, trust_code, levels, [level.ratio for level in made])
     for option in [Option(), *options_of(scene, axes)]:
         plan.add(option)
     return plan
@@ -139,7 +140,7 @@ def plan_of(scene: Scene, column: str, axes: list[str], trust_code: bool) -> Pla
 
 @dataclass
 class SuccessiveHalving:
-    """The runs of a plan. budget: of processor seconds; spent: by all runs that are there. Methods are collective."""
+    """The search: runs of a plan, within a budget [processor seconds]; spent: by all runs. Methods are collective."""
 
     plan: Plan
     runner: InProcess
@@ -162,7 +163,7 @@ class SuccessiveHalving:
                 self.halve(level)
 
     def advance(self, one: Configuration, level: int, where: str) -> None:
-        """Run an option at a level and those below it that it lacks, unless the budget says no."""
+        """Run an option at the levels that it lacks up to `level`, as far as the budget allows."""
         for number in range(len(one.runs), level + 1):
             expected = self.expected(one, number)
             if self.runner.comm.bcast(self.spent + expected > self.budget):
@@ -179,15 +180,15 @@ class SuccessiveHalving:
             self.say(f"pareto: {where}: {one.option.name}: {took}, {self.spent:.3g} s in all")
 
     def expected(self, one: Configuration, level: int) -> float:
-        """Processor seconds that an option should take at a level: by its own last run, or the scene's."""
-        known = one if one.runs else self.plan.configurations[0]
-        if not known.runs:
+        """Predicted processor seconds of an option at a level, from its last run or that of the unchanged scene."""
+        measured = one if one.runs else self.plan.configurations[0]
+        if not measured.runs:
             return 0.0
-        last = min(level, len(known.runs) - 1)
-        return known.times[last] * self.plan.work(level) / self.plan.work(last)
+        last = min(level, len(measured.runs) - 1)
+        return measured.times[last] * self.plan.work(level) / self.plan.work(last)
 
     def compare(self) -> None:
-        """Compare all runs with the reference as it is known now; on rank 0, which has the histories."""
+        """Compute the errors of all runs with the present reference; on rank 0, which has the histories."""
         plan = self.plan
         if self.runner.comm.rank > 0:
             return
@@ -200,26 +201,25 @@ class SuccessiveHalving:
                 one.errors = [self.reference.error(run, plan.column) for run in one.runs if run.history]
 
     def costs(self) -> dict[int, float]:
-        """Number of a configuration that is still run -> seconds that it would need for an error between the scene's
-        own and the best.
+        """Seconds that each option still in the search needs for one error, by its index; the error is the geometric
+        mean of the errors of the scene and of the best option.
         """
-        found = {}
+        costs = {}
         if self.runner.comm.rank == 0:
             plan = self.plan
             newest = [one.errors[-1] for one in plan.configurations if one.errors]
-            own = plan.configurations[0].errors
-            # between what the scene has and what can be had
-            error = (min(newest) * (own[-1] if own else min(newest))) ** 0.5
-            found = {
+            of_scene = plan.configurations[0].errors
+            error = (min(newest) * (of_scene[-1] if of_scene else min(newest))) ** 0.5
+            costs = {
                 number: time_to(one, max(error, 1e-300), plan.scene.dimension)
                 for number, one in enumerate(plan.configurations)
                 if one.dropped is None and one.errors
             }
-        result: dict[int, float] = self.runner.comm.bcast(found)
+        result: dict[int, float] = self.runner.comm.bcast(costs)
         return result
 
     def halve(self, level: int) -> None:
-        """Drop the worse half; the scene itself is kept."""
+        """Drop the worse half of the options; the unchanged scene stays."""
         costs = self.costs()
         order = sorted(costs, key=lambda number: costs[number])
         for number in order[max(2, (len(order) + 1) // 2) :]:
@@ -230,26 +230,27 @@ class SuccessiveHalving:
                 self.plan.configurations[number].dropped = words
 
     def combine(self) -> None:
-        """Take the changes that gain most together, of each axis the best, as further options."""
+        """Add options that combine the best changes of several axes."""
         costs = self.costs()
-        own = costs.get(0, math.inf)
+        of_scene = costs.get(0, math.inf)
         gains: list[Option] = []
         for number in sorted(costs, key=lambda number: costs[number]):
             option = self.plan.configurations[number].option
             taken = {axis for other in gains for axis in other.axes}
-            if number and costs[number] < own and not taken & set(option.axes) and "method" not in option.axes:
+            if number and costs[number] < of_scene and not taken & set(option.axes) and METHOD not in option.axes:
                 gains.append(option)
         if not gains:
             return
         combined = gains[0]
         for option in gains[1:MOST_TOGETHER]:
-            wider = combined.together(option)
-            # what cannot be had together is left out, and the rest is tried without it
-            combined = wider if self.plan.add(wider) is not None else combined
+            wider = Option(combined.changes + option.changes)
+            # a change that the scene cannot have with the others is left out
+            if self.plan.add(wider) is not None:
+                combined = wider
 
 
 def time_to(one: Configuration, error: float, dimension: int) -> float:
-    """Processor seconds that an option would need for an error, by the power law of its last two runs."""
+    """Processor seconds that an option needs for an error, by the power law of its last two runs; inf without runs."""
     if not one.errors:
         return math.inf
     least, most = (dimension + 1) / 4.0, (dimension + 1) / 0.4
@@ -257,29 +258,25 @@ def time_to(one: Configuration, error: float, dimension: int) -> float:
     if len(one.errors) > 1 and one.errors[-1] > 0.0:
         gain, cost = math.log(one.errors[-2] / one.errors[-1]), math.log(one.times[-1] / one.times[-2])
         slope = min(most, max(least, cost / gain)) if gain > 0.0 else most
-    # finer is worth more than is known of it only by the order; coarser no more than the runs show
+    # towards coarser runs the slope is bounded, so that a steep one does not predict too little time
     ratio = max(one.errors[-1], 1e-300) / error
     return float(one.times[-1] * ratio ** (slope if ratio > 1.0 else min(slope, most / 2.0)))
 
 
-# a smaller gain in error is none
-_LEAST_GAIN = 0.99
-
-
 def seconds_for(one: Configuration, error: float) -> float:
-    """Processor seconds for an error between those of an option's runs; infinite where none is as good."""
-    for number, (seconds, found) in enumerate(zip(one.times, one.errors)):
-        if found <= error:
-            if number == 0 or found <= 0.0:
+    """Processor seconds for an error, interpolated between the runs of an option; inf if no run is as accurate."""
+    for number, (seconds, reached) in enumerate(zip(one.times, one.errors)):
+        if reached <= error:
+            if number == 0 or reached <= 0.0:
                 return float(seconds)
             before, cost = one.errors[number - 1], one.times[number - 1]
-            share = math.log(before / error) / math.log(before / found)
+            share = math.log(before / error) / math.log(before / reached)
             return float(cost * (seconds / cost) ** share)
     return math.inf
 
 
 def envelope(plan: Plan) -> list[tuple[float, float, Configuration, int]]:
-    """Runs that no other has less error than in less time: (seconds, error, configuration, level), cheapest first."""
+    """Runs with less error than all faster ones: (seconds, error, configuration, level), fastest first."""
     points = [(t, e, one, i) for one in plan.configurations for i, (t, e) in enumerate(zip(one.times, one.errors))]
     result: list[tuple[float, float, Configuration, int]] = []
     for point in sorted(points, key=lambda p: p[:2]):
@@ -289,53 +286,56 @@ def envelope(plan: Plan) -> list[tuple[float, float, Configuration, int]]:
 
 
 def in_words(plan: Plan, reference: Reference) -> list[str]:
-    """What errors are, what is on the envelope, and what the best saves."""
-    what = "at the end" if len(reference.times) == 1 else "root of the mean square over all times"
-    lines = [f"errors of {plan.column}: {what}, over the true values'; true values: {reference.words}"]
+    """The definition of the error, the envelope, and the time that the best option saves."""
+    what = "at the end" if len(reference.times) == 1 else "root mean square over all times"
+    lines = [f"errors of {plan.column}: {what}, relative to the true values; true values: {reference.words}"]
     if reference.uncertain:
-        lines[0] += f", uncertain by {100.0 * reference.uncertain:.2g} %: smaller errors say nothing"
+        lines[0] += f", uncertain by {100.0 * reference.uncertain:.2g} %: smaller errors are not significant"
     for seconds, error, one, level in envelope(plan):
         lattice = one.runs[level].variant.lattices
         lines.append(f"least error in {seconds:.3g} s: {100.0 * error:.2g} %, {one.option.name}, {lattice}")
-    own = plan.configurations[0]
-    if own.errors:
-        error = max(own.errors[-1], reference.uncertain)
+    unchanged = plan.configurations[0]
+    if unchanged.errors:
+        error = max(unchanged.errors[-1], reference.uncertain)
         costs = [(seconds_for(one, error), one) for one in plan.configurations if one.errors]
-        seconds, best = min(costs, key=lambda pair: pair[0])
-        mine = seconds_for(own, error)
-        gain = f"{mine:.3g} s as the scene is, about {seconds:.3g} s with '{best.option.name}'"
-        none = f"no choice needs less time than the scene's {mine:.3g} s"
-        lines.append(f"for an error of {100.0 * error:.2g} %: {none if best is own else gain}")
+        least, best = min(costs, key=lambda pair: pair[0])
+        seconds = seconds_for(unchanged, error)
+        if best is unchanged:
+            gain = f"no choice needs less time than the scene's {seconds:.3g} s"
+        else:
+            gain = f"{seconds:.3g} s as the scene is, about {least:.3g} s with '{best.option.name}'"
+        lines.append(f"for an error of {100.0 * error:.2g} %: {gain}")
     return lines
 
 
 def run_pareto(
     runner: InProcess, plan: Plan, budget: float, command: str, say: Callable[[str], None], dry_run: bool = False
 ) -> int:
-    """Compare the options of a plan and report into the runner's folder; the exit status: 0, or 75 when a signal ended
-    it. Raises SceneError, or SolverError for a scene that does not run. Collective.
+    """Compare the options of a plan and write the report into the folder of the runner. Collective.
+
+    Returns the exit status, 75 after a signal. Raises SceneError, or SolverError for a scene that does not run.
     """
     search = SuccessiveHalving(plan, InProcess(runner.comm, runner.folder / "runs"), budget, say)
     for line in plan.in_words(budget):
         say(f"pareto: {line}")
     if dry_run:
         return DONE
-    # refuses bodies that touch and that no table names, which coarser runs keep apart (`CoarserScene`)
+    # refuses touching bodies that no table names; coarser runs do not see them (`CoarserScene`)
     generate(plan.scene, runner.comm)
-    own = plan.configurations[0]
+    unchanged = plan.configurations[0]
     try:
-        search.advance(own, 0, "first")
-        if not own.runs:
-            raise SolverError(f"pareto: expected a scene that runs, found: {own.dropped}")
-        # if every option cost what the scene's own does
+        search.advance(unchanged, 0, "first")
+        if not unchanged.runs:
+            raise SolverError(f"pareto: expected a scene that runs, found: {unchanged.dropped}")
+        # estimate with the costs of the unchanged scene for all options
         count, total = len(plan.configurations), 0.0
         for level in range(len(plan.levels)):
             count = max(2, (count + 1) // 2) + (level == 2) if level >= 2 else count
-            total += count * search.expected(own, level)
+            total += count * search.expected(unchanged, level)
         say(f"pareto: expected: {total:.3g} core-seconds, at most {budget:g}")
         search.follow()
     except Interrupted:
-        say(f"stopped; what is finished is kept in {runner.folder}: the same command goes on")
+        say(f"stopped; finished runs are kept in {runner.folder}: the same command continues")
         return TO_BE_CONTINUED
     with together(runner.comm, f"cannot write into {runner.folder}"):
         if runner.comm.rank == 0:
@@ -355,15 +355,14 @@ def report(search: SuccessiveHalving, folder: Path, command: str) -> None:
     refused = "\n".join(f"- not for this scene: {reason}" for reason in plan.refused)
     text = "\n\n".join([*lines, "\n".join(f"- {line}" for line in words), table, refused])
     (folder / "pareto.md").write_text(text.rstrip() + "\n", encoding="utf-8")
-    # one row a run
-    on = {(id(one), level) for _, _, one, level in envelope(plan)}
+    on_envelope = {(id(one), level) for _, _, one, level in envelope(plan)}
     with open((folder / "pareto.csv"), "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["choice", "lattice", "ratio", "particles", "steps", "processor_seconds", "error", "envelope"])
         for one in plan.configurations:
             for level, (run, error) in enumerate(zip(one.runs, one.errors)):
                 row = [one.option.name, run.variant.lattices, run.ratio, run.record.particles, run.record.steps]
-                writer.writerow([*row, run.seconds, error, int((id(one), level) in on)])
+                writer.writerow([*row, run.seconds, error, int((id(one), level) in on_envelope)])
     print("\n" + table, flush=True)
     for line in words:
         search.say(f"pareto: {line}")
@@ -378,14 +377,13 @@ def report(search: SuccessiveHalving, folder: Path, command: str) -> None:
 
 
 def table_of(plan: Plan) -> ResultTable:
-    """One row an option: its finest run, its order, and whether it is on the envelope."""
+    """One row per option: its finest run, its observed order, and its levels on the envelope."""
     table = ResultTable(plan.column, ["choice", "runs", "finest", "CPU s", "error", "order", "envelope", "dropped"], 1)
     edge = envelope(plan)
     for one in sorted(plan.configurations, key=lambda one: (-len(one.errors), one.errors[-1:] or [math.inf])):
         levels = [str(level + 1) for _, _, other, level in edge if other is one]
         finest, order = ["", "", ""], ""
         if len(one.errors) > 1 and min(one.errors[-2:]) > 0.0:
-            # observed between the last two runs
             gain, finer = one.errors[-2] / one.errors[-1], one.runs[-2].ratio / one.runs[-1].ratio
             order = f"{math.log(gain) / math.log(finer):.1f}"
         if one.errors:

@@ -1,4 +1,4 @@
-"""Log-log pictures: errors of a study against run time and spacing, errors of options against run time."""
+"""Pictures of campaigns: errors against run time and spacing, and computed over published values."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from parsolid.campaign.study import lines_of
 from parsolid.output.words import words_of
 
 MARKERS = "osD^vPX*<>hd"
-# of a panel
+# largest number of curves in a panel
 MOST_CURVES = 8
 _DOTS_PER_INCH = 90
-# of the ends of an axis, up to which 2 and 5 of each decade have labels
+# ratio of the ends of an axis below which 2 and 5 of each decade have labels
 _DECADES = 300.0
-# what cannot be told apart on a picture
+# curves with relative differences below this look equal
 _ALIKE = 0.02
 _OTHER_CODE = "another code, hollow"
 _ENVELOPE: dict[str, Any] = {"color": "0.8", "linewidth": 7.0, "solid_joinstyle": "round", "zorder": 0}
@@ -30,7 +30,7 @@ _ENVELOPE: dict[str, Any] = {"color": "0.8", "linewidth": 7.0, "solid_joinstyle"
 
 @dataclass
 class Abscissa:
-    """What errors are drawn against: a value of a run, and the same of another code; slopes to be shown with it."""
+    """The abscissa of a picture of errors: its value for a run and for another code, and slopes to draw."""
 
     name: str
     label: str
@@ -49,7 +49,7 @@ SPACING = Abscissa("spacing", "particle spacing [m]", lambda case: case.spacing,
 
 
 def draw_study(study: Study, cases: list[Case], folder: Path) -> list[Path]:
-    """Write error_against_time.png and error_against_spacing.png where there are runs for them; the files written.
+    """Write error_against_time.png and error_against_spacing.png if there are runs for them; returns the files.
 
     Raises ModuleNotFoundError without matplotlib.
     """
@@ -92,7 +92,7 @@ def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: A
 
 @dataclass
 class Curve:
-    """One error of one line of runs, and what it is called in the legend."""
+    """One error of one line of runs, and its text in the legend."""
 
     line: list[Case]
     error: str
@@ -100,7 +100,7 @@ class Curve:
 
 
 def _panels(lines: list[list[Case]], names: list[str]) -> list[tuple[str, list[Curve]]]:
-    """Title and curves of each panel, none with more curves than can be told apart."""
+    """Title and curves of each panel; a panel with more than MOST_CURVES curves is split."""
     result = []
     for panel in dict.fromkeys(map(_panel, names)):
         errors = [name for name in names if _panel(name) == panel]
@@ -114,19 +114,19 @@ def _panels(lines: list[list[Case]], names: list[str]) -> list[tuple[str, list[C
 
 
 def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
-    """The errors that a line has, with what tells each from the others; of errors that agree the first."""
-    had: dict[str, list[float]] = {}
+    """A curve for each error of a line of runs, but for errors that look like an earlier one."""
+    drawn: dict[str, list[float]] = {}
     for error in errors:
-        own = [case.measures["errors"].get(error) or 0.0 for case in line]
-        agrees = [all(abs(a - b) <= _ALIKE * max(a, b) for a, b in zip(own, other)) for other in had.values()]
-        if any(own) and not any(agrees):
-            had[error] = own
+        values = [case.measures["errors"].get(error) or 0.0 for case in line]
+        alike = [all(abs(a - b) <= _ALIKE * max(a, b) for a, b in zip(values, other)) for other in drawn.values()]
+        if any(values) and not any(alike):
+            drawn[error] = values
     result = []
-    for error in had:
+    for error in drawn:
         words = [*line[0].line]
         if "@" in error:
             words.append(f"t = {error.split('@')[1]} s")
-        elif "." in error and len(had) > 1:
+        elif "." in error and len(drawn) > 1:
             words.append(words_of(error))
         result.append(Curve(line, error, ", ".join(words)))
     return result
@@ -142,13 +142,13 @@ def _looks(curves: list[Curve]) -> dict[str, dict[str, Any]]:
 
 
 def _panel(name: str) -> str:
-    """The panel that an error belongs to: its name without the time, one for all probes."""
+    """The panel of an error: its name without the time, or one panel for all probes."""
     field = name.split("@", maxsplit=1)[0]
     return "probe" if "." in field else words_of(field)
 
 
 def _draw(place: Any, curve: Curve, look: dict[str, Any], abscissa: Abscissa) -> list[tuple[float, float]]:
-    """Draw a curve, and what another code reached hollow and dotted; the points of the curve."""
+    """Draw a curve, and that of another code dotted with hollow markers; returns the points of the curve."""
     points = _positive((abscissa.value(case), case.measures["errors"].get(curve.error)) for case in curve.line)
     if not points:
         return []
@@ -176,9 +176,7 @@ def _triangles(place: Any, points: Any, slopes: tuple[int, ...]) -> None:
 
 
 def label_decades(axis: Any) -> None:
-    """Label an axis at 1, 2 and 5 of each decade, as such numbers are said, at 1 alone where it has many decades: more
-    labels would stand on each other.
-    """
+    """Label a logarithmic axis at 1, 2 and 5 of each decade, or at 1 only if it spans many decades."""
     from matplotlib import ticker
 
     low, high = axis.get_view_interval()
@@ -189,7 +187,7 @@ def label_decades(axis: Any) -> None:
 
 
 def draw_pareto(plan: Plan, reference: Reference, edge: list[Any], path: Path) -> Path:
-    """Error against processor seconds, a line an option, and the lower envelope; the file written.
+    """Draw error against processor seconds, a line per option, and the lower envelope; returns the file.
 
     Raises ModuleNotFoundError without matplotlib.
     """
@@ -204,7 +202,6 @@ def draw_pareto(plan: Plan, reference: Reference, edge: list[Any], path: Path) -
         style: dict[str, Any] = {"marker": MARKERS[number], "markersize": 4.5, "linewidth": width, "color": color}
         axes.plot(one.times, one.errors, label=one.option.name, zorder=2 if number else 3, **style)
     for number, one in enumerate(others):
-        # an option of one run is a point
         style = {"marker": "." if len(one.errors) == 1 else "", "color": "0.7", "linewidth": 0.8, "zorder": 1}
         axes.plot(one.times, one.errors, label=None if number else "other choices", **style)
     if reference.uncertain:
@@ -219,18 +216,19 @@ def draw_pareto(plan: Plan, reference: Reference, edge: list[Any], path: Path) -
 
 
 def _labelled(plan: Plan, edge: list[Any]) -> tuple[list[Configuration], list[Configuration]]:
-    """The scene as it stands, those of the envelope, and then the best of what went farthest; and all others."""
-    own = plan.configurations[0]
-    best = {id(point[2]) for point in edge}
-    made = [one for one in plan.configurations if one.errors and one is not own]
-    made.sort(key=lambda one: (id(one) not in best, -len(one.errors), one.errors[-1]))
-    return [own, *made[: MOST_CURVES - 1]], made[MOST_CURVES - 1 :]
+    """Options with a colour and a label, and all others: labelled are the unchanged scene, then options on the
+    envelope, then those with most levels and least error."""
+    unchanged = plan.configurations[0]
+    on_envelope = {id(point[2]) for point in edge}
+    options = [one for one in plan.configurations if one.errors and one is not unchanged]
+    options.sort(key=lambda one: (id(one) not in on_envelope, -len(one.errors), one.errors[-1]))
+    return [unchanged, *options[: MOST_CURVES - 1]], options[MOST_CURVES - 1 :]
 
 
 def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
-    """Computed over published numbers, a point a row with the bar of the run, in the band of the published scatter.
+    """Draw computed over published values: a point per row with its error bar, and a band of the published scatter.
 
-    Rows without a published number that is not 0, or without a computed one, are left out.
+    Rows without a computed value, or with a published value of 0 or none, are left out.
     Raises ModuleNotFoundError without matplotlib.
     """
     from matplotlib.figure import Figure
@@ -257,7 +255,7 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
         look = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
         axes.plot([], [], linestyle="none", label=method, **look)
     axes.set_yticks(list(places.values()), [*places], fontsize=8)
-    # bars that are wider than all points are apart run on beyond the edge
+    # the axis is limited by the points: long bars leave the picture
     ratios = [float(row.computed or 0.0) / float(row.reference or 1.0) for row in shown]
     edges = min(0.75, min(ratios) - 0.1), max(1.25, max(ratios) + 0.1)
     axes.set(xlim=edges, ylim=(len(places) - 0.5, -0.5), xlabel="computed over published", title=title)
@@ -268,8 +266,8 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
 
 
 def draw_costs(rows: list[Row], path: Path) -> Path:
-    """Errors against processor seconds: a panel a case with published numbers, or a line of runs with errors; a curve a
-    row of two resolutions or more. Raises ModuleNotFoundError without matplotlib.
+    """Draw errors against processor seconds: a panel per case with published values or per line of runs with errors, a
+    curve per row of two or more resolutions. Raises ModuleNotFoundError without matplotlib.
     """
     from matplotlib.figure import Figure
 

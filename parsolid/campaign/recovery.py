@@ -1,11 +1,11 @@
-"""Error bars of equilibria of meshes of which no coarser ones are made, from one run: an estimate of another kind.
+"""Error bars of equilibria of imported meshes from a single run, by recovery of gradients.
 
-The nodes of a mesh have mean gradients of the elements around them. What the elements store beyond these, E, over the
-strain energy W is the square of the relative error in energy that linear elements would have (Zienkiewicz and Zhu, Int.
-J. Numer. Meth. Eng. 33 (1992) 1331); errors of this method fall with it. Energies and forces err by a factor times E/W,
-stresses at nodes by one times its root, with factors by which 95 of 100 values lie within them (docs/error-bars.md).
-Displacements, and all in motion, have no such bar: their errors over E/W differ from part to part by factors of ten and
-more.
+The gradient at a node is the mean over the elements around it. Let E be the energy that the elements store beyond that
+of these mean gradients, and W the strain energy: E/W is the square of the relative energy error of linear elements
+(Zienkiewicz and Zhu, Int. J. Numer. Meth. Eng. 33 (1992) 1331), and errors of this method fall with it. Errors of
+energies and forces are a factor times E/W, of nodal stresses a factor times its root; with these factors 95 of 100
+values lie within their bars (docs/error-bars.md). Displacements and motions have no such bar: their errors over E/W
+differ between parts by factors of ten and more.
 """
 
 from typing import Any
@@ -24,9 +24,12 @@ COLUMN = f"{NAME}.{QUANTITY}"
 _FACTORS = {ENERGY: (1.1, 1.0), REACTION: (1.1, 1.0), STRESS: (0.6, 0.5)}
 
 
-def watched(scene: Scene, trust_code: bool) -> Scene | None:
-    """The scene with a probe of what the estimate needs; None where it is not one of equilibria of hyperelastic meshes
-    with the weights of their elements and a stabiliser that meet nothing."""
+def with_recovery_probe(scene: Scene, trust_code: bool) -> Scene | None:
+    """The scene with the probe that the estimate needs.
+
+    None unless the scene holds equilibria of hyperelastic meshes with weights of their elements and a stabilisation,
+    without contact and tools.
+    """
     settings: list[Any] = [system.settings for system in scene.systems]
     if scene.contact or scene.tools or scene.stages or any(one.kind != "tlsph" for one in settings):
         return None
@@ -44,7 +47,7 @@ def watched(scene: Scene, trust_code: bool) -> Scene | None:
 
 
 def recovery_bars(scene: Scene, times: np.ndarray, columns: dict[str, np.ndarray]) -> dict[str, Bar]:
-    """The bar of each column over time that has one, from the column of the probe."""
+    """Bars of energies, forces and nodal stresses over times (n,) [s], from the column of the probe."""
     stored = next(columns[name] for name in STORED_ENERGY if name in columns)
     most = np.maximum.accumulate(np.abs(stored))
     beyond = np.maximum.accumulate(np.abs(columns[COLUMN]))
@@ -54,7 +57,7 @@ def recovery_bars(scene: Scene, times: np.ndarray, columns: dict[str, np.ndarray
     for name, values in columns.items():
         kind = kind_of(name, scene)
         if kind == STRESS and "nodal" not in name:
-            # of particles, means around them
+            # a mean around a particle, not a nodal stress
             continue
         if name != COLUMN and kind in _FACTORS and np.isfinite(values).all():
             factor, power = _FACTORS[kind]

@@ -1,5 +1,5 @@
-"""Reference values of a history's columns: of an exact solution, a series or values at the end beside the scene, else
-the limit to which runs of rising resolution tend.
+"""Reference values of columns of a history: a series or exact solution or final values stated in the scene, else the
+extrapolated limit of runs of several resolutions.
 """
 
 import json
@@ -12,18 +12,18 @@ import numpy as np
 
 from parsolid.campaign.error_bars import on_times
 from parsolid.campaign.estimate import SAFETY, Series, fitted_error, rms, spacing_bar
+from parsolid.campaign.in_process import VariantRun
 from parsolid.campaign.orders import order_in_spacing
-from parsolid.campaign.runner import VariantRun
 from parsolid.scene import Scene
 
 Values = Callable[[np.ndarray], np.ndarray]
-# points along a direction by which the mean of a probe with a weight is taken, by dimension
+# dimension -> quadrature points along a direction for a probe with a weight
 _POINTS = {1: 400, 2: 80, 3: 24}
 
 
 def series_of(scene: Scene, names: dict[str, str] | None = None) -> dict[str, Values]:
-    """Column -> function of times (n,) [s] that gives its values (n,), of the scene's series; names: other than the
-    scene's.
+    """Column -> function of times (n,) [s] that returns values (n,) of the scene's series; names: column -> name in the
+    series, if not those of the scene.
     """
     reference = scene.reference
     if reference is None or reference.series is None:
@@ -36,7 +36,8 @@ def series_of(scene: Scene, names: dict[str, str] | None = None) -> dict[str, Va
 
 
 def exact_values(scene: Scene, column: str) -> Values | None:
-    """Reference values of a column of a probe at a point or with a weight, where the exact solution knows its field."""
+    """Values of a column over time by the scene's exact solution; None unless the column is of a probe at a point or
+    with a weight and the solution has its field."""
     if scene.reference is None or scene.reference.exact is None:
         return None
     from parsolid.exact import SOLUTIONS
@@ -47,56 +48,55 @@ def exact_values(scene: Scene, column: str) -> Values | None:
             continue
         for field, names in probe.columns_of_fields(scene.dimension).items():
             if column in names:
-                place = None if probe.at is None else np.array(probe.at, float)
-                return _at_probe(kind.of_scene(scene), scene, probe, (field, names.index(column)), place)
+                return _values_of_probe(kind.of_scene(scene), scene, probe, field, names.index(column))
     return None
 
 
-def _at_probe(solution: Any, scene: Scene, probe: Any, what: tuple[str, int], place: Any) -> Values | None:
-    (field, component), d = what, scene.dimension
-    if place is not None:
-        places, weight = place[None, :], np.ones(1)
+def _values_of_probe(solution: Any, scene: Scene, probe: Any, field: str, component: int) -> Values | None:
+    d = scene.dimension
+    if probe.at is not None:
+        points, weight = np.array([probe.at], float), np.ones(1)
     else:
-        found = _places(scene)
-        if found is None:
+        quadrature = _quadrature(scene)
+        if quadrature is None:
             return None
-        places, measure = found
-        weight = probe.weight.evaluate(places)
+        points, measure = quadrature
+        weight = probe.weight.evaluate(points)
         weight = weight * measure / np.sum(weight * weight * measure)
-    if field not in solution.fields(places[:1], 0.0):
+    if field not in solution.fields(points[:1], 0.0):
         return None
 
     def values(times: np.ndarray) -> np.ndarray:
         result = []
         for time in np.atleast_1d(times):
-            fields = solution.fields(places, float(time))[field]
+            fields = solution.fields(points, float(time))[field]
             fields = fields[:, :d, :d] if fields.ndim == 3 else fields
-            result.append(float(weight @ fields.reshape(len(places), -1)[:, component]))
+            result.append(float(weight @ fields.reshape(len(points), -1)[:, component]))
         return np.array(result)
 
     return values
 
 
-def _places(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
-    """Places (n, d) [m] over the first body, a box or a ring, and what each stands for; None for other shapes."""
+def _quadrature(scene: Scene) -> tuple[np.ndarray, np.ndarray] | None:
+    """Points (n, d) [m] and relative weights (n,) over the first body, a box or a ring; None for other shapes."""
     body = scene.bodies[0]
-    box: Any = body.shape.model
+    shape: Any = body.shape.model
     if body.shape.kind == "box":
         count = _POINTS[scene.dimension]
-        lines = [a + (np.arange(count) + 0.5) / count * (b - a) for a, b in zip(box.lower, box.upper)]
-        places = np.stack([grid.ravel() for grid in np.meshgrid(*lines, indexing="ij")], axis=1)
-        return places, np.ones(len(places))
-    if body.shape.kind == "cylindrical_shell" and scene.dimension == 2 and box.closed:
-        radii = box.radius + ((np.arange(400) + 0.5) / 400 - 0.5) * box.thickness
+        lines = [a + (np.arange(count) + 0.5) / count * (b - a) for a, b in zip(shape.lower, shape.upper)]
+        points = np.stack([grid.ravel() for grid in np.meshgrid(*lines, indexing="ij")], axis=1)
+        return points, np.ones(len(points))
+    if body.shape.kind == "cylindrical_shell" and scene.dimension == 2 and shape.closed:
+        radii = shape.radius + ((np.arange(400) + 0.5) / 400 - 0.5) * shape.thickness
         r, angle = np.meshgrid(radii, np.arange(200) / 200 * 2.0 * np.pi, indexing="ij")
-        around = np.stack([(r * np.cos(angle)).ravel(), (r * np.sin(angle)).ravel()], axis=1)
-        return np.array(box.centre) + around, r.ravel()
+        from_centre = np.stack([(r * np.cos(angle)).ravel(), (r * np.sin(angle)).ravel()], axis=1)
+        return np.array(shape.centre) + from_centre, r.ravel()
     return None
 
 
 @dataclass
 class Reference:
-    """What runs are compared with: values (n,) at times (n,) [s], in which words, how uncertain, as an error."""
+    """Reference values (n,) of a column at times (n,) [s]; words: their source; uncertain: their relative error."""
 
     words: str
     times: np.ndarray
@@ -104,9 +104,9 @@ class Reference:
     uncertain: float = 0.0
 
     def error(self, run: VariantRun, column: str) -> float:
-        """Root of the mean square of the difference over that of the reference, over all times or that at the end."""
-        found, scale = on_times(run.history, column, self.times), rms(self.values)
-        return rms(found - self.values) / scale if scale > 0.0 else float(rms(found))
+        """The rms difference of a run from the reference over the rms of the reference (1 if that is 0)."""
+        values, scale = on_times(run.history, column, self.times), rms(self.values)
+        return rms(values - self.values) / scale if scale > 0.0 else rms(values)
 
 
 def _times_of(scene: Scene) -> np.ndarray:
@@ -115,7 +115,7 @@ def _times_of(scene: Scene) -> np.ndarray:
 
 
 def stated_reference(scene: Scene, column: str) -> Reference | None:
-    """The reference that stands beside the scene; None where it says nothing of the column."""
+    """The reference that the scene states; None if it has no values of the column."""
     times = _times_of(scene)
     series = series_of(scene).get(column)
     if series is not None:
@@ -130,7 +130,11 @@ def stated_reference(scene: Scene, column: str) -> Reference | None:
 
 
 def observed_reference(scene: Scene, column: str, families: Sequence[tuple[str, list[VariantRun]]]) -> Reference | None:
-    """The limit of the family of runs, coarsest first, that differ least, with its bar; None where none has two."""
+    """The extrapolated limit of the best family of runs, with its bar; None if no family has two runs.
+
+    families: name and runs, coarsest first. Three runs are better than two, a fine level is better than a small bar of
+    a coarse one, and an observed order is better than none.
+    """
     times, best = _times_of(scene), None
     for name, family in families:
         runs = [run for run in reversed(family) if run.history][:3]
@@ -140,7 +144,6 @@ def observed_reference(scene: Scene, column: str, families: Sequence[tuple[str, 
         series = Series(times, np.array([on_times(run.history, column, times) for run in runs]), ratios)
         bar = spacing_bar(series, order_in_spacing(column, runs[0].variant.scene), scene.end_time)
         uncertain = rms(bar.error) / max(rms(series.values[0]), 1e-300)
-        # a fine level tells more than a small bar of a coarse one, and an observed order more than none
         key = (len(runs) < 3, runs[0].ratio, bar.factor != SAFETY, uncertain)
         if np.isfinite(uncertain) and (best is None or key < best[0]):
             values = series.values[0] - fitted_error(series, bar.used)[0]

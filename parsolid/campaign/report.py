@@ -1,4 +1,4 @@
-"""Tables of a study: on the terminal, as Markdown, as CSV."""
+"""Tables of a study on the terminal, in Markdown and in CSV."""
 
 import csv
 from dataclasses import dataclass, field
@@ -12,14 +12,14 @@ from rich.table import Table
 from parsolid.campaign.cases import Case, Study
 from parsolid.campaign.comparison import Row
 from parsolid.campaign.error_bars import in_digits_of
-from parsolid.campaign.runner import MEASURES
+from parsolid.campaign.measures import MEASURES
 from parsolid.simulation.job import FAILED
 from parsolid.simulation.loop import FINISHED
 
 
 @dataclass
 class ResultTable:
-    """A table of texts; `left` is the number of its first columns that are words; notes stand below it."""
+    """A table of texts; the first `left` columns are left-aligned; notes are printed below it."""
 
     title: str
     headings: list[str]
@@ -37,7 +37,7 @@ class ResultTable:
         return table
 
     def markdown(self) -> str:
-        """The table in Markdown, with its title, if it has one, and notes."""
+        """The table in Markdown with title and notes."""
         rule = ["---" if i < self.left else "---:" for i in range(len(self.headings))]
         lines = [" | ".join(cells).replace("\n", " ") for cells in (self.headings, rule, *self.rows)]
         title = f"### {self.title}\n\n" if self.title else ""
@@ -46,96 +46,101 @@ class ResultTable:
 
 
 def tables_of(study: Study, cases: list[Case]) -> list[ResultTable]:
-    """The tables of a study: one a series for errors, one of all runs for stability; runs without a record are left
-    out.
-    """
+    """The tables of a study's finished cases: for accuracy one per series, for stability one of all runs."""
     done = [case for case in cases if case.record is not None]
-    groups = {case.series.name: [other for other in done if other.series is case.series] for case in done}
+    tables = []
     if study.report == "stability":
-        groups = {study.title: done} if done else {}
-    result = []
-    for name, group in groups.items():
-        result.append((_stability_table if study.report == "stability" else _accuracy_table)(study, name, group))
-        result[-1].notes = [f"{case.title}: {fault}" for case in group for fault in case.faults]
-    return result
+        if done:
+            tables = [_stability_table(study.title, done)]
+    else:
+        for name in dict.fromkeys(case.series.name for case in done):
+            tables.append(_accuracy_table(study, name, [case for case in done if case.series.name == name]))
+    return tables
 
 
 def comparison_table(title: str, rows: list[Row], with_case: bool = False) -> ResultTable:
-    """The rows of comparisons, of one study or, with their cases, of several."""
+    """The rows of comparisons; with_case: with a column of the case, for rows of several studies."""
     headings = ["method", "quantity", "reference", "computed", "error", "tolerance", "order", "core-s", "verdict"]
-    table = ResultTable(title, (["case"] if with_case else []) + headings, 2 + with_case)
+    table = ResultTable(title, ["case", *headings] if with_case else headings, 3 if with_case else 2)
+    sources, reasons, causes = [], [], []
     for row in rows:
-        reference = row.source if row.reference is None else _with_bar(row.reference, row.scatter, row.unit)
-        cells = [row.method, row.quantity, reference, _with_bar(row.computed, row.bar, row.unit), _error(row)]
-        tolerance = "" if row.tolerance is None else f"{row.tolerance / (abs(row.reference or 0.0) or 1.0):.2g}"
-        cells += [tolerance, "" if row.order is None else f"{row.order:.1f}"]
-        cells += ["" if row.core_seconds is None else f"{row.core_seconds:.3g}", row.verdict]
-        table.rows.append(([row.case] if with_case else []) + cells)
-    names = [(f"{row.case}, " if with_case else "", row) for row in rows]
-    notes = [f"{case}{row.quantity}: {row.source}" for case, row in names if row.reference is not None]
-    told = [(case, row, row.reason) for case, row in names if row.reason]
-    told += [(case, row, row.remark) for case, row in names if row.remark and row.agrees is False]
-    notes += [f"{case}{row.method}, {row.quantity}: {text}" for case, row, text in told]
-    table.notes = list(dict.fromkeys(notes))
+        reference, error = row.source, _text(row.error, ".2e")
+        if row.reference is not None:
+            reference, error = _with_bar(row.reference, row.scatter, row.unit), ""
+            if row.error is not None:
+                error = f"{100.0 * row.error:+.2g} %"
+        tolerance = None if row.tolerance is None else row.tolerance / (abs(row.reference or 0.0) or 1.0)
+        cells = [row.method, row.quantity, reference, _with_bar(row.computed, row.bar, row.unit), error]
+        cells += [_text(tolerance, ".2g"), _text(row.order, ".1f"), _text(row.core_seconds, ".3g"), row.verdict]
+        table.rows.append([row.case, *cells] if with_case else cells)
+        case = f"{row.case}, " if with_case else ""
+        if row.reference is not None:
+            sources.append(f"{case}{row.quantity}: {row.source}")
+        if row.reason:
+            reasons.append(f"{case}{row.method}, {row.quantity}: {row.reason}")
+        if row.remark and row.agrees is False:
+            causes.append(f"{case}{row.method}, {row.quantity}: {row.remark}")
+    table.notes = list(dict.fromkeys(sources + reasons + causes))
     return table
 
 
 def _with_bar(value: float | None, bar: float | None, unit: str) -> str:
-    """A number to the second digit of its bar, with its unit."""
+    """A value with its error bar and unit; the digits of the value end at the second digit of the bar."""
     if value is None:
         return ""
     text = in_digits_of(value, bar) if bar else f"{value:.4g}"
-    return f"{text}{'' if bar is None else f' +- {bar:.2g}'}{' ' if unit else ''}{unit}"
+    if bar is not None:
+        text += f" +- {bar:.2g}"
+    return f"{text} {unit}" if unit else text
 
 
-def _error(row: Row) -> str:
-    if row.error is None:
-        return ""
-    return f"{100.0 * row.error:+.2g} %" if row.reference is not None else f"{row.error:.2e}"
+def _text(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)
 
 
 def shown_errors(study: Study, cases: list[Case]) -> list[str]:
-    """Names of the errors of some runs, in the study's order."""
+    """Names of the errors that cases have, of those that the study shows and in its order."""
     present = dict.fromkeys(name for case in cases for name in case.measures.get("errors") or {})
     return [name for name in (present if study.errors is None else study.errors) if name in present]
 
 
 def _accuracy_table(study: Study, name: str, cases: list[Case]) -> ResultTable:
     errors, axes = shown_errors(study, cases), [axis.title for axis in cases[0].series.axes]
-    compared = any(case.other_code for case in cases)
-    probed = any("momentum_drift" in case.measures for case in cases)
-    iterated = any(case.measures.get("iterations_per_step") for case in cases)
-    measured = ["particles", "steps", *(["iterations_per_step"] if iterated else []), "core_seconds"]
-    measured += ["processor_seconds", "numerical_dissipation", "energy_drift"]
-    measured += ["momentum_drift"] if probed else []
+    has_other_code = any(case.other_code for case in cases)
+    measured = ["particles", "steps"]
+    if any(case.measures.get("iterations_per_step") for case in cases):
+        measured.append("iterations_per_step")
+    measured += ["core_seconds", "processor_seconds", "numerical_dissipation", "energy_drift"]
+    if any("momentum_drift" in case.measures for case in cases):
+        measured.append("momentum_drift")
     headings = [*axes, "ranks", *(MEASURES[key][0] for key in measured), *map(spaced, errors)]
-    table = ResultTable(
-        name, headings + (["errors / other code", "CPU s / other code"] if compared else []) + ["as stated"], len(axes)
-    )
+    if has_other_code:
+        headings += ["errors / other code", "CPU s / other code"]
+    table = ResultTable(name, [*headings, "as stated"], len(axes), notes=_faults(cases))
     for case in cases:
         row = [*case.labels.values(), str(case.ranks), *(describe(case, key) for key in measured)]
         for error in errors:
             value = (case.measures.get("errors") or {}).get(error)
             order = f" ({case.orders[error]:.1f})" if error in case.orders else ""
             row.append("" if value is None else f"{value:.2e}{order}")
-        if compared:
+        if has_other_code:
             ratios = case.other_code_ratios
             time = ratios.pop("processor_seconds", None)
-            row += [f"{ratio:.2f}" if ratio is not None else "" for ratio in (max(ratios.values(), default=None), time)]
+            row += [_text(max(ratios.values(), default=None), ".2f"), _text(time, ".2f")]
         table.rows.append([*row, "no" if case.faults else "yes"])
     return table
 
 
-def _stability_table(study: Study, name: str, cases: list[Case]) -> ResultTable:
+def _stability_table(title: str, cases: list[Case]) -> ResultTable:
     measured = ["particles", "steps", "mean_step", "smallest_step", "energy_drift", "numerical_dissipation"]
     measured.append("largest_fall")
     headings = ["run", "must show", "ended", *(MEASURES[key][0] for key in measured), "ranks", "as stated"]
-    table = ResultTable(name, headings, 3)
+    table = ResultTable(title, headings, 3, notes=_faults(cases))
     for case in cases:
         shows = case.shows or {"failure": "a clean failure", "refused": "refused"}.get(case.expect or "", "stable")
-        # of a run that is to finish
-        asked = case.bounds if case.expect in (None, "stable") else {}
-        bounds = [f"{MEASURES.get(name, (name,))[0]} <= {bound:g}" for name, bound in asked.items()]
+        bounds = []
+        if case.expect in (None, "stable"):
+            bounds = [f"{MEASURES.get(name, (name,))[0]} <= {bound:g}" for name, bound in case.bounds.items()]
         record: Any = case.record
         ended, ending = "finished", record.ending
         if record.status != FINISHED:
@@ -147,8 +152,12 @@ def _stability_table(study: Study, name: str, cases: list[Case]) -> ResultTable:
     return table
 
 
+def _faults(cases: list[Case]) -> list[str]:
+    return [f"{case.title}: {fault}" for case in cases for fault in case.faults]
+
+
 def describe(case: Case, name: str) -> str:
-    """A measure as a table tells it."""
+    """A measure in the format of the tables."""
     value = case.measures.get(name)
     if value is None:
         return ""
@@ -158,12 +167,12 @@ def describe(case: Case, name: str) -> str:
 
 
 def spaced(name: str) -> str:
-    """An error's name with spaces where a heading may break."""
+    """An error's name with spaces, at which a heading may break."""
     return name.replace("_", " ").replace("@", " at t = ")
 
 
 def write_study_csv(path: Path, cases: list[Case]) -> None:
-    """One row a run: labels, how it ended, measures, errors, observed orders."""
+    """Write one row per run: labels, status, measures, errors, observed orders."""
     done = [case for case in cases if case.record is not None]
     axes = list(dict.fromkeys(axis for case in done for axis in case.labels))
     errors = list(dict.fromkeys(name for case in done for name in case.measures.get("errors") or {}))
@@ -175,11 +184,11 @@ def write_study_csv(path: Path, cases: list[Case]) -> None:
         writer.writerow(headings)
         for case in done:
             record: Any = case.record
-            found = case.measures.get("errors") or {}
+            own_errors = case.measures.get("errors") or {}
             row = [case.series.name, *(case.labels.get(axis) for axis in axes), case.spacing, case.ranks]
             row += [record.status, record.ending["exit_status"], "no" if case.faults else "yes"]
             row += [case.measures.get(name) for name in MEASURES]
-            row += [found.get(name) for name in errors] + [case.orders.get(name) for name in errors]
+            row += [own_errors.get(name) for name in errors] + [case.orders.get(name) for name in errors]
             writer.writerow([*row, min(record.ending["load"], default=None), case.folder_name, "; ".join(case.faults)])
 
 
@@ -192,6 +201,6 @@ def print_tables(console: Console, tables: list[ResultTable]) -> None:
 
 
 def write_study_markdown(path: Path, study: Study, command: str, remark: str, tables: list[ResultTable]) -> None:
-    """The tables in Markdown under the command that makes them."""
+    """Write the tables in Markdown below the command that makes them."""
     head = f"## {study.title}\n\nMade by `{command}`. {remark}\n\n"
     path.write_text(head + "\n".join(table.markdown() for table in tables), encoding="utf-8")

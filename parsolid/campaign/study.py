@@ -1,9 +1,10 @@
-"""A study: makes the runs that are not there yet, then judges and reports all that are."""
+"""Studies: make the missing runs, compare all runs with what the study states, and report."""
 
 import math
 import shlex
 import signal
 from contextlib import closing
+from dataclasses import asdict
 from fnmatch import fnmatchcase
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,8 @@ from rich.console import Console
 
 from parsolid.campaign.cases import Case, Study, cases_of, load_study
 from parsolid.campaign.comparison import AS_STATED, NOT_AS_STATED, Resolution, Row, rows_of_comparison
+from parsolid.campaign.measures import MEASURES, measures_of
+from parsolid.campaign.records import FINAL_STATUSES, REFUSED, read_record
 from parsolid.campaign.report import (
     comparison_table,
     print_tables,
@@ -23,7 +26,7 @@ from parsolid.campaign.report import (
     write_study_csv,
     write_study_markdown,
 )
-from parsolid.campaign.runner import LASTING, MEASURES, REFUSED, measures_of, read_record, run_beside
+from parsolid.campaign.subprocess_runs import run_concurrently
 from parsolid.exit_status import DONE, TO_BE_CONTINUED, WENT_WRONG
 from parsolid.machine import cores_in_words
 from parsolid.output.summary import provenance, write_summary
@@ -35,7 +38,7 @@ _ENDING = {"stable": FINISHED, "failure": FAILED, "refused": REFUSED}
 
 
 class Planned(NamedTuple):
-    """A study that has been read: where it stands, the folder of its runs, and these."""
+    """A study as read from its file, the folder of its results, and its cases."""
 
     path: str
     folder: Path
@@ -44,7 +47,7 @@ class Planned(NamedTuple):
 
     @classmethod
     def read(cls, path: str, folder: Path, trust_code: bool = False) -> "Planned":
-        """A study and what has been run of it. Raises SceneError for a faulty study or scene."""
+        """Read a study and the records of its runs. Raises SceneError for a faulty study or scene."""
         study = load_study(path)
         planned = cls(path, folder, study, cases_of(study, trust_code))
         for case in planned.cases:
@@ -52,12 +55,12 @@ class Planned(NamedTuple):
         return planned
 
     def folder_of(self, case: Case) -> Path:
-        """Where a run is."""
+        """The folder of a run."""
         return self.folder / "runs" / case.folder_name
 
 
 def new_console() -> Console:
-    """A terminal, or lines wide enough for the tables in a file."""
+    """A console with the width of the terminal, or 180 columns for a file."""
     return Console(highlight=False, width=None if Console().is_terminal else 180)
 
 
@@ -70,9 +73,9 @@ def run_study(
     dry_run: bool = False,
     jobs: int = 1,
 ) -> int:
-    """Make the runs of a study that are lacking, so many at once, and report; the exit status, for one rank.
+    """Make the missing runs of a study, `jobs` at once, and report; the exit status. For one rank.
 
-    0: every run there is did what the study states; 3: some did not; 75: interrupted, the same command goes on.
+    0: all runs are as the study states; 3: some are not; 75: interrupted, the same command continues.
     Raises SceneError for a faulty study or scene.
     """
     planned = Planned.read(path, folder, trust_code)
@@ -87,29 +90,31 @@ def run_study(
         console.print(f"{len(chosen)} runs, {sum(_needs_run(case, repetitions) for case in chosen)} to do")
         return DONE
     status = make_runs(console, [(planned, case) for case in chosen], repetitions, jobs)
-    # who ends it waits for it
+    # no pictures after an interruption: they take long
     rows = report(console, planned, pictures=status == DONE)
-    return status or (
-        WENT_WRONG if any(case.faults for case in planned.cases) or any(row.faulty for row in rows) else DONE
-    )
+    if status != DONE:
+        return status
+    faulty = any(case.faults for case in planned.cases) or any(row.faulty for row in rows)
+    return WENT_WRONG if faulty else DONE
 
 
 def report(console: Console, planned: Planned, pictures: bool = True) -> list[Row]:
     """Judge the runs that have a record; print tables, write study.csv, study.md, summary.json and pictures into the
-    folder; the rows of the comparisons.
+    folder. Returns the rows of the comparisons with published values.
     """
     path, folder, study, cases = planned
     for case in cases:
         _measure(case)
     judge(study, cases)
     tables = tables_of(study, cases)
-    # comparisons are of lines of cases whose finest has been run
-    lines = _by_line(cases).values()
-    made = [[case for case in line if case.record is not None] for line in lines if line[-1].record is not None]
-    rows = [row for one in study.compared for row in rows_of_comparison(study.title, one, made)]
     if not tables:
         return []
-    tables += [comparison_table("compared with what is published", rows)] if rows else []
+    # a line is compared once its finest case has been run
+    lines = _by_line(cases).values()
+    made = [[case for case in line if case.record is not None] for line in lines if line[-1].record is not None]
+    rows = [row for comparison in study.compared for row in rows_of_comparison(study.title, comparison, made)]
+    if rows:
+        tables.append(comparison_table("comparison with published values", rows))
     print_tables(console, tables)
     write_study_csv(folder / "study.csv", cases)
     loads = [min(case.record.ending["load"]) for case in cases if case.record is not None]
@@ -133,11 +138,11 @@ def report(console: Console, planned: Planned, pictures: bool = True) -> list[Ro
 
 
 def error_rows(study: Study, cases: list[Case]) -> list[Row]:
-    """Rows of errors, bounds and endings of the cases that have been run; the finest of a line has all its levels.
+    """Rows of errors, bounds and exits of the cases that have been run; the finest case of a line has all its levels.
 
-    Beside comparisons those alone of which something is asked.
+    In a study with comparisons, only rows that have a verdict.
     """
-    rows, finest = [], {id(line[-1]): line for line in lines_of(cases).values()}
+    rows, line_of_finest = [], {id(line[-1]): line for line in lines_of(cases).values()}
     for case in cases:
         if case.record is None:
             continue
@@ -149,38 +154,41 @@ def error_rows(study: Study, cases: list[Case]) -> list[Row]:
             continue
         for name in dict.fromkeys((*(case.measures.get("errors") or ()), *case.bounds)):
             rows.append(_error_row(study, case, name))
-            rows[-1].levels = [Resolution.of(one, one.value(name)) for one in finest.get(id(case), ())]
+            line = line_of_finest.get(id(case), ())
+            rows[-1].levels = [Resolution.of(level, level.value(name)) for level in line]
     return [row for row in rows if row.agrees is not None] if study.compared else rows
 
 
 def _error_row(study: Study, case: Case, name: str) -> Row:
     record: Any = case.record
     row = Row(study.title, case.title, MEASURES[name][2] if name in MEASURES else spaced(name))
-    stated = case.scene.reference if case.scene is not None else None
-    if name not in MEASURES and stated is not None:
-        series = f"series {Path(stated.series).name}" if stated.series else "values at the end"
-        row.source = f"exact {stated.exact}" if stated.exact else series
+    reference = case.scene.reference if case.scene is not None else None
+    if name not in MEASURES and reference is not None:
+        if reference.exact:
+            row.source = f"exact {reference.exact}"
+        else:
+            row.source = f"series {Path(reference.series).name}" if reference.series else "values at the end"
     row.error, row.tolerance, row.order = case.value(name), case.bounds.get(name), case.orders.get(name)
     row.core_seconds, row.line = record.core_seconds, ", ".join(case.line)
     least = case.series.orders.get(name) if name in case.orders else None
     if name in case.bounds or least is not None:
-        sound = row.error is not None and row.error <= case.bounds.get(name, math.inf)
+        passes = row.error is not None and row.error <= case.bounds.get(name, math.inf)
         if least is not None and case.orders[name] < least:
-            sound, row.reason = False, f"the order is to be at least {least:g}"
-        row.verdict = AS_STATED if sound else NOT_AS_STATED
+            passes, row.reason = False, f"the order is to be at least {least:g}"
+        row.verdict = AS_STATED if passes else NOT_AS_STATED
     return row
 
 
 def summary_of_study(planned: Planned, rows: list[Row]) -> dict[str, Any]:
-    """What summary.json says of a study: rows, costs, and where and when it was run."""
+    """Contents of summary.json: rows, costs, and the machine, version and time of the newest run."""
     _, _, study, cases = planned
     records = [case.record for case in cases if case.record is not None]
-    newest = max((one.summary for one in records), key=lambda one: str(one.get("written_at", "")))
+    newest = max((record.summary for record in records), key=lambda summary: str(summary.get("written_at", "")))
     return {
         "study": study.title,
         "group": study.group,
         "remark": study.remark,
-        "rows": [row.as_stated() for row in rows],
+        "rows": [asdict(row) for row in rows],
         "runs": len(records),
         "runs_stated": len(cases),
         "runs_faulty": sum(bool(case.faults) for case in cases),
@@ -188,7 +196,6 @@ def summary_of_study(planned: Planned, rows: list[Row]) -> dict[str, Any]:
         "core_seconds": sum(record.core_seconds for record in records),
         "processor_seconds": sum(record.seconds for record in records),
         "cores": cores_in_words(),
-        # of the runs, which may have been made before
         **{key: newest.get(key, value) for key, value in provenance().items()},
     }
 
@@ -208,19 +215,19 @@ def judge(study: Study, cases: list[Case]) -> None:
             }
     for case in cases:
         if case.record is not None:
-            stated, faults = _ENDING[case.expect or "stable"], []
-            if case.record.status != stated:
+            expected, faults = _ENDING[case.expect or "stable"], []
+            if case.record.status != expected:
                 message = (case.record.message or "").split("\n")[0]
-                faults.append(f"{case.record.status}, not {stated}" + (f": {message}" if message else ""))
+                faults.append(f"{case.record.status}, not {expected}" + (f": {message}" if message else ""))
             elif not case.record.ending["clean"]:
                 faults.append("not one clean message" if case.record.message else "a message though it finished")
             if case.record.ending["not_finite"]:
                 faults.append(f"not finite: {', '.join(case.record.ending['not_finite'])}")
-            case.faults = [*faults, *_number_faults(study, case)]
+            case.faults = faults + _number_faults(study, case)
 
 
 def lines_of(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
-    """Cases with a spacing and errors, by the line they are on, from coarse to fine."""
+    """Cases with a spacing and errors, grouped by `Case.line` and sorted from coarse to fine."""
     return _by_line([case for case in cases if case.spacing is not None and case.measures.get("errors")])
 
 
@@ -232,7 +239,7 @@ def _by_line(cases: list[Case]) -> dict[tuple[Any, ...], list[Case]]:
 
 
 def _number_faults(study: Study, case: Case) -> list[str]:
-    """Bounds, other codes and orders that a finished run misses."""
+    """Bounds, errors of other codes and orders that a finished run does not reach."""
     if case.record is None or case.record.status != FINISHED:
         return []
     faults = []
@@ -251,63 +258,68 @@ def _number_faults(study: Study, case: Case) -> list[str]:
 
 
 def _measure(case: Case) -> None:
-    if case.record is not None and case.record.status in LASTING:
+    if case.record is not None and case.record.status in FINAL_STATUSES:
         case.measures = measures_of(case.record)
 
 
 def _chosen(cases: list[Case], only: list[str]) -> list[Case]:
-    """The cases of --only: a series' name, or a pattern for a run's title."""
-
-    def meant(case: Case, name: str) -> bool:
-        return case.series.name == name or fnmatchcase(case.title, name)
-
+    """The cases that --only selects by the name of a series or a pattern for the title of a run."""
+    if not only:
+        return cases
+    chosen: dict[int, Case] = {}
     for name in only:
-        if not any(meant(case, name) for case in cases):
+        matches = {
+            index: case for index, case in enumerate(cases) if case.series.name == name or fnmatchcase(case.title, name)
+        }
+        if not matches:
             known = list(dict.fromkeys(case.series.name for case in cases))
             raise SceneError(
                 [f"--only: expected one of {', '.join(known)}{suggestion(name, known)}, found {describe(name)}"]
             )
-    return [case for case in cases if not only or any(meant(case, name) for name in only)]
+        chosen |= matches
+    return [chosen[index] for index in sorted(chosen)]
 
 
 def _needs_run(case: Case, repetitions: int) -> bool:
     record = case.record
-    if record is None or record.status not in LASTING:
+    if record is None or record.status not in FINAL_STATUSES:
         return True
     return record.status == FINISHED and len(record.loop_seconds) < repetitions
 
 
 def make_runs(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, jobs: int) -> int:
-    """Make the runs that are lacking, so many at once, with a line for each: 0, or 75 where it was interrupted."""
+    """Make the missing runs, `jobs` at once, and print a line for each; 0, or 75 if interrupted."""
 
     def interrupt(number: Any, frame: Any) -> None:
         raise KeyboardInterrupt
 
-    # batch systems send SIGTERM, which ends the study as the keyboard does
-    before = signal.signal(signal.SIGTERM, interrupt)
+    # batch systems send SIGTERM
+    previous_handler = signal.signal(signal.SIGTERM, interrupt)
     try:
-        _make(console, runs, repetitions, jobs)
+        _make_missing(console, runs, repetitions, jobs)
     except KeyboardInterrupt:
-        console.print("interrupted: what is finished is kept, the same command goes on and draws the pictures")
+        console.print("interrupted: finished runs are kept, the same command continues and draws the pictures")
         return TO_BE_CONTINUED
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, previous_handler)
     return DONE
 
 
-def _make(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, jobs: int) -> None:
-    lacking = [one for one in runs if _needs_run(one[1], repetitions)]
-    if len(runs) > len(lacking):
+def _make_missing(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, jobs: int) -> None:
+    missing = [(planned, case) for planned, case in runs if _needs_run(case, repetitions)]
+    if len(runs) > len(missing):
         title = runs[0][0].study.title if len({planned.path for planned, _ in runs}) == 1 else "studies"
-        console.print(f"{title}: {len(runs) - len(lacking)} of {len(runs)} runs are there already")
-    width, waiting, cases = len(str(len(lacking))), dict(enumerate(lacking)), [case for _, case in runs]
-    beside = run_beside([(case.launched, planned.folder_of(case)) for planned, case in lacking], jobs, repetitions)
-    doing = (
-        f"{lacking[0][1].title}: {lacking[0][1].particles} particles" if len(lacking) == 1 else f"{len(lacking)} runs"
-    )
-    with console.status(f"{doing}, {jobs} at once" if jobs > 1 else doing), closing(beside) as made:
-        for count, (number, record, seconds) in enumerate(made, 1):
-            planned, case = waiting.pop(number)
+        console.print(f"{title}: {len(runs) - len(missing)} of {len(runs)} runs are there already")
+    width, waiting, cases = len(str(len(missing))), dict(enumerate(missing)), [case for _, case in runs]
+    subprocess_runs = [(case.subprocess_run, planned.folder_of(case)) for planned, case in missing]
+    progress = f"{len(missing)} runs"
+    if len(missing) == 1:
+        progress = f"{missing[0][1].title}: {missing[0][1].particles} particles"
+    if jobs > 1:
+        progress += f", {jobs} at once"
+    with console.status(progress), closing(run_concurrently(subprocess_runs, jobs, repetitions)) as results:
+        for count, (index, record, seconds) in enumerate(results, 1):
+            planned, case = waiting.pop(index)
             case.record = record
             _measure(case)
             left = seconds_left(cases, [case for _, case in waiting.values()], repetitions) / jobs
@@ -317,19 +329,19 @@ def _make(console: Console, runs: list[tuple[Planned, Case]], repetitions: int, 
                 errors, names = case.measures.get("errors") or {}, shown_errors(planned.study, [case])[:2]
                 first = [f"{spaced(name)} {errors[name]:.1e}" for name in names]
                 outcome = ", ".join([f"{record.status}, {record.seconds:.3g} CPU s", *first])
-            line = f"[{count:>{width}}/{len(lacking)}] {case.title}: {outcome}"
+            line = f"[{count:>{width}}/{len(missing)}] {case.title}: {outcome}"
             console.print(f"{line}; {seconds:.1f} s, {remains}", markup=False, soft_wrap=True)
 
 
 def seconds_left(cases: list[Case], todo: list[Case], repetitions: int) -> float:
-    """Estimate [s] for runs to come, from those that were made: a start-up, and a loop that grows as particles x steps
-    within a series. A series without a run is taken to cost the mean of all runs, since a particle-step of another
-    method or of an equilibrium may cost a thousand times more.
+    """Estimated wall time [s] of the runs `todo`: a start-up each, and a time loop that grows as particles times steps
+    within a series. A run of a series without a finished run is taken to cost the mean of all runs, since the costs of
+    a particle-step differ between methods by up to a thousand.
     """
     made = [(case, case.record) for case in cases if case.record is not None and case.record.ending.get("seconds")]
     if not made:
         return 0.0
-    # what runs took beside their steps, of which the first waits for kernels to be compiled
+    # the least, because the first runs compile kernels
     start_up = min(record.ending["seconds"] - min(record.loop_seconds, default=0.0) for _, record in made)
     mean_loop = mean(min(record.loop_seconds, default=0.0) for _, record in made)
     rates: dict[int, float] = {}

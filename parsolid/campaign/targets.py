@@ -1,4 +1,4 @@
-"""Errors that are requested: levels of a scene from coarse to fine until its bars are as small."""
+"""Runs to a requested error: levels of a scene from coarse to fine until the error bars are small enough."""
 
 import math
 from dataclasses import dataclass, field
@@ -8,8 +8,8 @@ import numpy as np
 
 from parsolid.campaign.coarsening import NotCoarsened, lattice_words, parsed
 from parsolid.campaign.error_bars import NO_RESULTS, Campaign, ErrorTable, in_words, write_error_bars
+from parsolid.campaign.in_process import InProcess, VariantRun
 from parsolid.campaign.orders import has_meshes
-from parsolid.campaign.runner import InProcess, VariantRun
 from parsolid.campaign.variants import RATIOS, RATIOS_OF_MESHES, SPACING, Variant, coarse_variants, level_of
 from parsolid.collective import SolverError
 from parsolid.exit_status import DONE, NOT_REACHED, TO_BE_CONTINUED
@@ -17,18 +17,18 @@ from parsolid.scene import Scene, SceneError
 from parsolid.scene.validation_errors import suggestion
 from parsolid.simulation.history import history_columns
 
-# spacings over that of the scene at which levels may begin, the coarsest of which coarser ones can be made
+# ratios of the spacing of the first level: the coarsest one with coarse runs is taken
 _STARTS = (2.25, 1.5, 1.0)
 MOST_LEVELS = 10
-# levels are at most so much finer than the one before, and at least
+# largest and smallest ratio of the spacings of two levels
 MOST_FINER, LEAST_FINER = 2.5, 1.2
-# a bar is to be a little below what is requested, so that a guess that is a little off still does
+# the next level aims at this share of the requested bar
 AIM = 0.9
 
 
 @dataclass(frozen=True)
 class Target:
-    """A column of the history and the bar it is to have at the end: as a share of its largest value, or as such."""
+    """A column of the history and its requested bar at the end; relative: the bar is a share of the largest value."""
 
     column: str
     bar: float
@@ -59,7 +59,7 @@ class Target:
         return f"{self.column}={100.0 * self.bar:g}%" if self.relative else f"{self.column}={self.bar:g}"
 
     def excess(self, table: ErrorTable) -> float | None:
-        """How many times too large the bar is; None where there is none."""
+        """The bar over the requested one; None if there is no bar."""
         bar = table.bars.get(self.column)
         if bar is None:
             return None
@@ -69,7 +69,7 @@ class Target:
 
 @dataclass
 class Search:
-    """Levels that have been run, with the coarse runs of the first; ratios are of the spacing over the scene's."""
+    """Levels that have been run and the coarse runs of the first; ratios are spacings over that of the scene."""
 
     campaign: Campaign
     scene: Scene
@@ -78,21 +78,17 @@ class Search:
 
     @property
     def ratios(self) -> tuple[float, ...]:
-        """Of the coarse runs of the first level, which has few particles itself."""
+        """Ratios of the coarse runs of the first level; the narrow ones, because that level has few particles."""
         return RATIOS_OF_MESHES if has_meshes(self.scene) else RATIOS[self.scene.dimension][:2][-1]
 
     def level(self, ratio: float) -> Variant:
-        """The scene nearest to a ratio, below 1 for a finer one. Raises NotCoarsened."""
-        made = level_of(self.scene, ratio)
-        scene = parsed(made.tables, self.campaign.trust_code, made.ratio)
-        return Variant(scene, SPACING, made.ratio, lattice_words(scene))
-
-    def coarse_variants(self, level: Variant) -> tuple[list[Variant], list[str]]:
-        """Those of a level, and why others cannot be."""
-        return coarse_variants(level.scene, self.campaign.trust_code, self.ratios)
+        """The scene with a spacing ratio near the given one, below 1 for a finer one. Raises NotCoarsened."""
+        level = level_of(self.scene, ratio)
+        scene = parsed(level.tables, self.campaign.trust_code, level.ratio)
+        return Variant(scene, SPACING, level.ratio, lattice_words(scene))
 
     def folder_of(self, level: Variant) -> Path:
-        """Where a level is."""
+        """The folder of a level's run."""
         words = level.lattices.replace(" ", "").replace(",", "_")
         return self.campaign.folder / "levels" / f"{words}-{level.digest}"
 
@@ -105,44 +101,51 @@ class Search:
             except NotCoarsened as reason:
                 reasons.append(str(reason))
                 continue
-            found, refused = self.coarse_variants(level)
-            if sum(one.purpose == SPACING for one in found) >= len(self.ratios):
+            variants, refused = coarse_variants(level.scene, self.campaign.trust_code, self.ratios)
+            if sum(variant.purpose == SPACING for variant in variants) >= len(self.ratios):
                 return level
             reasons += refused
         raise SolverError(f"target: expected a scene of which coarser ones can be made, found: {reasons[-1]}")
 
     def run_level(self, level: Variant) -> tuple[int, ErrorTable | None]:
-        """Run a level, unless it is there, and what it is compared with; exit status, bars on rank 0. Collective."""
+        """Run a level and, before the first one, its coarse runs; runs that are in their folders are read.
+
+        Returns the exit status and the bars, None if a run was interrupted; bars are on rank 0 only. Collective.
+        """
         campaign, folder = self.campaign, self.folder_of(level)
         if not self.runs:
-            found = campaign.run_variants(self.coarse_variants(level)[0], campaign.folder)
-            if found is None:
+            variants, _ = coarse_variants(level.scene, campaign.trust_code, self.ratios)
+            coarse_runs = campaign.run_variants(variants, campaign.folder)
+            if coarse_runs is None:
                 return TO_BE_CONTINUED, None
-            self.runs = [one.over(1.0 / level.ratio) for one in found]
-            self.spent = sum(one.seconds for one in found)
+            self.runs = [run.with_ratio(run.ratio * level.ratio) for run in coarse_runs]
+            self.spent = sum(run.seconds for run in coarse_runs)
         reader = InProcess(campaign.comm, campaign.folder)
-        if (record := reader.read(folder)) is None:
-            status = campaign.alone(level.scene, folder)
+        record = reader.read(folder)
+        if record is None:
+            status = campaign.run_scene(level.scene, folder)
             record = reader.read(folder)
             if status or record is None:
                 return status or TO_BE_CONTINUED, None
-        table = ErrorTable.nothing()
+        table = ErrorTable(np.zeros(0), {}, {})
         if campaign.comm.rank == 0:
-            table, _ = write_error_bars(level.scene, folder, [one.over(level.ratio) for one in self.runs], [])
+            runs = [run.with_ratio(run.ratio / level.ratio) for run in self.runs]
+            table, _ = write_error_bars(level.scene, folder, runs, [])
         self.runs.append(VariantRun(level, record))
         self.spent += record.seconds
         return DONE, table
 
     def next_level(self, level: Variant, excess: float, order: float) -> tuple[Variant, float]:
-        """The level that should do, and the core-seconds it should take. Raises NotCoarsened."""
-        finer = self.level(level.ratio / min(MOST_FINER, max(LEAST_FINER, (excess / AIM) ** (1.0 / order))))
+        """The level expected to reach the targets, and its predicted processor seconds. Raises NotCoarsened."""
+        refinement = min(MOST_FINER, max(LEAST_FINER, (excess / AIM) ** (1.0 / order)))
+        finer = self.level(level.ratio / refinement)
         return finer, predicted_seconds(self.runs, finer.ratio, self.scene.dimension)
 
 
 def run_to_targets(campaign: Campaign, scene: Scene, requested: list[str], limit: float | None) -> int:
-    """Run a scene from coarse to fine until all targets are reached or a limit [core-s] is; exit status. Collective.
+    """Run a scene from coarse to fine until all targets or a limit [core-s] are reached; the exit status. Collective.
 
-    Raises SceneError for a target that names no column, SolverError for a scene of which no coarser one can be made.
+    Raises SceneError for a target with an unknown column, SolverError if no coarser scene can be made.
     """
     targets = [Target.parse(text, columns_of(scene)) for text in requested]
     search, say, comm = Search(campaign, scene), campaign.say, campaign.comm
@@ -150,13 +153,13 @@ def run_to_targets(campaign: Campaign, scene: Scene, requested: list[str], limit
     for _ in range(MOST_LEVELS):
         status, table = search.run_level(level)
         if table is None:
-            say("target: stopped before it was reached, by a signal or the wall time: the same command goes on")
+            say("target: stopped by a signal or the wall time before it was reached: the same command continues")
             return status
-        foretold = "" if predicted is None else f", {predicted:.3g} were predicted"
-        say(f"target: {level.lattices}: {search.runs[-1].seconds:.3g} core-s{foretold}")
-        for one in targets:
-            if one.column in table.bars:
-                say(f"target: {in_words(table, one.column)}; requested {one}")
+        prediction = "" if predicted is None else f", {predicted:.3g} were predicted"
+        say(f"target: {level.lattices}: {search.runs[-1].seconds:.3g} core-s{prediction}")
+        for target in targets:
+            if target.column in table.bars:
+                say(f"target: {in_words(table, target.column)}; requested {target}")
         excess = comm.bcast(worst(table, targets) if comm.rank == 0 else None)
         if excess is None:
             say(comm.bcast(f"target: {no_bar(table, targets)}" if comm.rank == 0 else None))
@@ -180,37 +183,40 @@ def columns_of(scene: Scene) -> list[str]:
 
 
 def worst(table: ErrorTable, targets: list[Target]) -> tuple[float, float] | None:
-    """How many times too large the worst bar is, and the order of that column; None where one has no bar."""
+    """The largest ratio of a bar to the requested one, and the order of that column; None if a target has no bar."""
     result = (0.0, 1.0)
-    for one in targets:
-        excess = one.excess(table)
+    for target in targets:
+        excess = target.excess(table)
         if excess is None:
             return None
-        result = max(result, (excess, table.bars[one.column].used))
+        result = max(result, (excess, table.bars[target.column].used))
     return result
 
 
 def no_bar(table: ErrorTable, targets: list[Target]) -> str:
-    """Which target has no bar, and why."""
-    for one in targets:
-        bar = table.bars.get(one.column)
+    """A message that names the first target without a bar, and the reason."""
+    for target in targets:
+        bar = table.bars.get(target.column)
         if bar is None:
-            return f"{one} has no bar: {table.without or 'not all of its values are numbers'}"
+            return f"{target} has no bar: {table.without or 'not all of its values are numbers'}"
         if not np.isfinite(bar.error[-1]):
-            return f"{one} has no bar: {bar.verdict}"
+            return f"{target} has no bar: {bar.verdict}"
     return f"{targets[0]} has no bar: it is 0 throughout"
 
 
 def predicted_seconds(runs: list[VariantRun], ratio: float, dimension: int) -> float:
-    """Core-seconds of a level at a ratio: from the particles and steps of the last run, and from a time a step and one
-    a particle and step, neither negative, that fit all runs, the largest best.
+    """Processor seconds of a level at a ratio of the spacing.
+
+    Particles and steps are extrapolated from the last run. The time of a step is a + b n for n particles, with a and b
+    not negative, fitted to all runs by least squares with weights n.
     """
-    last, known = runs[-1], [one for one in runs if one.variant.purpose == SPACING and one.record.steps]
-    finer = last.ratio / ratio
-    particles = round(last.record.particles * finer**dimension)
-    steps = last.record.steps * finer ** steps_grow([one.ratio for one in known], [one.record.steps for one in known])
-    sizes = np.array([one.record.particles for one in known], float)
-    times = np.array([one.seconds / one.record.steps for one in known])
+    last, timed = runs[-1], [run for run in runs if run.variant.purpose == SPACING and run.record.steps]
+    refinement = last.ratio / ratio
+    particles = round(last.record.particles * refinement**dimension)
+    power = steps_power([run.ratio for run in timed], [run.record.steps for run in timed])
+    steps = last.record.steps * refinement**power
+    sizes = np.array([run.record.particles for run in timed], float)
+    times = np.array([run.seconds / run.record.steps for run in timed])
     weights = sizes / sizes.sum()
     mean, size = float(weights @ times), float(weights @ sizes)
     spread = float(weights @ (sizes - size) ** 2)
@@ -219,9 +225,11 @@ def predicted_seconds(runs: list[VariantRun], ratio: float, dimension: int) -> f
     return steps * (mean + slope * (particles - size))
 
 
-def steps_grow(ratios: list[float], steps: list[int]) -> float:
-    """The power of the resolution with which the number of steps has grown: 1 of waves, 2 of conduction, 0 of steps
-    that are stated; ratios: of the spacings of runs; 1 where there is but one."""
+def steps_power(ratios: list[float], steps: list[int]) -> float:
+    """The power p, between 0 and 2, of number of steps ~ spacing^-p in runs with ratios of the spacing; 1 for one run.
+
+    Waves give 1, conduction 2, a stated step 0.
+    """
     if len(set(ratios)) < 2:
         return 1.0
     slope = np.polyfit(-np.log(ratios), np.log(np.maximum(steps, 1)), 1)[0]

@@ -1,4 +1,4 @@
-"""Several studies as one: their runs made beside one another, and a report of what each left in summary.json."""
+"""Verification: the runs of several studies made together, and one report built from their summaries."""
 
 import csv
 from collections import Counter
@@ -16,91 +16,96 @@ from parsolid.output.errors import OutputError
 from parsolid.output.summary import read_summary, write_summary
 from parsolid.scene.validation_errors import SceneError
 
-# what is verified where nothing is named, relative to the folder that the package is in
-USUAL = ("tests/verification", "runs/*/studies/stiff_and_extreme.toml")
-# the folders of the studies of the last verification: others in its folder are of earlier ones
+# studies that are run if none is named, relative to the folder of the package
+DEFAULT_STUDIES = ("tests/verification", "runs/*/studies/stiff_and_extreme.toml")
+# file with the names of the folders of the last verification; other folders beside it are of earlier ones
 ASKED = "studies.json"
 
 
 def studies_of(named: Iterable[str]) -> list[str]:
-    """Files of studies: those named, all of folders, the usual ones where nothing is. Raises SceneError."""
+    """Files of studies: the files named and all in the folders named, or the default ones. Raises SceneError."""
     names = list(named)
     if not names:
         root = Path(parsolid.__file__).resolve().parent.parent
-        names = [str(path) for pattern in USUAL for path in sorted(root.glob(pattern))]
-    found, faults = list[str](), list[str]()
+        names = [str(path) for pattern in DEFAULT_STUDIES for path in sorted(root.glob(pattern))]
+    studies, faults = list[str](), list[str]()
     for name in names:
         path = Path(name)
-        inside = [str(one) for one in sorted(path.glob("*.toml"))] if path.is_dir() else [name] * path.is_file()
-        faults += [] if inside else [f"verify: expected a study, or a folder of studies, found {name}"]
-        found += inside
-    if faults or not found:
+        in_folder = [str(file) for file in sorted(path.glob("*.toml"))]
+        if path.is_file():
+            studies.append(name)
+        elif in_folder:
+            studies += in_folder
+        else:
+            faults.append(f"verify: expected a study, or a folder of studies, found {name}")
+    if faults or not studies:
         raise SceneError(faults or ["verify: expected studies, found none beside the package"])
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(studies))
 
 
 def folders_of(studies: list[str], folder: Path) -> list[Path]:
-    """The folder of each study's runs and summary below one: named after its file, with that file's folders where
-    others have the name."""
-    names, result = Counter(Path(one).stem for one in studies), list[Path]()
-    for one in studies:
-        path = Path(one)
-        above = [part for part in path.resolve().parts[-3:-1] if part != "studies"]
-        name = path.stem if names[path.stem] == 1 else "_".join([*above, path.stem])
-        place, number = folder / name, 1
-        while place in result:
+    """Folders of the studies' runs and summaries below `folder`, named after their files; studies with files of one
+    name get the names of their folders in front, and a number if that is not enough."""
+    count_of_name, folders = Counter(Path(study).stem for study in studies), list[Path]()
+    for study in studies:
+        path = Path(study)
+        name = path.stem
+        if count_of_name[name] > 1:
+            name = "_".join([*(part for part in path.resolve().parts[-3:-1] if part != "studies"), name])
+        study_folder, number = folder / name, 1
+        while study_folder in folders:
             number += 1
-            place = folder / f"{name}_{number}"
-        result.append(place)
-    return result
+            study_folder = folder / f"{name}_{number}"
+        folders.append(study_folder)
+    return folders
 
 
 def run_verification(studies: list[str], folder: Path, jobs: int, page: Path, trust_code: bool = False) -> int:
-    """Make the runs of studies that are lacking, so many at once, and build the report; the exit status, for one rank.
+    """Make the missing runs of studies, `jobs` at once, and build the report; the exit status. For one rank.
 
-    Raises SceneError for a faulty study or scene, before anything is run.
+    Raises SceneError for a faulty study or scene before anything is run.
     """
-    faults, planned, places = list[Any](), list[Planned](), folders_of(studies, folder)
-    for path, place in zip(studies, places):
+    faults, all_planned, folders = list[Any](), list[Planned](), folders_of(studies, folder)
+    for path, study_folder in zip(studies, folders):
         try:
-            planned.append(Planned.read(path, place, trust_code))
+            all_planned.append(Planned.read(path, study_folder, trust_code))
         except SceneError as error:
-            faults += [one if str(one).startswith(path) else f"{path}: {one}" for one in error.faults]
+            faults += [fault if str(fault).startswith(path) else f"{path}: {fault}" for fault in error.faults]
     if faults:
         raise SceneError(faults)
     console = new_console()
-    # the largest first, so that none is left alone at the end
-    runs = sorted(((one, case) for one in planned for case in one.cases), key=lambda run: -run[1].particles)
-    status = make_runs(console, runs, 1, jobs)
-    wrong = False
-    for one in planned:
-        rows = report(console, one, pictures=False)
-        wrong = wrong or any(row.faulty for row in rows) or any(case.faults for case in one.cases)
-    if any(case.record is not None for one in planned for case in one.cases):
-        write_summary(folder / ASKED, {"studies": [place.name for place in places]})
+    runs = [(planned, case) for planned in all_planned for case in planned.cases]
+    # the largest run first, so that it does not run alone at the end
+    runs.sort(key=lambda run: -run[1].particles)
+    status, faulty = make_runs(console, runs, 1, jobs), False
+    for planned in all_planned:
+        rows = report(console, planned, pictures=False)
+        faulty = faulty or any(row.faulty for row in rows) or any(case.faults for case in planned.cases)
+    if any(case.record is not None for _, case in runs):
+        write_summary(folder / ASKED, {"studies": [study_folder.name for study_folder in folders]})
         console.print(f"written: {build_report(folder, page)}", soft_wrap=True)
-    return status or (WENT_WRONG if wrong else DONE)
+    return status or (WENT_WRONG if faulty else DONE)
 
 
 @dataclass
 class Summary:
-    """What a study left: its entries, and its rows."""
+    """The summary.json of a study: its entries, and its rows."""
 
     entries: dict[str, Any]
     rows: list[Row]
 
     @property
     def published(self) -> list[Row]:
-        """Rows with a published number."""
+        """Rows with a published value."""
         return [row for row in self.rows if row.reference is not None]
 
 
 def read_summaries(folder: Path) -> list[Summary]:
-    """The summaries in a folder of the studies of its last verification, of all below it where there was none.
+    """The summaries below a folder: of the studies in studies.json, or of all studies if there is no such file.
 
-    Raises SceneError where there is no summary, OutputError for damaged ones.
+    Raises SceneError if there is no summary, OutputError for a damaged one.
     """
-    found, paths = [], sorted(folder.glob("*/summary.json"))
+    summaries, paths = [], sorted(folder.glob("*/summary.json"))
     if (folder / ASKED).is_file():
         asked = read_summary(folder / ASKED).get("studies", ())
         paths = [path for path in paths if path.parent.name in asked]
@@ -108,98 +113,100 @@ def read_summaries(folder: Path) -> list[Summary]:
         entries = read_summary(path)
         if "rows" in entries and "study" in entries:
             try:
-                found.append(Summary(entries, [Row.of(one) for one in entries["rows"]]))
+                summaries.append(Summary(entries, [Row.of(row) for row in entries["rows"]]))
             except (TypeError, KeyError) as error:
                 raise OutputError(f"{path}: not as this version writes it: {error}") from error
-    if not found:
+    if not summaries:
         raise SceneError([f"verify: expected summaries of studies, STUDY/summary.json, in {folder}, found none"])
-    return found
+    return summaries
 
 
 def build_report(folder: Path, page: Path) -> Path:
-    """Write report.md, report.csv and pictures into a folder, from the summaries of studies below another; the page.
+    """Write report.md, report.csv and pictures into the folder `page` from the summaries below `folder`.
 
-    Raises SceneError where there are no summaries.
+    Returns the path of report.md. Raises SceneError if there are no summaries.
     """
     summaries = read_summaries(folder)
     page.mkdir(parents=True, exist_ok=True)
     groups: dict[str, list[Summary]] = {}
-    for one in summaries:
-        groups.setdefault(one.entries["group"], []).append(one)
+    for summary in summaries:
+        groups.setdefault(summary.entries["group"], []).append(summary)
     pictures = _pictures(groups, page)
-    lines = ["# Verification and validation", *_head(summaries)]
+    parts = ["# Verification and validation", _head(summaries)]
     for group, members in groups.items():
-        lines += [f"## {group}", *([f"![{group}]({pictures[group]})"] if group in pictures else [])]
-        rows = [row for one in members for row in one.rows]
-        lines.append(comparison_table("", rows, with_case=True).markdown().rstrip())
-        remarks = [f"- {one.entries['study']}: {one.entries['remark']}" for one in members if one.entries["remark"]]
-        faults = [f"- not as stated: {fault}" for one in members for fault in one.entries["faults"]]
-        lines += ["\n".join([*remarks, *faults])] if remarks or faults else []
+        parts.append(f"## {group}")
+        if group in pictures:
+            parts.append(f"![{group}]({pictures[group]})")
+        rows = [row for summary in members for row in summary.rows]
+        parts.append(comparison_table("", rows, with_case=True).markdown().rstrip())
+        entries = [summary.entries for summary in members]
+        notes = [f"- {one['study']}: {one['remark']}" for one in entries if one["remark"]]
+        notes += [f"- not as stated: {fault}" for one in entries for fault in one["faults"]]
+        if notes:
+            parts.append("\n".join(notes))
     if "costs" in pictures:
-        lines += ["## Error against run time", f"![Error against run time]({pictures['costs']})"]
+        parts += ["## Error against run time", f"![Error against run time]({pictures['costs']})"]
     path = page / "report.md"
-    path.write_text("\n\n".join(lines) + "\n", encoding="utf-8")
-    write_rows(page / "report.csv", [row for one in summaries for row in one.rows])
+    path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    write_rows(page / "report.csv", [row for summary in summaries for row in summary.rows])
     return path
 
 
-def _head(summaries: list[Summary]) -> list[str]:
-    """When, where and by what the runs were made, what they cost, and how many agree."""
-    entries = [one.entries for one in summaries]
-    published = [row for one in summaries for row in one.published]
-    asked = [row for one in summaries for row in one.rows if row.reference is None and row.agrees is not None]
+def _head(summaries: list[Summary]) -> str:
+    """A list of the commit, machine and dates of the runs, their costs, and the numbers of verdicts."""
+    entries = [summary.entries for summary in summaries]
+    published = [row for summary in summaries for row in summary.published]
+    bounded = [row for one in summaries for row in one.rows if row.reference is None and row.agrees is not None]
 
     def all_of(key: str) -> str:
         return ", ".join(dict.fromkeys(str(one[key]) for one in entries if one.get(key)))
 
     days = sorted(str(one["written_at"]) for one in entries if one.get("written_at"))
-    runs, seconds, of_processor = (
-        sum(one[key] for one in entries) for key in ("runs", "core_seconds", "processor_seconds")
-    )
+    runs, core, cpu = (sum(one[key] for one in entries) for key in ("runs", "core_seconds", "processor_seconds"))
     where = [f"Commit {all_of('git_hash') or 'unknown'}", f"host {all_of('host')}", all_of("cores")]
     lines = [
-        f"- {len(entries)} studies, {runs} runs, {seconds:.3g} core-seconds, {of_processor:.3g} s of the processor.",
+        f"- {len(entries)} studies, {runs} runs, {core:.3g} core-seconds, {cpu:.3g} processor seconds.",
         f"- {', '.join(filter(None, where))}; {' to '.join(dict.fromkeys(days[:1] + days[-1:]))}.",
     ]
     if published:
         verdicts = Counter(row.verdict for row in published)
         counted = ", ".join(f"{number} {verdict}" for verdict, number in verdicts.most_common())
         lines.append(
-            f"- {len(published)} numbers beside published ones: {counted}. *{INSIDE}*: no farther apart than the run's "
-            f"bar and the published scatter together; *{NEAR}*: within {100.0 * SHARE:g} %, or the tolerance that is "
-            f"shown, where the source gives no scatter; *{UNRESOLVED}*: not farther apart, but the run's bar is wider "
-            "than scatter and tolerance, and could show no disagreement of that size."
+            f"- {len(published)} values compared with published ones: {counted}. *{INSIDE}*: the difference is within "
+            f"the sum of the run's error bar and the published scatter; *{NEAR}*: within {100.0 * SHARE:g} %, or the "
+            f"tolerance shown, where the source gives no scatter; *{UNRESOLVED}*: the difference is as small, but the "
+            "run's error bar is wider than scatter and tolerance."
         )
-    if asked:
-        lines.append(f"- {len(asked)} numbers with a bound: {sum(bool(row.agrees) for row in asked)} as stated.")
+    if bounded:
+        lines.append(f"- {len(bounded)} values with a bound: {sum(bool(row.agrees) for row in bounded)} as stated.")
     lines.append(
-        "- *computed* is of the finest run, its bar that of the discretisation from all resolutions, *order* the one "
-        "observed; *core-s* are seconds of the finest run's time loop times ranks."
+        "- *computed*: value of the finest run with the discretisation error bar from all resolutions; *order*: "
+        "observed order; *core-s*: wall seconds of the finest run's time loop times ranks."
     )
-    return ["\n".join(lines)]
+    return "\n".join(lines)
 
 
 def _pictures(groups: dict[str, list[Summary]], page: Path) -> dict[str, str]:
-    """Pictures of groups and of costs, by group: file names; none without matplotlib."""
+    """Draw a picture for each group and one of "costs"; their file names by group, none without matplotlib."""
     try:
         from parsolid.campaign.pictures import draw_comparisons, draw_costs
 
-        made = {}
+        names = {}
         for group, members in groups.items():
-            rows = [row for one in members for row in one.published]
+            rows = [row for summary in members for row in summary.published]
             if any(row.reference and row.computed is not None for row in rows):
                 name = "".join(letter if letter.isalnum() else "_" for letter in group) + ".png"
-                made[group] = draw_comparisons(group, rows, page / name).name
-        rows = [row for members in groups.values() for one in members for row in one.rows]
+                names[group] = draw_comparisons(group, rows, page / name).name
+        rows = [row for members in groups.values() for summary in members for row in summary.rows]
         if any(len(row.errors()) > 1 for row in rows):
-            made["costs"] = draw_costs(rows, page / "error_against_time.png").name
-        return made
+            names["costs"] = draw_costs(rows, page / "error_against_time.png").name
+        return names
     except ModuleNotFoundError:
         return {}
 
 
 def write_rows(path: Path, rows: list[Row]) -> None:
-    """All rows in a CSV file, without their levels."""
+    """Write all rows into a CSV file, without their levels."""
     names = [name for name in Row.__dataclass_fields__ if name != "levels"]
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -33,8 +33,8 @@ def run_pareto(comm: Any, options: Any) -> int:
     coarser one can be made.
     """
     from parsolid.api.scenes import scene_on_all_ranks
+    from parsolid.campaign.in_process import InProcess
     from parsolid.campaign.pareto import plan_of, run_pareto
-    from parsolid.campaign.runner import InProcess
     from parsolid.campaign.targets import columns_of
     from parsolid.output.log import print_line
     from parsolid.scene import SceneError, load_scene

@@ -15,10 +15,11 @@ from mpi4py import MPI
 
 from parsolid.api import running
 from parsolid.api.running import RunOptions, run_scene
-from parsolid.campaign import runner
+from parsolid.campaign import in_process
 from parsolid.campaign.error_bars import Campaign, ErrorTable
 from parsolid.campaign.estimate import Bar
-from parsolid.campaign.runner import InProcess, Interrupted, Record, VariantRun, read_files
+from parsolid.campaign.in_process import InProcess, Interrupted, VariantRun
+from parsolid.campaign.records import Record, read_files
 from parsolid.campaign.targets import Target, no_bar, predicted_seconds, worst
 from parsolid.campaign.variants import SPACING, Variant, coarse_variants
 from parsolid.commands.cli import parse
@@ -79,7 +80,7 @@ def test_a_coarse_run_that_was_stopped_goes_on_with_the_same_bits(comm, shared_p
             assert all(np.array_equal(one.history[name], other.history[name]) for name in other.history)
     begun = []
     for one in found[:2]:
-        InProcess(comm, shared_path / "whole").run(one, begins=lambda: begun.append(1))
+        InProcess(comm, shared_path / "whole").run(one, on_start=lambda: begun.append(1))
     assert not begun
 
 
@@ -92,7 +93,7 @@ def test_a_run_begins_without_the_arrays_of_the_run_before_it(comm, shared_path,
             super().__init__(*given)
             begun.extend(map(weakref.ref, self.systems))
 
-    for module in (runner, running):
+    for module in (in_process, running):
         monkeypatch.setattr(module, "Simulation", Watched)
     gc.disable()
     try:

@@ -7,7 +7,7 @@ import pytest
 from solids import RUBBER
 
 from parsolid.campaign.coarsening import NotCoarsened, coarsen, lattice_words, parsed
-from parsolid.campaign.variants import RATIOS, SOLVER, SPACING, STEP, coarse_variants, usual_ratios
+from parsolid.campaign.variants import RATIOS, SOLVER, SPACING, STEP, coarse_variants, default_ratios
 from parsolid.particles.fillings import filling_of
 from parsolid.scene import load_scene, parse_scene
 
@@ -115,6 +115,6 @@ def test_variants_are_coarser_ones_one_of_half_the_step_and_one_of_a_looser_solv
 def test_variants_are_so_coarse_that_enough_particles_are_left(name, particles, expected):
     scene = load_scene(RUNS / f"{name}.toml", [f"bodies.0.particles={particles}"])
     place, ratios = expected
-    assert usual_ratios(scene) == RATIOS[scene.dimension][place]
+    assert default_ratios(scene) == RATIOS[scene.dimension][place]
     if ratios:
         assert [one.ratio for one in coarse_variants(scene, False)[0]] == pytest.approx(ratios, rel=0.05)

@@ -1,5 +1,6 @@
 """Numbers of runs beside published ones: what a study may state of them, how histories give them, and verdicts."""
 
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,7 @@ from parsolid.campaign.comparison import (
     Row,
     rows_of_comparison,
 )
-from parsolid.campaign.runner import Record
+from parsolid.campaign.records import Record
 from parsolid.scene.formulas import number_of
 
 pytestmark = pytest.mark.serial
@@ -196,4 +197,4 @@ def test_rows_are_of_the_series_that_compute_it_and_are_read_back():
     lines = [[case(1.0, 2.0, "a")], [case(1.0, 2.0, "b")]]
     rows = rows_of_comparison("t", comparison(series=["b"], readings={"k": {"column": "kinetic"}}), lines)
     assert [row.method for row in rows] == ["b"]
-    assert Row.of(rows[0].as_stated()) == rows[0]
+    assert Row.of(asdict(rows[0])) == rows[0]

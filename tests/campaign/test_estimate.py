@@ -21,7 +21,7 @@ from parsolid.campaign.estimate import (
     spacing_bar,
 )
 from parsolid.campaign.orders import order_in_spacing, without_order
-from parsolid.campaign.targets import steps_grow
+from parsolid.campaign.targets import steps_power
 from parsolid.scene import load_scene
 
 TIMES = np.linspace(0.0, 1.0, 201)
@@ -146,9 +146,9 @@ def test_rows_before_a_jump_are_compared_with_rows_before_it():
 
 
 def test_steps_of_waves_and_of_conduction_grow_as_they_did():
-    assert steps_grow([2.0, 1.0], [100, 200]) == pytest.approx(1.0)
-    assert steps_grow([4.0, 2.0, 1.0], [10, 40, 160]) == pytest.approx(2.0)
-    assert steps_grow([2.0, 1.0], [50, 50]) == pytest.approx(0.0, abs=1e-12) and steps_grow([1.5], [7]) == 1.0
+    assert steps_power([2.0, 1.0], [100, 200]) == pytest.approx(1.0)
+    assert steps_power([4.0, 2.0, 1.0], [10, 40, 160]) == pytest.approx(2.0)
+    assert steps_power([2.0, 1.0], [50, 50]) == pytest.approx(0.0, abs=1e-12) and steps_power([1.5], [7]) == 1.0
 
 
 def test_components_that_are_rounding_are_not_told():

@@ -12,8 +12,8 @@ from solids import RUBBER
 from parsolid.campaign.coarsening import NotCoarsened, coarsen, parsed
 from parsolid.campaign.error_bars import error_table
 from parsolid.campaign.estimate import OF_MESHES, Series, spacing_bar
-from parsolid.campaign.recovery import watched
-from parsolid.campaign.runner import InProcess
+from parsolid.campaign.in_process import InProcess
+from parsolid.campaign.recovery import with_recovery_probe
 from parsolid.campaign.variants import SPACING, Variant, coarse_variants
 from parsolid.particles.fillings import filling_of
 from parsolid.particles.meshes.elements import facet_areas, lumped_volumes
@@ -137,7 +137,9 @@ def test_an_imported_mesh_has_bars_by_recovery(tmp_path):
     assert coarse_variants(scene, False)[0] == []
     fine = parsed(coarsen(given, 0.6, 0.0).tables, False, 1.0)
     runner = InProcess(MPI.COMM_WORLD, tmp_path)
-    own, exact = (runner.run(Variant(one, SPACING, 1.0, "")).history for one in (watched(scene, False), fine))
+    own, exact = (
+        runner.run(Variant(one, SPACING, 1.0, "")).history for one in (with_recovery_probe(scene, False), fine)
+    )
     bars = error_table(scene, own, []).bars
     for column in ("bore.moment", "strain_energy"):
         assert 0.0 < abs(own[column][-1] - exact[column][-1]) < bars[column].error[-1] < 0.1 * abs(own[column][-1])

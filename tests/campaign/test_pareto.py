@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from parsolid.campaign.in_process import VariantRun
 from parsolid.campaign.options import Option, options_of
 from parsolid.campaign.pareto import Configuration, SuccessiveHalving, envelope, plan_of, seconds_for, time_to
+from parsolid.campaign.records import Record
 from parsolid.campaign.reference import observed_reference, series_of
-from parsolid.campaign.runner import Record, VariantRun
 from parsolid.campaign.variants import SPACING, Variant
 from parsolid.commands.cli import main
 from parsolid.commands.pareto import add_arguments, run_pareto
@@ -44,14 +45,14 @@ def test_a_scene_has_the_choices_that_its_laws_and_boundaries_allow():
     grid = taylor.variant(Option((("method", "kind", "mpm"),)), 0).scene
     assert grid.method.cell == pytest.approx(2 * 0.5 * (25.4e-3 / 26 + 3.81e-3 / 4), rel=0.05)
     axisymmetric = plan_of(load_scene(RUNS / "mpm" / "taylor.toml"), "kinetic", ["method"], False)
-    assert "method ulsph: method.geometry: expected to be as usual" in "\n".join(axisymmetric.refused)
+    assert "method ulsph: method.geometry: expected" in "\n".join(axisymmetric.refused)
 
 
 def test_changes_that_do_not_go_together_are_refused():
     plan = plan_of(load_scene(SCENE, list(SMALL)), "strain_energy", ["integrator"], False)
     leapfrog = next(option for option in options_of(plan.scene, ["integrator"]))
-    assert plan.add(leapfrog.together(Option((("step", "cfl", 0.5),)))) is None
-    assert "expected a step that is stated so" in plan.refused[-1]
+    assert plan.add(Option((*leapfrog.changes, ("step", "cfl", 0.5)))) is None
+    assert "method.cfl: expected" in plan.refused[-1]
     assert plan.add(Option((("kernel", "kernel", "wendland-c2"),))) is None and "changes nothing" in plan.refused[-1]
 
 

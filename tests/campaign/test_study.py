@@ -12,21 +12,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from parsolid.campaign import runner
+from parsolid.campaign import subprocess_runs
 from parsolid.campaign.cases import cases_of, load_study
-from parsolid.campaign.runner import (
-    CRASHED,
-    REFUSED,
-    Launched,
-    Record,
-    energies_of,
-    momentum_of,
-    not_finite,
-    read_record,
-    seconds_of,
-    wait,
-)
+from parsolid.campaign.measures import energies_of, momentum_of, not_finite
+from parsolid.campaign.records import CRASHED, REFUSED, Record, read_record, step_seconds
 from parsolid.campaign.study import error_rows, judge, seconds_left
+from parsolid.campaign.subprocess_runs import SubprocessRun, wait
 from parsolid.commands.cli import main
 from parsolid.commands.study import add_arguments, run_study
 from parsolid.scene import SceneError
@@ -292,10 +283,10 @@ def test_a_run_that_does_not_do_what_is_stated_gives_the_study_its_status(folder
 @pytest.mark.slow
 def test_a_run_that_takes_too_long_is_ended_and_made_again(folder, comm):
     case = cases_of(load_study(write(folder, series="timeout = 0.05")))[0]
-    record = case.launched.run(folder / "run")
+    record = case.subprocess_run.run(folder / "run")
     assert (record.status, record.ending["exit_status"]) == ("timed out", None)
     case.timeout = 600.0
-    assert case.launched.run(folder / "run").status == "finished"
+    assert case.subprocess_run.run(folder / "run").status == "finished"
 
 
 @pytest.mark.parametrize("exit_status, status, programs", [(2, REFUSED, 1), (9, CRASHED, 2)])
@@ -307,8 +298,8 @@ def test_a_program_is_made_again_unless_its_end_lasts(tmp_path, monkeypatch, exi
         code = f"import sys; print('first\\nparsolid: last words'); sys.exit({exit_status})"
         return subprocess.Popen([sys.executable, "-S", "-c", code], start_new_session=True, **pipes)
 
-    monkeypatch.setattr(runner, "start", start)
-    program = Launched("a", lambda folder: ["run", "a.toml", "-o", str(folder)], 1, 60.0)
+    monkeypatch.setattr(subprocess_runs, "start", start)
+    program = SubprocessRun("a", lambda folder: ["run", "a.toml", "-o", str(folder)], 1, 60.0)
     records = [program.run(tmp_path / "a") for _ in range(2)]
     assert [one.status for one in records] == [status] * 2 and len(begun) == programs
     assert [one.message for one in records] == ["last words"] * 2
@@ -393,5 +384,5 @@ def test_time_left_does_not_spread_the_rate_of_one_series_to_another():
 def test_the_first_step_of_equilibria_is_not_taken_for_one_of_the_others():
     seconds = {"steps": 2, "loop_seconds": 5.0, "first_step_seconds": 4.0}
     seconds |= {"loop_processor_seconds": 3.0, "first_step_processor_seconds": 2.5}
-    assert seconds_of(seconds) == (2.0, 1.0)
-    assert seconds_of(seconds | {"iterations": 21}) == (5.0, 3.0)
+    assert step_seconds(seconds) == (2.0, 1.0)
+    assert step_seconds(seconds | {"iterations": 21}) == (5.0, 3.0)

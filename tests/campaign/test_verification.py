@@ -2,12 +2,13 @@
 
 import json
 import shutil
+from dataclasses import asdict
 
 import pytest
 
 from parsolid.campaign.cases import cases_of, load_study
 from parsolid.campaign.comparison import AS_STATED, INSIDE, NEAR, NOT_AS_STATED, OUTSIDE, Row
-from parsolid.campaign.runner import Launched, run_beside
+from parsolid.campaign.subprocess_runs import SubprocessRun, run_concurrently
 from parsolid.campaign.verification import ASKED, build_report, folders_of, read_summaries, studies_of
 from parsolid.commands.cli import main
 from parsolid.output.errors import OutputError
@@ -131,7 +132,7 @@ def test_files_in_place_of_folders_are_refused(folder):
 
 
 def summary(folder, name, rows, **more):
-    entries = {"study": name, "group": "waves", "remark": None, "rows": [row.as_stated() for row in rows]}
+    entries = {"study": name, "group": "waves", "remark": None, "rows": [asdict(row) for row in rows]}
     entries |= {"runs": 1, "faults": [], "core_seconds": 2.5, "processor_seconds": 1.0}
     entries |= {"git_hash": "abc", "host": "here", "cores": "2 cores"}
     (folder / name).mkdir(parents=True)
@@ -171,12 +172,12 @@ def test_a_report_is_that_of_the_summaries(tmp_path):
 
 def test_runs_beside_one_another_are_ended_with_the_iterator(tmp_path, monkeypatch):
     """Of four runs, two at once, one is waited for; the others leave no record."""
-    monkeypatch.setattr("parsolid.campaign.runner.start", _sleep)
+    monkeypatch.setattr("parsolid.campaign.subprocess_runs.start", _sleep)
     runs = [
-        (Launched(str(i), lambda folder, i=i: [str(0.1 if i == 0 else 60)], 1, 100.0), tmp_path / str(i))
+        (SubprocessRun(str(i), lambda folder, i=i: [str(0.1 if i == 0 else 60)], 1, 100.0), tmp_path / str(i))
         for i in range(4)
     ]
-    made = run_beside(runs, 2, 0)
+    made = run_concurrently(runs, 2, 0)
     number, record, seconds = next(made)
     assert number == 0 and record.status == "finished" and seconds < 30.0
     made.close()

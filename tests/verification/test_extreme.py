@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from parsolid.campaign.cases import cases_of, load_study
-from parsolid.campaign.runner import Record, measures_of, not_finite, read_files
+from parsolid.campaign.measures import measures_of, not_finite
+from parsolid.campaign.records import Record, read_files
 from parsolid.commands.cli import main
 
 RUNS = Path(__file__).parents[2] / "runs"
