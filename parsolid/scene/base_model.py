@@ -1,4 +1,4 @@
-"""What all tables of a scene share: strictness, exclusive keys, a kind that chooses the model, points and planes."""
+"""Base of all tables of a scene: strict models, exclusive keys, tables chosen by `kind`, points and planes, faults."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -26,15 +26,15 @@ from parsolid.scene.validation_errors import NOTHING, RENAMED, Fault, describe, 
 
 AXES = ("X", "Y", "Z")
 
-# sizes of numbers of which products of five are within what floating-point numbers hold
+# smallest and largest absolute value of a number: products of five neither overflow nor underflow
 LEAST, MOST = 1e-60, 1e60
 
 
 class OnRestart(StrEnum):
-    """What a continued run may do with a key whose value in the scene is not that of the checkpoint.
+    """Rule for a key whose value differs from that of the checkpoint of a continued run.
 
-    FREE: change it, and a note says so; SILENT: change it without a note; FIXED: it may not. A key without a rule may
-    change where the user allows it. The rule of a table holds for those of its keys that have none.
+    FREE: it may change, with a note; SILENT: it may change without a note; FIXED: it may not change. A key without a
+    rule may change if the user allows it. The rule of a table holds for its keys that have none.
     """
 
     FREE = "free"
@@ -53,24 +53,26 @@ _MESSAGE = "expected {expected}, found {found}{suggestion}"
 def mismatch(
     expected: str, found: object, code: str = "refused", near: str = "", bounds: dict[str, Any] | None = None
 ) -> PydanticCustomError:
-    """The error of a value that is not what its key wants; code: as of `Fault`; near: a suggestion; bounds: of a number
-    that is beyond one."""
+    """The error of a value that its key does not accept.
+
+    code: of the `Fault`; near: a suggestion; bounds: those of a number that is outside of them
+    """
     parts = {"expected": expected, "found": describe(found), "code": code, "suggestion": near}
     return PydanticCustomError("mismatch", _MESSAGE, (bounds or {}) | parts)
 
 
-# place of a fault in the tables of a scene, what was expected, what was found; and a code where that is not "refused"
+# location of a fault in the tables of a scene, expected, found, and a code if it is not "refused"
 Detail = tuple[tuple[str | int, ...], str, object]
 FaultDetail = Detail | tuple[tuple[str | int, ...], str, object, str]
 
 
 def unknown_body(place: tuple[str | int, ...], name: str, names: Iterable[str | None]) -> FaultDetail:
-    """The fault of a name that none of the bodies has."""
+    """The fault of a name that is not the name of a body."""
     return place, f"the name of a body{suggestion(name, [one for one in names if one])}", name, "unknown-name"
 
 
 def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused") -> None:
-    """Raise the given (location, expected, found) as one validation error; nothing when there are none."""
+    """Raise all (location, expected, found) as one ValidationError; without any, do nothing."""
     if details:
         raise ValidationError.from_exception_data(
             "scene",
@@ -82,28 +84,28 @@ def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused")
 
 
 def dimension_of(info: ValidationInfo) -> int | None:
-    """The scene's dimension while it is validated; None where it is not known (or itself at fault)."""
+    """The dimension of the scene that is validated; None if it is not known."""
     return (info.context or {}).get("dimension")
 
 
 def method_of(info: ValidationInfo, table: object = None) -> type | None:
-    """The class of the scene's method while the scene is validated; None where it is not known (or itself at fault).
+    """The settings class of the method of the scene that is validated; None if it is not known.
 
-    Of several methods it is what they know together; table: a raw one that may name its body, whose method it then is.
+    Of several methods it is a `JoinedMethods`, unless the raw `table` names a body: then it is the method of that body.
     """
     context = info.context or {}
-    of_body: dict[str, type | None] = context.get("method_of_body", {})
+    method_of_body: dict[str, type | None] = context.get("method_of_body", {})
     name = table.get("body") if isinstance(table, dict) else None
-    return of_body[name] if isinstance(name, str) and name in of_body else context.get("method")
+    return method_of_body[name] if isinstance(name, str) and name in method_of_body else context.get("method")
 
 
 class SceneModel(BaseModel):
-    """A table of a scene: unknown keys and implicit conversions are refused, and it cannot be changed.
+    """A table of a scene, immutable; unknown keys and implicit conversions are refused.
 
-    `exactly_one` and `at_most_one` name groups of keys that exclude each other; on_restart: rules of its keys.
+    exactly_one, at_most_one: groups of keys that exclude each other; on_restart: rules of keys.
     """
 
-    # built where a scene has such a table: most have a dozen of the seventy
+    # defer_build: a scene uses a dozen of the seventy tables
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
     at_most_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
@@ -125,7 +127,7 @@ class SceneModel(BaseModel):
     @model_validator(mode="wrap")
     @classmethod
     def _every_fault(cls, value: Any, handler: Any) -> "SceneModel":
-        """Report excluding keys together with the faults of the single keys, not after them; in the project's words."""
+        """Report faults of single keys and of exclusive keys together, in the words of this package."""
         conflicts = cls._conflicts(value) if isinstance(value, dict) else []
         try:
             result = handler(value)
@@ -140,36 +142,37 @@ class SceneModel(BaseModel):
         made: dict[str, Any] = handler.resolve_ref_schema(handler(schema))
         made["description"] = " ".join((cls.__doc__ or "").split("\n\n")[0].split())
         for name, key in made.get("properties", {}).items():
-            # where a table changes a default of its base, the meaning stays
+            # a field that overrides a default keeps the description of the base class
             fields = (owner.model_fields.get(name) for owner in cls.__mro__ if issubclass(owner, SceneModel))
             if meaning := next((one.description for one in fields if one is not None and one.description), None):
                 key.setdefault("description", meaning)
-        # which keys are there, in place of a list of those that are needed
         rules: list[dict[str, Any]] = [{"oneOf": [{"required": [key]} for key in group]} for group in cls.exactly_one]
         for group in cls.at_most_one:
             rules += [{"not": {"required": list(pair)}} for pair in combinations(group, 2)]
         if "library" in cls.model_fields:
-            # an entry of a library has all that is needed
+            # an entry of a library gives all required keys
             rules = [{"anyOf": [{"required": made.pop("required", [])}, {"required": ["kind", "library"]}]}]
-        return made | ({"allOf": rules} if rules else {})
+        if rules:
+            made["allOf"] = rules
+        return made
 
 
 def kinds_of(model: type[SceneModel]) -> tuple[str, ...]:
-    """What the key `kind` of a model's table may be."""
+    """The values of the key `kind` of a model's table."""
     return get_args(model.model_fields["kind"].annotation)
 
 
 def tables_of(annotation: Any) -> dict[str, type[SceneModel]]:
-    """Models of the tables that a type takes, by the kind that each has to name, "" of one that has none."""
+    """Models of the tables that a type accepts, by `kind`; "" for a table without this key."""
     if isinstance(annotation, FieldInfo):
         annotation = annotation.annotation
     if isinstance(annotation, type) and issubclass(annotation, SceneModel):
-        told_apart = "kind" in annotation.model_fields and annotation.model_fields["kind"].is_required()
-        return dict.fromkeys(kinds_of(annotation) if told_apart else ("",), annotation)
+        has_kind = "kind" in annotation.model_fields and annotation.model_fields["kind"].is_required()
+        return dict.fromkeys(kinds_of(annotation) if has_kind else ("",), annotation)
     return {kind: model for part in get_args(annotation) for kind, model in tables_of(part).items()}
 
 
-# error of pydantic -> what it expects, and the code of the fault
+# type of an error of pydantic -> expected, and the code of the fault
 _EXPECTED = {
     "float_type": ("a number", "type"),
     "int_type": ("a whole number", "type"),
@@ -193,25 +196,29 @@ _EXPECTED = {
 
 
 def faults_in_words(model: type[SceneModel], errors: list[Any], table: Any) -> list[InitErrorDetails]:
-    """Errors of pydantic in a raw table of a model, as `in_words`; one for a key that may have values of several types,
-    of which pydantic tells each."""
+    """Errors of pydantic in a raw table of a model, translated by `in_words`.
+
+    For a key that accepts several types pydantic reports an error for each; they become one.
+    """
     result: list[InitErrorDetails] = []
-    for key, found in groupby(errors, lambda error: _key_of_alternative(error, table)):
-        told = [in_words(model, error, table) for error in found]
+    for key, group in groupby(errors, lambda error: _key_of_alternative(error, table)):
+        translated = [in_words(model, error, table) for error in group]
         if key is not None:
-            parts: list[Any] = [one["type"].context for one in told]  # type: ignore[union-attr]
-            # a bound is that of the type which the value has
-            told_by = next((one for one in parts if one["code"] == "bound"), parts[0])
+            parts: list[Any] = [one["type"].context for one in translated]  # type: ignore[union-attr]
+            # an error of a bound is of the type that the value has
+            main = next((one for one in parts if one["code"] == "bound"), parts[0])
             expected = " or ".join(dict.fromkeys(one["expected"] for one in parts))
-            error = mismatch(expected, told[0]["input"], told_by["code"], bounds=told_by)
-            told = [InitErrorDetails(type=error, loc=key, input=told[0]["input"])]
-        result += told
+            error = mismatch(expected, translated[0]["input"], main["code"], bounds=main)
+            translated = [InitErrorDetails(type=error, loc=key, input=translated[0]["input"])]
+        result += translated
     return result
 
 
 def _key_of_alternative(error: Any, table: Any) -> tuple[Any, ...] | None:
-    """The place in a raw table of the key whose value an error refuses for one of its types, which pydantic appends to
-    the place; None of other errors."""
+    """The location in a raw table of a key whose value is none of several types, None for other errors.
+
+    For such a key pydantic appends the name of the type to the location.
+    """
     *place, last = error["loc"] or (None,)
     if error["type"] in ("mismatch", "missing") or not place:
         return None
@@ -225,7 +232,7 @@ def _key_of_alternative(error: Any, table: Any) -> tuple[Any, ...] | None:
 
 
 def in_words(model: type[SceneModel], error: Any, table: Any) -> InitErrorDetails:
-    """An error of pydantic in a raw table of a model, with what was expected and found in place of pydantic's words."""
+    """An error of pydantic in a raw table of a model as a `mismatch` with expected and found."""
     place, kind, found, context = error["loc"], error["type"], error["input"], error.get("ctx", {})
     field = model.model_fields.get(place[0]) if place else None
     kinds = tables_of(field) if field is not None else {}
@@ -254,13 +261,13 @@ def in_words(model: type[SceneModel], error: Any, table: Any) -> InitErrorDetail
 
 
 def _without_kind(place: tuple[Any, ...], table: Any) -> tuple[Any, ...]:
-    """A place in tables without the kind by which pydantic chose a model for one of them."""
+    """A location without the kind of a table, which pydantic inserts where `kind` chooses the model."""
     depth = next((i for i, key in enumerate(place[1:], 1) if isinstance(key, str)), len(place))
     try:
         for key in place[:depth]:
             table = table[key]
     except (LookupError, TypeError):
-        # not what the file states
+        # the location is not one of the file
         return place
     named = depth < len(place) and isinstance(table, dict) and table.get("kind") == place[depth]
     return place[:depth] + place[depth + 1 :] if named else place
@@ -269,15 +276,17 @@ def _without_kind(place: tuple[Any, ...], table: Any) -> tuple[Any, ...]:
 def check_kind(
     table: Any, info: ValidationInfo, kinds: Collection[str], of_method: Collection[str], why: str = ""
 ) -> None:
-    """Refuse a raw table of a kind that is none of those there are, or of the scene's method, or that of the body which
-    the table names; why: the method's reason."""
+    """Refuse a raw table whose kind does not exist, or that the method of the scene or body does not accept.
+
+    kinds: all that exist; of_method: those that the method accepts; why: the method's reason
+    """
     if not isinstance(table, dict) or table.get("kind") in list(of_method):
         return
     stated, known = table.get("kind", NOTHING), ", ".join(map(repr, of_method))
     if stated is NOTHING:
         reject((("kind",), f"one of {known}", NOTHING), code="missing")
     if stated not in list(kinds):
-        # an old word's new one, whether or not this method knows it
+        # a renamed kind is suggested even if the method does not accept it
         near = suggestion(stated, kinds if str(stated) in RENAMED else of_method)
         reject((("kind",), f"one of {known}{near}", stated), code="choice")
     whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
@@ -314,7 +323,7 @@ def _as_list(value: Any) -> Any:
 
 Direction = Annotated[Point, AfterValidator(_not_zero)]
 Times = Annotated[list[NotNegative], AfterValidator(_rising)]
-# what takes one number for a list of one
+# accepts a number as a list of one
 OneOrMore = BeforeValidator(_as_list, json_schema_input_type=float | list[float])
 
 
@@ -329,12 +338,12 @@ class Plane:
         return f"{AXES[self.axis]} = {self.offset!r}"
 
     def height(self, places: np.ndarray) -> np.ndarray:
-        """Distances (n,) [m] of places (n, d), positive beyond it along its axis."""
+        """Signed distances (n,) [m] of points (n, d), positive in the direction of its axis."""
         return np.asarray(places[:, self.axis] - self.offset)
 
     @classmethod
     def parse(cls, text: object, dimension: int | None = 3) -> "Plane":
-        """The plane that `text` names; raises PydanticCustomError when it names none of this dimension."""
+        """The plane that `text` names; raises PydanticCustomError if it names none of this dimension."""
         axes = AXES[: dimension or 3]
         expected = f"a plane such as 'Y = 0' with one of the axes {', '.join(axes)}"
         name, equals, number = text.partition("=") if isinstance(text, str) else ("", "", "")
@@ -363,24 +372,23 @@ class Plane:
 
 
 def faults_of_errors(error: ValidationError) -> list[Fault]:
-    """The faults of the raw tables of a `SceneModel`."""
+    """The faults of a ValidationError of a `SceneModel`."""
     return [fault_of_error(item, item["loc"]) for item in error.errors(include_url=False)]
 
 
 def fault_of_error(error: Any, place: tuple[Any, ...]) -> Fault:
-    """One of pydantic's errors as a fault at a place."""
+    """One of the errors of a ValidationError as a fault at a location."""
     parts = error["ctx"]
     return Fault(parts["code"], key_path(place), parts["expected"], parts["found"], parts["suggestion"])
 
 
 def on_restart(place: tuple[Any, ...], data: Any, model: type[SceneModel]) -> OnRestart | None:
-    """What a continued run may do with a key of a model's tables: what is said of it, or of the tables it is in."""
+    """The restart rule of the key at a location in tables of a model: its own, or that of the innermost table."""
     rule: OnRestart | None = None
     section: type[SceneModel] | None = model
     tables: dict[str, type[SceneModel]] = {}
     for depth, key in enumerate(place):
         if isinstance(key, str):
-            # said by the table or one that it is derived from
             owners = [vars(owner).get("on_restart", {}) for owner in section.__mro__] if section is not None else []
             rule = next((rules[key] for rules in owners if key in rules), rule)
             tables = tables_of(section.model_fields[key]) if section is not None and key in section.model_fields else {}

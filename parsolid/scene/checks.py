@@ -1,4 +1,4 @@
-"""What looks at several tables of a scene at once."""
+"""Checks between the tables of a scene."""
 
 from typing import Any
 
@@ -31,17 +31,17 @@ from parsolid.scene.systems import faults_of_systems, methods_of_boundaries, sta
 from parsolid.scene.tools import tool_faults, tool_motion_faults
 from parsolid.scene.validation_errors import NOTHING, Fault, suggestion
 
-# outputs in a run to its end, at most, by the keys of their intervals
+# largest number of outputs in a run, by the key of their interval
 MOST_OUTPUTS = {"history_interval": 10**7, "fields_interval": 10**5, "checkpoint_interval": 10**7}
 
 
 def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
-    """Faults between the tables of a scene, or of one whose tables were repaired.
+    """Faults between the tables of a scene, which may have been repaired after faults of single tables.
 
-    What depends on a method or a material that is itself at fault is not checked.
+    Checks that depend on a faulty method or material are left out.
     """
     repairs = Repairs.none(scene.resolved()) if repairs is None else repairs
-    # bodies that are where the file would have them, but for meshes, which are not read here
+    # bodies with an extent as the file states it; meshes are not read here
     placed = {
         i: body for i, body in enumerate(scene.bodies) if body.shape.kind != "mesh" and i not in repairs.misplaced
     }
@@ -49,9 +49,9 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
     details: list[FaultDetail] = [(("bodies", i), *one) for i, body in placed.items() for one in body.lattice_faults()]
     details += _repeated_names("bodies", scene.bodies, repairs) + _repeated_names("probes", scene.probes, repairs)
     if not repairs.incomplete and not of_model(scene.contact, "kernel"):
-        known = with_components(FIELDS_OF_CONTACT, scene.dimension)
-        expected = "a field of a scene with [[contact]] of model 'kernel'"
-        details += [(place, expected, name) for place, name in named_observables(scene) if name in known]
+        of_contact = with_components(FIELDS_OF_CONTACT, scene.dimension)
+        expected = "a field other than those of [[contact]] with model 'kernel'"
+        details += [(place, expected, name) for place, name in named_observables(scene) if name in of_contact]
     for i, boundary in enumerate(scene.boundaries):
         if boundary.body is not None and repairs.body_names is not None and boundary.body not in repairs.body_names:
             details.append(unknown_body(("boundaries", i, "body"), boundary.body, repairs.body_names))
@@ -102,7 +102,7 @@ def _repeated_names(key: str, entries: list[Any], repairs: Repairs) -> list[Faul
 
 
 def plane_side(plane: Plane, extent: Extent) -> int:
-    """-1 or +1 when the plane is the lower or upper bound of the body, 0 when it bounds it nowhere."""
+    """-1 or +1 if the plane is the lower or upper bound of the body, 0 if it does not bound it."""
     lower, upper = extent.lower[plane.axis], extent.upper[plane.axis]
     tolerance = 1e-9 * max(abs(lower), abs(upper), upper - lower)
     if abs(plane.offset - lower) <= tolerance:
@@ -111,59 +111,61 @@ def plane_side(plane: Plane, extent: Extent) -> int:
 
 
 def unbounded_plane(place: int, boundary: Any, bodies: list[Any], extents: dict[int, Extent]) -> list[FaultDetail]:
-    """The fault of a support or traction whose plane bounds none of the bodies it is meant for; none where one of them
-    is not known."""
-    meant = [i for i, body in enumerate(bodies) if boundary.body in (None, body.name)]
-    if not boundary.needs_bounding_plane or boundary.plane is None or any(i not in extents for i in meant):
+    """The fault of a support or traction whose plane bounds none of its bodies; none if an extent is not known."""
+    own = [i for i, body in enumerate(bodies) if boundary.body in (None, body.name)]
+    if not boundary.needs_bounding_plane or boundary.plane is None or any(i not in extents for i in own):
         return []
-    if not meant or any(plane_side(boundary.plane, extents[i]) for i in meant):
+    if not own or any(plane_side(boundary.plane, extents[i]) for i in own):
         return []
     axis = boundary.plane.axis
-    bounds = sorted({float(bound[axis]) for i in meant for bound in (extents[i].lower, extents[i].upper)})
+    bounds = sorted({float(bound[axis]) for i in own for bound in (extents[i].lower, extents[i].upper)})
     expected = f"a plane that bounds a body ({'XYZ'[axis]} = {' or '.join(f'{bound:g}' for bound in bounds)})"
     return [(("boundaries", place, "plane"), expected, str(boundary.plane), "elsewhere")]
 
 
 def _misplaced_probes(scene: Scene, extents: dict[int, Extent], models_known: bool) -> list[FaultDetail]:
-    """Probes at no body, and where methods are known their fields of bodies whose methods have no such field, where
-    other methods of the scene have it."""
+    """Faults of probes at a point: no body there, or fields that only methods of other bodies have."""
     details: list[FaultDetail] = []
-    systems = scene.systems if models_known else ()
-    known = [with_components(one.settings.field_kinds(scene.dimension), scene.dimension) for one in systems]
-    kinds = {body: known[number] for number, one in enumerate(systems) for body in one.bodies}
+    fields_of_body: dict[int, dict[str, str]] = {}
+    for system in scene.systems if models_known else ():
+        fields = with_components(system.settings.field_kinds(scene.dimension), scene.dimension)
+        fields_of_body |= dict.fromkeys(system.bodies, fields)
     for i, probe in enumerate(scene.probes):
         if probe.at is None:
             continue
-        outside = {
-            i: np.maximum(0.0, np.maximum(one.lower - probe.at, probe.at - one.upper)) for i, one in extents.items()
+        distance = {
+            body: float(np.linalg.norm(np.maximum(0.0, np.maximum(one.lower - probe.at, probe.at - one.upper))))
+            for body, one in extents.items()
         }
-        distance = {body: float(np.linalg.norm(gap)) for body, gap in outside.items()}
         if min(distance[body] - extent.coarsest for body, extent in extents.items()) > 0.0:
             details.append((("probes", i, "at"), "a point within one spacing of a body", probe.at, "elsewhere"))
         near = [body for body, away in distance.items() if away == min(distance.values())]
         for k, name in enumerate(probe.fields or () if models_known else ()):
-            if any(name in each for each in kinds.values()) and not any(name in kinds[body] for body in near):
+            known = [body for body, fields in fields_of_body.items() if name in fields]
+            if known and not set(known) & set(near):
                 expected = f"a field that the method of bodies.{near[0]} knows"
                 details.append((("probes", i, "fields", k), expected, name))
     return details
 
 
 def _reference_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:
-    """Columns of a reference that the history does not have; incomplete: some may be of entries that are left out."""
+    """Faults of columns of a reference that the history does not have; incomplete: some tables were left out, and their
+    columns are accepted."""
     if scene.reference is None:
         return []
     key = "final" if scene.reference.final is not None else "columns"
     terms = [name for system in scene.systems for name in system.settings.ledger_terms]
-    met = energy_terms(scene.contact, scene.tools, [body.material for body in scene.bodies])
-    known = [*HISTORY_COLUMNS, *terms, *met, *(TIE_TERMS if scene.tie else ())]
+    of_contact = energy_terms(scene.contact, scene.tools, [body.material for body in scene.bodies])
+    known = [*HISTORY_COLUMNS, *terms, *of_contact, *(TIE_TERMS if scene.tie else ())]
     for name in (one.reports for one in scene.boundaries if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, scene.dimension)]
-    every: list[Any] = [*scene.probes, *scene.tools]
-    for watched in every:
-        known += watched.columns(scene.dimension)
-    elsewhere = CONTACT_TERMS | TOOL_TERMS | GRID_TERMS | FRICTION_HEAT | TIE_TERMS if incomplete else {}
+    for probe in scene.probes:
+        known += probe.columns(scene.dimension)
+    for tool in scene.tools:
+        known += tool.columns(scene.dimension)
+    of_lost_tables = CONTACT_TERMS | TOOL_TERMS | GRID_TERMS | FRICTION_HEAT | TIE_TERMS if incomplete else {}
     return [
         (("reference", key, column), f"a column of the history{suggestion(column, known)}", column, "unknown-name")
         for column in getattr(scene.reference, key) or ()
-        if column not in known and column not in elsewhere and not (incomplete and "." in column)
+        if column not in known and column not in of_lost_tables and not (incomplete and "." in column)
     ]

@@ -1,4 +1,4 @@
-"""The scene as a whole; what looks at several of its tables at once is in `scene.checks`."""
+"""The scene as a whole; checks between its tables are in `scene.checks`."""
 
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -23,7 +23,7 @@ from parsolid.scene.validation_errors import NOTHING
 
 
 class Scene(SceneModel):
-    """Everything that a run needs to know, in SI units; made by `load_scene` or `parse_scene`."""
+    """The input of a run, in SI units; made by `load_scene` or `parse_scene`."""
 
     on_restart: ClassVar = {
         **dict.fromkeys(("title", "end_time", "output", "errors", "run"), OnRestart.SILENT),
@@ -31,31 +31,31 @@ class Scene(SceneModel):
         **dict.fromkeys(("dimension", "initial"), OnRestart.FIXED),
     }
     exactly_one: ClassVar = (("method", "methods"),)
-    title: str = Field("", description="what the run is called")
+    title: str = Field("", description="the title of the run")
     dimension: Literal[1, 2, 3] = Field(description="1, 2 or 3, as the method allows")
     end_time: Positive = Field(description="the simulated time [s]")
     method: Method = Field(None, description="a table with the key kind")
     methods: Annotated[list[Method], Field(min_length=1)] | None = Field(
         None, description="in place of method: several, with names, of which each body names one"
     )
-    stages: list[Stage] = Field([], description="parts of the run that go on with other settings of the method")
+    stages: list[Stage] = Field([], description="later parts of the run with other settings of the method")
     bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
-    regions: list[Region] = Field([], description="parts of bodies or of space with a name")
+    regions: list[Region] = Field([], description="named parts of bodies or of space")
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     initial: list[InitialState] = Field([], description="initial states of regions, or from results of another run")
     loads: Loads = Loads()
-    contact: list[Contact] = Field([], description="bodies that press on one another and part")
-    bond: list[Bond] = Field([], description="bodies of one method that stay joined where they touch")
+    contact: list[Contact] = Field([], description="bodies that press on one another and can separate")
+    bond: list[Bond] = Field([], description="bodies of one method that are joined where they touch at the start")
     undeclared_contact: Literal["stop", "warn"] | None = Field(
-        None, description="what happens where bodies meet that no contact names: the run ends unless 'warn' is given"
+        None, description="if bodies meet that no contact names: 'stop' ends the run (default), 'warn' goes on"
     )
-    tie: list[Tie] = Field([], description="bodies of different methods that are bonded")
-    tools: list[Tool] = Field([], description="rigid bodies that others touch")
-    probes: list[Probe] = Field([], description="what is watched: columns of history.csv")
+    tie: list[Tie] = Field([], description="bodies of different methods that are joined")
+    tools: list[Tool] = Field([], description="rigid bodies in contact with the bodies")
+    probes: list[Probe] = Field([], description="values written as columns of history.csv")
     output: Output = Output()
     reference: Reference | None = None
-    errors: ErrorBars | None = Field(None, description="error bars for what is in history.csv")
-    run: RunTargets | None = Field(None, description="errors to be reached, by runs from coarse to fine")
+    errors: ErrorBars | None = Field(None, description="error bars of the columns of history.csv")
+    run: RunTargets | None = Field(None, description="requested errors, reached by runs from coarse to fine")
 
     @classmethod
     def _conflicts(cls, table: dict[str, Any]) -> list[Any]:
@@ -69,7 +69,7 @@ class Scene(SceneModel):
 
     @field_validator("method")
     @classmethod
-    def _alone(cls, method: Any) -> Any:
+    def _without_name(cls, method: Any) -> Any:
         if method is not None and method.name is not None:
             known = ", ".join(key for key in type(method).model_fields if key != "name")
             reject((("name",), f"one of {known}", Phrase("the unknown key 'name'")), code="unknown-key")
@@ -77,7 +77,7 @@ class Scene(SceneModel):
 
     @field_validator("methods")
     @classmethod
-    def _named_apart(cls, methods: list[Any] | None) -> list[Any] | None:
+    def _unique_names(cls, methods: list[Any] | None) -> list[Any] | None:
         names = [one.name for one in methods or ()]
         wanted = "a name without '.' and ',', by which bodies call the method"
         reject(*(((i, "name"), wanted, NOTHING) for i, name in enumerate(names) if name is None))
@@ -87,8 +87,8 @@ class Scene(SceneModel):
 
     @field_validator("dimension", mode="before")
     @classmethod
-    def _whole(cls, dimension: Any) -> Any:
-        # true and 2.0 equal one of the choices
+    def _integer(cls, dimension: Any) -> Any:
+        # true == 1 and 2.0 == 2 would be accepted
         if isinstance(dimension, bool | float):
             raise mismatch("1, 2 or 3", dimension, "choice")
         return dimension
@@ -107,32 +107,32 @@ class Scene(SceneModel):
 
     @property
     def in_contact(self) -> BodyPairs | None:
-        """Bodies that a contact names together; None without any."""
-        found = BodyPairs.named([one.bodies for one in self.contact], [body.name for body in self.bodies])
-        return found if any(len(one.bodies) > 1 for one in self.contact) and found.tables else None
+        """Pairs of bodies in contact; None if there are none."""
+        pairs = BodyPairs.named([one.bodies for one in self.contact], [body.name for body in self.bodies])
+        return pairs if any(len(one.bodies) > 1 for one in self.contact) and pairs.tables else None
 
     @property
     def unbonded(self) -> BodyPairs | None:
-        """Bodies whose method makes no pairs of particles between them; None without any."""
+        """Pairs of bodies between which the method makes no pairs of particles; None if there are none."""
         return self.in_contact
 
     @property
     def bonded(self) -> BodyPairs:
-        """Bodies that bonds join where they touch."""
+        """Pairs of bodies that a bond joins."""
         return bonded_pairs(self)
 
     @property
     def systems(self) -> tuple[SystemOfScene, ...]:
-        """Which method has which bodies."""
+        """The systems: settings of a method with its bodies."""
         return systems_of(self)
 
     @property
     def named_regions(self) -> dict[str, Region]:
-        """Regions by name, also those groups of meshes that are named directly; numbered in this order."""
+        """Regions by name, then groups of meshes that other tables name; regions are numbered in this order."""
         return all_regions(self.regions, [name for _, name in uses_of_regions(self)])
 
     def part(self, system: SystemOfScene) -> "Scene":
-        """The scene of one system: its method, its bodies, and the boundaries and loads that it carries."""
+        """The scene of one system: its method and bodies, and the boundaries and loads that act on it."""
         if self.methods is None and len(system.bodies) == len(self.bodies) and system.settings == self.method:
             return self
         return type(self).model_construct(**(dict(self) | part_of(self, system)))
@@ -149,6 +149,6 @@ class Scene(SceneModel):
         if self.output.fields_times is not None:
             return [time for time in self.output.fields_times if time < self.end_time] + [self.end_time]
         interval = self.output.fields_interval or self.end_time / 20.0
-        # the last interval may be short, but never a rounding error long
+        # no last interval as short as a rounding error
         count = int(np.ceil(self.end_time / interval * (1.0 - 1e-12)))
         return [min(i * interval, self.end_time) for i in range(count)] + [self.end_time]

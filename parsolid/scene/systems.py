@@ -1,4 +1,4 @@
-"""A scene's systems, which method has which bodies and the scene that each of them sees; and the stages of a run."""
+"""Systems of a scene (a method with its bodies), the part of the scene that each of them sees, and stages of a run."""
 
 import re
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Stage(SceneModel):
-    """A part of a run that goes on from the state of the part before it with other settings of the method."""
+    """A later part of a run, with other settings of the method; it starts from the state of the part before it."""
 
     on_restart: ClassVar = {"start": OnRestart.FIXED}
     start: Positive = Field(description="the time [s] at which the stage begins, later than those before it")
@@ -28,12 +28,12 @@ class Stage(SceneModel):
 
 
 def settings_of_stages(scene: "Scene") -> list[Any]:
-    """Those of the scene's method from time 0 on, and those of every stage."""
+    """Settings of the method from time 0 on, and of every stage."""
     return [scene.method, *(scene.method.in_stage(one.method) for one in scene.stages)]
 
 
 def stage_faults(scene: "Scene") -> list[FaultDetail]:
-    """Stages that do not follow one another, and settings that no stage may have."""
+    """Faults of stages: starts that do not rise, and settings that a stage cannot have."""
     if not scene.stages:
         return []
     settings, faults, before = scene.method, list[FaultDetail](), 0.0
@@ -57,7 +57,7 @@ def _faults_of_settings(settings: MethodSettings, stated: dict[str, Any], place:
             ((*place, key), f"one of {known}", Phrase(f"the key {key!r}"), "unknown-key") for key in sorted(unknown)
         ]
     if "integrator" not in stated:
-        return [((*place, "integrator"), "what the stage is, as 'static' or 'leapfrog'", NOTHING, "missing")]
+        return [((*place, "integrator"), "an integrator, such as 'static' or 'leapfrog'", NOTHING, "missing")]
     try:
         settings.in_stage(stated)
     except ValidationError as error:
@@ -65,14 +65,14 @@ def _faults_of_settings(settings: MethodSettings, stated: dict[str, Any], place:
     return []
 
 
-# of the size of a body
+# tolerance on positions, as a share of the size of a body
 _ROUND_OFF = 1e-9
 
 
 class SystemOfScene(NamedTuple):
-    """Settings of a method, and the numbers of its bodies among those of the scene.
+    """Settings of a method, and the indices of its bodies in the scene.
 
-    name: unlike that of any other system of the scene, empty where there is one; place: of the settings in the scene.
+    name: unique in the scene, empty if there is one system; place: location of the settings in the scene
     """
 
     settings: MethodSettings
@@ -82,32 +82,31 @@ class SystemOfScene(NamedTuple):
 
 
 def systems_of(scene: "Scene") -> tuple[SystemOfScene, ...]:
-    """One system a method, and more of a method whose bodies share a field, where some of them must not."""
-    if scene.methods is None:
-        stated: list[Any] = [("", ("method",), scene.method, tuple(range(len(scene.bodies))))]
-    else:
-        # the only one of a scene need not be named
-        own = [body.method or scene.methods[0].name for body in scene.bodies]
-        stated = [
-            (one.name, ("methods", i), one, tuple(k for k, name in enumerate(own) if name == one.name))
+    """One system per method with bodies; several if its bodies share a velocity field and some are in contact."""
+    methods: list[Any] = [("", ("method",), scene.method, tuple(range(len(scene.bodies))))]
+    if scene.methods is not None:
+        # bodies need not name a single method
+        names = [body.method or scene.methods[0].name for body in scene.bodies]
+        methods = [
+            (one.name, ("methods", i), one, tuple(k for k, name in enumerate(names) if name == one.name))
             for i, one in enumerate(scene.methods)
         ]
-    result = []
-    for name, place, settings, bodies in stated:
+    systems = []
+    for name, place, settings, bodies in methods:
         groups = fields_of(scene, bodies) if settings.shared_field else [bodies]
         for number, group in enumerate(groups if bodies else ()):
-            own_name = f"{name or settings.kind}-{number + 1}" if len(groups) > 1 else name
-            result.append(SystemOfScene(settings, group, own_name, place))
-    return tuple(result)
+            system_name = f"{name or settings.kind}-{number + 1}" if len(groups) > 1 else name
+            systems.append(SystemOfScene(settings, group, system_name, place))
+    return tuple(systems)
 
 
 def resolve_defaults(scene: "Scene") -> "Scene":
-    """The scene whose methods and bodies have values of keys that it leaves out, where those depend on each other."""
+    """The scene with defaults of methods and bodies that depend on each other."""
     bodies, methods = list(scene.bodies), list(scene.methods or ())
     changes: dict[str, Any] = {"bodies": bodies}
     for system in systems_of(scene):
         for i in system.bodies:
-            if _wants_cells(system, bodies[i]) and bodies[i].placement is None:
+            if _lacks_cells(system, bodies[i]) and bodies[i].placement is None:
                 bodies[i] = bodies[i].model_copy(update={"placement": "cells"})
         settings = system.settings.with_defaults(system.settings.defaults_for(scene, system.bodies))
         if scene.methods is None:
@@ -119,67 +118,68 @@ def resolve_defaults(scene: "Scene") -> "Scene":
     return scene.model_copy(update=changes)
 
 
-def _wants_cells(system: SystemOfScene, body: Any) -> bool:
-    """Whether a body's lattice is on the corners of cells, and its method takes their middles alone."""
+def _lacks_cells(system: SystemOfScene, body: Any) -> bool:
+    """Whether a lattice has particles on its boundary and the method accepts only particles in cells."""
     return system.settings.in_cells and body.shape.kind != "mesh" and body.placed_on == "vertices"
 
 
 def fields_of(scene: "Scene", bodies: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Bodies in groups, each with a field of its own: each body, with those that bonds name with it, in the first group
-    that has none in contact with them."""
+    """Groups of bodies that share a velocity field: bodies joined by bonds stay together, bodies in contact do not."""
     contact = scene.in_contact
     if contact is None:
         return [bodies]
     groups: list[list[int]] = []
-    # numbers of the contacts of each group
-    taken: list[set[int]] = []
+    # indices of the contacts of each group
+    contacts_of_group: list[set[int]] = []
     for joined in _joined(scene, bodies, contact):
-        met = set().union(*(contact.tables.get(body, set()) for body in joined))
-        home = next((k for k, other in enumerate(taken) if other.isdisjoint(met)), len(groups))
-        if home == len(groups):
+        contacts = set().union(*(contact.tables.get(body, set()) for body in joined))
+        free = (k for k, other in enumerate(contacts_of_group) if other.isdisjoint(contacts))
+        group = next(free, len(groups))
+        if group == len(groups):
             groups.append([])
-            taken.append(set())
-        groups[home] += joined
-        taken[home] |= met
+            contacts_of_group.append(set())
+        groups[group] += joined
+        contacts_of_group[group] |= contacts
     return [tuple(sorted(group)) for group in groups]
 
 
 def _joined(scene: "Scene", bodies: tuple[int, ...], contact: BodyPairs) -> list[list[int]]:
-    """Bodies with all that named bonds join to them, in the order of the first; each alone if some are in contact."""
-    number = {scene.bodies[body].name: body for body in bodies}
-    group = {body: [body] for body in bodies}
-    for one in scene.bond:
-        together = {id(group[number[name]]): group[number[name]] for name in one.bodies if name in number}
-        joined = sorted(body for each in together.values() for body in each)
-        met = [table for body in joined for table in contact.tables.get(body, ())]
-        if len(set(met)) == len(met):
-            group |= dict.fromkeys(joined, joined)
-    return list({id(each): each for each in group.values()}.values())
+    """Groups of bodies that bonds join, in the order of their first bodies; bodies in contact are not joined."""
+    index = {scene.bodies[body].name: body for body in bodies}
+    group_of = {body: [body] for body in bodies}
+    for bond in scene.bond:
+        groups = {id(group_of[index[name]]): group_of[index[name]] for name in bond.bodies if name in index}
+        joined = sorted(body for group in groups.values() for body in group)
+        contacts = [table for body in joined for table in contact.tables.get(body, ())]
+        if len(set(contacts)) == len(contacts):
+            group_of |= dict.fromkeys(joined, joined)
+    return list({id(group): group for group in group_of.values()}.values())
 
 
 def part_of(scene: "Scene", system: SystemOfScene) -> dict[str, Any]:
-    """The tables that one system's scene has otherwise: its method and bodies, the boundaries and loads it carries."""
+    """The tables in which the scene of one system differs from the whole scene."""
     loads = scene.loads
     if loads.heat_source is not None and "heat_source" not in system.settings.loads:
         loads = loads.model_copy(update={"heat_source": None})
-    carried = [scene.boundaries[number] for number in boundaries_of(scene, system)]
-    # that of the only body is one of all, as conditions on a grid's nodes are
-    alone = system.settings.shared_field and len(system.bodies) == 1
+    boundaries = [scene.boundaries[number] for number in boundaries_of(scene, system)]
+    if system.settings.shared_field and len(system.bodies) == 1:
+        # conditions on nodes of a grid hold for all bodies of the system
+        boundaries = [one.model_copy(update={"body": None}) if one.body else one for one in boundaries]
     return {
         "method": system.settings.model_copy(update={"name": None}),
         "methods": None,
         "bodies": [scene.bodies[number] for number in system.bodies],
-        "boundaries": [one.model_copy(update={"body": None}) if alone and one.body else one for one in carried],
+        "boundaries": boundaries,
         "regions": list(scene.named_regions.values()),
         "loads": loads,
     }
 
 
 def boundaries_of(scene: "Scene", system: SystemOfScene) -> list[int]:
-    """Numbers of the boundaries that a system carries: of kinds that it knows, and in whose region it has a body.
+    """Indices of the boundaries that act on a system.
 
-    A boundary for any body holds those that are in its region at the start; what is no matter of particles, a wall or a
-    temperature of a plane, is for every system that knows it.
+    A boundary that names a body acts on its system. Others act on systems that accept their kind and have a body in
+    their region at the start; those that are not on particles (walls, temperatures of planes) need no body there.
     """
     names, result = {scene.bodies[number].name for number in system.bodies}, []
     for number, boundary in enumerate(scene.boundaries):
@@ -194,39 +194,38 @@ def boundaries_of(scene: "Scene", system: SystemOfScene) -> list[int]:
 
 
 def methods_of_boundaries(scene: "Scene") -> list[list[MethodSettings]]:
-    """Settings of the methods that carry each boundary of a scene."""
-    every = range(len(scene.boundaries))
-    alone = len(scene.systems) == 1
-    carried = [(system.settings, every if alone else boundaries_of(scene, system)) for system in scene.systems]
-    return [
-        [settings for settings, numbers in carried if number in numbers and one.kind in settings.boundaries]
-        for number, one in enumerate(scene.boundaries)
-    ]
+    """For each boundary of a scene, the settings of the methods that it acts on."""
+    result: list[list[MethodSettings]] = [[] for _ in scene.boundaries]
+    for system in scene.systems:
+        numbers = range(len(scene.boundaries)) if len(scene.systems) == 1 else boundaries_of(scene, system)
+        for number in numbers:
+            if scene.boundaries[number].kind in system.settings.boundaries:
+                result[number].append(system.settings)
+    return result
 
 
 def meets(scene: "Scene", boundary: Any, number: int) -> bool:
-    """Whether a body may be in a boundary's region at the start; a mesh, which is not read for this, always may."""
+    """Whether a body may be in a boundary's region at the start; always true for meshes, which are not read here."""
     body = scene.bodies[number]
     if body.shape.kind == "mesh":
         return True
     lower, upper, _ = body.extent()
     slack = _ROUND_OFF * float(abs(upper - lower).max() + abs(upper).max())
-    met: bool = boundary.region.meets(lower, upper, slack)
-    return met
+    return bool(boundary.region.meets(lower, upper, slack))
 
 
 def faults_of_systems(scene: "Scene") -> list[Detail]:
-    """What methods cannot make of the tables of their bodies, and what of a scene is for no method."""
+    """Faults between methods and the tables of their bodies, and tables of a scene that no method uses."""
     systems = scene.systems
     details: list[Detail] = []
-    # fields of probes and of the output that some methods refuse: faults where no method knows them
+    # fields of probes and of the output that some methods do not know: faults if no method knows them
     doubted: dict[tuple[str | int, ...], list[Detail]] = {}
     for system in systems:
         part = scene.part(system)
         refused = system.settings.contact_refused(part) if _touching(scene, system) else None
         if refused is not None:
             details.append((("contact",), f"no such table {refused}", _touching(scene, system)))
-        on_corners = [i for i in system.bodies if _wants_cells(system, scene.bodies[i])]
+        on_corners = [i for i in system.bodies if _lacks_cells(system, scene.bodies[i])]
         details += [(("bodies", i, "placement"), "'cells' with this method", "vertices") for i in on_corners]
         for place, expected, found in system.settings.scene_faults(part):
             if place[0] in ("probes", "output"):
@@ -239,7 +238,7 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
         if len(faults) >= sum(name in one.field_kinds(scene.dimension) | one.extra_quantities for one in settings):
             details.append(faults[0])
     details += _uncarried(scene, systems) if len(systems) > 1 else []
-    # methods that no body has, and one per radian of an axis beside one per metre of thickness
+    # methods without bodies, and axisymmetric methods beside others
     methods = scene.methods or ()
     used = {body.method for body in scene.bodies}
     for i, one in enumerate(methods):
@@ -253,13 +252,13 @@ def faults_of_systems(scene: "Scene") -> list[Detail]:
 
 
 def _touching(scene: "Scene", system: SystemOfScene) -> list[str]:
-    """The bodies of the first contact that one of a system's is in."""
-    own = {scene.bodies[number].name for number in system.bodies}
-    return next((one.bodies for one in scene.contact if own.intersection(one.bodies)), [])
+    """The names in the first contact of a body of the system; empty without a contact."""
+    names = {scene.bodies[number].name for number in system.bodies}
+    return next((contact.bodies for contact in scene.contact if names.intersection(contact.bodies)), [])
 
 
 def _in_scene(scene: "Scene", system: SystemOfScene, place: tuple[str | int, ...]) -> tuple[str | int, ...]:
-    """A place in a system's scene as one in the whole scene."""
+    """A location in the scene of a system as a location in the whole scene."""
     if scene.part(system) is scene:
         return place
     if place[0] == "method":
@@ -272,7 +271,7 @@ def _in_scene(scene: "Scene", system: SystemOfScene, place: tuple[str | int, ...
 
 
 def qualify_keys(scene: "Scene", system: SystemOfScene, text: str) -> str:
-    """A message about a system's scene with the keys of the whole scene."""
+    """A message about the scene of a system with the keys of the whole scene."""
     if len(scene.systems) == 1 and scene.methods is None:
         return text
 
@@ -284,13 +283,14 @@ def qualify_keys(scene: "Scene", system: SystemOfScene, text: str) -> str:
 
 
 def _uncarried(scene: "Scene", systems: tuple[SystemOfScene, ...]) -> list[Detail]:
-    """Boundaries for any body in whose region are bodies of methods that do not know them, and nearest particles."""
+    """Faults of boundaries without a body in a scene of several methods: bodies in their region whose method does not
+    accept them, and points, which need a body."""
     details: list[Detail] = []
     for i, boundary in enumerate(scene.boundaries):
         if boundary.body is not None or not boundary.on_particles:
             continue
         if getattr(boundary, "point", None) is not None:
-            details.append((("boundaries", i, "body"), "a name, where a point is of one of several methods", NOTHING))
+            details.append((("boundaries", i, "body"), "a name, because a scene has several methods", NOTHING))
         for system in systems:
             here = [body for body in system.bodies if meets(scene, boundary, body)]
             if here and boundary.kind not in system.settings.boundaries:
@@ -302,20 +302,20 @@ def _uncarried(scene: "Scene", systems: tuple[SystemOfScene, ...]) -> list[Detai
 
 
 def notes_of(scene: "Scene") -> list[Note]:
-    """What bodies of several systems do not take part in, in words."""
+    """Notes on bodies that pass through walls, because their method has none."""
     systems, notes = scene.systems, list[Note]()
     for i, boundary in enumerate(scene.boundaries if len(systems) > 1 else ()):
         without = [one for one in systems if boundary.kind not in one.settings.boundaries]
-        # what has no temperature needs to know none
         if boundary.kind == "wall" and without:
             names = ", ".join(f"bodies.{body}" for one in without for body in one.bodies)
-            text = f"boundaries.{i}: {names} know nothing of this {boundary.kind}, as their methods have none"
+            text = f"boundaries.{i}: this wall does not act on {names}, because their methods have no walls"
             notes.append(Note("boundary-without-effect", text))
     return notes
 
 
 def _substep_faults(scene: "Scene") -> list[Detail]:
-    """Of one system alone; of solvers of equilibrium, or that break bonds; where all take several."""
+    """Faults of `substeps` and of `balance = "measured"`: in a scene of one system, of methods that cannot take
+    substeps, and if all systems take several."""
     systems = scene.systems
     stated = [system for system in systems if system.settings.substeps not in (None, 1)]
     details: list[Detail] = []
