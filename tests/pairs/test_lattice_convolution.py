@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from solids import simulation, tables
 
+from parsolid.methods.peridynamics import sweeps
 from parsolid.pairs import lattice_convolution
 
 ELASTIC = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
@@ -27,6 +28,7 @@ def scene(particles, method, **keys):
 @pytest.fixture(autouse=True)
 def any_size(monkeypatch):
     monkeypatch.setattr(lattice_convolution, "_FEWEST", 1)
+    monkeypatch.setattr(sweeps, "_MOST_BROKEN", 1.0)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -59,27 +61,35 @@ def test_what_moves_as_one_has_no_force_at_all():
     [
         ({}, {"body": {"jitter": 0.1}}),
         ({"influence": "linear"}, {}),
-        ({"pre_cracks": [{"plane": "X = 0.5"}]}, {}),
     ],
-    ids=["irregular", "weights that vary", "a crack"],
+    ids=["irregular", "weights that vary"],
 )
 def test_lists_stay_where_sums_are_not_those_of_a_lattice(method, keys):
     assert simulation(scene(SPACE, method, **keys)).systems[0].pairs.lattice is None
 
 
-def test_the_first_bonds_that_break_bring_the_lists_back():
-    system = simulation(scene(SPACE, {"damage": {"critical_stretch": 0.1}})).systems[0]
-    assert system.pairs.lattice is not None
+@pytest.mark.parametrize("mirror", [False, True])
+def test_bonds_that_are_broken_are_left_out_of_the_lattice(comm, mirror):
+    """Those of a crack from the start, those that break, and both after a restart."""
+    method = {"damage": {"critical_stretch": 0.1}, "pre_cracks": [{"plane": "Y = 0.2"}]}
+    data = scene(SPACE, method, **({"boundaries": [{"kind": "roller", "plane": "Y = 0"}]} if mirror else {}))
+    system = simulation(data, comm).systems[0]
     x = system.particles.owned_rows("reference_position")[:, 0]
-    system.displacement[:, 0] = np.where(x > 0.5 * x.max(), 0.03, 0.0)
+    system.displacement[:] = 0.001 * np.sin(40.0 * system.particles.owned_rows("reference_position"))
+    system.displacement[:, 0] += np.where(x > 0.3, 0.03, 0.0)
     system.forces.internal_force(0.0)
-    system.fracture.look()
-    assert system.fracture.found
+    cut = comm.allreduce(system.fracture.damage.broken_count())
+    assert system.fracture.ranks_find() and cut > 0.0
     system.fracture.break_bonds(SimpleNamespace(add_term=lambda name, energy: None))
-    corrected = system.forces.force.copy()
-    assert system.pairs.lattice is None and system.fracture.broken_bonds() > 0.0
-    evaluated = system.forces.internal_force(0.0)
-    assert np.allclose(corrected, evaluated, rtol=0.0, atol=1e-11 * np.abs(evaluated).max())
+    assert comm.allreduce(system.fracture.broken_bonds()) > 0.0
+    bonds, found = system.pairs, [system.forces.force.copy(), system.forces.internal_force(0.0).copy()]
+    system.fracture.damage.pack()
+    system.fracture.damage.unpack()
+    assert bonds.lattice is not None
+    assert np.array_equal(system.forces.internal_force(0.0), found[1])
+    bonds.lattice = None
+    expected = system.forces.internal_force(0.0)
+    assert np.allclose(found, expected, rtol=0.0, atol=1e-11 * comm.allreduce(np.abs(expected).max()))
 
 
 @pytest.mark.parametrize("relaxes", [True, False])

@@ -62,6 +62,9 @@ class BondedBody:
     def fill(self, name, first, last) -> None:
         """The motion is set by `displace`."""
 
+    def leave_out_broken(self) -> None:
+        """There is no lattice."""
+
     def motion_of(self, name) -> np.ndarray:
         """Rows of X and u."""
         return self.motion

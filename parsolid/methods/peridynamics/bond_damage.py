@@ -11,7 +11,7 @@ import numpy as np
 
 from parsolid.collective import maximum
 from parsolid.kernels import kernel
-from parsolid.methods.peridynamics.sweeps import Lists, part_of
+from parsolid.methods.peridynamics.sweeps import BondList, Lists
 from parsolid.methods.protocol import BrokenPairs
 from parsolid.particles.declaration import Field, Rows
 
@@ -45,11 +45,9 @@ class BondDamage:
 
         self.bonds, self.particles, self.comm, self.owned = bonds, bonds.particles, bonds.comm, bonds.owned
         inner, shape = bonds.lists[0][0], (self.owned, self.owned)
-        # in a type of as few bytes as will do
-        numbers = np.arange(len(inner.weight), dtype=np.min_scalar_type(-len(inner.weight) - 1))
-        seconds = csr_array((numbers, inner.neighbour, inner.start), shape).tocsc()
-        # row starts (owned + 1,), and the bonds of which a particle is the second end
-        self._seconds = seconds.indptr, seconds.data
+        seconds = csr_array((np.ones(len(inner.weight), bool), inner.neighbour, inner.start), shape).tocsc()
+        # row starts (owned + 1,), and the particles that are first ends of bonds of which a particle is the second
+        self._seconds = seconds.indptr, seconds.indices
         self.least_determinant, self.largest_damage = least_determinant, largest_damage
         body = self.particles.owned_rows("body")
         largest = np.zeros(maximum(self.comm, int(body.max(initial=0))) + 1)
@@ -105,11 +103,12 @@ class BondDamage:
     def near(self, particles: np.ndarray) -> Lists:
         """The lists with all bonds that some owned particles have now: those with ghosts and images, which are few,
         are whole."""
-        lists, (starts, seconds) = self.bonds.lists, self._seconds
-        start = lists[0][0].start
-        found = np.unique(np.concatenate((in_rows(start, particles), seconds[in_rows(starts, particles)])))
-        rows = np.column_stack((np.searchsorted(start, found, "right") - 1, found))
-        return [part_of(lists[0], rows), *lists[1:]]
+        lists, (start, _) = self.bonds.lists, self._seconds
+        inner, room = lists[0][0], np.zeros((2, self.owned), bool)
+        most = sum(int((starts[particles + 1] - starts[particles]).sum()) for starts in (inner.start, start))
+        near = BondList(np.zeros_like(inner.start), np.empty(most, inner.neighbour.dtype), np.empty(most))
+        copy_near(inner, *self._seconds, particles, *room, near)
+        return [(near, None, True), *lists[1:]]
 
     def cut(self, failing: Failing) -> Lists:
         """Break bonds, let particles fail by it, and bring the shape tensors up to date; what `near` gives then."""
@@ -119,8 +118,7 @@ class BondDamage:
 
     def _refresh(self, particles: np.ndarray) -> Lists:
         """What follows from the bonds of some owned particles, and the lists near them."""
-        if len(particles):
-            self.bonds.lattice = None
+        self.bonds.leave_out_broken()
         chosen = np.zeros(self.owned, bool)
         chosen[particles] = True
         near = self.near(particles)
@@ -229,17 +227,32 @@ class BondDamage:
         return start, np.concatenate(sources)[order]
 
 
-def in_rows(start: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The entries (m,) that are in some rows, of row starts (n + 1,)."""
-    count = start[rows + 1] - start[rows]
-    return np.arange(count.sum()) + np.repeat(start[rows + 1] - np.cumsum(count), count)
-
-
 def places_of_bits(start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Row, word and bit (m,) of each neighbour, of row starts (n + 1,)."""
     row = np.repeat(np.arange(len(start) - 1), np.diff(start))
     number = np.arange(start[-1]) - start[row]
     return row, number // _BITS, number % _BITS
+
+
+@kernel
+def copy_near(bonds, second_start, seconds, particles, chosen, looked_at, near):
+    """Copy the bonds of some particles to a list with room for them.
+
+    second_start, seconds: rows of the first ends of the bonds that have a particle as their second; chosen, looked_at
+    (owned,) bool: room, False.
+    """
+    for a in particles:
+        chosen[a] = looked_at[a] = True
+        for k in range(second_start[a], second_start[a + 1]):
+            looked_at[seconds[k]] = True
+    count = 0
+    for a in range(looked_at.size):
+        if looked_at[a]:
+            for k in range(bonds.start[a], bonds.start[a + 1]):
+                if chosen[a] or chosen[bonds.neighbour[k]]:
+                    near.neighbour[count], near.weight[count] = bonds.neighbour[k], bonds.weight[k]
+                    count += 1
+        near.start[a + 1] = count
 
 
 @kernel

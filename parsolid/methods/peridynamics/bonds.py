@@ -118,7 +118,7 @@ class Bonds(BondSweeps):
 
     def arrays(self) -> list[np.ndarray]:
         """What counts as memory besides the particles."""
-        kept = [array for bonds, images, _ in self.lists for array in (*bonds, *(images or ()))]
+        kept = [array for bonds, images, _ in (*self.lists, *self.missing) for array in (*bonds, *(images or ()))]
         return [*kept, self.sums, *self.motion.values(), *(self.lattice.arrays() if self.lattice else ())]
 
     # --- shape tensors ----------------------------------------------------------------------------------------

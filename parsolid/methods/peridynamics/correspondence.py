@@ -36,13 +36,13 @@ from parsolid.methods.peridynamics.sweeps import (
     matmul_in,
     store_rows,
 )
-from parsolid.methods.peridynamics.tensor_histories import TensorHistories
+from parsolid.methods.peridynamics.tensor_histories import TensorHistories, rows_between
 from parsolid.pairs.lattice_convolution import aligned_zeros, lattice_convolution
 from parsolid.particles.declaration import Columns, Field, Rows
 from parsolid.particles.law_values import rows_of_laws
 from parsolid.tensors import combine, general, symmetric_part
 
-# chosen (owned,) particles, and lists with all of their bonds
+# some owned particles (k,), ascending, and lists with all of their bonds
 Near = tuple[np.ndarray, Lists]
 # sigma = 0: a law that leaves the control of zero-energy modes alone
 NO_STRESS = LinearSolid(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0)
@@ -69,6 +69,7 @@ class BondForces:
         self.owned, self.plane = bonds.owned, True if bonds.d == 2 else None
         self.d = self.particles.fields["displacement"].components
         self.laws = [(block.first, block.last, block.law) for block in blocks]
+        self.every = np.arange(self.owned)
         self.evaluations, self.rows = 0, aligned_zeros(self.owned, 4)
         self.projected = np.flatnonzero(fixed.any(axis=1))
         # factors of rows of M that leave (M + Q M R)/2, Q = -1, of particles on fixed planes
@@ -162,9 +163,8 @@ class CorrespondenceForces(BondForces):
         scale, viscous = scales
         self.controls = [None] * len(self.memories) if scale is None else self._controls(scale)
         self.damping = None if viscous is None else self._control_rows("damping", viscous)
-        # while no bond is broken sums over a lattice do without the lists; they know one control
-        single = len(self.memories) == 1 and (scale is None or viscous is None)
-        if not settings.pre_cracks and single:
+        # sums over a lattice know one control
+        if len(self.memories) == 1 and (scale is None or viscous is None):
             bonds.lattice = lattice_convolution(bonds)
 
     def _controls(self, scale: np.ndarray) -> list[np.ndarray]:
@@ -253,17 +253,18 @@ class CorrespondenceForces(BondForces):
     ) -> np.ndarray:
         """Fill force (owned, 4) [N] with that of a field by linear laws, of which None has no stress, and a control.
 
-        near: chosen (owned,) particles, and lists with all of their bonds. The force is then what these bonds and the
-        M of these particles give, which is what changes when they lose some.
+        With `near` the force is what the bonds and the M of some particles give, which is what changes when they lose
+        some.
         """
-        chosen, lists = near or (None, None)
+        chosen, lists = near or (self.every, None)
         sums, M = self.bonds.gradients(field, message, lists), self.particles.storage("bond_stress")
-        if len(self.memories) > 1 or chosen is not None:
+        if len(self.memories) > 1 or near is not None:
             M[: self.owned] = 0.0
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
         for first, last, law in laws:
             law = NO_STRESS if law is None else linear_solid(law)
-            store_linear_stresses(self.plane, first, last, law, inverse, volume, control, sums, chosen, M)
+            rows = rows_between(chosen, first, last)
+            store_linear_stresses(self.plane, rows, law, inverse, volume, control, sums, M)
         return self.divergence(field, control, force, lists)
 
     def commit(self, step: float) -> float:
@@ -315,24 +316,39 @@ class CorrespondenceForces(BondForces):
     def break_bonds(self, damage: BondDamage, failing: Failing | None) -> float:
         """Break bonds in the settled state, None where this rank has none that fail; the energy [J] released.
 
-        Collective. What is linear changes near these bonds alone; tensors take what has changed in the gradients as a
-        jump.
+        Collective. Forces change near these bonds alone; tensors take what has changed in the gradients as a jump.
+        Where bodies flow, all particles are evaluated anew.
         """
-        released, chosen = sum(one.stored for one in self.histories), np.zeros(self.owned, bool)
+        released, local = sum(one.stored for one in self.histories), self.plastic is None
         particles = np.zeros(0, np.int64) if failing is None else failing.particles
-        chosen[particles] = True
-        near = damage.near(particles)
-        before = self._parts_near((chosen, near))
-        after = self._parts_near((chosen, near if failing is None else damage.cut(failing)))
+        near = particles, damage.near(particles)
+        before, pulled = self._parts_near(near), self._pull_of_tensors(near, -1.0) if local else None
+        near = particles, near[1] if failing is None else damage.cut(failing)
+        after = self._parts_near(near)
         for memory, old, new in zip(self.memories, before, after):
             change = new - old
             released -= memory.energy_of(change[: self.d], change[self.d :], self.share)
             self.force[:] += memory.add_to_parts(change).T
-        if self.histories:
+        if pulled is not None:
+            self.force[:] += self._pull_of_tensors(near, 1.0) - pulled
+        elif self.histories:
             self._evaluate(0.0)
             for one in self.histories:
                 one.commit(0.0, self.bonds.sums)
         return float(released - sum(one.stored for one in self.histories))
+
+    def _pull_of_tensors(self, near: Near, sign: float) -> np.ndarray | None:
+        """What bonds near some particles give of the force (owned, d) [N] of tensors, None without any; the energy that
+        tensors store there goes to their sum with a sign."""
+        if self.tensors is None:
+            return None
+        (particles, lists), stored = near, self.tensors.stored
+        sums, M = self.bonds.gradients("displacement", None, lists), self.particles.storage("bond_stress")
+        M[: self.owned] = 0.0
+        self.tensors.store_stresses(0.0, sums, M, particles)
+        self.tensors.commit(0.0, sums, particles)
+        self.tensors.stored = stored + sign * self.tensors.stored
+        return self.divergence("displacement", None, self.rows, lists)[:, : self.d].copy()
 
     def _parts_near(self, near: Near) -> list[np.ndarray]:
         """What bonds near some particles give of each part of the memories."""
@@ -412,12 +428,9 @@ def pushed_forward(P: np.ndarray, F: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def store_linear_stresses(plane, first, last, law, inverse, volume, control, sums, chosen, M):
-    """M = sigma K^-1 - C G of particles first..last-1 from the sums of the gradient of f; control: rows of C or
-    None; chosen (owned,): of which alone, or None."""
-    for a in range(first, last):
-        if chosen is not None and not chosen[a]:
-            continue
+def store_linear_stresses(plane, rows, law, inverse, volume, control, sums, M):
+    """M = sigma K^-1 - C G of some particles from the sums of the gradient of f; control: rows of C or None."""
+    for a in rows:
         G = gradient_at(plane, sums, inverse, volume, a)
         e = symmetric_part(G)
         S = matmul_in(plane, general(linear_stress(law, e, e)), inverse_at(inverse, a))

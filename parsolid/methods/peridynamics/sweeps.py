@@ -29,6 +29,8 @@ from parsolid.tensors import general, matmul
 
 # numbers in the row of a matrix
 MATRIX_ROW = {2: 4, 3: 12}
+# share of broken bonds up to which sums over a lattice are corrected
+_MOST_BROKEN = 0.3
 
 
 class BondList(NamedTuple):
@@ -114,6 +116,8 @@ def add_gradients_in_space(bonds, images, mutual, motion, sums):
     """Add sum_b w_ab (f_b - f_a) (x) xi to sums; mutual: see `BondSweeps.lists`."""
     start, neighbour, weight = bonds.start, bonds.neighbour, bonds.weight
     for a in range(start.size - 1):
+        if start[a] == start[a + 1]:
+            continue
         X, f = load_row(motion, a, 0), load_row(motion, a, 4)
         s0, s1, s2 = load_row(sums, a, 0), load_row(sums, a, 4), load_row(sums, a, 8)
         for k in range(start[a], start[a + 1]):
@@ -138,6 +142,8 @@ def add_gradients_in_space(bonds, images, mutual, motion, sums):
 def add_gradients_in_plane(bonds, images, mutual, motion, sums):
     """As `add_gradients_in_space`."""
     for a in range(bonds.start.shape[0] - 1):
+        if bonds.start[a] == bonds.start[a + 1]:
+            continue
         own, s = load_row(motion, a, 0), load_row(sums, a, 0)
         for k in range(bonds.start[a], bonds.start[a + 1]):
             b = bonds.neighbour[k]
@@ -159,6 +165,8 @@ def add_forces_in_space(bonds, images, mutual, motion, M, C, force):
     """Add the forces of the bonds [N]; C None: without control; mutual: see `BondSweeps.lists`."""
     start, neighbour, weight = bonds.start, bonds.neighbour, bonds.weight
     for a in range(start.size - 1):
+        if start[a] == start[a + 1]:
+            continue
         X, f, total = load_row(motion, a, 0), load_row(motion, a, 4), load_row(force, a, 0)
         M0, M1, M2 = load_row(M, a, 0), load_row(M, a, 4), load_row(M, a, 8)
         if C is not None:
@@ -192,6 +200,8 @@ def add_forces_in_space(bonds, images, mutual, motion, M, C, force):
 def add_forces_in_plane(bonds, images, mutual, motion, M, C, force):
     """As `add_forces_in_space`; forces are (f0 + f2, f1 + f3) of their rows, see `fold_rows`."""
     for a in range(bonds.start.shape[0] - 1):
+        if bonds.start[a] == bonds.start[a + 1]:
+            continue
         own, M_a, total = load_row(motion, a, 0), load_row(M, a, 0), load_row(force, a, 0)
         if C is not None:
             C_a = load_row(C, a, 0)
@@ -243,15 +253,16 @@ class BondSweeps:
     """The two sweeps over a rank's bonds with the messages that they need; `bonds.Bonds` makes the lists.
 
     inner: bonds of owned particles, each once; rim: those with ghosts; mirror: those with the images of particles and
-    ghosts; positions (n, d) [m]; lattice: a convolution that has the same sums without the lists while all bonds are
-    whole, or None; motion: rows
-    of X and of a field, by its name; sums (owned, 12 or 4): of the last gradient.
+    ghosts; positions (n, d) [m]; lattice: a convolution that has the sums of all bonds, whole or broken, without the
+    lists, or None; missing: the broken ones with minus their whole weights, which its sums are corrected by; motion:
+    rows of X and of a field, by its name; sums (owned, 12 or 4): of the last gradient.
     """
 
     particles: Any
     owned: int
     d: int
     positions: np.ndarray
+    volume: np.ndarray
     inner: BondList
     rim: BondList | None = None
     mirror: BondList | None = None
@@ -264,6 +275,7 @@ class BondSweeps:
         self._add_gradients = add_gradients_in_space if space else add_gradients_in_plane
         self._add_forces = add_forces_in_space if space else add_forces_in_plane
         self.motion: dict[str, np.ndarray] = {}
+        self.missing: Lists = []
         self.sums = aligned_zeros(self.owned, MATRIX_ROW[self.d])
 
     @property
@@ -299,8 +311,7 @@ class BondSweeps:
         self.fill(name, owned, local)
         if lattice is not None:
             lattice.gradients(motion, self.sums)
-            return self.sums
-        for bonds, images, mutual in lists[1:]:
+        for bonds, images, mutual in lists[1:] if lattice is None else self.missing:
             self._add_gradients(bonds, images, mutual, motion, self.sums)
         return self.sums
 
@@ -319,12 +330,26 @@ class BondSweeps:
         self.particles.receive("record")
         if lattice is not None:
             lattice.forces(motion, M, control, force)
-            return force
-        for bonds, images, mutual in lists[1:]:
+        for bonds, images, mutual in lists[1:] if lattice is None else self.missing:
             self._add_forces(bonds, images, mutual, motion, M, control, force)
         if self.d == 2:
             fold_rows(force)
         return force
+
+    def leave_out_broken(self) -> None:
+        """Let sums over the lattice do without the bonds that are broken; where they are many, lists are as fast."""
+        if self.lattice is None:
+            return
+        broken = [np.flatnonzero(bonds.weight == 0.0) for bonds, _, _ in self.lists]
+        if sum(map(len, broken)) > _MOST_BROKEN * sum(len(bonds.weight) for bonds, _, _ in self.lists):
+            self.lattice, self.missing = None, []
+            return
+        self.missing = []
+        for one, at in zip(self.lists, broken):
+            row = np.searchsorted(one[0].start, at, "right") - 1
+            part, images, mutual = part_of(one, np.column_stack((row, at)))
+            weight = -self.volume[row] * self.volume[part.neighbour]
+            self.missing.append((part._replace(weight=weight), images, mutual))
 
 
 # --- a particle's tensors, from rows of the sweeps and to them -----------------------------------------------------

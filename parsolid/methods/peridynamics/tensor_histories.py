@@ -40,6 +40,7 @@ class TensorHistories:
         self._rows_of_values = rows_of_values
         self.bonds, self.particles, self.plane = bonds, bonds.particles, True if bonds.d == 2 else None
         self.laws = laws
+        self.every = np.arange(bonds.owned)
         self.tributary_volume = bonds.volume[: bonds.owned] * share
         self.stored, self.softened, self.sound, self.growth = 0.0, 0.0, True, 1.0
         columns = Field("tensor_history", 6 * (1 + terms), "1", checkpointed=True, mirror="tensor", layout=Columns())
@@ -57,20 +58,22 @@ class TensorHistories:
         """What a law has of each particle, see `flat_values`."""
         return flat_values(self.particles, self._rows_of_values.get(law))
 
-    def store_stresses(self, step: float, sums: np.ndarray, M: np.ndarray) -> None:
-        """M = P K^-1 of all particles after a step [s], from the sums of the gradient of u."""
+    def store_stresses(self, step: float, sums: np.ndarray, M: np.ndarray, chosen: np.ndarray | None = None) -> None:
+        """M = P K^-1 after a step [s] of chosen (k,) particles or all, from the sums of the gradient of u."""
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
+        chosen = self.every if chosen is None else chosen
         for first, last, law in self.laws:
-            given = first, last, kernel_law(law), self._values(law), step_weights(law, step)
+            given = rows_between(chosen, first, last), kernel_law(law), self._values(law), step_weights(law, step)
             store_stresses(self.plane, *given, inverse, volume, self.history, sums, M)
 
-    def commit(self, step: float, sums: np.ndarray) -> float:
-        """Take all histories through a step [s] to the displacement whose gradient has these sums; the energy
-        dissipated [J]."""
+    def commit(self, step: float, sums: np.ndarray, chosen: np.ndarray | None = None) -> float:
+        """Take the histories of chosen (k,) particles or all through a step [s] to the displacement whose gradient has
+        these sums; the energy dissipated [J]. What is told of states is then that of these particles."""
+        chosen = self.every if chosen is None else chosen
         self.stored, lost, self.softened, self.sound, self.growth = 0.0, 0.0, 0.0, True, 1.0
         inverse, volume = self.particles.storage("inverse_shape"), self.bonds.volume
         for first, last, law in self.laws:
-            given = first, last, kernel_law(law), self._values(law), step_weights(law, step)
+            given = rows_between(chosen, first, last), kernel_law(law), self._values(law), step_weights(law, step)
             stored, loss, softened, sound, waves = commit_histories(
                 self.plane, *given, inverse, volume, self.tributary_volume, self.history, sums
             )
@@ -101,6 +104,12 @@ class TensorHistories:
             nominal_stresses(self.plane, *given, inverse, volume, self.history, sums, result)
 
 
+def rows_between(particles: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Of ascending particles (k,) those in first .. last - 1."""
+    begin, end = np.searchsorted(particles, (first, last))
+    return particles[begin:end]
+
+
 # without contraction, so that stresses before and after a restart have the same bits: one of these kernels stores the
 # histories, and others read them
 @exact
@@ -113,24 +122,24 @@ def law_after_step(law, values, a, G):
 
 
 @exact
-def store_stresses(plane, first, last, law, values, weights, inverse, volume, history, sums, M):
-    """M = P K^-1 of particles first..last-1 after a step with the weights of `step_weights`."""
-    for a in range(first, last):
+def store_stresses(plane, rows, law, values, weights, inverse, volume, history, sums, M):
+    """M = P K^-1 of some particles after a step with the weights of `step_weights`."""
+    for a in rows:
         G = gradient_at(plane, sums, inverse, volume, a)
         P = stress_after(law_after_step(law, values, a, G), weights, history, a, G)
         store_rows(plane, M, a, matmul_in(plane, P, inverse_at(inverse, a)))
 
 
 @exact
-def commit_histories(plane, first, last, law, values, weights, inverse, volume, tributary_volume, history, sums):
-    """Take histories of particles first..last-1 through a step.
+def commit_histories(plane, rows, law, values, weights, inverse, volume, tributary_volume, history, sums):
+    """Take histories of some particles through a step.
 
     tributary_volume (owned,) [m^3]: on this side of mirror planes. Returns (stored energy after it, dissipated over it
     in branches and by state variables [J], are all Jacobians positive, the bound of rho c^2 [Pa] of waves to come: that
     after the step times (J_old/J)^4 where a particle has shrunk, for what shrinks goes on shrinking).
     """
     stored, lost, softened, sound, largest = 0.0, 0.0, 0.0, True, 0.0
-    for a in range(first, last):
+    for a in rows:
         G = gradient_at(plane, sums, inverse, volume, a)
         here = law_after_step(law, values, a, G)
         if values is not None:
