@@ -4,6 +4,7 @@ import numpy as np
 
 from parsolid.boundary.forces import DistributedLoad, Rows
 from parsolid.particles.container import Particles
+from parsolid.particles.generated import cell_widths
 from parsolid.scene.boundaries import HeatFlux
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.load_histories import LoadHistory
@@ -33,7 +34,7 @@ class HeatSupply:
         particles, axis = self.particles, flux.plane.axis
         of, name = particles.owned_rows, "area_across" if "area_across" in particles else "area"
         beyond = flux.plane.offset - of("reference_position")[:, axis]
-        here = (np.abs(beyond) <= _REACH * of("spacing")[:, axis]) & (of(name)[:, axis] * beyond > 0.0)
+        here = (np.abs(beyond) <= _REACH * cell_widths(particles)[:, axis]) & (of(name)[:, axis] * beyond > 0.0)
         if body is not None:
             here &= of("body") == body
 

@@ -6,6 +6,7 @@ from mpi4py import MPI
 from parsolid.boundary.loads import Loads
 from parsolid.boundary.reactions import Reaction
 from parsolid.collective import raise_together
+from parsolid.particles.generated import cell_widths
 from parsolid.scene.boundaries import Wall
 
 # of a spacing: a particle in the middle of a cell on the wall touches it
@@ -45,13 +46,13 @@ class Walls:
         self.all = [RigidWall(wall, conditions.dimension) for _, wall in walls]
         for (key, wall), rigid in zip(walls, self.all):
             rigid.reaction = conditions.reaction_of(wall)
-            beyond = self._gap(rigid, 0.0) < -_TOUCHING * particles.owned_rows("spacing")[:, rigid.axis]
+            beyond = self._gap(rigid, 0.0) < -_TOUCHING * cell_widths(particles)[:, rigid.axis]
             fault = f"{key}: expected all bodies {wall.side} the wall, found particles that it cuts"
             raise_together(comm, fault if beyond.any() else None)
 
     def _gap(self, wall: RigidWall, time: float) -> np.ndarray:
         """From a wall to the faces of the particles' cells (n,) [m]."""
-        half = 0.5 * self.particles.owned_rows("spacing")[:, wall.axis]
+        half = 0.5 * cell_widths(self.particles)[:, wall.axis]
         return wall.distance(self.particles.owned_rows("position")[:, wall.axis], time) - half
 
     def catch(
@@ -73,7 +74,7 @@ class Walls:
         force, damping, loads = acting
         energies = np.zeros(4)
         for wall in self.all:
-            reach = _TOUCHING * self.particles.owned_rows("spacing")[:, wall.axis]
+            reach = _TOUCHING * cell_widths(self.particles)[:, wall.axis]
             approaching = wall.sign * (velocity[wall.axis] - wall.velocity[wall.axis]) < 0.0
             rows = np.flatnonzero((self._gap(wall, time) <= reach) & approaching)
             change = wall.velocity[:, None] - velocity[:, rows]

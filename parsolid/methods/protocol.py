@@ -194,6 +194,10 @@ class ParticleSystem:
         """Pairs of one body that have broken, without mirror images; None where none ever breaks."""
         return None
 
+    def parted(self, place: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Which of other places (n, d) [m] a crack that bodies have from the start parts from a place (d,)."""
+        return np.zeros(len(others), bool)
+
     def held_components(self) -> np.ndarray | None:
         """Components (owned, d) of velocities that boundaries hold or prescribe, true there; None without any."""
         return None

@@ -67,12 +67,22 @@ class ProbePoint:
 
 # first words of the fields that are continued to the surface, components among them
 _OF_MOTION = ("displacement", "velocity", "position")
-# radii around a point, in spacings, within which particles count: the first with enough of them, else the last. At the
-# corner of a block of cells the next particles are 1.66 away, and farther where cells are cut and spacings short
-_REACHES = (0.9, 1.25, 1.75, 2.5)
-# distance over the spacing within which a point is that of a particle; eigenvalues of moments over the largest that
-# count; the least singular value of enough particles
-_SAME, _CUT_OFF, _ENOUGH = 1e-6, 1e-6, 0.1
+# eigenvalues of moments over the largest that count
+_CUT_OFF = 1e-6
+# radii around a point, in spacings, within which particles count, with the least eigenvalue that does: the first with
+# weights that are exact for linear fields and not large, else the last. At the corner of a block of cells the next
+# particles are 1.66 away, and farther where cells are cut and spacings short; across a row or an arc of particles a
+# field is taken as constant
+_REACHES = (
+    *((reach, _CUT_OFF) for reach in (0.9, 1.25, 1.75, 2.5, 4.0)),
+    *((2.5, least) for least in (0.01, 0.1, 2.0)),
+)
+# the largest radius, and that of the particles that bound the place of fields other than motion
+_FARTHEST, _BESIDE = 4.0, 2.5
+# least and largest distance of neighbours over the spacing of a particle, which is a mean in graded bodies
+_GRADED = 0.5, 8.0
+# distance over the spacing within which a point is that of a particle; sum of the sizes of weights: 4 at a corner
+_SAME, _LARGEST = 1e-6, 5.0
 # rows between two ranges
 _GAP = 64
 
@@ -81,28 +91,56 @@ def probe_points(comm: Any, watched: Observables, points: np.ndarray) -> list[Pr
     """The material points (m, d) [m], by reference positions; the same on all ranks. Collective."""
     identifier, X, body = watched.rows("identifier"), watched.rows("reference_position"), watched.body
     winner, _ = nearest_particles(comm, identifier, X, points)
-    # the body and the spacings of the nearest particles
-    of_nearest = np.full((len(points), 1 + X.shape[1]), -np.inf)
+    # the body, the place, the spacings and the own axes of the nearest particles
+    d, axes = X.shape[1], np.concatenate([_axes(system.particles) for system in watched.systems])
+    of_nearest = np.full((len(points), 1 + 2 * d + d * d), -np.inf)
     for i, name in enumerate(winner):
         for row in np.flatnonzero(identifier == name):
-            of_nearest[i] = [body[row], *watched.rows("spacing")[row]]
+            of_nearest[i] = [body[row], *X[row], *watched.rows("spacing")[row], *axes[row]]
     comm.Allreduce(MPI.IN_PLACE, of_nearest, op=MPI.MAX)
+    same, place, spacing = body == of_nearest[:, :1], of_nearest[:, 1 : 1 + d], of_nearest[:, 1 + d : 1 + 2 * d]
+    frames = of_nearest[:, 1 + 2 * d :].reshape(-1, d, d)
+    # spacings differ from place to place and by direction in graded bodies and meshes, whose particles have a mean
+    steps = np.array([_steps((X[here] - at) @ own.T) for here, at, own in zip(same, place, frames)])
+    comm.Allreduce(MPI.IN_PLACE, steps, op=MPI.MIN)
+    steps = np.where(steps < _GRADED[1] * spacing, np.maximum(steps, _GRADED[0] * spacing), spacing)
     found: list[tuple[int, int, tuple[float, ...]]] = []
-    for i, (number, *spacing) in enumerate(of_nearest):
-        apart = (X - points[i]) / spacing
-        near = (body == number) & ((apart**2).sum(axis=1) < _REACHES[-1] ** 2) | (identifier == winner[i])
-        found += [(i, int(identifier[row]), tuple(apart[row])) for row in np.flatnonzero(near)]
+    for i, (point, here, own, step) in enumerate(zip(points, same, frames, steps)):
+        apart = (X - point) @ own.T / step
+        rows = np.flatnonzero(here & ((apart**2).sum(axis=1) < _FARTHEST**2) | (identifier == winner[i]))
+        # not what a crack parts from the nearest particle
+        rows = rows[~np.any([system.parted(place[i], X[rows]) for system in watched.systems], axis=0)]
+        found += [(i, int(identifier[row]), tuple(apart[row])) for row in rows]
     # a few particles a point; sorted, so that weights do not depend on which rank has which
     found = sorted(comm.allreduce(found))
     return [point_among([one[1:] for one in found if one[0] == i]) for i in range(len(points))]
 
 
+def _axes(particles: Any) -> np.ndarray:
+    """The particles' own axes (owned, d * d), those of space unless they have some."""
+    d = particles.owned_rows("reference_position").shape[1]
+    own = "axes" in particles
+    return np.asarray(particles.owned_rows("axes") if own else np.tile(np.eye(d).ravel(), (particles.owned, 1)))
+
+
+def _steps(away: np.ndarray) -> np.ndarray:
+    """Along each axis the distance (d,) of the nearest of particles at (n, d) [m] that lie rather along it than across,
+    infinite where there is none."""
+    size = np.abs(away)
+    along = (size == size.max(axis=1, keepdims=True)) & (size > 0.0)
+    return np.asarray(np.where(along, size, np.inf).min(axis=0, initial=np.inf))
+
+
 def point_among(particles: list[tuple[int, tuple[float, ...]]]) -> ProbePoint:
-    """The point around which particles are, each with its identifier and how far it is along each axis in spacings."""
+    """The point around which particles are, each with its identifier and how far it is along its axes in spacings."""
     identifiers = np.array([name for name, _ in particles])
     apart = np.array([away for _, away in particles])
-    inside = np.clip(0.0, apart.min(axis=0), apart.max(axis=0))
-    return ProbePoint(identifiers, _weights(apart), _weights(apart - inside))
+    r2 = (apart**2).sum(axis=1)
+    near = apart[r2 <= max(_BESIDE**2, r2.min())]
+    inside = np.clip(0.0, near.min(axis=0), near.max(axis=0))
+    continued, between = _weights(apart), np.maximum(_weights(apart - inside), 0.0)
+    used = (continued != 0.0) | (between != 0.0)
+    return ProbePoint(identifiers[used], continued[used], between[used] / between.sum())
 
 
 def _weights(apart: np.ndarray) -> np.ndarray:
@@ -111,25 +149,23 @@ def _weights(apart: np.ndarray) -> np.ndarray:
     r2 = (apart**2).sum(axis=1)
     if r2.min() < _SAME**2:
         return (np.arange(len(r2)) == np.argmin(r2)).astype(float)
-    linear = np.concatenate([np.ones((len(apart), 1)), apart], axis=1)
-    weight = 1.0 / r2
-    least = _ENOUGH**2
-    for reach in _REACHES:
+    found = weight = 1.0 / r2
+    for reach, least in _REACHES:
         near = np.maximum(1.0 / r2 - 1.0 / reach**2, 0.0)
         # a nearest particle that is farther than the last reach stands alone
         if near.any():
             weight = near
-        if np.linalg.matrix_rank(linear[near > 0.0], tol=_ENOUGH) == linear.shape[1]:
-            least = _CUT_OFF
+        # about the centre, so that weights add up to 1 also where particles lie in a line: a field is taken to be the
+        # same across it
+        share = weight / weight.sum()
+        centre = share @ apart
+        off = apart - centre
+        moments = off.T @ (share[:, None] * off)
+        found = share * (1.0 - off @ (np.linalg.pinv(moments, rcond=least, hermitian=True) @ centre))
+        exact = least > _CUT_OFF or np.abs(found @ apart).max() < _SAME
+        if exact and np.abs(found).sum() < _LARGEST:
             break
-    # about the centre, so that weights add up to 1 also where particles lie in a line or nearly so: a field is taken to
-    # be the same across it
-    share = weight / weight.sum()
-    centre = share @ apart
-    off = apart - centre
-    moments = off.T @ (share[:, None] * off)
-    slope = np.linalg.pinv(moments, rcond=least, hermitian=True) @ centre
-    return np.asarray(share * (1.0 - off @ slope))
+    return np.asarray(found)
 
 
 class ParticleField(Sampler):

@@ -9,6 +9,7 @@ from decomposition.bisection import bisect
 from decomposition.migration import migrate
 from parsolid.collective import anywhere
 from parsolid.materials.blocks import block_numbers
+from parsolid.particles.generated import widths
 
 
 def distribute(
@@ -65,9 +66,6 @@ def sort_for_speed(comm: Any, particle_set: Any, laws: list[Any]) -> np.ndarray:
 
 def _typical_spacing(comm: Any, particle_set: Any) -> np.ndarray:
     """Mean spacing (d,) [m] along the coordinate axes over all particles; collective."""
-    spacing = particle_set.spacing
-    if particle_set.axes is not None:
-        # extent of the particle's own box along each coordinate axis, to first order
-        spacing = np.einsum("nk,nki->ni", spacing, np.abs(particle_set.axes))
+    spacing = widths(particle_set.spacing, particle_set.axes)
     total = comm.allreduce(np.append(spacing.sum(axis=0), len(spacing)))
     return total[:-1] / total[-1]

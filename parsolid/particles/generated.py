@@ -16,6 +16,20 @@ def cell_volumes(particles: Particles) -> np.ndarray:
     return np.asarray(particles.owned_rows(CELL_VOLUME if CELL_VOLUME in particles else "volume"))
 
 
+def widths(spacing: np.ndarray, axes: np.ndarray | None) -> np.ndarray:
+    """Widths (n, d) [m] along X, Y, Z, to first order, of cells with spacings (n, d) [m] along their own axes (rows of
+    (n, d * d) or (n, d, d)), those of space where there are none."""
+    if axes is None:
+        return spacing
+    return np.einsum("nk,nki->ni", spacing, np.abs(axes.reshape(*spacing.shape, -1)))
+
+
+def cell_widths(particles: Particles) -> np.ndarray:
+    """Widths (owned, d) [m] along X, Y, Z of the particles' cells in the reference."""
+    axes = particles.owned_rows("axes") if "axes" in particles else None
+    return widths(particles.owned_rows("spacing"), axes)
+
+
 def declare_generated(
     particles: Particles, particle_set: Any, told: tuple[str, ...] = (), **layouts: Rows | Columns | Within
 ) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from parsolid.collective import SolverError
+from parsolid.particles.generated import widths
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.boundaries import Condition
 from parsolid.scene.named_regions import Region as NamedRegion
@@ -81,10 +82,8 @@ def _particles_in(
     if isinstance(region, OnPlane):
         # nodes within a rounding error of a plane, cells within their own half width
         result, axis = np.zeros(len(particle_set), bool), region.plane.axis
-        distance, extent = np.abs(position[:, axis] - region.plane.offset), particle_set.spacing[:, axis]
-        if particle_set.axes is not None:
-            # the particle's own widths, seen along the normal
-            extent = (np.abs(particle_set.axes[:, :, axis]) * particle_set.spacing).sum(axis=1)
+        distance = np.abs(position[:, axis] - region.plane.offset)
+        extent = widths(particle_set.spacing, particle_set.axes)[:, axis]
         for i, body in enumerate(scene.bodies):
             uneven = body.shape.kind == "mesh"
             reach = 1e-6 if body.placed_on == "vertices" else 1.0 if uneven else 0.5 + body.jitter + 1e-6

@@ -1,10 +1,22 @@
 """Loads on planes of bodies from meshes: on the facets that lie in the plane, not on oblique ones beside them."""
 
+from types import SimpleNamespace
+
 import meshio
 import numpy as np
 import pytest
 from element_meshes import KINDS, element_mesh
+from mpi4py import MPI
 from solids import SOFT, set_random_state, simulation, tables
+
+from parsolid.boundary.walls import Walls
+from parsolid.collective import SolverError
+from parsolid.particles.container import Particles
+from parsolid.particles.declaration import Field
+from parsolid.particles.generated import declare_generated
+from parsolid.particles.generation import generate
+from parsolid.scene import parse_scene
+from parsolid.scene.base_model import Plane
 
 COUNTS = {2: (4, 3), 3: (3, 2, 3)}
 AREA = {2: 4.0, 3: 9.0}
@@ -64,3 +76,24 @@ def test_a_load_on_a_plane_is_that_on_the_plane_with_a_name(shared_path, comm, d
     largest = comm.allreduce(np.abs(wanted).max(initial=0.0))
     assert largest > 0.01
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-14 * largest)
+
+
+@pytest.mark.parametrize("axis", "XY")
+def test_a_wall_stands_beside_a_ring_whose_spacings_differ_wherever_it_is(axis):
+    shell = {"centre": [0, 0], "radius": 1, "thickness": 0.3}
+    body = {"shape": {"cylindrical_shell": shell}, "particles": [24, 13], "material": SOFT}
+    wall = {"kind": "wall", "side": "below", "plane": f"{axis} = 1.17"}
+    method = {"kind": "mpm", "cell": 0.6}
+    scene = parse_scene({"dimension": 2, "end_time": 1.0, "method": method, "bodies": [body], "boundaries": [wall]})
+    particle_set = generate(scene, MPI.COMM_SELF)
+    particles = Particles(particle_set.body)
+    declare_generated(particles, particle_set)
+    particles.declare(Field("position", 2, "m", mirror="vector"), particle_set.position)
+
+    def stand(wall):
+        of = {"of": lambda kind: [("wall", wall)], "reaction_of": lambda wall: None}
+        return Walls(MPI.COMM_SELF, SimpleNamespace(particles=particles, dimension=2, **of))
+
+    stand(scene.boundaries[0])
+    with pytest.raises(SolverError):
+        stand(scene.boundaries[0].model_copy(update={"plane": Plane.parse(f"{axis} = 1.12")}))

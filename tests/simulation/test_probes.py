@@ -10,7 +10,10 @@ from solids import Record, follow, punch, simulation
 from parsolid import observables
 from parsolid.observables import declared
 from parsolid.observables.declared import Observables
-from parsolid.observables.samplers import MethodQuantity, point_among
+from parsolid.observables.samplers import MethodQuantity, point_among, probe_points
+from parsolid.particles.container import Particles
+from parsolid.particles.generated import declare_generated
+from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, observed, parse_scene
 from parsolid.simulation.history import Probes
 
@@ -149,6 +152,16 @@ def test_linear_fields_are_exact_anywhere_in_a_body_and_at_its_surface(kind, pla
     assert found["p.pressure"] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize(("y", "speed"), [(0.51, 1.0), (0.49, -1.0)])
+def test_a_probe_beside_a_crack_has_the_motion_of_its_side(y, speed, comm):
+    data = linear("peridynamics", (0.33, y), "cells")
+    data["method"]["pre_cracks"] = [{"segment": [[0.0, 0.5], [0.45, 0.5]]}]
+    data["bodies"][0] |= {"particles": [6, 10], "velocity": ["0", "where(Y > 0.5, 1, -1)*(1 + X)"]}
+    sim = simulation(data, comm)
+    probes = Probes(comm, sim.scene, Observables(sim.systems))
+    assert dict(zip(probes.columns, probes.sample()))["p.velocity_y"] == pytest.approx(speed * 1.33, rel=1e-11)
+
+
 def test_fields_beside_motion_have_no_new_extremes_at_a_surface():
     apart = np.stack(np.meshgrid([0.5, 1.5, 2.5], [0.5, 1.5, 2.5], indexing="ij"), axis=-1).reshape(-1, 2)
     near = [(i, tuple(one)) for i, one in enumerate(apart) if np.hypot(*one) < 1.75]
@@ -158,9 +171,8 @@ def test_fields_beside_motion_have_no_new_extremes_at_a_surface():
     # between particles both are the same, and a point on a particle has this one alone
     inside = point_among([(i, tuple(one - [1.2, 1.3])) for i, one in enumerate(apart)])
     np.testing.assert_allclose(inside.continued, inside.bounded, atol=1e-15)
-    assert point_among([(i, tuple(one - apart[4])) for i, one in enumerate(apart)]).continued.tolist() == [
-        float(i == 4) for i in range(9)
-    ]
+    on_one = point_among([(i, tuple(one - apart[4])) for i, one in enumerate(apart)])
+    assert on_one.identifiers.tolist() == [4] and on_one.continued.tolist() == [1.0]
 
 
 NEW_QUANTITY = """
@@ -235,6 +247,36 @@ def test_a_system_that_has_none_does_not_hide_what_another_has():
     for pair in (([0.1, 0.2], [np.nan, np.nan]), ([np.nan, np.nan], [0.1, 0.2])):
         found = sampler.part(SimpleNamespace(systems=[system(tip) for tip in pair]))
         np.testing.assert_array_equal(found, [0.1, 0.2])
+
+
+RING = {"shape": {"cylindrical_shell": {"centre": [0, 0], "radius": 1, "thickness": 0.3}}}
+GRADED = {"shape": {"box": {"lower": [0, 0], "upper": [1, 1]}}, "particles": [20, 20], "grading": [[1, 20], [40, 1]]}
+
+
+@pytest.mark.parametrize(
+    ("method", "body"),
+    [
+        ({"kind": "tlsph"}, RING | {"particles": [24, 13]}),
+        ({"kind": "mpm", "cell": 0.2}, RING | {"particles": [200, 3]}),
+        ({"kind": "tlsph"}, GRADED),
+    ],
+    ids=["far apart around a ring", "far apart across it", "graded box"],
+)
+def test_linear_fields_are_exact_where_spacings_differ_by_direction_and_place(method, body, comm):
+    material = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+    scene = {"dimension": 2, "end_time": 1.0, "method": method, "bodies": [body | {"material": material}]}
+    particle_set = generate(parse_scene(scene), comm)
+    particles = Particles(particle_set.body)
+    declare_generated(particles, particle_set)
+    whole = lambda place, others: np.zeros(len(others), bool)  # noqa: E731
+    system = SimpleNamespace(particles=particles, bodies=[0], dimension=2, parted=whole)
+    angle = np.linspace(0.05, 6.0, 17)
+    places = [radius * np.stack([np.cos(angle), np.sin(angle)], axis=1) for radius in (0.85, 0.97, 1.15)]
+    points = np.random.default_rng(1).random((40, 2)) if "grading" in body else np.concatenate(places)
+    for point, place in zip(points, probe_points(comm, Observables([system]), points)):
+        assert np.abs(place.continued).sum() < 3.0 and place.bounded.min() >= 0.0
+        of = np.array([particle_set.position[particle_set.identifier == one].sum(axis=0) for one in place.identifiers])
+        np.testing.assert_allclose(place.continued @ comm.allreduce(of), point, atol=1e-12)
 
 
 @pytest.mark.parametrize("off", [0.0, 0.01])

@@ -50,6 +50,18 @@ def distance(patch: Patch, positions: np.ndarray) -> np.ndarray:
     return np.linalg.norm(x - nearest, axis=1)
 
 
+def parted(patch: Patch, place: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which lines (n,) from a place (d,) to others (n, d) [m] cut a patch."""
+    missing = ((0, 0), (0, 3 - len(place)))
+    A, B = np.pad(place[None], missing) - patch.corner, np.pad(others, missing) - patch.corner
+    normal = np.cross(patch.first, patch.second)
+    before, after, slack = A @ normal, B @ normal, 1e-9 * np.linalg.norm(normal) * np.abs(B - A).sum(axis=1)
+    across = (before < -slack) != (after < -slack)
+    part = before / np.where(across, before - after, 1.0)
+    shares = np.linalg.pinv(np.stack([patch.first, patch.second])).T @ (A + part[:, None] * (B - A)).T
+    return across & ((shares >= -1e-9) & (shares <= 1.0 + 1e-9)).all(axis=0)
+
+
 @kernel
 def find_crossing(bonds, images, positions, patch, found):
     """List the intact bonds that a crack crosses, see `fracture.find_failed`; through a mirror plane its image counts

@@ -14,6 +14,7 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.collective import SolverError
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
+from parsolid.methods.peridynamics.cracks import parted
 from parsolid.methods.peridynamics.fracture import Fracture
 from parsolid.methods.peridynamics.output import Reports
 from parsolid.methods.peridynamics.preconditioner import Preconditioners
@@ -168,6 +169,10 @@ class Peridynamics(Reports):
     def placements(self) -> int:  # type: ignore[override]
         """Bonds break."""
         return 0 if self.fracture is None else self.fracture.breaks
+
+    def parted(self, place: np.ndarray, others: np.ndarray) -> np.ndarray:
+        patches = [] if self.fracture is None else self.fracture.patches
+        return np.any([parted(patch, place, others) for patch in patches] or [super().parted(place, others)], axis=0)
 
     def take_external_forces(self, keep_rows: bool) -> None:
         """See `ParticleSystem`; raises SolverError where there is no motion that forces could change."""

@@ -23,6 +23,7 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.boundary.forces import DistributedLoad, TractionLoad
 from parsolid.boundary.surface import Surface
 from parsolid.collective import SolverError, maximum, minimum
+from parsolid.particles.generated import widths
 from parsolid.particles.regions import selected
 from parsolid.scene.base_model import Plane
 from parsolid.scene.boundaries import Pressure, Traction
@@ -155,9 +156,10 @@ class Tractions:
         than its area times the pressure, or widens a hole by another one."""
         force, area = self.unit[within], self.particle_set.area[within] * self.conditions.share[within, None]
         place, d = self.particle_set.position[within], area.shape[1]
+        wide = widths(self.particle_set.spacing, self.particle_set.axes)
         for plane in self.conditions.planes:
             # matter goes on there
-            near = np.abs(place[:, plane.axis] - plane.coordinate) <= self.particle_set.spacing[within, plane.axis]
+            near = np.abs(place[:, plane.axis] - plane.coordinate) <= wide[within, plane.axis]
             area[near, plane.axis] = 0.0
         size = np.linalg.norm(area, axis=1)
         totals = sums(self.comm, np.column_stack((size, size[:, None] * place, force + area)).sum(axis=0))

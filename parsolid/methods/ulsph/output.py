@@ -11,6 +11,7 @@ from parsolid.methods.hyperelastic_particles import full_gradients
 from parsolid.methods.leapfrog import kinetic_energy
 from parsolid.methods.plastic_fields import FLOW_FIELDS, shown_flow
 from parsolid.methods.protocol import ParticleSystem
+from parsolid.particles.generated import cell_widths
 from parsolid.scene.codes import Warned
 
 
@@ -106,7 +107,7 @@ class Reports(ParticleSystem):
         if name == "heat":
             parts = [(one.law, here) for one, here in self.parts() if hasattr(one.law, "specific_heat")]
             return "sum", np.array([sum(float(law.heat(rows("temperature")[p]) @ mass[p]) for law, p in parts)])
-        half = 0.5 * rows("spacing")
+        half = 0.5 * cell_widths(self.particles)
         if name == "lower_bounds":
             return "minimum", (rows("position") - half).min(axis=0, initial=np.inf)
         return "maximum", (rows("position") + half).max(axis=0, initial=-np.inf)
