@@ -13,8 +13,8 @@ import numpy as np
 from parsolid.boundary.conditions import Conditions
 from parsolid.collective import SolverError
 from parsolid.materials.registry import laws_of
-from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.cracks import parted
+from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.fracture import Fracture
 from parsolid.methods.peridynamics.output import Reports
 from parsolid.methods.peridynamics.preconditioner import Preconditioners
