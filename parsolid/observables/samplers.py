@@ -132,7 +132,7 @@ def _steps(away: np.ndarray) -> np.ndarray:
 
 
 def point_among(particles: list[tuple[int, tuple[float, ...]]]) -> ProbePoint:
-    """The point around which particles are, each with its identifier and how far it is along its axes in spacings."""
+    """A point among particles, each with its identifier and how far it is along its axes in spacings."""
     identifiers = np.array([name for name, _ in particles])
     apart = np.array([away for _, away in particles])
     r2 = (apart**2).sum(axis=1)
