@@ -85,15 +85,16 @@ class BondDamage:
         """What counts as memory besides the particles."""
         return [*self._seconds, self.whole, self.neighbours, *self._room]
 
-    def collect(self, find: Any, *what: Any) -> Failing | None:
+    def collect(self, find: Any, *what: Any, of_lists: Any = ()) -> Failing | None:
         """The bonds of all lists that a kernel finds, such as `fracture.find_failed`; None where there are none on this
-        rank."""
+        rank; of_lists: an argument for each list, or nothing."""
         rows, touched = [], []
         for number, (pairs, images, mutual) in enumerate(self.bonds.lists):
-            count = find(pairs, images, *what, self._room[number])
+            given = pairs, images, *what, *of_lists[number : number + 1]
+            count = find(*given, self._room[number])
             if count > len(self._room[number]):
                 self._room[number] = np.empty((2 * count, 2), np.int64)
-                find(pairs, images, *what, self._room[number])
+                find(*given, self._room[number])
             rows.append(self._room[number][:count])
             touched.append(rows[-1][:, 0])
             if mutual:

@@ -19,6 +19,10 @@ from parsolid.methods.peridynamics.bond_damage import BondDamage, Failing
 from parsolid.methods.peridynamics.cracks import Patch, distance, find_crossing, patch_of
 from parsolid.methods.peridynamics.sweeps import bond_vectors, image_of
 
+# so many particles that follow one another are looked at or spared together
+_BLOCK = 64
+# rooms are found anew when blocks were looked at as often as in so many checks of all; it takes a little more than one
+_CHECKS = 3
 # a particle with this share of its bonds broken is on a crack: the two sides of a plane cut are damaged by less than a
 # half
 _ON_CRACK = 0.35
@@ -69,10 +73,7 @@ class Fracture:
         self.patches = [patch_of(crack, lower, upper) for crack in scene.method.pre_cracks]
         break_across(self.damage, self.patches)
         self._initial, self._cut_at_start = self.damage.damage.copy(), self.damage.broken_count()
-        # by how much bonds may still be elongated [m], from the displacement that was seen then; 0 where not known
-        self._room, self._seen = 0.0, np.zeros_like(forces.particles.storage("displacement"))
-        # how often bonds were checked, and how often this was left out since then
-        self._checks = self._skipped = 0
+        self.spared = SparedBlocks(forces.bonds)
 
     # --- in a step --------------------------------------------------------------------------------------------
 
@@ -86,11 +87,6 @@ class Fracture:
         if self.settings is None:
             return
         forces, bonds = self.forces, self.forces.bonds
-        displacement = forces.particles.storage("displacement")
-        # both ends of a bond move
-        if self._room > 0.0 and 2.0 * largest_distance(len(bonds.positions), displacement, self._seen) < self._room:
-            self._skipped += 1
-            return
         criterion: EnergyCriterion | StoredEnergyCriterion | None = None
         if self.settings.criterion == "energy" and isinstance(forces, BondBasedForces):
             criterion = StoredEnergyCriterion(forces.particles["micromodulus"], bonds.volume)
@@ -100,14 +96,8 @@ class Fracture:
             bonds.fill(memory.field, 0, len(bonds.positions))
             control = np.zeros_like(M) if control is None else control
             criterion = EnergyCriterion(bonds.motion_of(memory.field), M, control, bonds.volume)
-        self.pending = failing_bonds(self.damage, criterion)
-        # finding the room takes as long as a check of the bonds
-        worth, self._room, self._skipped = self._skipped > 2 or self._checks % 8 == 0, 0.0, 0
-        self._checks += 1
-        if self.pending is None and worth and not isinstance(criterion, EnergyCriterion):
-            arguments = True if bonds.d == 2 else None, criterion, bonds.motion_of("displacement"), self.damage.limit
-            self._room = min(least_elongation_left(pairs, images, *arguments) for pairs, images, _ in bonds.lists)
-            self._seen[:] = displacement
+        spared = None if isinstance(criterion, EnergyCriterion) else self.spared.now(criterion, self.damage.limit)
+        self.pending = failing_bonds(self.damage, criterion, spared)
 
     def ranks_find(self) -> bool:
         """Look, and tell whether any rank has found some; collective."""
@@ -118,7 +108,7 @@ class Fracture:
         """Break what any rank has found, and correct the forces of the state; collective."""
         self.breaks += 1
         ledger.add_term("fracture_dissipation", self.forces.break_bonds(self.damage, self.pending))
-        self.pending, self._room = None, 0.0
+        self.pending = None
 
     def take_over(self) -> None:
         """Break the bonds of the state of another run; collective.
@@ -127,7 +117,6 @@ class Fracture:
         """
         fault = "initial: expected the bonds of the results (their horizon and bodies), found particles with other ones"
         raise_together(self.comm, None if self.damage.take_over() else fault)
-        self._room = 0.0
 
     # --- for the output ---------------------------------------------------------------------------------------
 
@@ -176,48 +165,105 @@ def break_across(damage: BondDamage, patches: list[Patch]) -> None:
             damage.cut(crossing)
 
 
-def failing_bonds(damage: BondDamage, criterion: EnergyCriterion | StoredEnergyCriterion | None) -> Failing | None:
-    """The bonds that fail by an energy, or without one by their stretch; None when there are none on this rank."""
+class SparedBlocks:
+    """Blocks of owned particles whose bonds with owned particles need not be looked at: by how much particles near
+    have moved beside one another since they were seen, no bond can have been elongated to failure.
+
+    looked_at: how many blocks were to be looked at since the rooms were found.
+    """
+
+    def __init__(self, bonds: Any) -> None:
+        self.bonds, blocks = bonds, -(-bonds.owned // _BLOCK)
+        # by how much [m] bonds may be elongated, from the displacement that was seen then
+        self._room, self._seen = np.full(blocks, -1.0), bonds.particles.storage("displacement")[:, :0]
+        self._failed, self.looked_at = np.zeros(0, bool), 0
+        self._reach, self._boxes = np.empty((blocks, 2), np.int64), np.empty((blocks, 2, len(self._seen)))
+        self._spared = [np.zeros(blocks, bool) for _ in bonds.lists]
+        if blocks:
+            find_reach(bonds.inner, self._reach)
+
+    def now(self, criterion: StoredEnergyCriterion | None, limit: np.ndarray) -> list[np.ndarray]:
+        """Which blocks (blocks,) are spared of each list, those with ghosts and images looked at as a whole; limit
+        (n,), which only changes where particles fail."""
+        bonds, failed, displacement = self.bonds, limit < 0.0, self.bonds.particles.storage("displacement")
+        if self.looked_at >= _CHECKS * len(self._room) or not np.array_equal(failed, self._failed):
+            bonds.fill("displacement", 0, len(bonds.positions))
+            motion = bonds.motion_of("displacement")
+            find_rooms(bonds.inner, True if bonds.d == 2 else None, criterion, motion, limit, self._room)
+            self._seen, self._failed, self.looked_at = displacement[:, : bonds.owned].copy(), failed, 0
+        spared = self._spared[0]
+        spare(displacement, self._seen, self._reach, self._room, self._boxes, spared)
+        self.looked_at += len(spared) - np.count_nonzero(spared)
+        return self._spared
+
+
+def failing_bonds(
+    damage: BondDamage, criterion: EnergyCriterion | StoredEnergyCriterion | None, spared: Any = None
+) -> Failing | None:
+    """The bonds that fail by an energy, or without one by their stretch; None when there are none on this rank; spared:
+    see `SparedBlocks.now`."""
     bonds, plane = damage.bonds, True if damage.bonds.d == 2 else None
     bonds.fill("displacement", 0, len(bonds.positions))
-    return damage.collect(find_failed, plane, criterion, bonds.motion_of("displacement"), damage.limit)
+    spared = spared or [np.zeros(-(-damage.owned // _BLOCK), bool)] * len(bonds.lists)
+    given = plane, criterion, bonds.motion_of("displacement"), damage.limit
+    return damage.collect(find_failed, *given, of_lists=spared)
 
 
 @kernel
-def largest_distance(n, field, start):
-    """The largest distance of vectors (d, n or more) from others."""
-    largest = 0.0
-    for a in range(n):
-        square = 0.0
-        for c in range(field.shape[0]):
-            change = field[c, a] - start[c, a]
-            square += change * change
-        # what is not a number stays
-        largest = largest if largest >= square or np.isnan(largest) else square
-    return largest**0.5
-
-
-@kernel
-def least_elongation_left(bonds, images, plane, criterion, motion, limit):
-    """By how much [m] every intact bond may be elongated before it fails, whatever its direction."""
-    least = np.inf
+def find_reach(bonds, reach):
+    """Fill reach (blocks, 2): the first and last block with neighbours of each, itself among them."""
+    for i in range(reach.shape[0]):
+        reach[i, 0] = reach[i, 1] = i
     for a in range(bonds.start.shape[0] - 1):
+        for k in range(bonds.start[a], bonds.start[a + 1]):
+            i, j = a // _BLOCK, np.int64(bonds.neighbour[k]) // _BLOCK
+            reach[i, 0], reach[i, 1] = min(reach[i, 0], j), max(reach[i, 1], j)
+
+
+@kernel
+def spare(displacement, seen, reach, room, boxes, spared):
+    """Fill spared (blocks,): whether the box of all displacements (d, n) since those seen, of the particles in reach
+    of a block, is smaller than its room; boxes (blocks, 2, d): place for those of the blocks."""
+    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
+    for c in range(seen.shape[0]):
+        for a in range(seen.shape[1]):
+            change, i = displacement[c, a] - seen[c, a], a // _BLOCK
+            # what is not a number is spared nowhere
+            change = np.inf if np.isnan(change) else change
+            boxes[i, 0, c], boxes[i, 1, c] = min(boxes[i, 0, c], change), max(boxes[i, 1, c], change)
+    for i in range(spared.size):
+        square = 0.0
+        for c in range(seen.shape[0]):
+            lower, upper = np.inf, -np.inf
+            for j in range(reach[i, 0], reach[i, 1] + 1):
+                lower, upper = min(lower, boxes[j, 0, c]), max(upper, boxes[j, 1, c])
+            square += (upper - lower) * (upper - lower)
+        spared[i] = square**0.5 < room[i]
+
+
+@kernel
+def find_rooms(bonds, plane, criterion, motion, limit, room):
+    """Fill room (blocks,): by how much [m] every intact bond of a block may be elongated before it fails, whatever its
+    direction."""
+    room[:] = np.inf
+    for a in range(bonds.start.shape[0] - 1):
+        least = room[a // _BLOCK]
         for k in range(bonds.start[a], bonds.start[a + 1]):
             w, b = bonds.weight[k], bonds.neighbour[k]
             if w != 0.0:
-                present, reference = squares(plane, motion, images, k, a, b)
-                room = reference**0.5 - present**0.5
-                room += failing_elongation(criterion, w, a, b, reference**0.5, min(limit[a], limit[b]))
+                present, reference = squares(plane, motion, None, k, a, b)
+                left = reference**0.5 - present**0.5
+                left += failing_elongation(criterion, w, a, b, reference**0.5, min(limit[a], limit[b]))
                 # less what may be rounded
-                least = min(least, room - 1e-9 * reference**0.5)
-    return least
+                least = min(least, left - 1e-9 * reference**0.5)
+        room[a // _BLOCK] = least
 
 
 # without contraction, so that a product rounds alike from both ends of a bond
 @exact
-def find_failed(bonds, images, plane, criterion, motion, limit, found):
+def find_failed(bonds, images, plane, criterion, motion, limit, spared, found):
     """List the intact bonds that are to break as rows (particle a, bond k) of found (capacity, 2) int64; returns how
-    many.
+    many. Blocks of particles that are spared (blocks,) are left out.
 
     A bond fails by its criterion, with the lesser limit (n,) of its ends, see `exceeds`. When they are more than the
     capacity, the first that fit are listed. A bond with a mirror image is looked at from both of its sides, (a, b') and
@@ -225,6 +271,8 @@ def find_failed(bonds, images, plane, criterion, motion, limit, found):
     """
     count = 0
     for a in range(bonds.start.shape[0] - 1):
+        if spared[a // _BLOCK]:
+            continue
         for k in range(bonds.start[a], bonds.start[a + 1]):
             w, b = bonds.weight[k], bonds.neighbour[k]
             least = min(limit[a], limit[b])
