@@ -100,6 +100,10 @@ def parse(arguments: list[str]) -> argparse.Namespace:
             known = f"expected a scene or one of {', '.join(COMMANDS)}"
             raise _BadArguments(f"{known}, found {word!r}{suggestion(word, COMMANDS)}")
         arguments = ["run", *arguments]
+    for option, value in zip(arguments[1:], [*arguments[2:], "-"]):
+        name, equals, stated = option.partition("=")
+        if option[:1] == "-" and (stated if equals else value) == "":
+            raise _BadArguments(f"expected a value after {name}, found '', as of a variable that is not set")
     for option in (argument.partition("=")[0] for argument in arguments[1:]):
         if (arguments[0], option) in _OLD_OPTIONS:
             new = _OLD_OPTIONS[arguments[0], option]

@@ -74,7 +74,9 @@ class Output(SceneModel):
         ("checkpoint_interval", "checkpoint_steps"),
     )
     on_restart: ClassVar = {"where": OnRestart.FIXED}
-    directory: str = Field(default="results", description="the folder of the results, relative to the working folder")
+    directory: str = Field(
+        default="results", min_length=1, description="the folder of the results, relative to the working folder"
+    )
     history_interval: Positive | None = Field(None, description="time between rows of history.csv [s]")
     history_steps: Annotated[int, Field(ge=1)] | None = Field(
         default=None, description="steps between rows of history.csv, 1 unless an interval is given"

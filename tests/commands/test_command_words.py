@@ -33,6 +33,14 @@ def test_a_scene_without_a_name_is_not_the_main_example(capsys):
         assert "expected a readable scene" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words", [["-o", ""], ["--output="], ["--restart", ""], ["--set", "output.directory=''"]])
+def test_a_folder_without_a_name_is_not_the_working_folder(words, tmp_path, monkeypatch):
+    (tmp_path / "history.csv").write_text("kept")
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", str(PUNCH), "--max-steps", "1", *words]) == 2
+    assert [one.name for one in tmp_path.iterdir()] == ["history.csv"]
+
+
 def test_a_scene_may_stand_in_the_command_s_place(tmp_path):
     (tmp_path / "block").write_text("")
     for words in (["block.toml", "-q"], [str(tmp_path / "block")], ["-q"]):
