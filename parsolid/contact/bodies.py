@@ -1,4 +1,4 @@
-"""What is constant of a contact: the spacing and stiffness of its bodies, the kernel, the threshold and its slope."""
+"""Constants of contacts: spacing and stiffness of bodies, kernel, threshold and its slope."""
 
 from collections import Counter
 from functools import lru_cache
@@ -17,18 +17,17 @@ from parsolid.scene.contact import Contact, of_model
 
 # skin of the lists, in spacings
 SKIN = 0.5
-# step over the limit of a contact's frequency: what is exchanged in a step grows with its square; the power of a
-# stiffness above 1 by which it is less, for then particles of a face meet and part many times; by how much it is less
-# where one body does not damp that, and where neither does
+# step over its limit by the frequency of the contact: the energy error of a step grows with its square; the power of a
+# stiffness above 1 that reduces it, as particles of a face then meet and part many times; factors where one body does
+# not damp these oscillations, and where neither does
 _SAFETY, _STIFF, _LESS, _LEAST = 0.5, -0.125, 2.0 / 3.0, 0.36
 # entries of the tables of colour against depth
 _TABLE = 65
 
 
 class BodyKind(NamedTuple):
-    """What bodies that contact takes for alike have in common: spacing [m], modulus lambda + 2 mu [Pa] and wave speed
-    [m/s]; nodal: particles on its faces; undamped: its method, see `ParticleSystem`; planes: axis and coordinate of its
-    symmetry planes."""
+    """Bodies of one kind are equal to contact. spacing [m]; modulus lambda + 2 mu [Pa]; wave speed [m/s]; nodal:
+    particles lie on the faces; undamped: see `ParticleSystem`; planes: axis and coordinate of symmetry planes."""
 
     spacing: float
     modulus: float
@@ -39,11 +38,11 @@ class BodyKind(NamedTuple):
 
 
 class ContactLaw(NamedTuple):
-    """What a body of one kind feels of a body of another.
+    """The contact of a body of one kind with a body of another.
 
-    reach: R [m]; skin [m]; stiffness: kappa [Pa/m]; norm: N R^-d [1/m^d]; own_colour: c_AA, of the own lattice seen
-    from h_own/2 outside; colour, slope: tables of the other lattice's colour and its slope [1/m] at depths from
-    h_own/2 outside to the face; longest: step [s] that the contact alone allows.
+    reach: R [m]; skin [m]; stiffness: kappa [Pa/m]; norm: N R^-d [1/m^d]; own_colour: c_AA, of the own lattice at
+    h_own/2 outside; colour, slope: tables of the other lattice's colour and its slope [1/m], from h_own/2 outside to
+    the face; longest: step [s] that the contact alone allows; planes: symmetry planes of both.
     """
 
     reach: float
@@ -58,22 +57,22 @@ class ContactLaw(NamedTuple):
     planes: tuple[tuple[int, float], ...]
 
     def threshold(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """c0 and slope s [1/m] (n,) of particles by how far from h/2 within their face (0) to on it (1) they are."""
+        """c0 and slope s [1/m] (n,) of particles at h/2 below their face (inside (n,) = 0) to on it (1)."""
         colour = self.colour[0] + inside * (self.colour[-1] - self.colour[0])
         return colour, np.interp(colour, self.colour, self.slope)
 
 
 class ContactBodies:
-    """The bodies of a scene that contact names, their kinds, and the laws between kinds.
+    """The bodies of a scene in contact, their kinds, and the laws between kinds.
 
-    contacts, members: as the scene states them, and numbers of the bodies of each, rising; kinds: of each body; laws:
-    all that may act, with their own kinds; columns: of a kind, number of the column of "contact_depth" for a reach and
-    planes; alone (bodies,): whether a body may touch itself.
+    members: bodies of each contact, rising; kinds: body -> its kind; laws: (own kind, law), for each contact and two
+    kinds; columns: kind -> (reach, planes) -> column of "contact_depth"; alone (bodies,): whether a body may touch
+    itself.
     """
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
         """Collective."""
-        self.contacts, self.members = members_of(scene)
+        contacts, self.members = members_of(scene)
         self.kinds = _kinds(comm, scene, systems, set(np.concatenate(self.members).tolist()))
         number = {kind: k for k, kind in enumerate(dict.fromkeys(self.kinds.values()))}
         self._kind, self._count = np.zeros(len(scene.bodies), np.int64), len(number)
@@ -81,7 +80,7 @@ class ContactBodies:
         self.alone = np.zeros(len(scene.bodies), bool)
         self.alone[[members[0] for members in self.members if len(members) == 1]] = True
         found: dict[int, tuple[BodyKind, ContactLaw]] = {}
-        for k, (contact, members) in enumerate(zip(self.contacts, self.members)):
+        for k, (contact, members) in enumerate(zip(contacts, self.members)):
             count: Any = Counter(self.kinds[body] for body in members.tolist())
             for own, other in product(count, count):
                 if own != other or count[own] > 1 or len(members) == 1:
@@ -98,7 +97,7 @@ class ContactBodies:
         return (contact * self._count + own) * self._count + other
 
     def laws_between(self, contact: np.ndarray, own: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Numbers among `laws` of pairs of bodies (n,) with the numbers (n,) of their contacts."""
+        """Indices in `laws` (n,) of pairs of bodies own, other (n,) in contacts (n,)."""
         return np.searchsorted(self._codes, self._code(contact, self._kind[own], self._kind[other]))
 
     @property
@@ -108,7 +107,7 @@ class ContactBodies:
 
 
 def members_of(scene: Scene) -> tuple[list[Contact], list[np.ndarray]]:
-    """Contacts of a scene by forces between particles, and the numbers of the bodies of each, rising."""
+    """The contacts of the model "kernel" of a scene, and the bodies of each, rising."""
     contacts, number = of_model(scene.contact, "kernel"), {body.name: i for i, body in enumerate(scene.bodies)}
     return contacts, [np.array(sorted(number[name] for name in one.bodies)) for one in contacts]
 
@@ -121,12 +120,11 @@ def most_partners(scene: Scene) -> int:
     return int(count.max(initial=0))
 
 
-# bodies of one kind have the same, whatever their number
 @lru_cache(maxsize=4096)
 def contact_law(
     own: BodyKind, other: BodyKind, radius: float, stiffness: float, friction: float, dimension: int
 ) -> ContactLaw:
-    """The law between two kinds; radius, stiffness, friction: as the scene states them."""
+    """The law between two kinds; radius, stiffness, friction: see `scene.contact.Contact`."""
     coarse = max(own.spacing, other.spacing)
     reach = radius * coarse
     softer = min((own, other), key=lambda kind: kind.modulus / kind.spacing)
@@ -151,8 +149,8 @@ def contact_law(
 
 
 def areas_of(system: ParticleSystem, rows: np.ndarray, volume: np.ndarray, share: np.ndarray | None) -> np.ndarray:
-    """Areas (k,) [m^2] of a face that particles (k,) of volumes (k,) [m^3] stand for: their own where they lie on one,
-    volume over spacing; share (k,) of nodes, of which this is on this side of mirror planes, None for cells."""
+    """Areas (k,) [m^2] of particles of volumes (k,) [m^3]: volume over spacing, or the part of the face of a node that
+    lies on one. share (k,): part of nodes on this side of symmetry planes; None for particles in cells."""
     values = system.particles.owned_rows
     spacing = np.prod(values("spacing")[rows], axis=1) ** (1.0 / system.dimension)
     result = volume / spacing
@@ -163,7 +161,7 @@ def areas_of(system: ParticleSystem, rows: np.ndarray, volume: np.ndarray, share
 
 
 def _kinds(comm: Any, scene: Scene, systems: list[ParticleSystem], used: set[int]) -> dict[int, BodyKind]:
-    """Of the bodies in contact; collective. Spacings that differ by round-off count as one."""
+    """Kinds of the bodies in contact; collective. Spacings that differ by round-off count as one."""
     result, d = {}, scene.dimension
     for system in systems:
         widest = np.zeros(len(system.bodies))
@@ -192,10 +190,9 @@ def share_of(particles: Particles, rows: np.ndarray) -> np.ndarray:
 
 
 def shares_of(system: ParticleSystem, rows: np.ndarray, law: ContactLaw) -> np.ndarray:
-    """The parts (k,) of a system's particles on this side of symmetry planes that both bodies have.
+    """The parts (k,) of a system's particles on this side of the symmetry planes of both bodies.
 
-    Behind a plane that the other body does not have there is nothing for it to feel: no image, and no second half of
-    what lies on it.
+    Behind a plane of one body alone, the other body touches nothing: no image, and no second half of particles on it.
     """
     share = share_of(system.particles, rows)
     if not (share < 1.0).any():

@@ -1,10 +1,10 @@
-"""Which bodies are near each other, and how long that holds without a word between ranks.
+"""Which bodies are near each other, and how long that holds without communication.
 
-Boxes of bodies and their mean velocities are agreed on at a build. Until the next one a body's particles stay in its
-box, moved by its mean velocity and widened by a margin, or a rank asks for another build; so bodies that are apart cost
-one look at each particle's place. Pairs are found by a sweep, so that their number grows with that of the bodies. Where
-two are near, no pair that was not listed may come within the kernel's reach: particles within reach of the other's box
-move less than half a skin in the frame of the mean of both motions.
+At a build, ranks agree on boxes and mean velocities of bodies. Until the next build the particles of a body stay in its
+box, moved by the mean velocity and widened by a margin; otherwise a rank requests a build. So bodies that are apart
+cost one check of each particle's position. Pairs of bodies are found by a sweep. Where two bodies are near, no pair of
+particles that is not listed may come within the kernel's reach: particles within reach of the other box move by less
+than half a skin, in the frame of the mean of both velocities.
 """
 
 import math
@@ -20,17 +20,17 @@ from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.pairs.displacement import body_bounds
 
-# of the gap to the next body, what a body apart may outgrow its box by
+# margin of the box of a body over the gap to the next body
 _SHARE = 0.25
-# of contacts of so many bodies all pairs are looked at, of more those nearer than so many reaches of the kernel
+# contacts of at most so many bodies keep all pairs, others those nearer than so many reaches of the kernel
 _FEW, _FAR = 64, 3.5
-# of its speed of waves, by which a body's particles are taken to get faster until the next look
+# share of the wave speed by which particles are taken to get faster until the next check
 SPEED_GAIN = 0.01
 
 
 class MovingBoxes(NamedTuple):
-    """Of bodies: lower, upper corners now (bodies, d) [m], mean velocity [m/s]; margin (bodies,) [m], negative of
-    bodies without contact; faster (bodies,) [m/s]: by how much particles may get faster."""
+    """Boxes of bodies: lower, upper (bodies, d) [m] now; mean velocity [m/s]; margin (bodies,) [m], negative for bodies
+    without contact; faster (bodies,) [m/s]: by how much particles may get faster."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -40,9 +40,12 @@ class MovingBoxes(NamedTuple):
 
 
 class Partners(NamedTuple):
-    """Near bodies of each body, start (bodies + 1,): lower and upper corners now (n, d) [m]; velocity [m/s] of the
-    frame of both and how far it has moved [m] since the build, (n, d); allowed displacement in it, and the reach in
-    which that counts (n,) [m]."""
+    """Near bodies of each body, rows start[body] .. start[body + 1] - 1.
+
+    lower, upper (n, d) [m]: box now; velocity, moved (n, d): mean velocity [m/s] of both bodies, and its displacement
+    [m] since the build; allowed (n,) [m]: displacement of particles against that; reach (n,) [m]: of the box, within
+    which particles are bound by `allowed`.
+    """
 
     start: np.ndarray
     lower: np.ndarray
@@ -55,7 +58,7 @@ class Partners(NamedTuple):
 
 @kernel
 def time_left(place, velocity, listed, body, of_body, near, ahead):
-    """How long [s] this rank's particles stay within what lists and boxes allow, at most `ahead`.
+    """How long [s] this rank's particles stay within the bounds of lists and boxes, at most `ahead`.
 
     place, velocity, listed (n, d); body (n,). of_body: `MovingBoxes` of the bodies now; near: `Partners` of each.
     """
@@ -87,8 +90,8 @@ def time_left(place, velocity, listed, body, of_body, near, ahead):
 
 @kernel
 def fastest_against(velocity, body, start, other):
-    """The greatest speed (n, d) [m/s] of particles against the mean velocities other (partners, d) of those that their
-    bodies (n,) may meet, rows start[body] .. start[body + 1] - 1."""
+    """The greatest speed [m/s] of particles, of velocities (n, d), relative to the mean velocities other (partners, d)
+    of the partners of their bodies (n,), rows start[body] .. start[body + 1] - 1."""
     most = 0.0
     for a in range(len(velocity)):
         for p in range(start[body[a]], start[body[a] + 1]):
@@ -100,13 +103,13 @@ def fastest_against(velocity, body, start, other):
 
 
 class BroadPhase:
-    """Boxes (bodies, d) [m] of the scene's bodies when they were agreed on, mean velocities [m/s], and margins [m].
+    """Boxes and pairs of bodies as of the last `agree`.
 
-    Of pairs of bodies in contact less than `far` [m] apart, both ways round, in the order of their contacts and
-    numbers: own, other, reverse, the number of the other way round, law, its number among `ContactBodies.laws`, reach
-    and skin [m]; near: whether lists are needed, any_near: for one at least; beyond [m]: by what lists reach farther
-    than the kernel; until [s]: how long after the agreement those of each are apart, 0 where near; expires: the time
-    [s] at which any bodies that are apart may meet.
+    Bodies: lower, upper (bodies, d) [m]; velocity [m/s]; margin (bodies,) [m]. Pairs of bodies in contact less than
+    `far` [m] apart, both ways round, sorted by contact and bodies: own, other: numbers of the bodies; reverse: index of
+    the pair the other way round; law: index in `ContactBodies.laws`; reach, skin [m]; near: whether lists are needed;
+    beyond [m]: by which lists reach farther than the kernel; until [s]: time until they may meet, 0 where near.
+    any_near: whether any pair is near; expires [s]: the time at which the first bodies that are apart may meet.
     """
 
     def __init__(self, comm: Any, bodies: int, contact: ContactBodies, systems: list[ParticleSystem]) -> None:
@@ -118,7 +121,7 @@ class BroadPhase:
         self.used = np.array(sorted(contact.kinds))
 
     def agree(self, time: float, far: float = 0.0) -> None:
-        """Boxes and motions at a time [s], of pairs less than the distance `far` [m] apart at least; collective."""
+        """Boxes and velocities at a time [s], and at least the pairs less than `far` [m] apart; collective."""
         self.time = time
         self.lower, self.upper, self.velocity, _ = body_motions(self.comm, self.bodies, self.systems)
         self.far = max(far, _FAR * self.contact.reach) if max(map(len, self.contact.members)) > _FEW else np.inf
@@ -161,8 +164,7 @@ class BroadPhase:
         self.reach, self.skin = np.ascontiguousarray(np.array(laws)[self.law].T)
 
     def reach_beyond(self, distance: float) -> None:
-        """Let lists reach farther than the kernel by a distance [m] where that is more than their skin: what comes so
-        fast is seen before it presses. Collective."""
+        """Let lists reach farther than the kernel by a distance [m], at least their skin. Collective."""
         if self.contact.reach + distance > self.far:
             self.agree(self.time, 2.0 * (self.contact.reach + distance))
         self.beyond = np.maximum(self.skin, distance)
@@ -171,7 +173,7 @@ class BroadPhase:
         near = np.flatnonzero(self.near)
         self._near_by_body = near[np.argsort(self.own[near], kind="stable")]
         self.until[self.near] = 0.0
-        # bodies of pairs that are not listed are far apart
+        # pairs that were not kept are at least `far` apart
         velocity = self.velocity[self.used]
         fastest = 2.0 * float(np.linalg.norm(velocity - velocity.mean(axis=0), axis=1).max())
         room = (1.0 - 2.0 * _SHARE) * self.far - self.contact.reach
@@ -179,7 +181,7 @@ class BroadPhase:
         self.expires = self.time + min(float(self.until[~self.near].min(initial=np.inf)), unlisted)
 
     def time_left(self, time: float, ahead: float) -> float:
-        """How long [s] after a time [s] this rank's lists hold, at most a time ahead [s]."""
+        """How long [s] after a time [s] this rank's lists are valid, at most `ahead` [s]."""
         left = min(ahead, self.expires - time)
         elapsed = time - self.time
         moved = self.velocity * elapsed
@@ -193,8 +195,8 @@ class BroadPhase:
         return left
 
     def fastest(self, ahead: float) -> float:
-        """The greatest speed [m/s] of this rank's particles of bodies that are near another one, or themselves, or may
-        be in a time [s], against the mean of that, when boxes were agreed on."""
+        """The greatest speed [m/s] of this rank's particles relative to bodies that are near, or may be within a time
+        `ahead` [s] of the last `agree`."""
         coming = np.flatnonzero(self.until <= ahead)
         coming, most = coming[np.argsort(self.own[coming], kind="stable")], 0.0
         for system, numbers in zip(self.systems, self.numbers):
@@ -205,13 +207,13 @@ class BroadPhase:
         return most
 
     def _of_bodies(self, pairs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Those of some pairs, sorted by their own bodies, that are of the bodies of a system: starts, numbers."""
+        """Starts and indices of the pairs, among some sorted by their own bodies, of each body in `numbers`."""
         first, last = (np.searchsorted(self.own[pairs], numbers, side) for side in ("left", "right"))
         start = np.concatenate(([0], np.cumsum(last - first))).astype(np.int64)
         return start, np.concatenate([pairs[:0], *(pairs[i:j] for i, j in zip(first, last))])
 
     def _partners(self, numbers: np.ndarray, now: MovingBoxes, elapsed: float) -> Partners:
-        """Near bodies of each of some bodies."""
+        """Near bodies of each body in `numbers`."""
         start, pairs = self._of_bodies(self._near_by_body, numbers)
         other = self.other[pairs]
         frame, allowed = 0.5 * (self.velocity[self.own[pairs]] + self.velocity[other]), 0.5 * self.skin[pairs]

@@ -4,8 +4,8 @@
 
 The forces are the gradient of U, between pairs and along their connection, so that momentum and angular momentum are
 kept; friction is a tangential spring of stiffness kappa A_i/2 a particle, with Coulomb's limit, whose reaction is
-spread by weights exact for linear fields. A step reads: `Search` has the candidates, `forces` finds penetrations and
-forces in the new places, `StepRule` says how long the next step may be, and `BroadPhase` when lists are used up.
+spread by weights exact for linear fields. `Search` holds the candidates and their pairs, `forces` computes
+penetrations and forces, `StepRule` bounds the next step, `BroadPhase` tells how long the lists remain valid.
 """
 
 from typing import Any
@@ -33,26 +33,26 @@ from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, of_model
 
-# steps between looks at how far particles have moved, at least and at most, where bodies are near and where all are
-# apart; lists are asked for when they may not hold until twice the next look, and for as many steps more
+# steps between two checks of the lists: fewest; most, by whether any bodies are near; new lists are requested when the
+# present ones may not last for two further checks and _AHEAD steps
 _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
-# steps from when lists are made to the end of the first that they bound
+# steps between the making of lists and the end of the first step whose length depends on them
 _UNSEEN = 3.0
-# of what lists may miss, by which particles may have moved since they were made, when a state is kept and in trials
+# share of the lists' margin that particles may use before lists are made anew: when a state is kept, and in trials
 _KEPT, _TRIED = 0.1, 0.5
-# of a spacing, by what penetrations are rounding, and by what the faces of lattices are rough
+# shares of a spacing: round-off of penetrations, and roughness of the faces of lattices
 _TOUCHING, _ROUGH = 1e-9, 3e-4
-# bodies that one particle may be near at once, at most
+# most bodies within reach of one particle
 _PARTNERS = 12
 
 
 @kernel
 def assign_columns(row, other, partner, column, fresh):
-    """The column of its fields in which each candidate (n,) keeps what it knows of the other body, from partner
-    (particles, columns), which is brought up to date, into column (n,), and whether that is one it did not have, into
-    fresh (n,). Returns whether there were enough.
+    """Assign each candidate (n,) the column of its particle's fields that holds the state against the other body.
 
-    row, other (n,): of the particle, and number of the other body; all candidates of a particle are among them.
+    row, other (n,): particle, and number of the other body; all candidates of a particle are among them. partner
+    (particles, columns): other body of each column, updated here. Results: column (n,), and fresh (n,): whether the
+    column is new. Returns whether there were enough columns.
     """
     kept, enough = np.zeros(partner.shape, np.bool_), True
     for m in range(len(row)):
@@ -72,39 +72,38 @@ def assign_columns(row, other, partner, column, fresh):
 
 @kernel
 def add_to_rows(row, part, source, target):
-    """Add vectors (n, 3), each times the part (n,) that its candidate is of its particle, to rows of (particles, d)."""
+    """Add vectors (n, 3) of candidates, times their shares (n,) of their particles, to rows of (particles, d)."""
     for m in range(len(row)):
         for i in range(target.shape[1]):
             target[row[m], i] += part[m] * source[m, i]
 
 
 def declare_fields(scene: Scene, system: ParticleSystem) -> None:
-    """What particles carry of contact, those of all bodies of a system, before its state is set."""
+    """Declare the fields of contact on all particles of a system, before its state is set."""
     columns, d = min(most_partners(scene), _PARTNERS), system.dimension
     if not columns:
         return
     system.take_external_forces(keep_rows=True)
     particles = system.particles
     vector: dict[str, Any] = {"mirror": "vector", "layout": Rows(d)}
-    # how deep it lies in its own body, a column for each reach from which it is seen, see `ContactBodies.columns`; of
-    # each other body that it is near the number, how deep it is in that, and the spring of friction
+    # contact_depth: depth below the own surface, see `ContactBodies.columns`; the others have a column for each other
+    # body that is near: its number, the penetration, and the stretch of the spring of friction
     particles.declare(Field("contact_partner", columns, "1", checkpointed=True, whole=True, layout=Rows(columns)), -1)
     particles.declare(Field("contact_depth", columns, "1", checkpointed=True, layout=Rows(columns)))
     particles.declare(Field("contact_level", columns, "m", layout=Rows(columns)))
     if any(one.friction for one in of_model(scene.contact, "kernel")):
         particles.declare(Field("contact_stick", columns * d, "m", checkpointed=True, layout=Rows(columns * d)))
     particles.declare(Field("contact_listed", d, "m", **vector))
-    # place at the start of a step
     particles.declare(Field("contact_start", d, "m", **vector))
     particles.declare(Field("contact_force", d, "N", shown=True, checkpointed=True, **vector))
 
 
 def taken_by_deletion(points: Candidates, pairs: Pairs, volume: np.ndarray, active: np.ndarray) -> float:
-    """Energy [J] of contact that goes with particles deleted in the last step; volume (n,) [m^3], active (m,): with
-    them.
+    """Contact energy [J] that is removed with the particles deleted in the last step; volume (n,) [m^3], active (m,):
+    before the deletion.
 
-    Their forces act at the start of the step alone, those of what is left at both ends. From penetrations d to e the
-    work of one half of the step and the change of k e^2/2 leave k d e/2 of each.
+    Forces of deleted particles act at the start of the step only, others at both ends. Where a penetration goes from d
+    to e, the work of half a step and the change of k e^2/2 leave k d e/2.
     """
     whole = points.rows.copy()
     whole[:, 3] = volume
@@ -118,9 +117,9 @@ def taken_by_deletion(points: Candidates, pairs: Pairs, volume: np.ndarray, acti
 
 class KernelContact(TriedContact):
     """All contacts of a scene, on one rank. energy, stuck [J]: stored in penetrations, and in springs of friction;
-    checkpoint: what `set_state` was given, None once used."""
+    checkpoint: the state given to `set_state`, None after `begin`."""
 
-    # colours are smooth, and of places that differ by less their differences are rounding
+    # differences of colours over shorter ways are round-off
     terms, local, difference = CONTACT_TERMS, False, 1e-5
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
@@ -142,21 +141,21 @@ class KernelContact(TriedContact):
         self.checkpoint: dict[str, Any] | None = None
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
         self.corrects, self.most = False, min(most_partners(scene), _PARTNERS)
-        # as far apart candidates look that lists may leave out [m]
+        # least gap [m] of pairs that lists may leave out
         self.apart = (1.0 - SEEN) * min(float(law.colour[0] / law.slope.max()) for _, law in self.contact_bodies.laws)
         self.roughness = self._roughness()
         self._placed: tuple[int | None, ...] = ()
-        self._steps_to_look = 0
-        # whether rows of earlier lists may still show a force
+        self._steps_to_check = 0
+        # whether contact_force may still hold forces of earlier lists
         self._listed_anew = False
-        # of the state that was kept: energies that the ledger knows [J], fields, and these in the columns of the lists
+        # of the kept state: energies [J] booked so far, fields, and the fields in the columns of the present lists
         self._booked, self._kept, self._tried = np.zeros(2), list[np.ndarray](), list[np.ndarray]()
-        # whether forces are those of a trial, and of one in which nothing has moved
+        # whether the present forces are of a trial, and of a trial without displacement
         self.tries, self._still = False, False
 
     def _roughness(self) -> float:
-        """See `Interaction`: of faces of bodies of mean volume, as deep in one another as lattices are rough;
-        collective."""
+        """See `Interaction`: energy [J] of a face of a body of mean volume that penetrates by the roughness of its
+        lattice; collective."""
         volume = 0.0
         for system in self.systems:
             numbers = np.array(system.bodies)[system.particles.owned_rows("body")]
@@ -167,17 +166,17 @@ class KernelContact(TriedContact):
         return 0.25 * deepest * volume ** ((d - 1.0) / d)
 
     def begin(self, time: float) -> None:
-        """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies lie in
-        one another, or are one layer of particles."""
+        """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies
+        overlap, or consist of one layer of particles."""
         kept, steps = self.checkpoint, self.steps
         if kept is None:
             for system in self.systems:
                 system.particles.owned_rows("contact_force")[:] = 0.0
             fill_depths(self.comm, self.contact_bodies, self.systems, self.names)
-            stable = minimum(self.comm, min(one.stable_step() for one in self.systems))
+            stable = minimum(self.comm, min(system.stable_step() for system in self.systems))
             steps.last = max(steps.shortest, stable)
         self.rebuild(time, any(system.bounded for system in self.systems))
-        # found anew, forces of friction differ from those that made them in the last bits
+        # forces of friction computed again differ from those of the checkpoint in the last bits
         forces_kept = [system.particles.owned_rows("contact_force").copy() for system in self.systems]
         depth, where = self.find_forces(None, held=True)
         steps.begin(self._seen(), self._penetrations_after(2.0 * steps.last * self._vectors("velocity")))
@@ -187,7 +186,14 @@ class KernelContact(TriedContact):
             pressed = minimum(self.comm, steps.from_rest(self._seen(), pushed))
             steps.start_with(pressed, self.boxes.expires - time)
         else:
-            self._take_back(kept, forces_kept)
+            for system, force in zip(self.systems, forces_kept):
+                system.particles.owned_rows("contact_force")[:] = force
+            # energies and steps of each rank, where the number of ranks is that of the checkpoint
+            same = len(kept["energies"]) == self.comm.size
+            if same:
+                self.energy, self.stuck = kept["energies"][self.comm.rank]
+            if self.search.segments:
+                steps.allowed = float(kept["steps"][self.comm.rank, 0] if same else kept["steps"].min())
         self.act(0.0)
         self._booked = np.array([self.energy, self.stuck])
         first, self.checkpoint = kept is None and self.rebuilds == 1, None
@@ -198,18 +204,8 @@ class KernelContact(TriedContact):
             fault = overlap(depth, both, self.contact_bodies, self.names)
         raise_together(self.comm, fault)
 
-    def _take_back(self, kept: dict[str, Any], forces_kept: list[np.ndarray]) -> None:
-        """Forces, energies and steps of a checkpoint for those found anew; on other ranks only the forces."""
-        for system, force in zip(self.systems, forces_kept):
-            system.particles.owned_rows("contact_force")[:] = force
-        same = len(kept["energies"]) == self.comm.size
-        if same:
-            self.energy, self.stuck = kept["energies"][self.comm.rank]
-        if self.search.segments:
-            self.steps.allowed = float(kept["steps"][self.comm.rank, 0] if same else kept["steps"].min())
-
     def state(self) -> dict[str, Any]:
-        """Its energies on each rank, and the steps that these allow."""
+        """Energies and largest steps of each rank, for a checkpoint."""
         rule = self.steps
         allowed, at_start = (min(1e300, step) for step in (rule.allowed, rule.at_start))
         return {
@@ -221,10 +217,10 @@ class KernelContact(TriedContact):
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """The thresholds are those of the checkpoint."""
+        """Take back `state`; the thresholds are fields of the checkpoint."""
         self.checkpoint, self.rebuilds, self.steps.last = state, state["rebuilds"], state["step"]
         self.steps.at_start, self.steps.starting = state["starting"]
-        # until `begin` finds them, for the energy of the whole state
+        # the total energy of the state is asked for before `begin`
         self.energy, self.stuck = own_share(self.comm, state["energies"])
 
     # --- in a step ----------------------------------------------------------------------------------------------
@@ -236,16 +232,14 @@ class KernelContact(TriedContact):
             energy = self.energy
             self.rebuild(time)
             self._find_penetrations(known=False)
-            # nothing has moved: the same but for the last bits
+            # nothing has moved, so only the last bits differ
             self.energy = energy
             for system in self.systems:
-                # the start of the step, of particles that were no candidates, too
                 start, position = map(system.particles.owned_rows, ("contact_start", "position"))
                 start[:] = position
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces in the new places, and what went into the ledger."""
-        # where all are apart no row is in any list
+        """Forces at the new positions; books energies."""
         if self.boxes.any_near and (None in self.placements or self.placements != self._placed):
             self.rebuild(time)
         if self.search.segments or self.energy or self.stuck:
@@ -256,38 +250,37 @@ class KernelContact(TriedContact):
             self.act(step)
         if step > 0.0:
             self.steps.starting = max(self.steps.starting - 1, 0)
-        self._steps_to_look -= 1
-        if self._steps_to_look <= 0 and not self.rebuild_needed:
-            self._look(time, step)
+        self._steps_to_check -= 1
+        if self._steps_to_check <= 0 and not self.rebuild_needed:
+            self._check_lists(time, step)
 
-    def _look(self, time: float, step: float) -> None:
-        """Ask for lists where they may not hold until twice the next look."""
+    def _check_lists(self, time: float, step: float) -> None:
+        """Request new lists where the present ones may not last for two further checks."""
         most = _MOST_STEPS[self.boxes.any_near]
         left = self.boxes.time_left(time, (2 * most + _AHEAD) * step)
         steps = most if step == 0.0 else int((left / step - _AHEAD) / 2.0)
-        self.rebuild_needed, self._steps_to_look = steps < _LEAST_STEPS, steps
+        self.rebuild_needed, self._steps_to_check = steps < _LEAST_STEPS, steps
 
     @property
     def placements(self) -> tuple[int | None, ...]:
-        """Of all systems."""
+        """`ParticleSystem.placements` of all systems."""
         return tuple(system.placements for system in self.systems)
 
     def stable_step(self) -> float:
-        """Of the stiffest contact whose bodies see one another on this rank."""
+        """Largest step [s] that contact allows on this rank."""
         return self.steps.step
 
     def energies(self) -> tuple[float, float]:
-        """What contact and sticking store."""
+        """Kinetic energy, and energy stored by contact and friction [J]."""
         return 0.0, self.energy + self.stuck
 
     # --- lists ----------------------------------------------------------------------------------------------------
 
     def rebuild(self, time: float, moves: bool = True) -> None:
-        """Boxes, candidates and lists in the present places; moves: whether velocities are those of a motion.
-        Collective."""
+        """Boxes, candidates and lists at the present positions; moves: whether velocities count. Collective."""
         self._placed = self.placements
         self.boxes.agree(time)
-        self.self_contact.look()
+        self.self_contact.update()
         for system in self.systems:
             rows = system.particles.owned_rows
             rows("contact_listed")[:] = rows("position")
@@ -297,33 +290,33 @@ class KernelContact(TriedContact):
         prune = not moves or (not fast and self.boxes.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last)
         self.search.build(self.self_contact, self._constants, prune)
         self.rebuilds += 1
-        self.rebuild_needed, self._steps_to_look = fast, 1
+        self.rebuild_needed, self._steps_to_check = fast, 1
         if not self.search.segments:
             self.steps.allowed = np.inf
         self._give_columns()
         self._make_room()
 
     def _give_columns(self) -> None:
-        """Columns of the particles' fields for the present candidates; collective."""
+        """Assign columns of the particles' fields to the present candidates; collective."""
         count, enough = self.search.owned, True
         self.column, self.fresh = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-        for one in self.search.segments:
-            storage = self.systems[one.system].particles.storage
-            partner, here = storage("contact_partner").reshape(-1, self.most), slice(one.first, one.last)
-            other = self.boxes.other[one.pair]
-            enough = assign_columns(one.rows, other, partner, self.column[here], self.fresh[here]) and enough
+        for segment in self.search.segments:
+            storage = self.systems[segment.system].particles.storage
+            partner, here = storage("contact_partner").reshape(-1, self.most), segment.here
+            other = self.boxes.other[segment.pair]
+            enough = assign_columns(segment.rows, other, partner, self.column[here], self.fresh[here]) and enough
         fault = f"contact: expected at most {self.most} bodies within reach of one particle, found more"
         raise_together(self.comm, None if enough else fault)
 
     def _reach_ahead(self) -> bool:
-        """Let lists reach farther where particles are so fast that they use them up before they can be made anew; then
-        all may press. Collective."""
+        """Widen the lists where particles are too fast for them to be renewed in time; returns whether they are. Then
+        no candidate is left out. Collective."""
         rule = self.steps
         soon = max(rule.last, rule.shortest)
         fastest = maximum(self.comm, self.boxes.fastest(_AHEAD * soon))
         fast = bool(fastest * soon > FAST * min(law.reach for _, law in self.contact_bodies.laws))
-        # the step may get as long as systems allow before contact has a say
-        rule.unseen = minimum(self.comm, min(one.stable_step() for one in self.systems)) if fast else 0.0
+        # until contact bounds the step, it may grow to what the systems allow
+        rule.unseen = minimum(self.comm, min(system.stable_step() for system in self.systems)) if fast else 0.0
         if fast:
             self.boxes.reach_beyond(_UNSEEN * fastest * max(soon, rule.unseen))
         return fast
@@ -335,7 +328,7 @@ class KernelContact(TriedContact):
             np.array([getattr(law, name) for _, law in self.contact_bodies.laws], float)[self.boxes.law[search.pair]]
             for name in ("friction", "longest")
         )
-        # what was too far away to be a candidate has seen nothing of the other body
+        # of a new candidate the colour was 0
         blind = -search.points.threshold * search.points.per_slope
         before = np.where(self.fresh, blind, self._from_fields("contact_level", 1).ravel())
         self._to_fields("contact_level", before[:, None])
@@ -353,26 +346,30 @@ class KernelContact(TriedContact):
             sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
         self.places = search.halo.forward(search.points.rows, search.points.moved)
         self.pressures = search.halo.forward(*sent)
-        # particles on which contact acts in each system, and of candidates, the number of theirs and what they feel
-        # over what counts of these, which is not 1 where planes are not those of both bodies
+        # acted_on: rows of the particles with candidates in each system; recipient: index of a candidate's particle
+        # among them; part: share of a candidate over that of its particle, not 1 where a plane is of one body alone
         self.part, self.recipient = np.ones(owned), np.zeros(owned, np.int64)
         self.acted_on = [np.zeros(0, np.int64)] * len(self.systems)
-        for one in search.segments:
-            self.acted_on[one.system], number = np.unique(one.rows, return_inverse=True)
-            self.recipient[one.first : one.last] = number.reshape(-1)
-            share = share_of(self.systems[one.system].particles, one.rows)
-            self.part[one.first : one.last] = search.points.share[one.first : one.last] / share
+        for segment in search.segments:
+            self.acted_on[segment.system], number = np.unique(segment.rows, return_inverse=True)
+            self.recipient[segment.here] = number.reshape(-1)
+            share = share_of(self.systems[segment.system].particles, segment.rows)
+            self.part[segment.here] = search.points.share[segment.here] / share
         self._listed_anew = True
 
     def _constants(self, volume: np.ndarray, share: np.ndarray) -> list[np.ndarray]:
-        """Threshold, slope, stiffness, 1/R and norm (n,) of candidates with whole volumes (n,) [m^3]."""
+        """Threshold, 1/slope, stiffness, 1/R and norm (n,) of candidates with whole volumes (n,) [m^3]."""
         result, bodies = np.zeros((5, len(volume))), self.contact_bodies
-        for law, here, one in self.search.of_laws():
-            system, rows, pair = self.systems[one.system], one.rows[here - one.first], self.search.pair[here]
+        for law, here, segment in self.search.of_laws():
+            system, rows, pair = (
+                self.systems[segment.system],
+                segment.rows[here - segment.here.start],
+                self.search.pair[here],
+            )
             kind = bodies.kinds[int(self.boxes.own[pair[0]])]
             depth = system.particles.storage("contact_depth").reshape(-1, self.most)
             colour, steepness = law.threshold(depth[rows, bodies.columns[kind][law.reach, law.planes]])
-            least = self.self_contact.least_thresholds(one.system, law, rows, system.dimension)
+            least = self.self_contact.least_thresholds(segment.system, law, rows, system.dimension)
             if least is not None:
                 alone = (self.boxes.own == self.boxes.other)[pair]
                 colour = np.where(alone, np.maximum(colour, least), colour)
@@ -382,31 +379,31 @@ class KernelContact(TriedContact):
             result[3, here], result[4, here] = 1.0 / law.reach, law.norm
         return list(result)
 
-    def _of_columns(self, one: Segment, name: str, width: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """A field (particles, columns, width) of a segment's system, and where in it its candidates are."""
-        field = self.systems[one.system].particles.storage(name).reshape(-1, self.most, width)
-        return field, (one.rows, self.column[one.first : one.last])
+    def _of_columns(self, segment: Segment, name: str, width: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        """A field (particles, columns, width) of a segment's system, and the indices of the segment's candidates."""
+        field = self.systems[segment.system].particles.storage(name).reshape(-1, self.most, width)
+        return field, (segment.rows, self.column[segment.here])
 
     def _from_fields(self, name: str, width: int) -> np.ndarray:
-        """Values (owned, width) of the candidates, of a field with so many numbers a column."""
+        """Values (owned, width) of the candidates in a field with `width` numbers a column."""
         result = np.zeros((self.search.owned, width))
-        for one in self.search.segments:
-            field, where = self._of_columns(one, name, width)
-            result[one.first : one.last] = field[where]
+        for segment in self.search.segments:
+            field, where = self._of_columns(segment, name, width)
+            result[segment.here] = field[where]
         return result
 
     def _to_fields(self, name: str, values: np.ndarray) -> None:
-        """Take `_from_fields` back."""
-        for one in self.search.segments:
-            field, where = self._of_columns(one, name, values.shape[1])
-            field[where] = values[one.first : one.last]
+        """Write values (owned, width) of the candidates to a field."""
+        for segment in self.search.segments:
+            field, where = self._of_columns(segment, name, values.shape[1])
+            field[where] = values[segment.here]
 
     # --- forces ---------------------------------------------------------------------------------------------------
 
     def find_forces(self, ledger: EnergyLedger | None, held: bool) -> tuple[float, int]:
-        """Energy, forces and friction in the present places; the deepest penetration [m], and of which candidate.
+        """Energy, forces and friction at the present positions; returns the deepest penetration [m] and its candidate.
 
-        held: nothing has moved since the last evaluation, or it is the first; the springs of friction stay as they are.
+        held: whether this is the first evaluation, or nothing has moved since the last; springs of friction are kept.
         """
         search, pressure, rubbing = self.search, self.pressure, self.rubbing
         before = pressure.penetration.copy()
@@ -433,38 +430,38 @@ class KernelContact(TriedContact):
             of("contact_force")[slice(None) if self._listed_anew else acted_on] = 0.0
             if not self.tries:
                 of("contact_start")[acted_on] = of("position")[acted_on]
-        for one in search.segments:
-            of, here = self.systems[one.system].particles.owned_rows, slice(one.first, one.last)
-            add_to_rows(one.rows, self.part[here], self.force[here], of("contact_force"))
+        for segment in search.segments:
+            of, here = self.systems[segment.system].particles.owned_rows, segment.here
+            add_to_rows(segment.rows, self.part[here], self.force[here], of("contact_force"))
         self._listed_anew = False
         return deepest
 
     def act(self, step: float) -> None:
-        """Add the forces to those on the particles, and what the impulse of a step [s] has besides."""
-        for one in self.search.segments:
-            particles, rows = self.systems[one.system].particles, self.acted_on[one.system]
+        """Add the forces to the external forces, and the corrections over a step [s] to the external impulses."""
+        for segment in self.search.segments:
+            particles, rows = self.systems[segment.system].particles, self.acted_on[segment.system]
             share, of = share_of(particles, rows)[:, None], particles.owned_rows
             of(EXTERNAL_FORCE)[rows] += share * of("contact_force")[rows]
             if self.corrects and step > 0.0:
-                here, force = slice(one.first, one.last), np.zeros((len(rows), particles.fields["position"].components))
+                here, force = segment.here, np.zeros((len(rows), particles.fields["position"].components))
                 add_to_rows(self.recipient[here], self.part[here], self.correction[here], force)
                 of(EXTERNAL_IMPULSE)[rows] += 0.5 * step * share * force
 
     def _find_penetrations(self, known: bool) -> tuple[float, int]:
-        """Places, penetrations and energy; the deepest and of which candidate; collective among neighbours. known:
-        whether the penetrations at the start of the step are."""
+        """Penetrations and energy; returns the deepest penetration [m] and its candidate; collective among neighbours.
+        known: whether the penetrations at the start of the step are known."""
         points = self.search.points
-        for one in self.search.segments:
-            rows, here, d = self.systems[one.system].particles.owned_rows, slice(one.first, one.last), points.dimension
-            place = rows("position")[one.rows]
-            points.rows[here, :d], points.moved[here, :d] = place, place - rows("contact_start")[one.rows]
+        for segment in self.search.segments:
+            rows, here, d = self.systems[segment.system].particles.owned_rows, segment.here, points.dimension
+            place = rows("position")[segment.rows]
+            points.rows[here, :d], points.moved[here, :d] = place, place - rows("contact_start")[segment.rows]
         self.places.now()
         self.energy, deepest, where = forces.find_penetrations(points, self.search.pairs, known, self.pressure)
         self._to_fields("contact_level", self.pressure.penetration[:, None])
         return float(deepest), int(where)
 
     def _rub(self, ledger: EnergyLedger | None, follows: bool) -> None:
-        """Friction of the owned candidates, whose springs the particles keep."""
+        """Friction of the owned candidates; the stretches of springs are kept in a field."""
         search, rubbing, d = self.search, self.rubbing, self.search.points.dimension
         rubbing.stretch[:, :d] = self._from_fields("contact_stick", d)
         self.stuck = forces.rub(search.points, search.pairs, follows, self.pressure, rubbing)
@@ -475,14 +472,14 @@ class KernelContact(TriedContact):
             forces.own_heat(search.points.share, rubbing, self.heat)
 
     def _warm(self, ledger: EnergyLedger) -> None:
-        """Half of what friction took to each of two bodies, where their laws have temperatures."""
+        """Heat each of the two bodies with half the work of friction, where their laws have temperatures."""
         forces.add_others_heat(self.search.points, self.search.pairs, self.rubbing.given, self.heat)
         stored = 0.0
-        for one in self.search.segments:
-            system = self.systems[one.system]
+        for segment in self.search.segments:
+            system = self.systems[segment.system]
             if system.takes_heat:
-                heat = (self.part * self.heat)[one.first : one.last]
-                taken = np.bincount(one.rows, heat, minlength=system.particles.owned)
+                heat = (self.part * self.heat)[segment.here]
+                taken = np.bincount(segment.rows, heat, minlength=system.particles.owned)
                 warmed = np.flatnonzero(taken)
                 stored += system.take_heat(taken[warmed], warmed)
         if stored:
@@ -501,7 +498,7 @@ class KernelContact(TriedContact):
         self._build_where_moved(_KEPT)
 
     def _book(self, ledger: EnergyLedger) -> None:
-        """What the last forces have stored, and friction has taken."""
+        """Book the energies of the last forces."""
         now = np.array([self.energy, self.stuck])
         for name, change in zip(("contact_energy", "stick_energy"), now - self._booked):
             ledger.add_term(name, float(change))
@@ -512,21 +509,20 @@ class KernelContact(TriedContact):
 
     @property
     def _memory(self) -> list[np.ndarray]:
-        """Fields of what contact knows of the last forces, with the numbers of the other bodies last."""
+        """Fields of the state of contact."""
         names = ["contact_level", "contact_stick", "contact_partner"]
         of = [system.particles for system in self.systems]
-        return [one.owned_rows(name) for name in names for one in of if name in one]
+        return [each.owned_rows(name) for name in names for each in of if name in each]
 
     def _build_where_moved(self, part: float) -> None:
-        """Lists of the kept state's partners in the present places, where any particle has moved by a part of what they
-        may miss since they were made; collective."""
+        """Make lists anew, from the kept fields, where a particle has used a part of the lists' margin; collective."""
         most = 0.0
         for system in self.systems:
             of = system.particles.owned_rows
             moved = of("position") - of("contact_listed")
             most = max(most, float(np.einsum("ni,ni->n", moved, moved).max(initial=0.0)))
         most = float(np.sqrt(maximum(self.comm, most)))
-        # of places that are no numbers nothing is found
+        # no lists are made of positions that are not finite
         if part * float(self.boxes.beyond.min()) < most < np.inf:
             for field, kept in zip(self._memory, self._kept):
                 field[:] = kept
@@ -549,7 +545,7 @@ class KernelContact(TriedContact):
         self.tries = False
 
     def hold(self) -> None:
-        """See `TriedContact`; before anything moves what just touches presses, and what presses sticks."""
+        """See `TriedContact`; in a trial without displacement, faces that just touch press and stick."""
         least = -_TOUCHING * self.narrowest if self._still else 0.0
         self._branch = np.where(self.pressure.penetration > least, STICKS if self._still else PRESSED, APART)
 
@@ -558,7 +554,7 @@ class KernelContact(TriedContact):
         return float(self.rubbing.lost.sum()) if self.rubs else 0.0
 
     def clearances(self) -> np.ndarray:
-        """See `Interaction`: of each body to any other."""
+        """See `Interaction`: (bodies,) [m], of each body to any other."""
         result = np.full(self.boxes.bodies, self.apart)
         np.minimum.at(result, self.boxes.own[self.search.pair], -self.pressure.penetration)
         return result
@@ -574,7 +570,7 @@ class KernelContact(TriedContact):
         return Seen(self.search.points, self.search.pairs, self.pressure, self.longest)
 
     def _penetrations_after(self, displacement: np.ndarray) -> np.ndarray:
-        """Penetrations (owned,) [m] when owned candidates have moved by displacements (owned, 3) [m]; collective."""
+        """Penetrations (owned,) [m] after displacements (owned, 3) [m] of the candidates; collective."""
         return penetrations_after(self.search.points, self.search.pairs, self.search.halo.with_ghosts(displacement))
 
     def _vectors(self, name: str) -> np.ndarray:

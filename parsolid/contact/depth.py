@@ -1,4 +1,4 @@
-"""How deep each particle lies in its own body in the reference: the threshold of the other body's colour follows."""
+"""Depth of each particle below the surface of its own body in the reference, from which its threshold follows."""
 
 from typing import Any
 
@@ -13,13 +13,13 @@ from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.generated import cell_volumes
 
-# penetration at the start that is refused, in the smaller spacing
+# in smaller spacings, the greatest penetration that is allowed at the start
 _TOO_DEEP = 1.0
 
 
 @kernel
 def add_colours(place, volume, body, start, neighbour, owned, per_reach, total):
-    """Add V_b shape(|X_a - X_b|/R) to both ends of pairs of one body, to the owned ends of those with ghosts."""
+    """Add V_b shape(|X_a - X_b|/R) to the owned particles of pairs within one body."""
     for a in range(len(start) - 1):
         for k in range(start[a], start[a + 1]):
             b, square = neighbour[k], 0.0
@@ -35,7 +35,7 @@ def add_colours(place, volume, body, start, neighbour, owned, per_reach, total):
 
 @kernel
 def add_images(row, place, image, other, weight, per_reach, total):
-    """Add what particles see of images."""
+    """Add the colours of images to particles."""
     for k in range(len(row)):
         square = 0.0
         for i in range(place.shape[1]):
@@ -44,11 +44,11 @@ def add_images(row, place, image, other, weight, per_reach, total):
 
 
 def fill_depths(comm: Any, contact: ContactBodies, systems: list[ParticleSystem], names: list[str]) -> None:
-    """Set "contact_depth" of every particle in contact, 0 at h/2 within the face of its body to 1 on it; collective.
+    """Set "contact_depth" of every particle in contact: 0 at h/2 below the face of its body, 1 on it; collective.
 
     names: of the scene's bodies. Raises SolverError, on all ranks, for bodies of one layer of particles.
     """
-    # laws of one reach and the same planes see the same
+    # laws of one reach and the same planes have the same colours
     laws = {(own, law.reach, law.planes): (own, law) for own, law in contact.laws}
     fault = None
     for system in systems:
@@ -77,7 +77,7 @@ def fill_depths(comm: Any, contact: ContactBodies, systems: list[ParticleSystem]
 
 
 def overlap(depth: float, bodies: tuple[int, int], contact: ContactBodies, names: list[str]) -> str | None:
-    """What is wrong with a body's particle so deep [m] in another at the start, or None."""
+    """The fault of a particle of the first body that penetrates the second by `depth` [m] at the start, or None."""
     least = min(contact.kinds[body].spacing for body in bodies)
     if depth <= _TOO_DEEP * least:
         return None
@@ -89,7 +89,7 @@ def overlap(depth: float, bodies: tuple[int, int], contact: ContactBodies, names
 
 
 def least_colour(kind: BodyKind, law: ContactLaw, dimension: int) -> float:
-    """What a body's particles in the middles of cells see of it at least, where it has two layers; nodes have them."""
+    """The least colour of particles, in their own body of at least two layers; 0 for nodes, which always have two."""
     if kind.nodal:
         return 0.0
     first, second = (kind.spacing * over_planes(z, law.reach, dimension)[0] for z in (0.0, kind.spacing))
@@ -97,7 +97,7 @@ def least_colour(kind: BodyKind, law: ContactLaw, dimension: int) -> float:
 
 
 def own_colours(comm: Any, system: ParticleSystem, rows: np.ndarray, law: ContactLaw) -> np.ndarray:
-    """Colours (k,) of some rows, of whole bodies, in their own body in the reference; collective."""
+    """Colours (k,) in the reference of rows, all particles of some bodies, by their own bodies; collective."""
     read = system.particles.owned_rows
     place, body = np.ascontiguousarray(read("reference_position")[rows]), read("body")[rows].astype(np.int64)
     halo = Halo(comm, place, law.reach * (1.0 + 1e-9))

@@ -2,10 +2,9 @@
 
     c_a = sum over the other body of V_b W(|x_a - x_b|),   g_a = max(0, c_a - c0_a)/s_a,   U = sum kappa A_a g_a^2/4
 
-A candidate is a particle with one of the bodies that its own body may touch. Rows: those of owned particles first,
-ghosts behind. Sums run in the order of the pairs, which is that of identifiers, so that they do not depend on ranks;
-what pairs give is worked out side by side and added one after the other, so that pairs too far to give anything change
-no bits.
+A candidate is a particle together with one of the bodies that its own body may touch. Rows: owned ones first, ghosts
+behind. Sums run in the order of the pairs, which is that of identifiers, so that they do not depend on ranks. The terms
+of a sum are computed in one loop and added in a second, so that pairs out of reach change no bits.
 """
 
 from typing import Any, NamedTuple
@@ -26,19 +25,22 @@ from parsolid.contact.friction import (
 from parsolid.contact.kernel import shape, slope
 from parsolid.kernels import inlined, kernel
 
-# what a candidate is held to be, so that forces are smooth where they begin or slip: apart, pressed without slip,
-# pressed with what slipped in the last trial; or none of these
+# branch of a candidate's force, fixed where differences of forces have to be linear: apart, pressed without slip,
+# pressed with the slip of the last trial; FREE: by the present penetration and traction
 APART, STICKS, PRESSED, FREE = 0, 1, 2, -1
-# in place of a distance [m], or of one over R, of none
+# in place of a distance of 0
 _NONE = 1e-300
-# of its threshold, what a candidate that presses no more sees at least of the body that it rubbed on, for its weights
+# share of the threshold: least colour of a candidate that has parted, for weights exact for linear fields
 _GONE = 0.5
 
 
 class Candidates(NamedTuple):
-    """Of all n candidates: rows (n, 4): place [m], zero beyond the dimension, and whole volume [m^3]; moved (n, 3) [m]:
-    displacement in the last step. Of the owned ones (m,): share of the particle on this side of symmetry planes; c0;
-    1/s [m]; stiffness kappa A/2 [N/m]; 1/R [1/m]; norm N R^-d [1/m^d]; dimension."""
+    """Candidates of a rank, owned ones first.
+
+    All (n,): rows (n, 4): position [m], zero beyond the dimension, and whole volume [m^3]; moved (n, 3) [m]:
+    displacement in the last step. Owned (m,): share of the particle on this side of symmetry planes; threshold c0;
+    per_slope 1/s [m]; stiffness kappa A/2 [N/m]; per_reach 1/R [1/m]; norm N R^-d [1/m^d].
+    """
 
     rows: np.ndarray
     moved: np.ndarray
@@ -55,7 +57,7 @@ class Pairs(NamedTuple):
     """Neighbours of candidate a are neighbour[start[a]] .. neighbour[start[a + 1] - 1].
 
     image (pairs,): 0, or the number of the image of the neighbour behind symmetry planes; mirrors (2, images, 4): R and
-    T of R x + T; both None without any. active (m,): whether a may press.
+    T of R x + T; both None without planes. active (m,): whether a may press.
     """
 
     start: np.ndarray
@@ -66,9 +68,10 @@ class Pairs(NamedTuple):
 
 
 class Pressure(NamedTuple):
-    """colour c (m,); penetration (m,) [m], negative before faces meet; branch (m,): FREE, or what it is held to be; and
-    of all candidates (n,): pull kappa A g/(2 s) [N], and what the impulse at the end of the step has of it besides, see
-    `friction.gap_correction`.
+    """Normal forces of candidates.
+
+    Owned (m,): colour c; penetration [m], negative before faces meet; branch: APART, STICKS, PRESSED or FREE. All (n,):
+    pull kappa A g/(2 s) [N]; correction [N]: of the impulse over half the step, see `friction.gap_correction`.
     """
 
     colour: np.ndarray
@@ -79,11 +82,13 @@ class Pressure(NamedTuple):
 
 
 class Rubbing(NamedTuple):
-    """coefficient (m,), 0 without friction; stretch (m, 3) [m] of the spring; lost (m,) [J], dissipated in the step by
-    the part on this side of planes; trial (m, 3) [m], most (m,) [N]: stretch without slip and Coulomb's limit of the
-    last trial in which nothing was held. Of all candidates (n,): per_colour 1/c, 0 where nothing rubs; traction (n, 3)
-    [N]; tilt (n, 3) [1/m] and centre (n, 3) [m] of the weights exact for linear fields, V W/c [1 + tilt . (x - centre)]
-    of particles of the other body; given (n,) [J]: heat for the other body, over c.
+    """Friction of candidates.
+
+    Owned (m,): coefficient, 0 without friction; stretch (m, 3) [m] of the spring; lost [J]: dissipated in the step by
+    the part on this side of planes; trial (m, 3) [m], most [N]: stretch without slip and Coulomb's limit of the last
+    trial on the branch FREE. All (n,): per_colour 1/c, 0 without friction; traction (n, 3) [N]; tilt (n, 3) [1/m] and
+    centre (n, 3) [m] of weights exact for linear fields, V W/c [1 + tilt . (x - centre)] of particles of the other
+    body; given [J]: heat for the other body, over c.
     """
 
     coefficient: np.ndarray
@@ -108,7 +113,7 @@ def _vector(array, b):
 
 @inlined
 def _imaged(image, mirrors, k, vector, shift):
-    """A vector of the neighbour in pair k, or of its image; shift: 1 of a place, else 0."""
+    """A vector of the neighbour in pair k, or of its image; shift: 1 for a position, else 0."""
     if image is None:
         return vector
     R, T = mirrors[0, image[k]], mirrors[1, image[k]]
@@ -139,8 +144,8 @@ def _longest(start):
 
 @kernel
 def may_press(points, pairs, skin, share):
-    """Which owned candidates may see more than a share of their threshold while pairs approach by a skin (m,) [m]: 1,
-    else 0."""
+    """1 for owned candidates whose colour may exceed a share of their threshold where pairs approach by a skin (m,)
+    [m], else 0."""
     result = np.zeros(len(points.share), np.int64)
     for a in range(len(result)):
         most = 0.0
@@ -154,8 +159,8 @@ def may_press(points, pairs, skin, share):
 
 @kernel
 def find_penetrations(points, pairs, known, pressure):
-    """Colours, penetrations and pulls of the owned candidates; known: whether the penetrations before the step are
-    there. Returns the stored energy [J], the deepest penetration [m] and whose that is."""
+    """Colours, penetrations and pulls of the owned candidates; known: whether `pressure` holds the penetrations at the
+    start of the step. Returns the stored energy [J], the deepest penetration [m] and its candidate."""
     energy, deepest, where, seen = 0.0, 0.0, -1, np.empty(_longest(pairs.start))
     for a in range(len(points.share)):
         per_reach = points.per_reach[a]
@@ -188,7 +193,7 @@ def find_penetrations(points, pairs, known, pressure):
 @kernel
 def normal_forces(points, pairs, pull, force):
     """Forces (m, 3) [N] on the owned candidates by the pulls (n,) [N]: the gradient of the energy, central in each
-    pair; of the particle as a whole where a symmetry plane cuts it. Returns whether there is any."""
+    pair; on the whole particle where a symmetry plane cuts it. Returns whether any is not zero."""
     acts, push = False, np.empty((3, _longest(pairs.start)))
     force[:] = 0.0
     for a in range(len(pull)):
@@ -222,8 +227,8 @@ def normal_forces(points, pairs, pull, force):
 
 @register_jitable
 def _neighbourhood(points, pairs, a, scale):
-    """The other body around candidate a: unit normal away from it, |grad c| R/(N R^-d), sums of the weights
-    V W/c times x_b - x_a (3) [m] and its products (6) [m^2]; scale: N R^-d/c."""
+    """Of the other body around candidate a: unit normal away from it, |grad c| R/(N R^-d), sums of the weights V W/c
+    times x_b - x_a (3) [m] and times its products (6) [m^2]; scale: N R^-d/c."""
     nx, ny, nz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     per_reach = points.per_reach[a]
@@ -244,7 +249,7 @@ def _neighbourhood(points, pairs, a, scale):
 
 @register_jitable
 def _slip(points, pairs, a, scale, mean, tilt):
-    """Displacement [m] of candidate a in the step against that of the other body where it is."""
+    """Displacement [m] of candidate a in the step, relative to the other body at its position."""
     slip, per_reach = _vector(points.moved, a), points.per_reach[a]
     for k in range(pairs.start[a], pairs.start[a + 1]):
         u, b = _apart(points, pairs, a, k), pairs.neighbour[k]
@@ -258,11 +263,11 @@ def _slip(points, pairs, a, scale, mean, tilt):
 
 @register_jitable
 def _released(points, pairs, a, follows, colour, rubbing):
-    """What friction takes [J] of a candidate that presses no more, whose spring ends: what that held less the work of
-    the half impulse that it gave in the step; never less than nothing."""
+    """Energy [J] that friction dissipates where a candidate parts and its spring ends: the energy of the spring less
+    the work of its half impulse in the step, at least 0."""
     stretch = _vector(rubbing.stretch, a)
     whole, worked = dot(stretch, stretch), 0.0
-    # where it hardly sees the other body any more no weights are exact
+    # no weights are exact where the colour is too small
     if follows and whole > 0.0 and colour > _GONE * points.threshold[a]:
         scale = points.norm[a] / colour
         rubbing.per_colour[a] = 1.0 / colour
@@ -275,10 +280,10 @@ def _released(points, pairs, a, follows, colour, rubbing):
 
 @kernel
 def rub(points, pairs, follows, pressure, rubbing):
-    """Tractions of the owned candidates that press, with the weights of their reactions, and what is dissipated.
+    """Tractions of the owned candidates that press, the weights of their reactions, and the energy dissipated.
 
-    follows: whether springs follow the motion of the step, or forces of what they hold are asked for. Returns the
-    energy of all springs [J].
+    follows: whether springs are stretched by the motion of the step, or keep their stretch. Returns the energy of all
+    springs [J].
     """
     stored = 0.0
     for a in range(len(points.share)):
@@ -317,8 +322,8 @@ def rub(points, pairs, follows, pressure, rubbing):
 
 @kernel
 def add_tractions(points, pairs, rubbing, force):
-    """Add to the forces (m, 3) [N] friction and its reactions on the other body, spread by weights exact for linear
-    fields, so that angular momentum is kept and no rotation of both bodies is felt."""
+    """Add friction, and its reactions on the other body, to the forces (m, 3) [N]. Weights exact for linear fields
+    spread the reactions, so that angular momentum is kept and a rigid rotation of both bodies gives no friction."""
     for a in range(len(force)):
         for i in range(3):
             force[a, i] += rubbing.traction[a, i]
@@ -339,8 +344,8 @@ def add_tractions(points, pairs, rubbing, force):
 
 @kernel
 def own_heat(share, rubbing, heat):
-    """Heat (m,) [J] of whole particles: half of what their friction takes, and for the other body the other half, by
-    the weights of the colour; all where the contact has opened."""
+    """Heat (m,) [J] of whole particles: half of their dissipation by friction, and all of it where the contact has
+    opened; the other half goes to the other body by the weights of the colour (`Rubbing.given`)."""
     for a in range(len(share)):
         whole = rubbing.lost[a] / share[a]
         half = 0.5 if rubbing.per_colour[a] > 0.0 else 0.0
@@ -350,7 +355,7 @@ def own_heat(share, rubbing, heat):
 
 @kernel
 def add_others_heat(points, pairs, given, heat):
-    """Add to heat (m,) [J] what the friction of other bodies' particles gives."""
+    """Add to heat (m,) [J] the halves from the friction of particles of other bodies."""
     for a in range(len(heat)):
         for k in range(pairs.start[a], pairs.start[a + 1]):
             if given[pairs.neighbour[k]] != 0.0:

@@ -1,11 +1,11 @@
-"""What contact, tools and ties share: friction as a spring with Coulomb's limit, and weights exact for linear fields.
+"""Shared by contact, tools and ties: friction as a spring with Coulomb's limit, and weights exact for linear fields.
 
 Vectors are tuples of three numbers in any dimension, zero beyond it.
 """
 
 from parsolid.kernels import inlined
 
-# of the trace to the power of the dimension, below which the moments of a neighbourhood count as singular
+# determinant over trace^d below which the moments of a neighbourhood count as singular
 _SINGULAR = 1e-9
 
 
@@ -23,13 +23,13 @@ def combined(p, a, q, b):
 
 @inlined
 def tangential(a, normal):
-    """The part of a across a unit normal."""
+    """The part of a perpendicular to a unit normal."""
     return combined(1.0, a, -dot(a, normal), normal)
 
 
 @inlined
 def turned(stretch, normal):
-    """The stretch of a spring turned into the plane of a unit normal, at its length."""
+    """The stretch of a spring rotated into the plane of a unit normal; its length is kept."""
     flat = tangential(stretch, normal)
     square = dot(flat, flat)
     scale = (dot(stretch, stretch) / square) ** 0.5 if square > 0.0 else 0.0
@@ -38,12 +38,12 @@ def turned(stretch, normal):
 
 @inlined
 def return_mapping(before, trial, stiffness, most):
-    """The stretch [m] of a spring of a stiffness [N/m] whose force is at most `most` [N], and what slip dissipates [J].
+    """The stretch [m] of a spring of a stiffness [N/m] whose force is at most `most` [N], and the dissipation [J].
 
-    before, trial: stretch before the step, and after it without slip (Cundall and Strack, Geotechnique 29, 1979). The
-    dissipation is that of the mean of the forces before and after. A spring that a step turns round, while what presses
-    falls, has acted at its whole old length for half of it: it keeps as much of the old force as makes friction take
-    nothing, for one step and never more than it had.
+    before, trial: stretch before the step, and after it without slip (Cundall and Strack, Geotechnique 29, 1979). Slip
+    dissipates the work of the mean of the forces before and after. Where a step reverses the spring while the normal
+    force falls, this work would be negative, since the old force acts for half the step: then the spring keeps, for
+    one step, the part of the old force for which the dissipation is zero, at most all of it.
     """
     square = dot(trial, trial)
     force = stiffness * square**0.5
@@ -57,7 +57,7 @@ def return_mapping(before, trial, stiffness, most):
 
 @inlined
 def linear_return(before, at, most_at, trial, stiffness, most):
-    """`return_mapping`'s stretch [m] to first order in what trial and most differ by from a state at and most_at."""
+    """The stretch [m] of `return_mapping`, linearised in trial and most about the values at and most_at."""
     square = dot(at, at)
     length = square**0.5
     kept = -dot(before, at) / max(square, 1e-300)
@@ -74,8 +74,8 @@ def linear_return(before, at, most_at, trial, stiffness, most):
 
 @inlined
 def linear_weights(dimension, mean, second):
-    """b of the weights w_j [1 + b . (x_j - x - mean)], exact for linear fields at x, where the w_j add up to one; zero,
-    for plain weights, where the places x_j do not span the space.
+    """b of the weights w_j [1 + b . (x_j - x - mean)], exact for linear fields at x, where the w_j add up to one; zero
+    where the points x_j do not span the space.
 
     mean (3) [m], second (6) [m^2] (xx, xy, xz, yy, yz, zz): sums of w_j times x_j - x and its products.
     """
@@ -100,11 +100,11 @@ def linear_weights(dimension, mean, second):
 
 @inlined
 def gap_correction(before, now):
-    """By how much the impulse at the end of a step differs from that of the penetration now [m], over half the step and
-    the stiffness, where a gap closes or opens within it; before: penetration at its start, negative of a gap.
+    """Correction [m] of the impulse at the end of a step in which a gap closes or opens: exact impulse less that of the
+    penetration `now` [m], over half the step and the stiffness; before [m]: penetration at the start. Negative: gaps.
 
-    Penetration is taken to change evenly in the step. One that begins has acted for the part of the step in which it
-    was positive; one that ends has had the whole impulse at the start and gives back what was too much.
+    The penetration is linear in time. A gap that closes presses for part of the step only; one that opens has had the
+    impulse of the whole first half at the start of the step, of which the excess is given back.
     """
     closes, opens = now > 0.0 >= before, before > 0.0 >= now
     rate = now - before if closes or opens else 1.0

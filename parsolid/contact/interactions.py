@@ -1,4 +1,4 @@
-"""All that acts between the bodies of a scene besides their methods; code is loaded where a scene needs it."""
+"""Interactions of a scene: contact, tools, ties. Their modules are imported where a scene needs them."""
 
 from typing import Any
 
@@ -10,10 +10,7 @@ from parsolid.scene.contact import grid_pairs, of_model
 
 
 def declare_interactions(scene: Scene, system: ParticleSystem) -> None:
-    """What particles of a system need for contact, ties and tools, before its state is set.
-
-    A system with contact on its grid gives energies of one time where others act on its nodes.
-    """
+    """Declare the fields that contact, ties and tools need on a system's particles, before its state is set."""
     if of_model(scene.contact, "kernel"):
         from parsolid.contact.contact import declare_fields
 
@@ -32,9 +29,9 @@ def declare_interactions(scene: Scene, system: ParticleSystem) -> None:
 
 
 def build_interactions(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> list[Interaction]:
-    """Contact, tools, ties, and contact on grids, which follows what gives impulses before a step; collective.
+    """Interactions of a scene; contact on grids comes after those that add impulses before a step; collective.
 
-    Raises SolverError on all ranks for what cannot be.
+    Raises SolverError on all ranks for bodies or tools that cannot be in contact or tied.
     """
     result: list[Interaction] = []
     if of_model(scene.contact, "kernel"):
@@ -54,5 +51,5 @@ def build_interactions(comm: Any, scene: Scene, systems: list[ParticleSystem]) -
 
         pairs = [((systems[i], systems[j]), friction) for (i, j), friction in grid_pairs(scene).items()]
         result.append(NodalContact(comm, pairs))
-    looks = undeclared_contact(comm, scene, systems)
-    return result if looks is None else [*result, looks]
+    undeclared = undeclared_contact(comm, scene, systems)
+    return result if undeclared is None else [*result, undeclared]

@@ -1,4 +1,4 @@
-"""The quintic B-spline M6 by which a particle feels another body, and the colour of a flat lattice of particles.
+"""The quintic B-spline M6, the kernel of contact, and the colour of a flat lattice of particles.
 
 W = N R^-d [(1 - q)^5 - 6 (2/3 - q)^5 + 15 (1/3 - q)^5], q = r/R, each bracket cut at 0 (Schoenberg 1946).
 """
@@ -20,7 +20,6 @@ def _fourth(x):
     return (x * x) * (x * x)
 
 
-# of a float or of lanes
 @register_jitable
 def shape(q: Any) -> Any:
     """W over N R^-d at q = r/R."""
@@ -87,7 +86,6 @@ def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
     return factor * value, factor * derivative
 
 
-# bodies of one spacing have the same tables, whatever their number
 @lru_cache(maxsize=4096)
 def lattice_colour(depth: float, spacing: float, nodal: bool, radius: float, dimension: int) -> tuple[float, float]:
     """Mean over the face of a flat lattice's colour seen from `depth` [m] outside its face, and minus its slope

@@ -1,4 +1,4 @@
-"""How the bodies of a scene meet, in words: bonded, in contact, tied, apart, or later though no table says how."""
+"""Notes on how the bodies of a scene interact: bonded, in contact, tied, apart, or on a collision course."""
 
 from collections.abc import Iterable
 from itertools import combinations, islice
@@ -13,9 +13,9 @@ from parsolid.scene import Scene
 from parsolid.scene.codes import Note, Warned
 from parsolid.scene.contact import BodyPairs, tied_pairs
 
-# bodies closer than so many of the larger spacing touch
+# in the larger of two spacings, the gap of bodies that touch
 _TOUCHING = 1.5
-# so many pairs are named at most
+# most pairs that are named
 _MOST = 12
 
 
@@ -27,40 +27,40 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
     names = [body.name or f"bodies.{number}" for number, body in enumerate(scene.bodies)]
     lower, upper, velocity, spacing = body_motions(comm, count, systems)
     touching = {body: system.settings.touching() for system in scene.systems for body in system.bodies}
-    told = {how: _Pairs(names) for how in ("in contact", "tied", *touching.values(), "apart")}
-    blind, stated, bonded = _Pairs(names), _Stated(scene), scene.bonded
+    pairs = {how: _Pairs(names) for how in ("in contact", "tied", *touching.values(), "apart")}
+    colliding, stated, bonded = _Pairs(names), _Stated(scene), scene.bonded
     for contact, members in stated.contacts:
         note = f" (friction {contact.friction:g})" if contact.friction else ""
         if len(members) == 1:
-            told["in contact"].add_words(f"{names[members[0]]} with itself{note}")
-        told["in contact"].add_all(combinations(members, 2), len(members) * (len(members) - 1) // 2, note)
+            pairs["in contact"].add_text(f"{names[members[0]]} with itself{note}")
+        pairs["in contact"].add_all(combinations(members, 2), len(members) * (len(members) - 1) // 2, note)
     for pair in stated.tied:
-        told["tied"].add(*pair)
+        pairs["tied"].add(*pair)
     near = set()
     for i, j in zip(*(each.tolist() for each in close_boxes(lower, upper, 2.0 * _TOUCHING * spacing))):
         gap = float(np.linalg.norm(np.maximum(np.maximum(lower[i] - upper[j], lower[j] - upper[i]), 0.0)))
         if gap <= _TOUCHING * max(spacing[i], spacing[j]) and bonded.has(i, j):
             near.add((i, j))
-            told[touching[i]].add(i, j)
+            pairs[touching[i]].add(i, j)
     apart = ((i, j) for i, j in combinations(range(count), 2) if (i, j) not in near and not stated.has(i, j))
-    told["apart"].add_all(apart, count * (count - 1) // 2 - len(near) - stated.count)
-    # where boxes come by the end of the run
+    pairs["apart"].add_all(apart, count * (count - 1) // 2 - len(near) - stated.count)
+    # boxes swept until the end of the run
     way = np.where(velocity == 0.0, 0.0, velocity * scene.end_time)
     boxes = lower + np.minimum(way, 0.0), upper + np.maximum(way, 0.0)
     first, second = close_boxes(*boxes, 0.0)
     moving = [(lower[of], upper[of], velocity[of]) for of in (first, second)]
     for i, j, when in zip(first.tolist(), second.tolist(), meetings(moving[0], moving[1], np.zeros(len(first)))):
         if when < scene.end_time and (i, j) not in near and not stated.has(i, j):
-            blind.add(i, j, f" (at about t = {when:.3g} s)")
-    notes = [Note("bodies", f"bodies {how}: {which}") for how, which in told.items() if which.count]
-    if blind.count:
+            colliding.add(i, j, f" (at about t = {when:.3g} s)")
+    notes = [Note("bodies", f"bodies {how}: {which}") for how, which in pairs.items() if which.count]
+    if colliding.count:
         then = "the run ends there" if scene.undeclared_contact != "warn" else "their methods do there what they do"
-        notes.append(Note("collision-course", f"on a collision course without [[contact]]; {then}: {blind}"))
+        notes.append(Note("collision-course", f"on a collision course without [[contact]]; {then}: {colliding}"))
     return notes
 
 
 def contact_warnings(scene: Scene, systems: list[ParticleSystem]) -> list[Warned]:
-    """What contact does not describe, of the bodies of a scene."""
+    """Warnings about contacts whose friction is inaccurate."""
     undamped = {body for system in systems if system.undamped for body in system.bodies}
     found = []
     for contact, members in _Stated(scene).contacts:
@@ -68,18 +68,19 @@ def contact_warnings(scene: Scene, systems: list[ParticleSystem]) -> list[Warned
         if contact.friction and contact.model == "kernel" and (len(rattles) > 1 or rattles == set(members)):
             names = _Pairs([body.name or f"bodies.{number}" for number, body in enumerate(scene.bodies)])
             names.add_all(combinations(sorted(rattles), 2), len(rattles) * (len(rattles) - 1) // 2)
-            told = (
+            text = (
                 f"nothing damps {str(names) or repr(contact.bodies[0])}, so that faces rattle on one another, and "
                 "friction, which springs of particles build up anew each time that they have parted, is less than "
                 "Coulomb's in the mean: by 2 % on an incline on which a block is put at once, by 0.1 % where its "
                 "weight grows slowly"
             )
-            found.append(Warned("friction-of-rattling-bodies", told))
+            found.append(Warned("friction-of-rattling-bodies", text))
     return found
 
 
 class _Stated:
-    """Pairs that a scene states: contacts with the numbers of their bodies, within one first, ties; count: of pairs."""
+    """Pairs of bodies in contact or tied by a scene. contacts: with the numbers of their bodies, those within one body
+    first; count: number of pairs of two bodies."""
 
     def __init__(self, scene: Scene) -> None:
         number = {body.name: i for i, body in enumerate(scene.bodies)}
@@ -95,27 +96,27 @@ class _Stated:
 
 
 class _Pairs:
-    """Pairs of bodies, of which the first are told by name."""
+    """A text of pairs of bodies that names the first of them and counts the others."""
 
     def __init__(self, names: list[str]) -> None:
-        self.names, self.told, self.count = names, list[str](), 0
+        self.names, self.texts, self.count = names, list[str](), 0
 
-    def add_words(self, words: str) -> None:
-        """One more, in words."""
-        self.told += [words] if self.count < _MOST else []
+    def add_text(self, text: str) -> None:
+        """Add a pair, described by a text."""
+        self.texts += [text] if self.count < _MOST else []
         self.count += 1
 
     def add(self, i: int, j: int, note: str = "") -> None:
-        """One more."""
-        self.add_words(f"{self.names[i]} and {self.names[j]}{note}")
+        """Add the pair of bodies i and j."""
+        self.add_text(f"{self.names[i]} and {self.names[j]}{note}")
 
     def add_all(self, pairs: Iterable[tuple[int, int]], count: int, note: str = "") -> None:
-        """So many pairs, of which only the first are asked for."""
+        """Add `count` pairs, of which only those that are named are taken from `pairs`."""
         for i, j in islice(pairs, max(min(_MOST - self.count, count), 0)):
             self.add(i, j, note)
             count -= 1
         self.count += count
 
     def __str__(self) -> str:
-        more = self.count - len(self.told)
-        return ", ".join(self.told) + (f", and {more} more pairs" if more else "")
+        more = self.count - len(self.texts)
+        return ", ".join(self.texts) + (f", and {more} more pairs" if more else "")

@@ -1,4 +1,4 @@
-"""Contact candidates of a rank: its particles near other bodies, their ghosts on other ranks, and who is near whom."""
+"""Contact candidates of a rank: its particles near other bodies, their ghosts on other ranks, and pairs of them."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -19,8 +19,11 @@ from parsolid.particles.generated import cell_volumes
 
 @kernel
 def directed(start, neighbour, owned, outer, ghost, pair, reverse, particle):
-    """Both directions of neighbours, owned and with ghosts, of which one's body pair is the reverse of the other's:
-    starts, neighbours; pair, particle (n,): of each candidate, which is never a neighbour of its own particle."""
+    """Starts and neighbours of owned candidates, both ways round, from pairs among the owned ones (start, neighbour)
+    and with ghosts (outer, ghost). Candidates are neighbours where the body pair of one is the reverse of the other's.
+
+    pair, particle (n,): body pair and particle of each candidate; a candidate is no neighbour of its own particle.
+    """
     count = np.zeros(owned + 1, np.int64)
     result = np.empty(0, np.int32)
     at = np.zeros(owned, np.int64)
@@ -54,7 +57,7 @@ def directed(start, neighbour, owned, outer, ghost, pair, reverse, particle):
 
 @kernel
 def sort_rows(start, neighbour, code, key):
-    """Order each row by the neighbours' keys, then by the codes of their images."""
+    """Sort each row of neighbours by their keys, then by the codes of their images."""
     for a in range(len(start) - 1):
         for k in range(start[a] + 1, start[a + 1]):
             b, c = neighbour[k], code[k]
@@ -80,24 +83,26 @@ def near_boxes(place, pair, lower, upper, reach):
 
 
 class Segment(NamedTuple):
-    """Candidates first..last-1: rows of a system's particles, one for each body that a particle may touch, and the
-    numbers of the pairs of bodies."""
+    """The candidates of one system: one for each body that a particle may touch.
+
+    system: its number; rows, pair (k,): particle and body pair of each; here: where they are among the owned ones.
+    """
 
     system: int
     rows: np.ndarray
     pair: np.ndarray
-    first: int
-    last: int
+    here: slice
 
 
-# constants of candidates from whole volumes, in the order of `forces.Candidates` from threshold on
+# (volumes, shares) of candidates -> their fields of `forces.Candidates` from threshold to norm
 Constants = Callable[[np.ndarray, np.ndarray], list[np.ndarray]]
 
 
 class Search:
-    """Candidates of one rank: segments, the halo of their ghosts, and pairs.
+    """Candidates of one rank.
 
-    points, pairs: see `forces`; owned: how many candidates are this rank's own; pair (owned,): of bodies.
+    segments: by system; halo: of their ghosts; points, pairs: see `forces`; owned: number of this rank's own; pair
+    (owned,): body pairs, see `BroadPhase`; half (body pairs,) [m]: half the reach of the lists.
     """
 
     def __init__(self, comm: Any, boxes: BroadPhase, systems: list[ParticleSystem]) -> None:
@@ -105,21 +110,22 @@ class Search:
         self._search = ClosePairs()
 
     def build(self, self_contact: SelfContact, constants: Constants, prune: bool) -> None:
-        """Candidates and pairs in the present places; collective. prune: leave out candidates that press on nothing and
-        on which nothing presses, as long as the lists hold."""
+        """Candidates and pairs at the present positions; collective. prune: leave out candidates that cannot be in
+        contact while the lists are valid."""
         boxes = self.boxes
         reaches = boxes.reach + boxes.beyond
         self.half = 0.5 * reaches
         self.segments = self._segments()
-        self.owned = self.segments[-1].last if self.segments else 0
-        self.pair = np.concatenate([np.zeros(0, np.int64), *(one.pair for one in self.segments)])
+        self.owned = self.segments[-1].here.stop if self.segments else 0
+        self.pair = np.concatenate([np.zeros(0, np.int64), *(segment.pair for segment in self.segments)])
         place, share = self.gathered("position"), np.ones(self.owned)
-        for law, here, one in self.of_laws():
-            share[here] = shares_of(self.systems[one.system], one.rows[here - one.first], law)
+        for law, here, segment in self.of_laws():
+            rows_of_law = segment.rows[here - segment.here.start]
+            share[here] = shares_of(self.systems[segment.system], rows_of_law, law)
         reach = float(reaches[boxes.near].max(initial=0.0))
         halo = Halo(self.comm, place, reach * REACH_MARGIN if reach > 0.0 else 1.0)
-        whole = [cell_volumes(self.systems[one.system].particles)[one.rows] for one in self.segments]
-        d, volume = place.shape[1], np.concatenate([np.zeros(0), *whole]) / share
+        cells = [cell_volumes(self.systems[segment.system].particles)[segment.rows] for segment in self.segments]
+        d, volume = place.shape[1], np.concatenate([np.zeros(0), *cells]) / share
         of_law: Any = constants(volume, share)
         skin, identifier = boxes.skin[self.pair], self.gathered("identifier").astype(np.int64)
         rows = np.zeros((self.owned + halo.ghosts, 4))
@@ -146,7 +152,7 @@ class Search:
         self._prune(halo, points, pairs._replace(active=halo.with_ghosts(active) > 0), image, particle)
 
     def _prune(self, halo: Halo, points: Candidates, pairs: Pairs, image: np.ndarray, particle: np.ndarray) -> None:
-        """Keep the pairs of which one may press; collective. pairs.active, particle: with ghosts."""
+        """Keep pairs of which at least one candidate is active; collective. pairs.active, particle: with ghosts."""
         row = np.repeat(np.arange(self.owned), np.diff(pairs.start))
         keep = pairs.active[row] | pairs.active[pairs.neighbour]
         start, neighbour = _kept(pairs.start, pairs.neighbour, keep)
@@ -162,31 +168,30 @@ class Search:
         active = pairs.active[: self.owned][mine].astype(np.int64)
         self.pairs = Pairs(start, neighbour, None if pairs.mirrors is None else image, pairs.mirrors, active)
         before = np.concatenate(([0], np.cumsum(mine)))
-        kept = [(one, mine[one.first : one.last]) for one in self.segments]
-        self.segments = [
-            Segment(one.system, one.rows[here], one.pair[here], int(before[one.first]), int(before[one.last]))
-            for one, here in kept
-            if here.any()
-        ]
+        segments, self.segments = self.segments, []
+        for system, rows, of_bodies, here in segments:
+            keep, here = mine[here], slice(int(before[here.start]), int(before[here.stop]))
+            if keep.any():
+                self.segments.append(Segment(system, rows[keep], of_bodies[keep], here))
         self.owned, self.pair = int(mine.sum()), self.pair[mine]
 
     def of_laws(self) -> Iterator[tuple[ContactLaw, np.ndarray, Segment]]:
-        """Each law with candidates that it is for, of one segment."""
-        for one in self.segments:
-            number = self.boxes.law[one.pair]
+        """Of each segment the laws with the candidates (k,) to which they apply."""
+        for segment in self.segments:
+            number = self.boxes.law[segment.pair]
             for k in np.unique(number):
-                yield self.boxes.contact.laws[k][1], one.first + np.flatnonzero(number == k), one
+                yield self.boxes.contact.laws[k][1], segment.here.start + np.flatnonzero(number == k), segment
 
     def leave_out_deleted(self) -> None:
-        """Let owned candidates that were deleted feel nothing more and be felt no more."""
-        for one in self.segments:
-            particles = self.systems[one.system].particles
+        """Take owned candidates of deleted particles out of contact."""
+        for segment in self.segments:
+            particles = self.systems[segment.system].particles
             if "deleted_mass" in particles:
-                gone = one.first + np.flatnonzero(particles.owned_rows("deleted_mass")[one.rows] > 0.0)
+                gone = segment.here.start + np.flatnonzero(particles.owned_rows("deleted_mass")[segment.rows] > 0.0)
                 self.points.rows[gone, 3], self.pairs.active[gone] = 0.0, 0
 
     def _segments(self) -> list[Segment]:
-        """Particles near other bodies, but those that were deleted before the last forces were found."""
+        """Particles near other bodies, without those deleted before the last evaluation of forces."""
         result: list[Segment] = []
         boxes, near, first = self.boxes, np.flatnonzero(self.boxes.near), 0
         for index, system in enumerate(self.systems):
@@ -204,22 +209,19 @@ class Search:
             if "deleted_mass" in system.particles:
                 keep &= (of("deleted_mass")[rows] <= 0.0) | of("contact_force")[rows].any(axis=1)
             if keep.any():
-                last = first + int(keep.sum())
-                result.append(Segment(index, rows[keep], pair[keep], first, last))
-                first = last
+                here = slice(first, first + int(keep.sum()))
+                result.append(Segment(index, rows[keep], pair[keep], here))
+                first = here.stop
         return result
 
     def gathered(self, name: str) -> np.ndarray:
         """A field of the particles of the owned candidates."""
-        pieces = [self.systems[one.system].particles.owned_rows(name)[one.rows] for one in self.segments]
-        if pieces:
-            return np.ascontiguousarray(np.concatenate(pieces))
-        like = self.systems[0].particles.owned_rows(name)
-        return np.zeros((0, *like.shape[1:]), like.dtype)
+        pieces = [self.systems[segment.system].particles.owned_rows(name)[segment.rows] for segment in self.segments]
+        return np.ascontiguousarray(np.concatenate(pieces or [self.systems[0].particles.owned_rows(name)[:0]]))
 
     def _with_images(self, start: Any, neighbour: Any, place: np.ndarray, pair: np.ndarray) -> tuple[Any, ...]:
-        """Lists with the images of neighbours behind the symmetry planes that both bodies have: starts, neighbours,
-        numbers of images, and the mirrors of `forces.Pairs`."""
+        """Lists with the images of neighbours behind the symmetry planes that both bodies have: start, neighbour, image
+        and mirrors of `forces.Pairs`."""
         image, d = np.zeros(len(neighbour), np.int8), place.shape[1]
         laws = [law for _, law in self.boxes.contact.laws]
         if not any(law.planes for law in laws):
@@ -242,7 +244,7 @@ class Search:
                 images.append(np.full(len(chosen), len(tables), np.int8))
                 tables.append((R, T))
         mirrors = np.zeros((2, len(tables), 4))
-        # of what lies beyond the dimension nothing changes
+        # identity beyond the dimension
         mirrors[0] = 1.0
         mirrors[:, :, :d] = np.array(tables).swapaxes(0, 1)
         row, neighbour, image = (np.concatenate(pieces) for pieces in (rows, neighbours, images))

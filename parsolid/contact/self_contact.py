@@ -1,8 +1,8 @@
 """Contact within one body: which of its pairs may touch, and the threshold of particles beside broken bonds.
 
-Pairs touch whose distance in the reference is at least twice the kernel's reach, so that no compression down to a
-stretch of a half brings others in, and pairs whose bond has broken. The colour of these in the reference is the least
-threshold of a particle, so that nothing acts in the reference, however many of its bonds are gone.
+Pairs may touch whose distance in the reference is at least twice the kernel's reach, so that compression to a stretch
+of one half brings no other pairs within reach, and pairs whose bond has broken. The colour of broken neighbours in the
+reference is the least threshold of a particle: nothing acts in the reference, however many of its bonds are broken.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ _APART = 2.0
 
 
 class SelfContact:
-    """Broken pairs of the systems whose bodies touch themselves, as of the last `look`."""
+    """Broken pairs of the systems with contact within one body, as of the last `update`."""
 
     def __init__(self, contact: ContactBodies, systems: list[ParticleSystem]) -> None:
         self.systems = systems
@@ -26,8 +26,8 @@ class SelfContact:
         self.broken: list[BrokenPairs | None] = [None] * len(systems)
         self._keys = np.zeros(0, np.int64)
 
-    def look(self) -> None:
-        """Ask the systems what has broken."""
+    def update(self) -> None:
+        """Get the broken pairs of all systems."""
         keys = [np.zeros(0, np.int64)]
         for index, system in enumerate(self.systems):
             if self.touching[index]:
@@ -38,8 +38,8 @@ class SelfContact:
         self._keys = np.concatenate(keys)
 
     def excluded(self, boxes: BroadPhase, pair: Any, row: Any, neighbour: Any, reference: Any, particle: Any) -> Any:
-        """Which candidates (row, neighbour) of one body do not touch although they are near, by arrays with ghosts:
-        number of the body pair, reference place [m] and identifier of each candidate."""
+        """Which pairs (row, neighbour) of one body may not touch although they are near. pair, reference, particle, all
+        with ghosts: body pair, reference position [m] and identifier of each candidate."""
         number = pair[row]
         close = np.linalg.norm(reference[row] - reference[neighbour], axis=1) < _APART * boxes.reach[number]
         result = (boxes.own == boxes.other)[number] & close
@@ -49,7 +49,7 @@ class SelfContact:
         return result
 
     def least_thresholds(self, number: int, law: ContactLaw, rows: np.ndarray, dimension: int) -> np.ndarray | None:
-        """Colour (k,) in the reference of what rows of a system are no longer bonded to; None without any."""
+        """Colour (k,) in the reference of the broken neighbours of rows of a system; None without broken pairs."""
         found = self.broken[number]
         if found is None or not len(found.row):
             return None
@@ -58,6 +58,6 @@ class SelfContact:
         return np.asarray(np.bincount(found.row, weight, minlength=count)[rows])
 
 
-def _key(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """A number for a pair in its order."""
-    return np.asarray(one * np.int64(1 << 31) + other)
+def _key(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """One number for each ordered pair of identifiers."""
+    return np.asarray(first * np.int64(1 << 31) + second)

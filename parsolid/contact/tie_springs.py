@@ -1,7 +1,7 @@
 """Kernels of ties: points on the face between two bodies, weights of the particles around them, and forces.
 
-place (n, d) [m]: of the particles of both bodies in the reference; volume (n,) [m^3]; other (n,): whether a particle is
-of the second body. Lists: start (points + 1,) and rows of particles.
+place (n, d) [m]: reference positions of the particles of both bodies; volume (n,) [m^3]; other (n,): whether a particle
+is of the second body. Neighbours of point p: rows[start[p]] .. rows[start[p + 1] - 1].
 """
 
 import math
@@ -13,7 +13,7 @@ from parsolid.contact.friction import linear_weights
 from parsolid.contact.kernel import shape, slope
 from parsolid.kernels import kernel
 
-# halvings of the stretch on which a face is looked for
+# bisections in the search for a face
 _HALVINGS = 50
 
 
@@ -32,7 +32,7 @@ def _balance(point, near, rows, place, volume, other, inverse):
 
 @register_jitable
 def _towards(a, near, rows, place, volume, other, inverse, n):
-    """Unit vector n (d,) along the gradient of that difference at particle a; whether there is one."""
+    """Unit vector n (d,) along the gradient of that difference at particle a; returns whether it is not zero."""
     n[:] = 0.0
     length = 0.0
     for k in range(near[0], near[1]):
@@ -53,8 +53,8 @@ def _towards(a, near, rows, place, volume, other, inverse, n):
 
 @kernel
 def faces(source, length, start, rows, place, volume, other, inverse, points):
-    """Which particles (m,) of the first body lie next to the second, within a length [m] of the face between the two,
-    along the gradient of their colours; where that meets the face, into points (m, d)."""
+    """Which particles `source` (m,) of the first body lie within a length [m] of the face to the second body, along the
+    gradient of the difference of colours; the points where this line meets the face are put into points (m, d)."""
     d = place.shape[1]
     found = np.zeros(len(source), np.bool_)
     n, point = np.empty(d), np.empty(d)
@@ -89,8 +89,8 @@ def faces(source, length, start, rows, place, volume, other, inverse, points):
 def weigh(points, start, rows, place, volume, inverse, sign, weight):
     """Weights of particles around points that reproduce linear fields there, times a sign, into weight (k,).
 
-    w_j [1 + b . (x_j - x - mean)], w_j = V_j W_j/c, see `friction.linear_weights`. Returns how far the sum of weights
-    times x_j is from its point at most [m].
+    w_j [1 + b . (x_j - x - mean)], w_j = V_j W_j/c, see `friction.linear_weights`. Returns the greatest distance [m] of
+    the weighted sum of x_j from its point.
     """
     d, worst, away, mean, second = place.shape[1], 0.0, np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for m in range(len(points)):
@@ -130,10 +130,10 @@ def weigh(points, start, rows, place, volume, inverse, sign, weight):
 
 @kernel
 def pull(start, rows, weight, stiffness, counted, moved, owned, force):
-    """Forces (owned, d) [N] of ties on owned particles by the displacements moved (n, d) [m] of all; energy [J] of
-    those that this rank counts.
+    """Forces (owned, d) [N] of ties on owned particles by the displacements moved (n, d) [m] of all; returns the energy
+    [J] of the springs that this rank counts.
 
-    U = sum_p k_p |e_p|^2/2, e_p = sum_j w_pj u_j, the parting of the faces at p; weights of the first body < 0.
+    U = sum_p k_p |e_p|^2/2, e_p = sum_j w_pj u_j, the separation of the faces at p; weights of the first body < 0.
     """
     d, energy, e = moved.shape[1], 0.0, np.empty(3)
     force[:] = 0.0
@@ -158,7 +158,7 @@ def pull(start, rows, weight, stiffness, counted, moved, owned, force):
 
 @kernel
 def frequency(start, rows, weight, stiffness, mass, owned):
-    """Square of the highest frequency [1/s^2] of ties alone, by the sums of rows of M^-1 K (Gershgorin)."""
+    """Upper bound of the square of the frequency [1/s^2] of ties alone, by the row sums of M^-1 K (Gershgorin)."""
     sums = np.zeros(owned)
     for p in range(len(stiffness)):
         total = 0.0

@@ -25,24 +25,22 @@ from parsolid.particles.generated import cell_volumes
 from parsolid.scene import Scene
 from parsolid.scene.contact import TIE_TERMS, tied_pairs
 
-# of the limit of the springs' frequency
+# step over its limit by the frequency of the springs
 _SAFETY = 0.8
-# of M V of one particle, see `contact.tools.contact`: before so much has happened the balance is no measure of anything
+# of M V of one particle, the energy scale of the balance
 _BEGINNING = 2.5e4
 # radius of the kernels over the spacing, as in contact
 _RADIUS = 2.7
-# a particle is next to the face within so much of its spacing: cells of the first layer are at .5, of the second 1.5
+# in spacings, greatest distance of particles of the first layer from the face; cells: layers are at .5 and 1.5
 _NEXT = 0.75
-# of a spacing, what weights may miss their point by
+# in spacings, greatest error of the weighted mean position of a point
 _ROUND_OFF = 1e-6
-
-
-# field of the places [m] at the start of a step
+# field of the positions [m] at the start of a step
 START = "tie_start"
 
 
 def declare_tie_fields(scene: Scene, system: ParticleSystem) -> None:
-    """What a system's particles need to be tied, before its state is set; nothing where there are no ties."""
+    """Declare the fields that the ties of a scene need on a system's particles, before its state is set."""
     here = [
         (number, first, second)
         for number, (first, second, _) in enumerate(tied_pairs(scene))
@@ -61,13 +59,13 @@ def declare_tie_fields(scene: Scene, system: ParticleSystem) -> None:
 
 
 def held_field(number: int) -> str:
-    """Name of the field of whether a particle's spring of a tie holds, 1 or 0."""
+    """Name of the field that is 1 while the spring of a particle in a tie holds, then 0."""
     return f"tie_{number}_held"
 
 
 class TiedBody(NamedTuple):
-    """A body of a tie: its number and name in the scene, system, number there, spacing [m], modulus M [Pa]; nodal:
-    particles on its faces; box (2, d) [m] in the reference."""
+    """A body of a tie. body, name: in the scene; local: number in its system; spacing [m]; modulus lambda + 2 mu [Pa];
+    nodal: particles lie on its faces; box (2, d) [m] in the reference."""
 
     body: int
     name: str
@@ -80,26 +78,26 @@ class TiedBody(NamedTuple):
 
 
 class TiedFaces:
-    """The springs of one tie; first is the finer body. owned: particles of this rank that they may pull.
+    """The springs of one tie; the first body is the finer one. owned: number of this rank's particles near the face.
 
-    energy, lost [J]: stored, and gone in the last step with springs that ended, as far as this rank counts them; ended:
-    whether any has; force (owned, d) [N].
+    energy, lost [J]: stored, and removed in the last step with springs that ended, of the springs counted by this rank;
+    ended: whether any has; force (owned, d) [N]; parts: rows of both bodies among the owned ones.
 
-    A spring ends when a particle that it joins is deleted; the particle beside its point keeps that (`held`).
+    A spring ends when a particle that it joins is deleted; the field `held` of the particle beside its point says so.
     """
 
     def __init__(self, comm: Any, number: int, stiffness: float, first: TiedBody, second: TiedBody):
         self.comm, self.number, self.sides = comm, number, (first, second)
         least = min(side.modulus / side.spacing for side in self.sides)
         self.stiffness, self.energy, self.lost, self.ended = stiffness * least, 0.0, 0.0, False
-        self.held = held_field(number)
+        self.held, self.dimension = held_field(number), first.system.dimension
         self.deletes = any(self.held in side.system.particles for side in self.sides)
         self._search = ClosePairs()
 
     def build(self) -> None:
-        """Springs between the particles that this rank has now, or whose springs reach them; collective.
+        """Make the springs that pull this rank's particles; collective.
 
-        Raises SolverError on all ranks where bodies do not touch, or are too thin.
+        Raises SolverError on all ranks where the bodies do not touch, or are too thin.
         """
         coarse = max(side.spacing for side in self.sides)
         reach = _RADIUS * coarse
@@ -107,29 +105,30 @@ class TiedFaces:
         self.first = len(self.rows[0])
         self.owned = self.first + len(self.rows[1])
         self.parts = slice(self.first), slice(self.first, None)
-        place = self._gathered("reference_position")[:, : self._dimension]
-        # what a spring joins lies within two reaches and the way to the face of what it pulls
+        place = self._gathered("reference_position")[:, : self.dimension]
+        # particles joined by a spring are within two reaches and twice their distance from the face
         halo = Halo(self.comm, place, 2.0 * reach + 2.0 * coarse)
         whole = [cell_volumes(side.system.particles)[rows] for side, rows in zip(self.sides, self.rows)]
-        told = halo.with_ghosts(np.column_stack((place, np.concatenate(whole))))
-        names = halo.with_ghosts(self._gathered("identifier").astype(np.int64))
+        columns = halo.with_ghosts(np.column_stack((place, np.concatenate(whole))))
+        identifier = halo.with_ghosts(self._gathered("identifier").astype(np.int64))
         second = halo.with_ghosts((np.arange(self.owned) >= self.first).astype(np.int64)) > 0
-        place, volume = np.ascontiguousarray(told[:, :-1]), np.ascontiguousarray(told[:, -1])
+        place, volume = np.ascontiguousarray(columns[:, :-1]), np.ascontiguousarray(columns[:, -1])
         source, points = self._points(place, volume, second, reach)
-        source, points = self._in_order(source, points, names)
-        start, rows, weight = self._weights(points, place, volume, second, names)
-        held = halo.with_ghosts(self._kept(self.held, 1.0))
-        self._keep(halo, start, rows, weight, source, volume, held)
-
-    @property
-    def _dimension(self) -> int:
-        return self.sides[0].system.dimension
+        bodies = " and ".join(repr(side.name) for side in self.sides)
+        apart = f"tie.{self.number}: expected bodies that touch, found {bodies} apart"
+        raise_together(self.comm, apart if maximum(self.comm, float(len(source))) == 0.0 else None)
+        # on any number of ranks springs are summed in one order
+        order = np.argsort(identifier[source], kind="stable")
+        source, points = source[order], points[order]
+        start, rows, weight, fault = self._weights(points, place, volume, second, identifier)
+        held = halo.with_ghosts(self._field(self.held, 1.0))
+        self._keep(halo, start, rows, weight, source, volume, held, fault)
 
     def _near(self, side: TiedBody, other: TiedBody, reach: float) -> np.ndarray:
         """Rows of a body's particles near the other's box in the reference."""
         read = side.system.particles.owned_rows
         rows = np.flatnonzero(read("body") == side.local)
-        place = read("reference_position")[rows][:, : self._dimension]
+        place = read("reference_position")[rows][:, : self.dimension]
         gap = np.maximum(np.maximum(other.box[0] - place, place - other.box[1]), 0.0)
         return np.asarray(rows[(gap * gap).sum(axis=1) < reach * reach])
 
@@ -138,8 +137,8 @@ class TiedFaces:
         pieces = [side.system.particles.owned_rows(name)[rows] for side, rows in zip(self.sides, self.rows)]
         return np.ascontiguousarray(np.concatenate(pieces))
 
-    def _kept(self, name: str, default: float) -> np.ndarray:
-        """A field (owned,) that not every system has."""
+    def _field(self, name: str, default: float) -> np.ndarray:
+        """A field (owned,) of the owned particles; `default` in systems without it."""
         pieces = []
         for side, rows in zip(self.sides, self.rows):
             of = side.system.particles
@@ -147,7 +146,7 @@ class TiedFaces:
         return np.concatenate(pieces)
 
     def _points(self, place: Any, volume: Any, second: Any, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Particles of the first body beside the face, and the points of the face that are theirs."""
+        """Particles of the first body beside the face, and their points on the face."""
         box, length = self.sides[1].box, _NEXT * self.sides[0].spacing
         gap = np.maximum(np.maximum(box[0] - place, place - box[1]), 0.0)
         source = np.flatnonzero(~second & ((gap * gap).sum(axis=1) < reach * reach))
@@ -157,44 +156,39 @@ class TiedFaces:
         found = tie_springs.faces(source, length, start, rows, place, volume, second, 1.0 / reach, points)
         return source[found], points[found]
 
-    def _in_order(self, source: Any, points: Any, names: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Springs in the order of their particles' names; collective. Raises SolverError where there are none."""
-        none = maximum(self.comm, float(len(source))) == 0.0
-        called = " and ".join(repr(side.name) for side in self.sides)
-        expected = f"tie.{self.number}: expected bodies that touch, found {called} apart"
-        raise_together(self.comm, expected if none else None)
-        order = np.argsort(names[source], kind="stable")
-        return source[order], points[order]
-
-    def _weights(self, points: Any, place: Any, volume: Any, second: Any, names: Any) -> tuple[Any, Any, Any]:
-        """Particles of both bodies around points, in the order of names, and their weights; collective."""
+    def _weights(self, points: Any, place: Any, volume: Any, second: Any, identifier: Any) -> tuple[Any, ...]:
+        """Particles of both bodies around points, sorted by identifier, and their weights: start, rows, weight. And a
+        fault where a body is too thin, or where a point's surroundings are not all on this rank."""
         pieces, fault = [], None
         for side, own, sign in zip(self.sides, (~second, second), (-1.0, 1.0)):
             reach, here = _RADIUS * side.spacing, np.flatnonzero(own)
             half, others = np.full(len(points), 0.5 * reach), np.ascontiguousarray(place[here])
             start, found = self._search.across(points, half, others, np.full(len(here), 0.5 * reach))
             rows = here[found].astype(np.int32)
-            sort_rows(start, rows, np.zeros(len(rows), np.int8), names)
+            sort_rows(start, rows, np.zeros(len(rows), np.int8), identifier)
             weight = np.zeros(len(rows))
             missed = tie_springs.weigh(points, start, rows, place, volume, 1.0 / reach, sign, weight)
             if missed > _ROUND_OFF * side.spacing:
                 expected = f"tie.{self.number}: expected bodies of at least two layers of particles beside the face"
                 fault = f"{expected}, found fewer in {side.name!r}"
             pieces.append((start, rows, weight))
-        # a rank sees whole surroundings of what it pulls alone: only such points count, see `_keep`
-        self._fault = fault
-        return _joined(pieces[0], pieces[1])
+        # merge the lists of both bodies, the first before the second in each row
+        point = np.concatenate([np.repeat(np.arange(len(points)), np.diff(start)) for start, _, _ in pieces])
+        order = np.argsort(point, kind="stable")
+        start = np.concatenate(([0], np.cumsum(np.bincount(point, minlength=len(points))))).astype(np.int64)
+        rows, weight = (np.concatenate([piece[k] for piece in pieces])[order] for k in (1, 2))
+        return start, rows, weight, fault
 
-    def _keep(self, halo: Halo, start: Any, rows: Any, weight: Any, source: Any, volume: Any, held: Any) -> None:
-        """Of springs those that pull a particle of this rank, of ghosts those that they join; collective."""
-        concerned: Any = (
-            np.add.reduceat(np.append(rows < self.owned, False).astype(int), start[:-1]) if len(source) else []
-        )
-        kept = np.asarray(concerned, int) > 0
+    def _keep(
+        self, halo: Halo, start: Any, rows: Any, weight: Any, source: Any, volume: Any, held: Any, fault: str | None
+    ) -> None:
+        """Keep the springs that pull a particle of this rank, and the ghosts that they join; collective."""
+        pulls = np.append(rows < self.owned, False)
+        kept = np.add.reduceat(pulls, start[:-1], dtype=int) > 0 if len(source) else np.zeros(0, bool)
         inside = np.repeat(kept, np.diff(start))
         self.rows_of, self.weight = rows[inside], np.ascontiguousarray(weight[inside])
         self.start = np.concatenate(([0], np.cumsum(np.diff(start)[kept]))).astype(np.int64)
-        raise_together(self.comm, self._fault if kept.any() else None)
+        raise_together(self.comm, fault if kept.any() else None)
         used = np.zeros(halo.ghosts, bool)
         used[self.rows_of[self.rows_of >= self.owned] - self.owned] = True
         self.halo = halo.subset(used)
@@ -204,10 +198,10 @@ class TiedFaces:
         finer = self.sides[0]
         area = volume[source] / (finer.spacing * (0.5 if finer.nodal else 1.0))
         self.springs, self.counted, self.source = self.stiffness * area * held[source], source < self.owned, source
-        self.moved = np.zeros((self.owned + self.halo.ghosts, self._dimension))
+        self.moved = np.zeros((self.owned + self.halo.ghosts, self.dimension))
         self.before, self.gone = np.zeros_like(self.moved), np.zeros(len(self.moved))
-        self.force = np.zeros((self.owned, self._dimension))
-        self.reference = self._gathered("reference_position")[:, : self._dimension]
+        self.force = np.zeros((self.owned, self.dimension))
+        self.reference = self._gathered("reference_position")[:, : self.dimension]
         self._message = self.halo.forward(self.moved, *([self.before, self.gone] if self.deletes else []))
 
     def lists(self) -> tuple[Any, ...]:
@@ -215,13 +209,13 @@ class TiedFaces:
         return self.start, self.rows_of, self.weight, self.springs
 
     def evaluate(self, ends: bool = True) -> None:
-        """Forces and energy at the present places; neighbours exchange displacements. ends: whether springs of deleted
+        """Forces and energy at the present positions; collective among neighbours. ends: whether springs of deleted
         particles end."""
         position = self._gathered("position")
         self.moved[: self.owned] = position - self.reference
         if self.deletes:
             self.before[: self.owned] = self._gathered(START) - self.reference
-            self.gone[: self.owned] = self._kept("deleted_mass", 0.0) > 0.0
+            self.gone[: self.owned] = self._field("deleted_mass", 0.0) > 0.0
         self._message.now()
         if self.deletes:
             if ends:
@@ -232,7 +226,7 @@ class TiedFaces:
 
     def forces_of(self, displacement: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """Rows of the particles of both bodies and the forces [N] on them by a displacement (owned, d) [m] of their
-        system; neighbours exchange it."""
+        system; collective among neighbours."""
         self.moved[: self.owned] = displacement[np.concatenate(self.rows)]
         self._message.now()
         force = np.zeros_like(self.force)
@@ -240,9 +234,9 @@ class TiedFaces:
         return [(rows, force[here]) for rows, here in zip(self.rows, self.parts)]
 
     def _end_springs(self) -> None:
-        """Let springs go of particles that were deleted in the last step.
+        """End the springs of particles deleted in the last step.
 
-        Their forces act at its start alone, which leaves k e . e'/2 of the partings before and after it."""
+        Their forces act at its start only; the energy k e . e'/2 of the separations before and after it is removed."""
         self.lost = 0.0
         joins = np.append(self.gone[self.rows_of] > 0.0, False)
         ends = np.add.reduceat(joins, self.start[:-1], dtype=int) > 0 if len(self.springs) else np.zeros(0, bool)
@@ -258,25 +252,10 @@ class TiedFaces:
         if len(source):
             first.owned_rows(self.held)[self.rows[0][source]] = 0.0
 
-    def pulled(self) -> list[tuple[TiedBody, np.ndarray, np.ndarray]]:
-        """Both bodies with rows of particles and the forces [N] on them."""
-        return [(side, rows, self.force[here]) for side, rows, here in zip(self.sides, self.rows, self.parts)]
-
     def frequency(self) -> float:
-        """Square of the highest frequency [1/s^2] of what this rank owns, at most."""
-        mass = np.concatenate(
-            [tributary_mass(side.system.particles, rows) for side, rows in zip(self.sides, self.rows)]
-        )
-        return float(tie_springs.frequency(*self.lists(), mass, self.owned))
-
-
-def _joined(one: tuple[Any, Any, Any], other: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-    """Two lists of rows and weights, those of the first before those of the second in each row."""
-    count = [np.diff(start) for start, _, _ in (one, other)]
-    point = np.concatenate([np.repeat(np.arange(len(each)), each) for each in count])
-    order = np.argsort(point, kind="stable")
-    start = np.concatenate(([0], np.cumsum(count[0] + count[1]))).astype(np.int64)
-    return start, np.concatenate((one[1], other[1]))[order], np.concatenate((one[2], other[2]))[order]
+        """Upper bound of the square of the frequency [1/s^2] of the owned particles."""
+        mass = [tributary_mass(side.system.particles, rows) for side, rows in zip(self.sides, self.rows)]
+        return float(tie_springs.frequency(*self.lists(), np.concatenate(mass), self.owned))
 
 
 class Ties(Interaction):
@@ -295,11 +274,11 @@ class Ties(Interaction):
         self.energy_scale = _BEGINNING * max(side.modulus * side.spacing**scene.dimension for side in sides)
         self._placed: tuple[int | None, ...] = ()
         self._longest, self._resumed = np.inf, False
-        # energy of the state that the ledger knows [J]
+        # energy booked so far [J]
         self._booked = 0.0
 
     def _body(self, scene: Scene, body: int) -> TiedBody:
-        """Facts of a body; collective."""
+        """A body of a tie, by its number in the scene; collective."""
         system = next(system for system in self.systems if body in system.bodies)
         local, read, d = system.bodies.index(body), system.particles.owned_rows, scene.dimension
         rows = read("body") == local
@@ -322,7 +301,7 @@ class Ties(Interaction):
         self._give()
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Of a checkpoint springs hold of what was deleted in its last step: that is for the next one."""
+        """Springs of particles deleted in the last step before a checkpoint end in the next step, not in `begin`."""
         self._resumed = True
 
     def _build(self) -> None:
@@ -336,7 +315,7 @@ class Ties(Interaction):
 
     @property
     def placements(self) -> tuple[int | None, ...]:
-        """Of the systems that are tied."""
+        """`ParticleSystem.placements` of the tied systems."""
         return tuple(side.system.placements for face in self.faces for side in face.sides)
 
     @property
@@ -344,7 +323,7 @@ class Ties(Interaction):
         return sum(face.energy for face in self.faces)
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces in the new places, and what went into the ledger."""
+        """Forces at the new positions; books energies."""
         placed = self.placements
         changes = None in placed or placed != self._placed
         if changes:
@@ -361,10 +340,10 @@ class Ties(Interaction):
         self._give()
 
     def _give(self) -> None:
-        """Add the forces to those on the particles."""
+        """Add the forces to the external forces on the particles."""
         for face in self.faces:
-            for side, rows, force in face.pulled():
-                side.system.particles.owned_rows(EXTERNAL_FORCE)[rows] += force
+            for side, rows, here in zip(face.sides, face.rows, face.parts):
+                side.system.particles.owned_rows(EXTERNAL_FORCE)[rows] += face.force[here]
 
     def try_forces(self, time: float, over: float, still: bool = False, mean: bool = False) -> None:
         """See `Interaction`."""
@@ -381,9 +360,9 @@ class Ties(Interaction):
         return result, 0.0
 
     def stable_step(self) -> float:
-        """Of the springs on this rank, alone."""
+        """Largest step [s] that the springs on this rank allow."""
         return self._longest
 
     def energies(self) -> tuple[float, float]:
-        """What the springs store."""
+        """Kinetic energy, and energy stored by the springs [J]."""
         return 0.0, self._energy

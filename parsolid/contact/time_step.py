@@ -1,9 +1,9 @@
-"""What contact allows of the next step [s]: by its stiffness, and by how far bodies may come nearer in one.
+"""The largest next step [s] that contact allows, by its stiffness and by the change of penetrations in a step.
 
-The rule is one for all candidates: of those that see the other body, a step that their stiffness allows, and one in
-which their penetration changes by no more than a share of the kernel's radius and of itself. The change is that of the
-last step; that of the time ahead where particles come so fast that they have not been seen before; that of a push from
-rest at the start.
+One rule holds for all candidates within reach of the other body: the step is stable with their stiffness, and changes
+their penetration by no more than a share of the kernel's radius plus a share of the penetration. The rate of change is
+that of the last step; for particles too fast to have been within reach before, that of the present velocity; at the
+start, that of a push from rest.
 """
 
 import math
@@ -15,32 +15,32 @@ from parsolid.contact.bodies import ContactBodies
 from parsolid.contact.forces import FREE, Candidates, Pairs, Pressure, find_penetrations
 from parsolid.kernels import kernel
 
-# of its threshold, what a particle sees of a body that it has met
+# share of the threshold: particles of a greater colour bound the step
 SEEN = 0.5
-# of R and of its penetration, by what a particle may come nearer or go in a step: its force is taken to change evenly
-# in it, and stiffens most where it begins
+# shares of R and of the penetration, by which the penetration may change in a step: forces are taken to change linearly
+# in a step
 MOST_CLOSED = (0.007, 0.1)
-# of R, by what a particle comes nearer in a step where contact looks ahead: what is slower has been seen before
+# share of R: particles that approach by more in a step are looked for ahead; slower ones have bounded steps before
 FAST = 0.05
-# of that, by what the candidates of a rank move against one another before it looks
+# share of FAST that candidates must move against one another before any are looked for
 _SLOW = 0.5
-# ends of steps until contact has seen what was apart at the start and met within two steps
+# number of steps that the state at the start bounds
 _STARTING = 3
 
 
 @kernel
 def closing_step(points, pressure, longest, before, step, seen, most):
-    """The least step [s] that owned candidates allow that see more than a share `seen` of their threshold.
+    """The least of the steps [s] allowed by owned candidates whose colour is more than a share `seen` of the threshold.
 
-    longest (m,) [s]: by their stiffness; before (m,) [m]: penetrations a time `step` [s] away; most: shares of R and of
-    the penetration by which these may change in a step.
+    longest (m,) [s]: allowed by the stiffness; before (m,) [m]: penetrations a time `step` [s] earlier or later; most:
+    see `MOST_CLOSED`.
     """
     least = math.inf
     for a in range(len(longest)):
         if pressure.colour[a] > seen * points.threshold[a]:
             allowed = most[0] / points.per_reach[a] + most[1] * max(pressure.penetration[a], 0.0)
             least = min(least, longest[a])
-            # what saw less before has no rate yet: whether it had a colour then depends on when lists were made
+            # smaller colours give no rate: whether they are known depends on when lists were made
             if before[a] > (seen - 1.0) * points.threshold[a] * points.per_slope[a]:
                 least = min(least, step * allowed / max(abs(pressure.penetration[a] - before[a]), 1e-300))
     return least
@@ -48,8 +48,11 @@ def closing_step(points, pressure, longest, before, step, seen, most):
 
 @kernel
 def meeting_step(per_reach, now, ahead, time, most, fast):
-    """The least time [s] in which owned candidates go deeper than they may, of those that go by more than a share
-    `fast` of R in a time [s]; now, ahead (m,) [m]: penetrations at its start and its end; most as in `closing_step`."""
+    """The least time [s] in which the penetration of a fast owned candidate changes by more than allowed.
+
+    Fast ones go deeper by more than a share `fast` of R in `time` [s]. now, ahead (m,) [m]: penetrations at the start
+    and the end of that time; most: see `MOST_CLOSED`.
+    """
     least = math.inf
     for a in range(len(now)):
         if ahead[a] > 0.0:
@@ -61,7 +64,7 @@ def meeting_step(per_reach, now, ahead, time, most, fast):
 
 @kernel
 def spread(moved):
-    """Square [m^2] of the diagonal of the box of displacements (n, 3), and of the one that has their negatives, too."""
+    """Squares [m^2] of the diagonals of two boxes: of displacements (n, 3), and of these and their negatives."""
     among, both = 0.0, 0.0
     for i in range(moved.shape[1]):
         low, high = math.inf, -math.inf
@@ -73,7 +76,7 @@ def spread(moved):
 
 
 def penetrations_after(points: Candidates, pairs: Pairs, displacement: np.ndarray) -> np.ndarray:
-    """Penetrations (m,) [m] of owned candidates when all n have moved by displacements (n, 3) [m]."""
+    """Penetrations (m,) [m] of owned candidates after displacements (n, 3) [m] of all n candidates."""
     rows, count = points.rows.copy(), len(points.share)
     rows[:, :3] += displacement
     found = Pressure._make([*np.zeros((2, count)), np.full(count, FREE), *np.zeros((2, len(rows)))])
@@ -82,7 +85,7 @@ def penetrations_after(points: Candidates, pairs: Pairs, displacement: np.ndarra
 
 
 class Seen(NamedTuple):
-    """The candidates of a rank in the present places: with the steps (m,) [s] that their stiffness allows."""
+    """The candidates of a rank at the present positions; longest (m,) [s]: steps that their stiffness allows."""
 
     points: Candidates
     pairs: Pairs
@@ -91,12 +94,11 @@ class Seen(NamedTuple):
 
 
 class StepRule:
-    """The step that contact allows on this rank.
+    """The step that contact allows on this rank; all in [s].
 
-    last [s]: the last step, or that of the start; shortest [s]: of the stiffest contact, by its stiffness alone;
-    unseen [s]: how long a step may get before contact has a say, where bodies come so fast that lists reach ahead, else
-    0; allowed [s]: by the present places; at_start [s], starting: what the state at the start allows, and of how many
-    steps yet.
+    last: the last step, or the first; shortest: allowed by the stiffness of the stiffest contact; unseen: what a step
+    may grow to before contact bounds it, 0 unless bodies are so fast that lists are widened; allowed: by the present
+    positions; at_start: by the state at the start, for the next `starting` steps.
     """
 
     def __init__(self, contact: ContactBodies) -> None:
@@ -106,12 +108,12 @@ class StepRule:
 
     @property
     def horizon(self) -> float:
-        """The longest [s] that the next step may be as far as contact knows."""
+        """An upper bound of the next step [s]."""
         return max(self.last, self.shortest, self.unseen)
 
     @property
     def step(self) -> float:
-        """Largest step [s], by the present places alone, so that it does not depend on when lists were made."""
+        """The step [s] that contact allows; it does not depend on when lists were made."""
         return min(self.allowed, self.at_start) if self.starting else self.allowed
 
     def begin(self, seen: Seen, ahead: np.ndarray) -> None:
@@ -122,15 +124,15 @@ class StepRule:
         self.allowed = min(closing, meeting)
 
     def from_rest(self, seen: Seen, pushed: np.ndarray) -> float:
-        """Each of the first four steps [s] from rest, in the last of which forces move candidates by what they may, 7/2
-        a step^2; pushed (m,) [m]: penetrations when the forces have acted for the shortest step, a step^2/2."""
-        # not of those that touch alone, for which the stiffness has its say later
+        """Length [s] of each of the first four steps from rest: in the last one, an acceleration a moves particles by
+        7/2 a step^2, the most allowed. pushed (m,) [m]: penetrations after a displacement a shortest^2/2."""
+        # the stiffness bounds later steps
         free = np.full_like(seen.longest, np.inf)
         step = closing_step(seen.points, seen.pressure, free, pushed, self.shortest, SEEN, MOST_CLOSED)
         return float(np.sqrt(step * self.shortest / 7.0))
 
     def start_with(self, pressed: float, met: float) -> None:
-        """First steps [s]: `from_rest` of all ranks, and the time [s] until bodies that are apart may meet."""
+        """Bound the first steps [s]; pressed: the least `from_rest` of all ranks; met: time until bodies may meet."""
         self.at_start, self.starting = min(max(0.5 * met, self.shortest), pressed), _STARTING
 
     def update(self, seen: Seen, before: np.ndarray) -> None:
@@ -139,11 +141,11 @@ class StepRule:
         self.allowed = min(closing_step(*arrays, self.last, SEEN, MOST_CLOSED), self._step_ahead(seen))
 
     def _step_ahead(self, seen: Seen) -> float:
-        """`meeting_step` of a time in which candidates go on as in the last step; inf where they are too slow."""
+        """`meeting_step` with the velocities of the last step; inf where these are small."""
         points, time = seen.points, self.horizon
         if self.last == 0.0 or not len(points.moved):
             return float(np.inf)
-        # of what an image moves, too
+        # images move the other way
         span = float(np.sqrt(spread(points.moved)[seen.pairs.image is not None]))
         if time / self.last * span <= _SLOW * FAST / float(points.per_reach.max(initial=0.0) or np.inf):
             return float(np.inf)

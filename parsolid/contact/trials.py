@@ -1,4 +1,4 @@
-"""Contact in steps that are solved for: trials from the state that was kept, and their derivatives by differences."""
+"""Contact in implicit and static steps: trials from the kept state, and their derivatives by differences."""
 
 from functools import cached_property
 from typing import Any
@@ -10,19 +10,17 @@ from parsolid.collective import maximum, minimum
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 
-# of a spacing, by what differences move particles unless stated, and by what they count as deeper then, see
+# shares of a spacing: displacement of particles in differences, and change of their depth then, see
 # `Interaction.closes`
 _PART, _DEEPER = 1e-7, 2e-7
 
 
 class TriedContact(Interaction):
-    """Contact of the only system whose forces are asked for in places that may be no equilibrium.
+    """Contact of a single system, evaluated at trial positions, which need not be in equilibrium.
 
-    Parts: `find(over, still, mean)` adds forces, and impulses where `mean`, a time over [s] after the kept state, with
-    all particles deeper by `deeper` [m], after what moves by itself has gone on for a time `later` [s] with its present
-    velocity, of which `fastest()` is the greatest [m/s]. local: whether forces on a particle depend on its own place
-    alone; others differ along each change, see `hold`. difference: of a spacing, by what differences move particles at
-    most.
+    local: whether the force on a particle depends on its own position alone; other forces are differenced along each
+    change, see `hold`. difference: share of a spacing by which differences move particles at most. deeper [m]: added to
+    the depth of all particles; later [s]: time for which tools have moved on with their present velocity.
     """
 
     comm: Any
@@ -34,11 +32,11 @@ class TriedContact(Interaction):
     _time: float = 0.0
 
     def find(self, over: float, still: bool, mean: bool) -> None:
-        """See above."""
+        """Add forces a time `over` [s] after the kept state, and impulses if `mean`; see `Interaction.try_forces`."""
         raise NotImplementedError
 
     def fastest(self) -> float:
-        """See above."""
+        """The greatest speed [m/s] of tools."""
         return 0.0
 
     def try_forces(self, time: float, over: float, still: bool = False, mean: bool = False) -> None:
@@ -48,7 +46,7 @@ class TriedContact(Interaction):
         self.find(over, still, mean)
 
     def hold(self) -> None:
-        """Take what presses and what slips in the last trial for what does so in differences, which are linear then."""
+        """Fix which particles press and slip in differences as in the last trial, so that differences are linear."""
 
     def linearise(self) -> None:
         """See `Interaction`."""
@@ -64,7 +62,7 @@ class TriedContact(Interaction):
         return np.maximum(-np.einsum("nii->ni", self._slopes), 0.0) if self.local else 0.0
 
     def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray, float]:
-        """See `Interaction`; what a trial has besides forces is lost."""
+        """See `Interaction`; results of a trial other than forces are overwritten."""
         if ahead == 0.0 and self.local:
             return np.einsum("nij,nj->ni", self._slopes, change), 0.0
         own = max(float(np.abs(change).max(initial=0.0)), abs(ahead) * self.fastest())
@@ -81,8 +79,8 @@ class TriedContact(Interaction):
         return minimum(self.comm, float(self.systems[0].particles.owned_rows("spacing").min(initial=np.inf)))
 
     def _differences(self, move: np.ndarray, ahead: float) -> tuple[np.ndarray, float]:
-        """Half of what the forces (owned, d) [N] and this rank's power [W] differ by between moves (owned, d) [m] to
-        both sides of the last trial, and a time `ahead` [s]; collective."""
+        """Half the differences of the forces (owned, d) [N] and of this rank's power [W] between displacements of plus
+        and minus `move` (owned, d) [m], and of times of plus and minus `ahead` [s], from the last trial; collective."""
         of, (over, mean) = self.systems[0].particles.owned_rows, self._trial
         self.deeper = _DEEPER * self.narrowest * (1.0 if self.closes else -1.0)
         fields = [of(name) for name in ("position", EXTERNAL_FORCE, EXTERNAL_IMPULSE)]
@@ -92,7 +90,7 @@ class TriedContact(Interaction):
             fields[1][:], fields[2][:] = 0.0, 0.0
             self.later = sign * ahead
             self.find(over, False, mean)
-            # the mean of a step has half the force at its end
+            # the mean force of a step contains half the force at its end
             forces.append(fields[1] + (2.0 / over * fields[2] if mean else 0.0))
             powers.append(self.power())
         for field, values in zip(fields, kept):

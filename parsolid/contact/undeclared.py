@@ -1,4 +1,4 @@
-"""Bodies that meet in a run though no table of the scene names them."""
+"""Detection of bodies that meet in a run without a contact or a tie in the scene."""
 
 from collections.abc import Callable, Sequence
 from itertools import combinations
@@ -15,33 +15,32 @@ from parsolid.particles.touching import ClosePairs, close_pairs, systems_of_bodi
 from parsolid.scene import Scene
 from parsolid.scene.contact import BodyPairs, tied_pairs
 
-# steps between looks at where bodies are: of bodies that are far apart, and at most of those that are near
+# steps between two checks: of bodies that are far apart, and at most of near ones
 _FAR_STEPS, _NEAR_STEPS = 64, 8
-# share of the reach of a contact by which bodies may come closer between two looks
+# share of the distance of contact by which bodies may approach between two checks
 _CLOSED = 0.25
-# in scenes of more bodies it is not looked up whether tables name every pair
+# scenes of more bodies are always checked, even where all pairs are declared
 _FEW = 64
 
 
 def undeclared_contact(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> "UndeclaredContact | None":
-    """What looks for bodies that meet and that no table names; None where tables name every two. Collective."""
+    """The detection of undeclared contact of a scene; None where all pairs of bodies are declared. Collective."""
     count = len(scene.bodies)
     if count == 1:
         return None
-    looks = UndeclaredContact(comm, scene, systems)
-    named = count <= _FEW and all(looks.is_named(i, j) for i, j in combinations(range(count), 2))
-    return None if named else looks
+    undeclared = UndeclaredContact(comm, scene, systems)
+    if count <= _FEW and all(undeclared.is_declared(i, j) for i, j in combinations(range(count), 2)):
+        return None
+    return undeclared
 
 
 class UndeclaredContact(Interaction):
-    """Looks for bodies that meet and that no table names; nothing acts by it.
+    """Finds bodies that meet and are neither in contact nor tied; it adds no forces.
 
-    Bodies that touched at the start are named, or the scene is refused. Bodies meet where their particles are within a
-    spacing of one another, or, where a method finds neighbours anew, within its reach. Looks are as far apart as speeds
-    allow; all ranks take them together.
+    Bodies meet where their particles are within a spacing of one another, or within the reach of a method that finds
+    new neighbours. The time between checks depends on the speeds of bodies; all ranks check together.
 
-    met: bodies that have been found since this was last emptied, and the place [m] of each meeting, the same on all
-    ranks.
+    met: meetings found since the loop last emptied this, the same on all ranks.
     """
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]) -> None:
@@ -64,8 +63,7 @@ class UndeclaredContact(Interaction):
         self._touching = self._touching_at_the_start()
 
     def _touching_at_the_start(self) -> set[tuple[int, int]]:
-        """Bodies without contact or tie that touched at the start: bonded, of one mesh, or, at a coarser level of a
-        scene, apart in that; collective."""
+        """Pairs of bodies without contact or tie that touch in the reference; collective."""
         count, d = self._spacing.shape
         bounds = np.full((count, 2, d), -np.inf)
         for system in self.systems:
@@ -74,55 +72,55 @@ class UndeclaredContact(Interaction):
             bounds[numbers] = body_bounds(place, rows("body"), len(numbers))
         bounds = maximum(self.comm, bounds)
         boxes = np.stack((-bounds[:, 0], bounds[:, 1]), axis=1)
-        close = self._unnamed(within_touch(self.scene, boxes, self._spacing))
+        close = self._undeclared(within_touch(self.scene, boxes, self._spacing))
         return set(map(tuple, close.bodies[touch(self.comm, close, self._places("reference_position"))[0]].tolist()))
 
-    def is_named(self, i: int, j: int) -> bool:
-        """Whether two bodies, i < j, are in contact, tied, or have touched since the start."""
+    def is_declared(self, i: int, j: int) -> bool:
+        """Whether two bodies, i < j, are in contact, tied, or touched in the reference."""
         in_contact = self._contact is not None and self._contact.has(i, j)
         return in_contact or self._tied.has(i, j) or (i, j) in self._touching
 
-    def _unnamed(self, close: ClosePairs) -> ClosePairs:
-        """Those of some pairs that no table names and that have not been found."""
-        free = [not self.is_named(i, j) and (i, j) not in self._known for i, j in close.bodies.tolist()]
+    def _undeclared(self, close: ClosePairs) -> ClosePairs:
+        """The pairs that are not declared and have not been found before."""
+        free = [not self.is_declared(i, j) and (i, j) not in self._known for i, j in close.bodies.tolist()]
         return close.where(np.array(free, bool))
 
     def begin(self, time: float) -> None:
-        """A new run looks after its first step, one that goes on when the one before it would have."""
+        """A new run checks after its first step; a restarted one at the time in its checkpoint."""
         self.due = time if self.due is None else self.due
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """A look where one is due; collective then."""
+        """Check where this is due; collective then."""
         if step > 0.0 and self.due is not None and time >= self.due:
-            self.due = time + self._look(step)
+            self.due = time + self._check(step)
 
-    def _look(self, step: float) -> float:
-        """Find bodies that have met; how long [s] until the next look. Collective."""
+    def _check(self, step: float) -> float:
+        """Find bodies that have met; returns the time [s] until the next check. Collective."""
         lower, upper, velocity, _ = body_motions(self.comm, len(self.home), self.systems)
         boxes, mean = np.stack((lower, upper), axis=1), velocity.mean(axis=0)
         speeds = [np.abs(system.particles.owned_rows("velocity") - mean).max(initial=0.0) for system in self.systems]
-        # of two particles that approach one another, along an axis
+        # greatest speed of approach of two particles along an axis
         fastest = 2.0 * (maximum(self.comm, max(speeds)) + self._faster)
         later = _FAR_STEPS * step
         if not self._within(boxes, fastest * later):
             return later
         self.met = [*self.met, *self._within(boxes, 0.0)]
         self._known.update((i, j) for i, j, _ in self.met)
-        # nothing moves nor has waves where the speed is 0
+        # bodies at rest, without waves
         soon = _CLOSED * self._reach.min() / fastest if fastest else np.inf
         return float(np.clip(soon, step, _NEAR_STEPS * step))
 
     def _within(self, boxes: np.ndarray, room: float) -> list[Meeting]:
-        """Pairs that no table names of bodies in boxes (bodies, 2, d) [m] whose particles are within their distance of
-        contact and a room [m], and the places [m]; collective."""
-        close = self._unnamed(close_pairs(boxes, self.home, self._reach + room, self._spacing + room))
+        """Undeclared pairs of bodies in boxes (bodies, 2, d) [m] whose particles are within their distance of contact
+        plus `room` [m]; collective."""
+        close = self._undeclared(close_pairs(boxes, self.home, self._reach + room, self._spacing + room))
         if not len(close.bodies):
             return []
         found, places = touch(self.comm, close, self._places("position"))
         return [(int(i), int(j), place) for (i, j), place in zip(close.bodies[found], places[found])]
 
     def _places(self, field: str) -> Callable[[int], np.ndarray]:
-        """This rank's particles (n, d) [m] of a body that are not deleted, by a field of places."""
+        """Function: body -> positions (n, d) [m], by a field, of this rank's particles that are not deleted."""
         pieces: dict[int, np.ndarray] = {}
         for system in self.systems:
             rows = system.particles.owned_rows
@@ -137,11 +135,11 @@ class UndeclaredContact(Interaction):
         return pieces.__getitem__
 
     def state(self) -> dict[str, Any]:
-        """When the next look is due [s], and bodies that have been found."""
+        """Time of the next check [s], and pairs that have been found."""
         return {"due": self.due, "met": sorted(self._known)}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take it back; a run that bodies end where they meet finds them anew."""
+        """Take back `state`; where meetings end the run, they are found again."""
         self.due = state["due"]
         if self.scene.undeclared_contact == "warn":
             self._known = {(i, j) for i, j in state["met"]}

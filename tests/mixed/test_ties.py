@@ -18,7 +18,7 @@ def turned(sim, gradient: np.ndarray) -> list[np.ndarray]:
         rows("position")[:] = rows("reference_position")[:, :2] @ gradient.T
     (face,) = sim.interactions[0].faces
     face.evaluate()
-    return [force for _, _, force in face.pulled()]
+    return [face.force[here] for here in face.parts]
 
 
 def test_forces_are_minus_the_gradient_of_an_energy_that_no_affine_motion_has():
@@ -44,9 +44,9 @@ def test_forces_are_minus_the_gradient_of_an_energy_that_no_affine_motion_has():
         place = system.particles.owned_rows("position")
         place += 0.02 * rng.standard_normal(place.shape)
     face.evaluate()
-    pulled, places = face.pulled(), []
-    total, moment = np.zeros(2), 0.0
-    for side, rows, force in pulled:
+    places, total, moment = [], np.zeros(2), 0.0
+    for side, rows, here in zip(face.sides, face.rows, face.parts):
+        force = face.force[here]
         x = side.system.particles.owned_rows("position")[rows]
         total, moment = total + force.sum(axis=0), moment + np.sum(x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0])
         places.append((side.system.particles.owned_rows("position"), rows, force.copy()))

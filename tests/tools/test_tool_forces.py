@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from parsolid.contact.friction import gap_correction
-from parsolid.contact.tools.forces import Approach, Frame, Friction, Nearby, Particles, Resultant, Touched, press
+from parsolid.contact.tools.forces import Approach, Frame, Friction, Particles, Resultant, Touched, press
 from parsolid.contact.tools.rigid_body import rotation_matrix, turn
 from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod, distance
 from parsolid.contact.tools.surface import make_surface
@@ -29,10 +29,12 @@ def pressed(shape, places, friction=None):
     numbers = np.full(n, 0.1), np.full(n, 3.0), np.zeros(n), np.arange(1.0, n + 1.0)
     particles = Particles(n, places, np.zeros((n, 3)), body, touchable, *numbers)
     touched = Touched.of_size(n)
-    count, *near = press(shape, FRAME, friction, 2.0, particles, Approach(0.0, 0.0, 0.0, 0.0), False, touched)
+    count, stiffness, turning, _, _ = press(
+        shape, FRAME, friction, 2.0, particles, Approach(0.0, 0.0, 0.0, 0.0), False, touched
+    )
     touched, result = touched.first(count), np.zeros((n, 3))
     result[touched.row] = touched.force
-    return result, Resultant.of(touched, Nearby(*near))
+    return result, Resultant.of(touched, stiffness, turning)
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -126,8 +128,7 @@ def test_particles_that_the_tool_reaches_limit_the_step():
         particles = Particles(3, places, velocity, np.zeros(3, np.int64), np.ones(1, bool), *numbers)
         approach, touched = Approach(0.0, 0.0, time, 1.0), Touched.of_size(3)
         shape, frame = HalfSpace(1.0, 0.0, 0.0), Frame(np.zeros(3), np.eye(3))
-        _, *near = press(shape, frame, None, 1.0, particles, approach, False, touched)
-        assert Nearby(*near).square == limit, time
+        assert press(shape, frame, None, 1.0, particles, approach, False, touched)[-1] == limit, time
 
 
 def test_what_an_impulse_has_besides_acts_along_the_normal():

@@ -1,4 +1,4 @@
-"""Rigid tools as a scene states them: their shapes in their own frames, their mass properties, how they move."""
+"""Shapes, mass properties and motions of the rigid tools of a scene."""
 
 from typing import Any, NamedTuple
 
@@ -12,13 +12,13 @@ from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.tools import Tool
 
 _FACETS = {2: "line", 3: "triangle"}
-# corners nearer than this share of a mesh's size are one
+# corners closer than this share of a mesh's size are merged
 _SAME = 1e-9
 
 
 class Shaped(NamedTuple):
-    """A shape, its place [m] in space, the least it is wide, how far it reaches from its place [m], and its inertia
-    (3, 3) [m^2] about its place as a homogeneous body over its mass, None of an endless one."""
+    """A shape, its place (3,) [m], least width [m], greatest distance of its points from the place [m], and the inertia
+    over mass (3, 3) [m^2] of a homogeneous body about the place, None where it is infinite."""
 
     shape: Any
     place: np.ndarray
@@ -28,7 +28,7 @@ class Shaped(NamedTuple):
 
 
 def in_space(values: Any) -> np.ndarray:
-    """Three components of one, two or three."""
+    """One, two or three components, followed by zeros to three."""
     return np.concatenate((np.asarray(values, float), np.zeros(3 - len(values))))
 
 
@@ -87,14 +87,14 @@ def _mesh(tool: Tool, dimension: int) -> Shaped:
     volume, centre, inertia = _moments(points - points.mean(axis=0), facets)
     centre = centre + points.mean(axis=0)
     surface = make_surface(points - centre, facets)
-    # the side of a cube (a square) of as much matter: thin ones are wider than that somewhere
+    # at most the side of a cube (a square) of the same volume, as slanted thin shapes have a large bounding box
     width = min(float(np.ptp(points[np.unique(facets)], axis=0).min()), volume ** (1.0 / dimension))
     far = float(np.linalg.norm(points[np.unique(facets)] - centre, axis=1).max())
     return Shaped(surface, in_space(centre), width, far, inertia)
 
 
 def _joined(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points that are used, those at one place as one; facets without those that have shrunk to less."""
+    """Points that are used, with those at one place merged; facets without those that are degenerate then."""
     size = float(np.ptp(points[np.unique(facets)], axis=0).max())
     rounded = np.round(points / (_SAME * size)) if size > 0.0 else points
     _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
@@ -124,7 +124,7 @@ def _oriented(key: str, points: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 
 def _walked(segments: np.ndarray) -> np.ndarray:
-    """Segments of closed curves, each turned so that it begins where the one before it ends."""
+    """Segments of closed curves, each oriented so that it begins where the one before it ends."""
     at: dict[int, list[int]] = {}
     for number, pair in enumerate(segments.tolist()):
         for corner in pair:
@@ -174,7 +174,7 @@ class Course:
 
 
 def make_body(tool: Tool, form: Shaped, dimension: int, share: float) -> FreeBody | GuidedBody:
-    """The body of a tool; share: the part of its mass that belongs to what a system's masses are of."""
+    """The body of a tool; share: mass over the stated mass, 1/(2 pi) where masses are per radian, else 1."""
     if tool.mass is None:
         motion, axis, about = tool.motion, np.array([0.0, 0.0, 1.0]), form.place
         if motion is not None and motion.axis is not None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from decomposition.reduction import sums as over_ranks
-from parsolid.collective import SolverError, minimum, raise_together
+from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.forces import Resultant
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
@@ -21,21 +21,22 @@ from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.previous_results import tools_at
 
-# of a spacing, what a body may reach into a tool at the start
+# in spacings, by how much a body may overlap a tool at the start
 _OVERLAP = 0.5
-# w dt of steps, w the frequency of a particle on the contact's spring: what a body that bounces gains in a step grows
-# with its square, which waves of the body take up again, unless nothing damps them
+# largest w dt, w the frequency of a particle on the spring of the contact: the energy that a bounce adds grows
+# with its square, and remains where the method does not damp waves
 _STEP, _STEP_UNDAMPED = 1.0, 0.5
-# the same of a free tool on the springs of all particles that it may touch in the next step
+# largest w dt of a free tool on the springs of all particles that it may touch in the next step
 _STEP_OF_TOOL = 0.2
 
 
 class Tool:
     """One tool, the same on all ranks.
 
-    own: over all systems on this rank; total: over all ranks, of a free tool. quiet_until
-    [s]: before it nothing touches a free tool, on any rank; longest [s]: a step that is longer than any stable one of
-    what it may touch. whole: of the force [N] over that of what the systems' masses are of.
+    own, total: resultants of this rank, and of all ranks for a free tool; quiet_until [s]: time before which no rank
+    touches a free tool; longest [s]: longer than any stable step of the particles it may touch; around: force over
+    force per radian, 2 pi in axisymmetric scenes, else 1; resumed: whether the state is from a checkpoint or another
+    run; last_step [s]: the step before the present one, 0 at the start.
     """
 
     def __init__(self, stated: Any, dimension: int, polar: bool):
@@ -44,54 +45,51 @@ class Tool:
         self.name, self.stated, self.shape, self.width = stated.name, stated, form.shape, form.width
         self.far = form.far
         self.friction, self.stiffness = stated.friction, stated.stiffness
-        self.whole = 2.0 * np.pi if polar else 1.0
-        self.body: FreeBody | GuidedBody = make_body(stated, form, dimension, 1.0 / self.whole)
+        self.around = 2.0 * np.pi if polar else 1.0
+        self.body: FreeBody | GuidedBody = make_body(stated, form, dimension, 1.0 / self.around)
         self.touches: list[Touch] = []
         self.own, self.total = Resultant.none(), Resultant.none()
         self.quiet_until = -np.inf
-        self.longest = 0.0
-        # goes on from a checkpoint, or from another run's state
-        self.resumed = False
-        # length [s] of the step before the present one, 0 at the start
-        self.last_step = 0.0
+        self.longest, self.resumed, self.last_step = 0.0, False, 0.0
 
     @property
     def free(self) -> bool:
-        """Whether it follows forces."""
+        """Whether it has mass and moves by forces."""
         return isinstance(self.body, FreeBody)
 
-    def speed(self, time: float) -> float:
-        """What its points move with at most [m/s], of those that bodies can reach."""
+    def speed(self) -> float:
+        """The greatest speed [m/s] of its points that bodies can reach."""
         pose = self.body.pose
         turning = float(np.linalg.norm(pose.spin))
         return float(np.linalg.norm(pose.velocity)) + (turning * self.far if turning else 0.0)
 
     def resultant(self, opening: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Force [N] and moment [N m] on the particles before or after a step, of a free tool on all
-        ranks."""
+        """Force [N] and moment [N m] on the particles for the opening or the closing half of a step: of all ranks for a
+        free tool, else of this one."""
         of = self.total if self.free else self.own
         return (of.force, of.moment) if opening else (of.force + of.more_force, of.moment + of.more_moment)
 
     def evaluate(self, time: float, slipping: bool) -> None:
         """Forces on this rank at a time [s], see `Touch.evaluate`."""
-        self.own = Resultant.none()
         for touch in self.touches:
             touch.evaluate(time, slipping)
-            self.own = self.own.plus(touch.resultant)
+        self.add_up()
+
+    def add_up(self) -> None:
+        """Set `own` to the sum over all systems."""
+        self.own = Resultant.from_numbers(sum((touch.resultant.numbers for touch in self.touches), np.zeros(18)))
 
 
 class RigidTools(TriedContact):
-    """All tools of a scene; no message in a step but, where a tool with mass may be touched, one sum of a few numbers.
-
-    The stored energy of what is pressed, and of friction's springs, is part of the ledger's.
-    """
+    """All tools of a scene. Ranks communicate in a step only where free tools may be touched: 18 numbers a tool."""
 
     terms = CONTACT_TERMS | TOOL_TERMS
 
     def __init__(self, comm: Any, scene: Scene, systems: list[ParticleSystem]):
-        """systems: of the scene, whose particles have the fields of `touch.declare`.
+        """systems: of the scene, whose particles have the fields of `touch.declare_tool_fields`.
 
-        Raises SolverError on all ranks for tools that cannot be. Collective.
+        Raises SolverError on all ranks for a tool that is narrower than a spacing, or whose mesh is not a closed
+        surface. Collective.
         """
         self.comm, self.systems, self.dimension = comm, systems, scene.dimension
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
@@ -111,24 +109,24 @@ class RigidTools(TriedContact):
         self.energy_scale = max((self._particle_energy(system) for system in systems), default=0.0)
         self._take_results(scene)
         self._shown = np.zeros(2)
-        # of the state that was kept: poses, and how long [s] after it tools are posed, see `TriedContact`
+        # poses of the kept state, and the times [s] after it for which tools are posed now, see `TriedContact`
         self._kept, self._posed = list[dict[str, Any]](), (np.inf, 0.0, 0.0)
 
     def _spacing(self, touch: Touch) -> float:
-        """The widest of what a tool touches [m]; collective."""
+        """The greatest spacing [m] of the bodies that a tool may touch; collective."""
         rows = touch.system.particles.owned_rows
-        return -minimum(self.comm, -float(rows("spacing")[touch.touchable[rows("body")]].max(initial=0.0)))
+        return maximum(self.comm, float(rows("spacing")[touch.touchable[rows("body")]].max(initial=0.0)))
 
     def _particle_energy(self, system: ParticleSystem) -> float:
-        """The largest M V of a system's particles [J]; collective."""
+        """The greatest modulus times volume of a system's particles [J]; collective."""
         if STIFFNESS not in system.particles:
             return 0.0
         rows = system.particles.owned_rows
         energy = rows(STIFFNESS) * rows("spacing").max(axis=1) ** 2
-        return -minimum(self.comm, -float(energy.max(initial=0.0)))
+        return maximum(self.comm, float(energy.max(initial=0.0)))
 
     def _refuse_small(self) -> None:
-        """Raise SolverError for a tool that fits between particles."""
+        """Raise SolverError for a tool that is narrower than a spacing; collective."""
         for number, tool in enumerate(self.tools):
             for touch in tool.touches:
                 spacing = self._spacing(touch)
@@ -154,7 +152,7 @@ class RigidTools(TriedContact):
                 raise_together(self.comm, self._overlap(number, tool, touch))
 
     def _take_results(self, scene: Scene) -> None:
-        """Let tools stand and move as those of the same name in the results from which particles take their state."""
+        """Give tools the poses of the same names in the results from which particles take their state."""
         for i, state in enumerate(scene.initial):
             found = tools_at(Path(state.results), state.time) if state.takes_state and state.results else {}
             for number, tool in enumerate(self.tools):
@@ -170,8 +168,8 @@ class RigidTools(TriedContact):
                 tool.resumed = True
 
     def _overlap(self, number: int, tool: Tool, touch: Touch) -> str | None:
-        """What is wrong where a body reaches into a tool; collective."""
-        particles, depth = touch.system.particles, -minimum(self.comm, float(touch.clearance))
+        """The fault of a body that overlaps a tool at the start, or None; collective."""
+        particles, depth = touch.system.particles, maximum(self.comm, -float(touch.clearance))
         spacing = float(particles.owned_rows("spacing")[touch.rows].min(initial=np.inf))
         allowed = _OVERLAP * minimum(self.comm, spacing)
         if not depth > allowed * (1.0 + 1e-9) or not len(touch.rows):
@@ -184,28 +182,28 @@ class RigidTools(TriedContact):
         )
 
     def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Half a kick of the tools, then they move on."""
+        """The opening half kick and the drift of the tools."""
         self._kick(time, 0.5 * step, ledger, opening=True)
         for tool in self.tools:
             tool.body.drift(time, step)
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces at the new places, and half a kick of the tools; collective where free ones may be touched."""
+        """Forces at the new positions and the closing half kick; collective where free tools may be touched."""
         self._evaluate(time, slipping=True)
         self._give(step)
         self._book(ledger)
         self._kick(time, 0.5 * step, ledger, opening=False)
 
     def _book(self, ledger: EnergyLedger) -> None:
-        """What the last forces have stored, and friction has taken."""
+        """Book the energies of the last forces."""
         stored = self._energies()
         ledger.add_term("friction_dissipation", sum(tool.own.lost for tool in self.tools))
         deleted = sum(touch.deleted for tool in self.tools for touch in tool.touches)
         if deleted > 0.0:
             ledger.add_term(DELETED_INTERNAL, deleted)
-        stored_heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
-        if stored_heat:
-            ledger.add_term("friction_heat", stored_heat)
+        heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
+        if heat:
+            ledger.add_term("friction_heat", heat)
         for name, change in zip(("contact_energy", "stick_energy"), stored - self._shown):
             ledger.add_term(name, float(change))
         self._shown = stored
@@ -227,20 +225,19 @@ class RigidTools(TriedContact):
             if isinstance(tool.body, GuidedBody) and self._posed != (over, self.ahead, self.later):
                 tool.body.set_state(kept)
                 if over > 0.0 or self.ahead > 0.0:
-                    # forces do their work along the way, whose speed may jump
+                    # forces do work along the displacement; the velocity may jump within the step
                     tool.body.drift_evenly(self._time, over, self.ahead)
                 else:
                     tool.body.follow(self._time * (1.0 + 1e-12))
                 tool.body.pose.go_on(self.later)
-            tool.own = Resultant.none()
             for touch in tool.touches:
                 touch.try_forces(not still, mean, self.deeper)
-                tool.own = tool.own.plus(touch.resultant)
+            tool.add_up()
         self._posed = over, self.ahead, self.later
         self._give(over if mean else 0.0)
 
     def fastest(self) -> float:
-        """See `TriedContact`: of tools that turn what moves with them where particles are."""
+        """See `TriedContact`: of rotating tools, the speed at the farthest particle."""
         place, most = self.systems[0].particles.owned_rows("position"), 0.0
         for pose in (tool.body.pose for tool in self.tools):
             arms = np.linalg.norm(place - pose.place[: self.dimension], axis=1)
@@ -261,77 +258,74 @@ class RigidTools(TriedContact):
         return np.array([min((touch.clearance for touch in tool.touches), default=np.inf) for tool in self.tools])
 
     def _evaluate(self, time: float, slipping: bool | None) -> None:
-        """Forces of all tools at a time [s]; slipping: None where those that go on ask for what is recorded again."""
+        """Forces of all tools at a time [s]; slipping: see `Touch.evaluate`, None: false for resumed tools alone."""
         for tool in self.tools:
             tool.evaluate(time, not tool.resumed if slipping is None else slipping)
-        asked = [tool for tool in self.tools if tool.free and not time < tool.quiet_until]
-        if not asked:
+        free = [tool for tool in self.tools if tool.free and not time < tool.quiet_until]
+        if not free:
             return
-        totals = over_ranks(self.comm, np.array([tool.own.numbers for tool in asked]))
-        for tool, total in zip(asked, totals):
+        totals = over_ranks(self.comm, np.array([tool.own.numbers for tool in free]))
+        for tool, total in zip(free, totals):
             tool.total = Resultant.from_numbers(total)
-        apart = [tool for tool in asked if tool.total.pressed == 0.0]
+        apart = [tool for tool in free if tool.total.pressed == 0.0]
         if apart:
             quiet = [min((touch.quiet_until for touch in tool.touches), default=np.inf) for tool in apart]
             for tool, until in zip(apart, minimum(self.comm, np.array(quiet))):
                 tool.quiet_until = float(until)
 
     def _give(self, step: float) -> None:
-        """Add the forces to those on the particles, and the impulse that a step [s] has besides."""
+        """Add the forces and the corrections over a step [s] to the external forces and impulses."""
         for tool in self.tools:
             for touch in tool.touches:
                 touch.give(step)
 
     def _kick(self, time: float, step: float, ledger: EnergyLedger, opening: bool) -> None:
-        """Half a kick of the tools over a time `step` [s], with the forces of a time [s].
-
-        A free tool is leapfrog's like particles, with their kinetic offset, see `methods.leapfrog`.
-        """
+        """Kick all tools over a time `step` [s] with the forces at a time [s], and book the energies."""
         work = lost = 0.0
         for tool in self.tools:
-            force, moment = tool.resultant(opening=True)
             if isinstance(tool.body, FreeBody):
-                before = tool.body.pose.velocity, tool.body.angular
-                tool.body.kick(-step * force, -step * moment)
-                work += self._weigh(tool.body, time, step)
-                offset = tool.body.energy_of_change(*before) if self.comm.rank == 0 else 0.0
-                if opening:
-                    taken = taken_by_step_change(offset, tool.last_step, step)
-                    tool.last_step = step
-                    lost, offset = lost + taken, taken - offset
-                else:
-                    lost += self._give_rest(tool, step, *before)
-                ledger.add_term(KINETIC_OFFSET, offset)
+                supplied, dissipated, offset = self._kick_free(tool, tool.body, time, step, opening)
+                # the same on all ranks, booked on one
+                if self.comm.rank == 0:
+                    work, lost = work + supplied, lost + dissipated
+                    ledger.add_term(KINETIC_OFFSET, offset)
             else:
                 work += step * tool.body.pose.power(*tool.resultant(opening))
         ledger.add(1.0, 0.0, lost, work)
 
-    def _give_rest(self, tool: Tool, step: float, velocity: np.ndarray, angular: np.ndarray) -> float:
-        """What the impulse at the end of a step has besides, on a free tool; velocity, angular: in the middle of the
-        step. The energy [J] that this takes beyond its work in the middle, on one rank, see `methods.leapfrog`."""
-        body, (force, moment) = tool.body, tool.resultant(opening=True)
+    def _kick_free(
+        self, tool: Tool, body: FreeBody, time: float, step: float, opening: bool
+    ) -> tuple[float, float, float]:
+        """Kick a free tool by leapfrog with a kinetic offset, as particles, see `methods.leapfrog`. Returns the work of
+        gravity, the numerical dissipation and the kinetic offset [J]."""
+        force, moment = tool.resultant(opening=True)
+        velocity, angular, work = body.pose.velocity, body.angular, 0.0
+        body.kick(-step * force, -step * moment)
+        if self.gravity is not None:
+            before, impulse = body.kinetic, np.zeros(3)
+            place = body.pose.place[None, : self.dimension]
+            impulse[: self.dimension] = step * body.mass * self.gravity.evaluate(place, time)[0]
+            body.kick(impulse, np.zeros(3))
+            work = body.kinetic - before
+        offset = body.energy_of_change(velocity, angular)
+        if opening:
+            lost = taken_by_step_change(offset, tool.last_step, step)
+            tool.last_step = step
+            return work, lost, lost - offset
+        # the correction of the impulse works on the motion in the middle of the step; what it changes of the kinetic
+        # energy besides is numerical dissipation
         whole, turning = tool.resultant(opening=False)
-        impulse, twist = -step * (whole - force), -step * (turning - moment)
-        if not isinstance(body, FreeBody) or not (impulse.any() or twist.any()):
-            return 0.0
-        before, middle = body.kinetic, Pose(body.pose.place, body.pose.rotation, velocity, body.spin_of(angular))
-        body.kick(impulse, twist)
-        done = middle.power(body.free * impulse, twist if body.turns else np.zeros(3))
-        return done - (body.kinetic - before) if self.comm.rank == 0 else 0.0
-
-    def _weigh(self, body: FreeBody, time: float, step: float) -> float:
-        """Gravity's impulse over a step [s] from a time [s]; its work [J], on one rank."""
-        if self.gravity is None:
-            return 0.0
-        impulse = np.zeros(3)
-        at = body.pose.place[None, : self.dimension]
-        impulse[: self.dimension] = step * body.mass * self.gravity.evaluate(at, time)[0]
-        before = body.kinetic
-        body.kick(impulse, np.zeros(3))
-        return body.kinetic - before if self.comm.rank == 0 else 0.0
+        impulse, twist, lost = -step * (whole - force), -step * (turning - moment), 0.0
+        if impulse.any() or twist.any():
+            before = body.kinetic
+            middle = Pose(body.pose.place, body.pose.rotation, velocity, body.spin_of(angular))
+            body.kick(impulse, twist)
+            done = middle.power(body.free * impulse, twist if body.turns else np.zeros(3))
+            lost = done - (body.kinetic - before)
+        return work, lost, offset
 
     def stable_step(self) -> float:
-        """What springs of contact allow on this rank, of particles and of free tools."""
+        """Largest step [s] that the springs of contact allow on this rank, for particles and free tools."""
         square = 0.0
         for tool in self.tools:
             for touch in tool.touches:
@@ -344,20 +338,20 @@ class RigidTools(TriedContact):
         return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
 
     def _energies(self) -> np.ndarray:
-        """Stored in what is pressed and in friction's springs (2,) [J], of this rank."""
+        """Energies (2,) [J] of this rank, stored by penetrations and by springs of friction."""
         return np.array([sum(getattr(tool.own, name) for tool in self.tools) for name in ("stored", "stuck")])
 
     def energies(self) -> tuple[float, float]:
-        """Of tools with mass, on one rank; of the contacts of this one [J]."""
+        """Kinetic energy of all free tools, on one rank, and energy stored by contact on this rank [J]."""
         kinetic = sum(tool.body.kinetic for tool in self.tools) if self.comm.rank == 0 else 0.0
         return kinetic, float(self._energies().sum())
 
     def sound(self) -> bool:
-        """Whether tools are somewhere."""
+        """Whether the places of all tools are finite."""
         return all(bool(np.isfinite(tool.body.pose.place).all()) for tool in self.tools)
 
     def state(self) -> dict[str, Any]:
-        """Where tools are and how they move."""
+        """States of all tools, by name."""
         return {tool.name: tool.body.state() | {"last_step": tool.last_step} for tool in self.tools}
 
     def set_state(self, state: dict[str, Any]) -> None:
@@ -367,7 +361,7 @@ class RigidTools(TriedContact):
             tool.last_step, tool.resumed = state[tool.name]["last_step"], True
 
     def handed_on(self) -> dict[str, Any]:
-        """Where tools are and how they move, for another run."""
+        """States of all tools, by name, for another run."""
         return {tool.name: tool.body.state() for tool in self.tools}
 
     # --- what the history shows ---------------------------------------------------------------------------------
@@ -383,9 +377,9 @@ class RigidTools(TriedContact):
         turning = {1: slice(0, 0), 2: slice(2, 3), 3: slice(0, 3)}[d]
         result: list[float] = []
         for tool, total in zip(self.tools, map(Resultant.from_numbers, totals)):
-            force, moment = -tool.whole * total.force, -tool.whole * total.moment
-            if tool.whole != 1.0:
-                # around the axis, what is across it cancels
+            force, moment = -tool.around * total.force, -tool.around * total.moment
+            if tool.around != 1.0:
+                # around the axis, radial forces and moments cancel
                 force[0], moment[:] = 0.0, 0.0
             pose = tool.body.pose
             pieces = (force[:d], moment[turning], pose.place[:d], rotation_vector(pose.rotation)[turning])

@@ -3,8 +3,8 @@
     U = sum 1/2 k_i g_i^2,  g_i = max(0, r_i - d(x_i)),  k_i = alpha M V_i/h_i^2 (of a node on a face alpha M A_i/h_i)
 
 so the force k_i g_i along the gradient of d is exact, and the tool takes its opposite at the place of the particle.
-Friction keeps for each particle the place on the tool where it took hold and the stretch xi of the spring k_i/2 from
-there, which slips where the spring would pull by more than mu f_n (`contact.friction`).
+Friction records for each particle its point of adhesion on the tool and the stretch xi of a spring k_i/2 from there.
+The point slips where the spring would pull by more than mu f_n (`contact.friction`).
 """
 
 import math
@@ -26,8 +26,8 @@ class Frame(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """Coefficient; record (rows, 1 + 2 d): whether a particle holds, where in the frame of the tool, xi [m]; slipping:
-    whether records follow the motion, or forces of what is recorded are asked for."""
+    """Coefficient; record (rows, 1 + 2 d): whether a particle adheres, its point [m] in the frame of the tool, xi [m];
+    slipping: whether records follow the motion, or are kept."""
 
     coefficient: float
     record: np.ndarray
@@ -35,11 +35,9 @@ class Friction(NamedTuple):
 
 
 class Particles(NamedTuple):
-    """Of owned particles: position, velocity (n, d); body (n,); radius (n,) [m] and stiffness (n,) [N/m] of a tool with
-    alpha = 1; level (n,) [m]: how deep each is, below zero where it is apart, of the last call; square (n,) [1/s^2]:
-    of the angular frequency of each on the spring of the contact.
-
-    touchable (bodies,): bodies that the tool is for.
+    """Owned particles: position [m], velocity [m/s] (n, d); body (n,); touchable (bodies,): bodies that the tool may
+    touch; radius (n,) [m]; stiffness (n,) [N/m] for alpha = 1; level (n,) [m]: depth in the tool in the last call,
+    negative outside; square (n,) [1/s^2]: of the angular frequency on the spring of the contact.
     """
 
     owned: int
@@ -54,12 +52,11 @@ class Particles(NamedTuple):
 
 
 class Touched(NamedTuple):
-    """The particles that a tool presses or has pressed, first `count` rows of each array.
+    """The particles that a tool presses, or pressed before the step.
 
-    row (n,); arm (n, 3) [m]: place from that of the tool; force (n, 3) [N]; correction (n, 3) [N]: what the impulse at
-    the end of the step has besides, over half the step, see `friction.gap_correction`; pressed: 1 where it is in the
-    tool now; stored, stuck, lost (n,) [J]: energies of what is pressed and of the spring of friction, and what friction
-    took.
+    row (n,); arm (n, 3) [m]: from the place of the tool; force (n, 3) [N]; correction (n, 3) [N]: of the impulse over
+    half the step, see `friction.gap_correction`; pressed (n,): 1 where it is in the tool now; stored, stuck, lost (n,)
+    [J]: energy of the penetration, of the spring of friction, and dissipation by friction.
     """
 
     row: np.ndarray
@@ -73,7 +70,7 @@ class Touched(NamedTuple):
 
     @classmethod
     def of_size(cls, n: int) -> "Touched":
-        """Room for n particles."""
+        """Arrays for n particles."""
         vectors, numbers = [np.zeros((n, 3)) for _ in range(3)], [np.zeros(n) for _ in range(4)]
         return cls(np.zeros(n, np.int64), *vectors, *numbers)
 
@@ -83,8 +80,8 @@ class Touched(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """How far particles and tool may come nearer: a time [s], and the greatest speed of the tool's points [m/s];
-    step_time, step_speed: the same of particles that limit the step."""
+    """A time [s] and the greatest speed [m/s] of the tool's points, which bound the approach of particles and tool;
+    step_time, step_speed: the same for particles that bound the step."""
 
     time: float
     speed: float
@@ -92,21 +89,9 @@ class Approach(NamedTuple):
     step_speed: float
 
 
-class Nearby(NamedTuple):
-    """Of all particles that the tool may touch in the time of `Approach`: stiffness [N/m], the same times squared arms
-    [N m] of normal and tangential springs; clearance [m]: the least distance of any face of a particle from the shape,
-    below zero where it touches; square [1/s^2]: the greatest of particles that limit the step, 0 where there are none.
-    """
-
-    stiffness: float
-    turning: float
-    clearance: float
-    square: float
-
-
 @inlined
 def _to_frame(frame, a):
-    """A vector from the place of the tool in the frame of the tool."""
+    """Components in the frame of the tool of a vector in space."""
     R = frame.rotation
     return (
         R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
@@ -117,7 +102,7 @@ def _to_frame(frame, a):
 
 @inlined
 def _to_space(frame, a):
-    """A vector of the frame of the tool in space."""
+    """Components in space of a vector in the frame of the tool."""
     R = frame.rotation
     return (
         R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
@@ -128,7 +113,7 @@ def _to_space(frame, a):
 
 @register_jitable
 def _vector(rows, i, first, d):
-    """d numbers of a row from a column on."""
+    """Vector of d numbers of a row, from the column `first` on."""
     return rows[i, first], rows[i, first + 1] if d > 1 else 0.0, rows[i, first + 2] if d > 2 else 0.0
 
 
@@ -143,7 +128,7 @@ def _put(rows, i, first, d, vector):
 
 @register_jitable
 def _rub(friction, frame, i, arm, normal, depth, stiffness):
-    """Friction's force [N] on a pressed particle, the energy of its spring and what it dissipates [J].
+    """Force [N] of friction on a pressed particle, energy of its spring and dissipation [J].
 
     stiffness [N/m]: of the normal spring, twice that of friction's.
     """
@@ -166,7 +151,7 @@ def _rub(friction, frame, i, arm, normal, depth, stiffness):
 
 @register_jitable
 def _let_go(friction, i, stiffness):
-    """Forget what a particle held; the energy of its spring [J]."""
+    """Clear the record of a particle; returns the energy of its spring [J]."""
     record = friction.record
     d = (record.shape[1] - 1) // 2
     stretch = _vector(record, i, 1 + d, d)
@@ -176,9 +161,12 @@ def _let_go(friction, i, stiffness):
 
 @kernel
 def press(shape, frame, friction, alpha, particles, approach, known, touched):
-    """Forces of a shape on particles into `touched`; how many rows that has, and `Nearby` as a tuple.
+    """Forces of a shape on particles, into the first rows of `touched`.
 
     alpha: factor on the stiffness; friction: None without any; known: whether particles.level is that of the last step.
+    Returns the number of rows; of all particles that the tool may touch in the time of `approach`, the sums of the
+    stiffnesses [N/m], and of these times squared arms [N m] (normal and tangential springs); the least distance [m] of
+    a particle's face from the shape, negative where it touches; the greatest `square` of particles that bound the step.
     """
     count, clearance, together, turning, square = 0, math.inf, 0.0, 0.0, 0.0
     position, level, d = particles.position, particles.level, particles.position.shape[1]
@@ -192,7 +180,7 @@ def press(shape, frame, friction, alpha, particles, approach, known, touched):
         own = math.sqrt(dot(v, v))
         reach = approach.time * (approach.speed + own)
         near = approach.step_time * (approach.step_speed + own)
-        # of what has just parted the direction counts, too
+        # where a gap has just opened, the normal is needed
         look = math.inf if before > 0.0 else particles.radius[i] + max(reach, near)
         away, nx, ny, nz = distance(shape, local[0], local[1], local[2], look)
         depth = particles.radius[i] - away
@@ -242,44 +230,40 @@ def fastest(owned, velocity):
 
 
 class Resultant(NamedTuple):
-    """What a tool does to particles, all together: force (3,) [N] and moment (3,) [N m] about its place, the same of
-    what impulses have besides; energies [J]; how many are pressed, and `Nearby`'s stiffnesses."""
+    """Sums over the particles that a tool touches: force (3,) [N], moment (3,) [N m] about its place, the same of the
+    corrections (more_); energies [J]; number of pressed particles; sums of stiffnesses, see `press`."""
 
     force: np.ndarray
     moment: np.ndarray
     more_force: np.ndarray
     more_moment: np.ndarray
-    stored: float = 0.0
-    stuck: float = 0.0
-    lost: float = 0.0
-    pressed: float = 0.0
-    stiffness: float = 0.0
-    turning: float = 0.0
+    stored: float
+    stuck: float
+    lost: float
+    pressed: float
+    stiffness: float
+    turning: float
 
     @classmethod
     def none(cls) -> "Resultant":
         """Of a tool that touches nothing."""
-        return cls(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3))
+        return cls.from_numbers(np.zeros(18))
 
     @classmethod
-    def of(cls, touched: Touched, near: Nearby) -> "Resultant":
-        """The sums of some rows."""
+    def of(cls, touched: Touched, stiffness: float, turning: float) -> "Resultant":
+        """The sums over touched particles."""
         moment, more_moment = (np.cross(touched.arm, force) for force in (touched.force, touched.correction))
         vectors = touched.force, moment, touched.correction, more_moment
         numbers = touched.stored, touched.stuck, touched.lost, touched.pressed
         sums: list[Any] = [one.sum(axis=0) for one in (*vectors, *numbers)]
-        return cls._make([*sums, near.stiffness, near.turning])
-
-    def plus(self, other: "Resultant") -> "Resultant":
-        """The sum of two."""
-        return Resultant.from_numbers(self.numbers + other.numbers)
+        return cls._make([*sums, stiffness, turning])
 
     @property
     def numbers(self) -> np.ndarray:
-        """All of them in a row, for sums over ranks."""
+        """All numbers (18,), for sums."""
         return np.concatenate([np.ravel(one) for one in self])
 
     @classmethod
     def from_numbers(cls, numbers: np.ndarray) -> "Resultant":
-        """What `numbers` gave."""
+        """From the array of `numbers`."""
         return cls(*numbers[:12].reshape(4, 3), *map(float, numbers[12:]))

@@ -12,7 +12,7 @@ import numpy as np
 
 
 def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """The rotation q followed by p, as quaternions (4,)."""
+    """The quaternion (4,) of the rotation q followed by p."""
     vector = p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])
     return np.concatenate(([p[0] * q[0] - p[1:] @ q[1:]], vector))
 
@@ -35,7 +35,7 @@ def rotation_matrix(q: np.ndarray) -> np.ndarray:
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
-    """Axis times angle (3,) [rad] of a unit quaternion, of the angle up to pi."""
+    """Axis times angle (3,) [rad] of a unit quaternion; the angle is at most pi."""
     q = q if q[0] >= 0.0 else -q
     sine = float(np.linalg.norm(q[1:]))
     return np.asarray(q[1:] * (2.0 * np.arctan2(sine, q[0]) / sine if sine > 0.0 else 2.0))
@@ -43,8 +43,7 @@ def rotation_vector(q: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Pose:
-    """Where a tool is and how it moves: place (3,) [m], rotation (4,), velocity (3,) [m/s] of the place, spin (3,)
-    [rad/s] in space."""
+    """Place (3,) [m], rotation (4,), velocity (3,) [m/s] of the place, and spin (3,) [rad/s] in space of a tool."""
 
     place: np.ndarray
     rotation: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
@@ -57,7 +56,7 @@ class Pose:
         return rotation_matrix(self.rotation)
 
     def power(self, force: np.ndarray, moment: np.ndarray) -> float:
-        """Of a force [N] and its moment [N m] about the place [W]."""
+        """Power [W] of a force (3,) [N] and its moment (3,) [N m] about the place."""
         return float(force @ self.velocity + moment @ self.spin)
 
     def go_on(self, time: float) -> None:
@@ -69,17 +68,17 @@ class Pose:
 
 
 class FreeBody:
-    """Six equations of motion, or fewer where components are held.
+    """A rigid body that moves by forces.
 
-    mass [kg]; inertia (3,) [kg m^2] about the principal axes (3, 3), columns in the frame of the shape; free (3,):
-    components that follow forces; turns: whether the body may rotate. angular (3,): the angular momentum along the
-    principal axes [kg m^2/s].
+    mass [kg]; inertia (3,) [kg m^2] about the principal axes (3, 3), columns in the frame of the shape; free (3,): 1
+    for components of the velocity that may change, else 0; turns: whether it may rotate; angular (3,) [kg m^2/s]:
+    angular momentum along the principal axes.
     """
 
     def __init__(
         self, pose: Pose, mass: float, inertia: np.ndarray, axes: np.ndarray, free: np.ndarray, turns: bool
     ) -> None:
-        """pose: with its velocity and spin, of which what is held must be zero."""
+        """pose: with its velocity and spin, zero in the components that are not free."""
         self.pose, self.mass, self.inertia, self.axes = pose, mass, inertia, axes
         self.free, self.turns = free.astype(float), turns
         self.angular = inertia * self._to_axes(pose.spin) if turns else np.zeros(3)
@@ -98,29 +97,28 @@ class FreeBody:
     @property
     def kinetic(self) -> float:
         """Kinetic energy [J]."""
-        energy = self.mass * float(self.pose.velocity @ self.pose.velocity)
-        return 0.5 * (energy + (float(self.angular @ (self.angular / self.inertia)) if self.turns else 0.0))
+        return self.energy_of_change(np.zeros(3), np.zeros(3))
 
     def square_of(self, stiffness: float, turning: float) -> float:
-        """The most that springs of so much stiffness [N/m], and stiffness times squared arms [N m], make of the square
-        of its angular frequency [1/s^2]."""
+        """Upper bound of the square of the angular frequency [1/s^2] on springs, by the sums of their stiffnesses [N/m]
+        and of stiffnesses times squared arms [N m]."""
         return stiffness / self.mass + (turning / float(self.inertia.min()) if self.turns else 0.0)
 
     def kick(self, impulse: np.ndarray, moment: np.ndarray) -> None:
-        """Take an impulse (3,) [N s] and its moment about the place (3,) [N m s]."""
+        """Apply an impulse (3,) [N s] and its moment about the place (3,) [N m s]."""
         self.pose.velocity = self.pose.velocity + self.free * impulse / self.mass
         if self.turns:
             self.angular = self.angular + self._to_axes(moment)
             self._follow_spin()
 
     def energy_of_change(self, velocity: np.ndarray, angular: np.ndarray) -> float:
-        """Kinetic energy [J] of the change from a velocity (3,) [m/s] and an angular momentum along the axes (3,)."""
+        """Kinetic energy [J] of the change from a velocity (3,) [m/s] and an angular momentum (3,) along the axes."""
         change, turned = self.pose.velocity - velocity, self.angular - angular
         energy = self.mass * float(change @ change)
         return 0.5 * (energy + (float(turned @ (turned / self.inertia)) if self.turns else 0.0))
 
     def drift(self, time: float, step: float) -> None:
-        """Move on for a step [s] without forces."""
+        """Move for a step [s] without forces; second order in the rotation."""
         self.pose.place = self.pose.place + step * self.pose.velocity
         if not self.turns or not self.angular.any():
             return
@@ -148,18 +146,18 @@ class FreeBody:
         self._follow_spin()
 
 
-# places and weights of Gauss's and Lobatto's quadrature over a step, exact for velocities of the fifth degree in time
+# points and weights of Gauss's and Lobatto's quadrature over a step, exact for polynomials of degree 5
 Rule = tuple[tuple[float, float], ...]
 _GAUSS: Rule = tuple(zip((0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5), (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)))
 _LOBATTO: Rule = tuple(zip((0.0, 0.5 - 0.05**0.5, 0.5 + 0.05**0.5, 1.0), (1 / 12, 5 / 12, 5 / 12, 1 / 12)))
-# of a way, by what two rules may differ; halvings in search of jumps at most
+# relative difference of the two rules, and most bisections, in the integration of velocities that jump
 _SAME, _HALVINGS = 1e-11, 2000
 
 
 class GuidedBody:
-    """A body whose velocity, and rate of rotation about an axis through a point that moves along, are formulas of time.
+    """A body whose velocity, and rate of rotation about an axis through a moving point, are formulas of time.
 
-    The place follows by quadrature of both over each step.
+    The place follows by quadrature over each step. moved (3,) [m], angle [rad]: displacement and rotation so far.
     """
 
     def __init__(self, pose: Pose, course: Any, axis: np.ndarray, about: np.ndarray):
@@ -172,22 +170,19 @@ class GuidedBody:
     kinetic = 0.0
 
     def follow(self, time: float) -> None:
-        """Pose and velocity at a time [s] from what has been moved."""
+        """Set the pose by `moved` and `angle`, and the velocity at a time [s]."""
         self.go(*self.course(time))
 
     def go(self, velocity: np.ndarray, rate: float) -> None:
-        """Pose from what has been moved, and its motion with a velocity (3,) [m/s] and a rate [rad/s]."""
+        """Set the pose by `moved` and `angle`, and its motion by a velocity (3,) [m/s] and a rate [rad/s]."""
         self.pose.rotation = turn(self.axis, self.angle)
         arm = self.pose.matrix @ (self.start - self.about)
         self.pose.place = self.about + self.moved + arm
         self.pose.spin = rate * self.axis
         self.pose.velocity = velocity + np.cross(self.pose.spin, arm)
 
-    def kick(self, impulse: np.ndarray, moment: np.ndarray) -> None:
-        """Nothing changes its motion."""
-
     def drift(self, time: float, step: float) -> None:
-        """Move on for a step [s] from a time [s]."""
+        """Move for a step [s] from a time [s]."""
         for share, weight in _GAUSS:
             velocity, rate = self.course(time + share * step)
             self.moved = self.moved + weight * step * velocity
@@ -195,19 +190,20 @@ class GuidedBody:
         self.follow(time + step)
 
     def drift_evenly(self, time: float, over: float, ahead: float) -> None:
-        """Move on for a time over [s] from a time [s], as far as formulas say that may jump, with the mean velocity and
-        rate of that time; where it is 0, with those of a time ahead [s]."""
+        """Move for a time `over` [s] from a time [s] by formulas that may jump; velocity and rate become their means
+        over that time or, where it is 0, over a time `ahead` [s]."""
         way = self._whole_way(time, over or ahead)
         if over > 0.0:
             self.moved, self.angle = self.moved + way[:3], self.angle + float(way[3])
         self.go(way[:3] / (over or ahead), float(way[3]) / (over or ahead))
 
     def _way(self, time: float, step: float, rule: Rule) -> np.ndarray:
-        """How far (4,) velocity [m] and rate [rad] lead in a step [s] from a time [s], where they are smooth."""
+        """Displacement [m] and rotation [rad] (4,) in a step [s] from a time [s], for smooth velocities."""
         return np.asarray(sum(w * step * np.append(*self.course(time + share * step)) for share, w in rule))
 
     def _whole_way(self, time: float, step: float) -> np.ndarray:
-        """The same, where they may jump: by halves until two rules agree, of which one looks at the ends."""
+        """The same for velocities that may jump: the step is bisected until two rules agree, one of which has points at
+        the ends."""
         total, parts, halvings, most = np.zeros(4), [(time, step)], 0, 0.0
         while parts:
             at, length = parts.pop()
@@ -221,7 +217,7 @@ class GuidedBody:
         return total
 
     def state(self) -> dict[str, Any]:
-        """How far it has come."""
+        """Displacement and rotation so far, as JSON has them."""
         return {"moved": self.moved.tolist(), "angle": self.angle}
 
     def set_state(self, state: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ from parsolid.materials.law_functions import law_function
 
 
 class HalfSpace(NamedTuple):
-    """All that is below a plane through the origin with an outward normal of unit length."""
+    """The half-space below a plane through the origin; (x, y, z): unit outward normal."""
 
     x: float
     y: float
@@ -26,7 +26,7 @@ class Ball(NamedTuple):
 
 
 class Rod(NamedTuple):
-    """A cylinder of a radius and half a length [m] along an axis of unit length; an infinite one where half is inf."""
+    """A cylinder of a radius and half a length [m], which may be inf; (x, y, z): unit vector along the axis."""
 
     radius: float
     half: float
@@ -47,7 +47,7 @@ class Block(NamedTuple):
 def distance(shape, x, y, z, reach):
     """(signed distance [m], its gradient (3 numbers)) at a place [m].
 
-    Where the distance is more than `reach` any other number above it will do.
+    A distance of more than `reach` may be replaced by any number above `reach`.
     """
 
 
@@ -85,7 +85,7 @@ def _rod(shape, x, y, z, reach):
 
 @register_jitable
 def _beyond(place, half):
-    """How far beyond a side, and which way out."""
+    """Distance beyond a side, and the sign of its outward direction."""
     return abs(place) - half, math.copysign(1.0, place)
 
 

@@ -31,7 +31,7 @@ class Surface(NamedTuple):
 
 
 def make_surface(points: np.ndarray, facets: np.ndarray) -> Surface:
-    """The surface of points (n, d) [m] and facets (m, d) with outward normals, in the order of its tree."""
+    """The surface of points (n, d) [m] and facets (m, d) with outward normals; facets are sorted as in the tree."""
     dimension = points.shape[1]
     corners = np.zeros((len(facets), 3, 3))
     corners[:, :dimension, :dimension] = points[facets]
@@ -42,7 +42,7 @@ def make_surface(points: np.ndarray, facets: np.ndarray) -> Surface:
 
 
 def face_normals(corners: np.ndarray, dimension: int) -> np.ndarray:
-    """Outward normals (m, 3), as long as the facets are wide, of triangles twice that [m or m^2]."""
+    """Outward normals (m, 3): of the length of segments [m], of twice the area of triangles [m^2]."""
     first = corners[:, 1] - corners[:, 0]
     if dimension == 2:
         return np.stack([first[:, 1], -first[:, 0], np.zeros(len(first))], axis=1)
@@ -54,7 +54,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _pseudo_normals(corners: np.ndarray, facets: np.ndarray, dimension: int) -> np.ndarray:
-    """Of faces, edges (the sum of two faces') and corners (the sum weighted by angles)."""
+    """Normals of faces, edges (sums of two faces) and corners (sums weighted by angles), see `Surface.normals`."""
     result, face = np.zeros((len(facets), 7, 3)), _unit(face_normals(corners, dimension))
     result[:, 0] = face
     weighted = np.zeros((facets.max() + 1, 3))
@@ -118,7 +118,7 @@ def _away_from_box(boxes, k, x, y, z):
 
 @register_jitable
 def _on_segment(c, m, x, y, z):
-    """(u, v, feature): the place on a segment nearest to another, and which part of it that is."""
+    """(u, v, feature) of the point of a segment nearest to (x, y, z); feature: index in `Surface.normals`."""
     ex, ey = c[m, 1, 0] - c[m, 0, 0], c[m, 1, 1] - c[m, 0, 1]
     t = ((x - c[m, 0, 0]) * ex + (y - c[m, 0, 1]) * ey) / (ex * ex + ey * ey)
     if t <= 0.0:
@@ -130,7 +130,8 @@ def _on_segment(c, m, x, y, z):
 
 @register_jitable
 def _on_triangle(c, m, x, y, z):
-    """(u, v, feature) of the place a + u (b - a) + v (c - a) of a triangle nearest to another (Ericson 2005, 5.1)."""
+    """(u, v, feature) of the point a + u (b - a) + v (c - a) of a triangle nearest to (x, y, z) (Ericson, Real-Time
+    Collision Detection, 2005, section 5.1.5)."""
     ax, ay, az = c[m, 0, 0], c[m, 0, 1], c[m, 0, 2]
     bx, by, bz = c[m, 1, 0] - ax, c[m, 1, 1] - ay, c[m, 1, 2] - az
     cx, cy, cz = c[m, 2, 0] - ax, c[m, 2, 1] - ay, c[m, 2, 2] - az
@@ -161,7 +162,7 @@ def _on_triangle(c, m, x, y, z):
 
 @register_jitable
 def _to_facet(shape, m, x, y, z):
-    """Vector from the nearest place of a facet to a place, and which part of the facet that is."""
+    """Vector from the nearest point of a facet to (x, y, z), and its feature."""
     c = shape.corners
     u, v, feature = _on_triangle(c, m, x, y, z) if shape.triangles else _on_segment(c, m, x, y, z)
     w = 1.0 - u - v
@@ -185,12 +186,12 @@ def _of_facet(shape, m, feature, dx, dy, dz):
 
 @distance.of(Surface)
 def _surface(shape, x, y, z, reach):
-    # beyond its box by more than `reach` no facet is near
+    # outside of the box by more than `reach`
     best = _away_from_box(shape.boxes, 0, x, y, z)
     if best > reach * reach:
         return math.sqrt(best), 1.0, 0.0, 0.0
     best, facet, feature, ux, uy, uz = math.inf, 0, 0, 1.0, 0.0, 0.0
-    # boxes to look into: the one with the nearer bound is looked into first, so at most one a level waits
+    # depth-first search, the nearer box first, so that at most one box a level waits
     k, w0, w1, waiting = 0, np.empty(_DEEPEST, np.int64), np.empty(_DEEPEST), 0
     while True:
         one, two = shape.children[k, 0], shape.children[k, 1]

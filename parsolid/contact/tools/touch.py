@@ -1,4 +1,4 @@
-"""One tool on the particles of one system on this rank: forces, and when to look again."""
+"""One tool and the particles of one system on this rank: forces, and the time of the next evaluation."""
 
 from typing import Any
 
@@ -11,7 +11,6 @@ from parsolid.contact.tools.forces import (
     Approach,
     Frame,
     Friction,
-    Nearby,
     Particles,
     Resultant,
     Touched,
@@ -26,21 +25,21 @@ from parsolid.scene import Scene
 
 # fields of particles that any tool may touch
 RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
-# of the time in which particle and tool would meet, should both gain the speed of sound
-_LOOK_AFTER = 0.5
-# particles that may be touched in so many of the longest steps limit the step
+# share of the time to contact, with the speed of sound added, after which particles are checked again
+_CHECK_AFTER = 0.5
+# number of the longest steps within which particles that may be touched bound the step
 _NEAR = 2.0
-# radius [m] of particles that no tool touches
+# radius [m] of deleted particles, which no tool touches
 _OUT_OF_REACH = -1e9
 
 
 def record_of(tool: str) -> str:
-    """Name of the field in which a tool's friction keeps what particles hold."""
+    """Name of the field of a tool's `forces.Friction.record`."""
     return f"stick_{tool}"
 
 
 def level_of(tool: str) -> str:
-    """Name of the field of how deep in a tool particles are, below zero outside."""
+    """Name of the field of the depth of particles in a tool, negative outside."""
     return f"level_{tool}"
 
 
@@ -50,7 +49,7 @@ def axisymmetric(scene: Scene) -> bool:
 
 
 def declare_tool_fields(scene: Scene, system: ParticleSystem) -> None:
-    """What a system's particles need to be touched by a scene's tools; nothing where there are none."""
+    """Declare the fields that the tools of a scene need on a system's particles, before its state is set."""
     touching = [tool for tool in scene.tools if touchable_by(tool, scene, system).any()]
     if not touching:
         return
@@ -68,10 +67,10 @@ def declare_tool_fields(scene: Scene, system: ParticleSystem) -> None:
 
 
 def radii(particles: Any, in_cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Radius (owned,) [m], from a particle to the face of its cell, 0 of nodes, and spacing (owned,) [m] that way.
+    """Radius (owned,) [m], from a particle to the face of its cell, 0 for nodes, and spacing (owned,) [m] in the same
+    direction: along the normal of the particle's surface; within a body the mean over all directions.
 
-    in_cells (bodies,): whether a body's particles are in the middles of cells. The way is that of the particle's own
-    surface where it has one; inside a body the mean of all ways.
+    in_cells (bodies,): whether a body's particles are in the middles of cells.
     """
     spacing, area = particles.owned_rows("spacing"), particles.owned_rows("area")
     count, d = spacing.shape
@@ -86,7 +85,7 @@ def radii(particles: Any, in_cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def stiffnesses(particles: Any, radius: np.ndarray, width: np.ndarray, moduli: np.ndarray, polar: bool) -> np.ndarray:
-    """M A/h (owned,) [N/m]; A = V/h, of nodes on a face the part of the face that is theirs.
+    """M A/h (owned,) [N/m]; A = V/h, for nodes on a face their part of the face.
 
     moduli (bodies,) [Pa]; polar: per radian about the axis X = 0.
     """
@@ -98,52 +97,57 @@ def stiffnesses(particles: Any, radius: np.ndarray, width: np.ndarray, moduli: n
 
 
 def touchable_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
-    """Which bodies (bodies,) of a system a tool is for; tool: `scene.tools.Tool`."""
+    """Which bodies (bodies,) of a system a tool may touch; tool: `scene.tools.Tool`."""
     wanted = tool.bodies
     return np.array([wanted is None or scene.bodies[number].name in wanted for number in system.bodies])
 
 
 class Touch:
-    """A tool on a system.
+    """The contact of a tool with a system.
 
-    touched: the particles on which it acts, on their parts on this side of mirror planes; resultant: of this rank;
-    clearance [m]: of the nearest particle; greatest_square [1/s^2]: of an angular frequency that the contact adds to
-    that of a particle, where one is near; quiet_until [s]: nothing can be touched before; deleted [J]: energy of
-    contact that went with deleted particles in the last step.
+    touched: particles on which the tool acts, and forces on their parts on this side of mirror planes; resultant: of
+    this rank; clearance [m]: of the nearest particle; greatest_square [1/s^2]: of the angular frequencies of near
+    particles on the springs of the contact; quiet_until [s]: time before which nothing is touched; deleted [J]: contact
+    energy removed with particles deleted in the last step.
     """
 
     def __init__(self, tool: Any, system: ParticleSystem, touchable: np.ndarray, signal: float) -> None:
-        """tool: `contact.Tool`; touchable (bodies,): which bodies of the system it is for; signal: the speed [m/s] that
-        particles may gain before they are looked at again."""
+        """tool: `contact.Tool`; touchable (bodies,): bodies of the system that it may touch; signal: speed [m/s] that
+        particles may gain before the next check."""
         self.tool, self.system, self.touchable, self.signal = tool, system, touchable, signal
         self.record = record_of(tool.name) if tool.friction > 0.0 else None
         self._room = Touched.of_size(0)
         self.touched, self.resultant = self._room, Resultant.none()
         self.clearance, self.greatest_square, self.deleted = np.inf, 0.0, 0.0
-        # whether places of the last step were looked at
+        # whether `level` is of the last step
         self._followed = False
         self._layout, self._squares, self.quiet_until = -1, np.zeros(0), -np.inf
 
     @property
     def rows(self) -> np.ndarray:
-        """Rows (n,) of particles on which it acts."""
+        """Rows (n,) of the touched particles."""
         return self.touched.row
 
     def evaluate(self, time: float, slipping: bool) -> None:
-        """Forces at a time [s]; slipping: friction follows the motion, or what is recorded is asked for again."""
+        """Forces at a time [s]; slipping: whether friction follows the motion, or keeps its record."""
         particles, tool, self.deleted = self.system.particles, self.tool, 0.0
         if time < tool.quiet_until or (time < self.quiet_until and self._layout == particles.layout):
             self.touched, self.resultant = self._room.first(0), Resultant.none()
             self.greatest_square, self._followed = 0.0, False
             return
         self._leave_out_deleted()
-        near = Approach(tool.longest, tool.speed(time), _NEAR * tool.longest, self.signal + tool.speed(time))
-        nearby = self._press(slipping, near, self._followed)
-        self._followed, self.greatest_square = True, nearby.square
-        self._look_ahead(time)
+        speed = tool.speed()
+        approach = Approach(tool.longest, speed, _NEAR * tool.longest, self.signal + speed)
+        self.greatest_square = self._press(slipping, approach, self._followed)
+        self._followed, self.quiet_until = True, -np.inf
+        # checked at every step while a particle bounds the step
+        if self.greatest_square == 0.0:
+            speed += self.signal + fastest(particles.owned, particles["velocity"])
+            self.quiet_until = time + _CHECK_AFTER * self.clearance / speed
 
-    def _press(self, slipping: bool, approach: Approach, known: bool, deeper: float = 0.0) -> Nearby:
-        """Forces in the present places, of particles wider by `deeper` [m]; see `forces.press`."""
+    def _press(self, slipping: bool, approach: Approach, known: bool, deeper: float = 0.0) -> float:
+        """Forces at the present positions on particles wider by `deeper` [m]; returns the greatest square [1/s^2] of
+        `forces.press`."""
         particles, tool, friction = self.system.particles, self.tool, None
         if len(self._room.row) < particles.owned:
             self._room = Touched.of_size(particles.capacity)
@@ -160,7 +164,7 @@ class Touch:
             particles.storage(level_of(tool.name)),
             self._squares_of_particles(),
         )
-        count, *near = press(
+        count, stiffness, turning, self.clearance, square = press(
             tool.shape,
             Frame(tool.body.pose.place, tool.body.pose.matrix),
             friction,
@@ -170,28 +174,28 @@ class Touch:
             known,
             self._room,
         )
-        self.touched, nearby = self._room.first(count), Nearby(*near)
-        self.resultant, self.clearance = Resultant.of(self.touched, nearby), nearby.clearance
-        return nearby
+        self.touched = self._room.first(count)
+        self.resultant = Resultant.of(self.touched, stiffness, turning)
+        return float(square)
 
     def remember(self) -> None:
-        """Take what friction holds and how deep particles are for what trials begin with."""
+        """Keep the records of friction and the depths, from which trials start."""
         names = [level_of(self.tool.name)] + ([] if self.record is None else [self.record])
         self._kept = {name: self.system.particles.storage(name).copy() for name in names}
 
     def try_forces(self, slipping: bool, mean: bool, deeper: float) -> None:
-        """Forces in the present places from what was remembered; mean: with what makes them those of all of a step."""
+        """Forces at the present positions from the kept records and depths; mean: with corrections of the impulse."""
         for name, values in self._kept.items():
             self.system.particles.storage(name)[:] = values
-        # steps that are not solved for look anew, and go on from these depths
+        # explicit steps that follow start from these depths
         self._followed, self.quiet_until, self.greatest_square = True, -np.inf, 0.0
         self._press(slipping, Approach(0.0, 0.0, 0.0, 0.0), mean, deeper)
 
     def _leave_out_deleted(self) -> None:
-        """Particles that have failed and were deleted, which have no mass, are not touched any more.
+        """Take deleted particles out of contact.
 
-        In the last step the force that they were pressed with acts at its start alone: from k d^2/2 at a depth d to a
-        depth e the energy becomes k d e/2."""
+        In the step of the deletion the force acts at the start only: where a depth goes from d to e, the energy k d e/2
+        is removed."""
         particles, tool = self.system.particles, self.tool
         if "deleted_mass" not in particles:
             return
@@ -205,16 +209,8 @@ class Touch:
             level[i] = _OUT_OF_REACH
         rows(RADIUS)[gone] = _OUT_OF_REACH
 
-    def _look_ahead(self, time: float) -> None:
-        """When to look again: at once while a particle limits the step."""
-        self.quiet_until = -np.inf
-        if self.greatest_square == 0.0:
-            particles = self.system.particles
-            speed = self.signal + self.tool.speed(time) + fastest(particles.owned, particles["velocity"])
-            self.quiet_until = time + _LOOK_AFTER * self.clearance / speed
-
     def _squares_of_particles(self) -> np.ndarray:
-        """Squares (owned,) [1/s^2] of the angular frequencies that the contact may add to those of particles."""
+        """Squares (owned,) [1/s^2] of the angular frequencies of particles on the springs of the contact."""
         particles = self.system.particles
         if self._layout != particles.layout:
             self._layout = particles.layout
@@ -224,8 +220,8 @@ class Touch:
         return self._squares
 
     def warm(self) -> float:
-        """Give the particles half of what friction took of each, for the tool has no temperature; what of it their
-        stored energy holds [J]."""
+        """Heat the particles with half the dissipation of friction; the other half goes to the tool, which has no
+        temperature. Returns the heat that is part of the stored energy [J]."""
         if self.record is None or not self.system.takes_heat:
             return 0.0
         warmed = self.touched.lost > 0.0
@@ -235,7 +231,7 @@ class Touch:
         return self.system.take_heat(heat, rows)
 
     def give(self, step: float) -> None:
-        """Add the forces to those on the particles, and the impulse that a step [s] has besides."""
+        """Add the forces and the corrections over a step [s] to the external forces and impulses."""
         if len(self.rows):
             owned, d = self.system.particles.owned_rows, self.system.dimension
             owned(EXTERNAL_FORCE)[self.rows] += self.touched.force[:, :d]
