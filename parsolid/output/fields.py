@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 from decomposition.migration import migrate
 from decomposition.reduction import sums
+from decomposition.slices import Slices
 from parsolid.checksums import added, sum_of_rows
 from parsolid.collective import maximum, minimum
 from parsolid.output import vtkhdf
@@ -32,7 +33,7 @@ from parsolid.scene.previous_results import STATE
 
 
 def sums_path(path: Path) -> Path:
-    """Of a file of fields."""
+    """The file of checksums of a file of fields."""
     return path.with_suffix(".sums")
 
 
@@ -205,8 +206,8 @@ class FieldSeries:
                 # the point of each cell, and where its points begin, counted within its part
                 for name, period in (("Connectivity", vtkhdf.PART), ("Offsets", vtkhdf.PART + 1)):
                     total = self._places[f"VTKHDF/Vertices/{name}"].shape[0]
-                    first, last = (total * rank // self._comm.size for rank in self._ranks_of_share)
-                    writer.write(f"VTKHDF/Vertices/{name}", first, np.arange(first, last) % period)
+                    share = Slices(self._comm, total)
+                    writer.write(f"VTKHDF/Vertices/{name}", share.first, np.arange(share.first, share.last) % period)
         sums = added(self._comm, sums)
         with together(self._comm, f"cannot write {sums_path(self.path)}"):
             if self._comm.rank == 0:
@@ -231,7 +232,7 @@ class FieldSeries:
         sums[name] = sum_of_rows(arranged, rows.first)
 
     def _resume(self) -> bool:
-        """Go on with the file at path, if it will do."""
+        """Append to the file at path where it is whole and has the same layout; returns whether it is."""
         found = None
         if self._comm.rank == 0 and self._resume_at is not None:
             try:
@@ -239,7 +240,7 @@ class FieldSeries:
                 if layout.like(self._layout):
                     found = layout, times[times <= self._resume_at], places(self.path)
             except OutputError:
-                found = None  # torn or not there: it is set aside like any other
+                found = None  # torn or missing
         found = self._comm.bcast(found)
         if found is None:
             return False
@@ -253,7 +254,7 @@ class FieldSeries:
         return True
 
     def _enlarge(self, layout: vtkhdf.Layout, times: np.ndarray) -> None:
-        """Go on in a file with more room, which takes the steps at these times [s] over: one film over restarts."""
+        """Copy the steps at these times [s] to a new file with more room, so that one file holds all of a run."""
         self._layout = layout._replace(capacity=len(times) + self._capacity)
         partial, laid = self.path.with_name(self.path.name + ".partial"), None
         with together(self._comm, f"cannot lay out {self.path}"):
@@ -268,8 +269,9 @@ class FieldSeries:
             for name in [*sorted(varying), *once]:
                 # a step at a time, so that no rank has more than its share of one
                 total, steps = (n, len(times)) if name in varying else (old[name].shape[0], 1)
+                share = Slices(self._comm, total)
                 for step in range(steps):
-                    first, last = (step * total + total * rank // self._comm.size for rank in self._ranks_of_share)
+                    first, last = step * total + share.first, step * total + share.last
                     new.write(name, first, old[name][first:last])
         with together(self._comm, f"cannot write {self.path}"):
             if self._comm.rank == 0:
@@ -277,12 +279,8 @@ class FieldSeries:
                 partial.replace(self.path)
         self._times = times
 
-    @property
-    def _ranks_of_share(self) -> tuple[int, int]:
-        return self._comm.rank, self._comm.rank + 1
-
     def _lay_out(self, partial: Path, steps: int) -> dict[str, DataSet]:
-        """A new file with room, of which so many steps are written soon; for one rank alone."""
+        """A new file, with free space on the disk for so many steps; for one rank alone."""
         probe(partial, self._layout.bytes_per_step * steps)
         vtkhdf.lay_out(partial, self._layout, self._index)
         return places(partial)

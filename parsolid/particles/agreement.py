@@ -1,4 +1,4 @@
-"""Faults of particles, which every rank finds for itself, told by all ranks together."""
+"""One error on all ranks for the faults that single ranks find in their particles."""
 
 from collections.abc import Sequence
 
@@ -6,16 +6,13 @@ from mpi4py import MPI
 
 from parsolid.scene.validation_errors import SceneError
 
-# faults that are told at most
+# most faults in a message
 _MOST = 50
 
 
 def agree(comm: MPI.Comm, faults: Sequence[str]) -> None:
-    """Raise the same SceneError on every rank when any rank has a fault (collective).
-
-    The first ones alone are passed on, so that a fault of every particle does not flood the ranks.
-    """
+    """Raise one SceneError on every rank when any rank has faults; only the first faults are sent. Collective."""
     if comm.allreduce(len(faults)) == 0:
         return
     mine = list(dict.fromkeys(faults[:_MOST]))
-    raise SceneError(comm.allreduce(mine, lambda one, other: list(dict.fromkeys(one + other))[:_MOST]))
+    raise SceneError(comm.allreduce(mine, lambda first, second: list(dict.fromkeys(first + second))[:_MOST]))

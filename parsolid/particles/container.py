@@ -1,8 +1,7 @@
-"""The particles of a rank: every field is declared once, and what is done with fields follows from the declarations.
+"""The fields of a rank's particles. Every field is declared once (`declaration.Field`).
 
-Allocation, halo exchange, migration, order, checkpoint, restart, output and `check` are loops over the declarations in
-here and are written nowhere else. Rows are particles: owned ones first, one material after the other, ghosts behind,
-padding at the end.
+Allocation, halo exchange, migration, order, checkpoint and restart are loops over the declarations in this module.
+Rows are particles: owned ones first, sorted by material, then ghosts, then padding.
 """
 
 from collections.abc import Callable, Iterable
@@ -15,19 +14,19 @@ from parsolid.kernels import aligned_zeros
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 
 Kept = TypeVar("Kept")
-# particles that kernels handle side by side, at most
+# most particles that kernels handle side by side
 _LANES = 8
-# selections a word of marks
+# selections in one word of marks
 _BITS = 62
 
 
 def _room(rows: int) -> int:
-    """Rows of an array in which lanes may begin at each of so many."""
+    """Length of an array in which a group of _LANES may begin at any of `rows`."""
     return -(-rows // _LANES) * _LANES + _LANES
 
 
 class Selection:
-    """Some particles, wherever they are now: `rows` (k,) rises, and follows every re-ordering and migration."""
+    """Some particles; `rows` (k,) rises and is up to date after every re-ordering and migration."""
 
     def __init__(self, particles: "Particles", word: int, bit: int) -> None:
         self._particles, self._word, self._bit = particles, word, np.int64(1) << np.int64(bit)
@@ -49,9 +48,9 @@ class Selection:
 class Particles:
     """Fields of a rank's particles; material g has rows bounds[g] .. bounds[g + 1] - 1.
 
-    owned, ghosts: numbers of rows; capacity: rows of arrays without ghosts. layout: counts how often particles were
-    re-ordered, came or left, so that what has looked up a row does so anew; growths: how often arrays were replaced.
-    Kernels take `storage(name)`.
+    owned, ghosts: numbers of rows; capacity: rows of arrays without ghosts; layout: number of changes of the rows of
+    particles, by which row numbers kept elsewhere become invalid; growths: number of replacements of arrays. Kernels
+    take `storage(name)`.
     """
 
     def __init__(self, body: np.ndarray, law_of_body: np.ndarray | None = None) -> None:
@@ -68,7 +67,7 @@ class Particles:
         self.fields: dict[str, Field] = {}
         self.layout, self.growths = 0, 0
         self._storage: dict[str, np.ndarray] = {}
-        # views and tuples of arrays that a step asks for again and again, until arrays are replaced or bounds move
+        # views and tuples of arrays that every step uses; cleared when arrays are replaced or bounds change
         self._kept: dict[Any, Any] = {}
         self._halo = None
         self._messages: dict[str, Any] = {}
@@ -85,7 +84,7 @@ class Particles:
     def declare(self, field: Field, values: Any = 0) -> None:
         """Add a field; values: of the owned particles, (n,), (n, components), one row, or a number.
 
-        Raises ValueError for a second one of that name.
+        Raises ValueError for a second field of that name.
         """
         if field.name in self.fields:
             raise ValueError(f"fields: expected one of the name {field.name}, found two")
@@ -100,11 +99,11 @@ class Particles:
         self[field.name][: self.owned] = values
 
     def _has_ghosts(self, field: Field) -> bool:
-        """Whether the array of a field has rows for ghosts: it, or a part of it, is exchanged."""
-        parts = (
-            one for one in self.fields.values() if isinstance(one.layout, Within) and one.layout.record == field.name
+        """Whether the array of a field has rows for ghosts: the field, or a field within it, is exchanged."""
+        return field.ghosts is not None or any(
+            isinstance(part.layout, Within) and part.layout.record == field.name and part.ghosts is not None
+            for part in self.fields.values()
         )
-        return field.ghosts is not None or any(part.ghosts is not None for part in parts)
 
     def _rows_of(self, field: Field) -> int:
         """Rows that the array of a field needs."""
@@ -129,9 +128,9 @@ class Particles:
         return name in self.fields
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """All rows of a field, a view, (rows,) of a scalar of one component, else (rows, components).
+        """A view of all rows of a field, (rows,) for a scalar, else (rows, components).
 
-        Raises KeyError for one that is not declared.
+        Raises KeyError for a field that is not declared.
         """
         field = self.fields[name]
         if isinstance(field.layout, Within):
@@ -143,21 +142,21 @@ class Particles:
         return array[:, 0] if field.components == 1 and field.mirror == "scalar" else array
 
     def owned_rows(self, name: str) -> np.ndarray:
-        """The owned particles' values of a field, a view."""
+        """A view of the owned particles' values of a field."""
         found: np.ndarray | None = self._kept.get(name)
         if found is None:
             found = self._kept[name] = self[name][: self.owned]
         return found
 
     def kept(self, key: tuple[Any, ...], make: Callable[[], Kept]) -> Kept:
-        """What `make` gives of the arrays, made anew only after they were replaced or particles came or left."""
+        """The result of `make`, computed again only after arrays were replaced or particles came or left."""
         found: Kept | None = self._kept.get(key)
         if found is None:
             found = self._kept[key] = make()
         return found
 
     def storage(self, name: str) -> np.ndarray:
-        """The array that a field or record is kept in, as kernels take it; another one after particles came."""
+        """The array of a field or record, for kernels; it may be replaced when particles come."""
         return self._storage[name]
 
     def _by_particle(self, name: str) -> np.ndarray:
@@ -168,10 +167,7 @@ class Particles:
     # --- ghosts -----------------------------------------------------------------------------------------------
 
     def attach(self, halo: Any) -> None:
-        """Hold the ghosts of a `decomposition.Halo`; their values come with the next messages.
-
-        All ranks declare, attach and send alike.
-        """
+        """Add rows for the ghosts of a `decomposition.Halo`; the next messages fill them. Collective."""
         self.detach()
         self._kept.clear()
         self._halo, self.ghosts = halo, halo.ghosts
@@ -181,14 +177,14 @@ class Particles:
         self.growths += 1
 
     def detach(self) -> None:
-        """Forget the ghosts, before particles move to other ranks or neighbours are found anew."""
+        """Remove the ghosts, before particles move to other ranks or new neighbours are found."""
         for message in self._messages.values():
             message.free()
         self._messages.clear()
         self._halo, self.ghosts = None, 0
 
     def _resized(self, field: Field, array: np.ndarray) -> np.ndarray:
-        """The array with room for all rows, its owned ones kept."""
+        """The array, or a longer one with the same owned rows."""
         rows, columns = self._rows_of(field), isinstance(field.layout, Columns)
         if array.shape[-1 if columns else 0] >= rows:
             return array
@@ -215,14 +211,11 @@ class Particles:
         (self._messages.get(message) or self._message(message)).start()
 
     def receive(self, message: str) -> None:
-        """Finish what `send` has started."""
+        """Finish the exchange that `send` started."""
         self._messages[message].finish()
 
     def update(self, message: str) -> None:
-        """Send and receive a message once, for set-up: its buffers are given back.
-
-        Collective; nothing where no field has it.
-        """
+        """Send and receive a message, if any field has it, and free its buffers; for set-up. Collective."""
         if any(field.message == message and field.ghosts is not None for field in self.fields.values()):
             self.send(message)
             self.receive(message)
@@ -239,9 +232,9 @@ class Particles:
         return [name for name in self._storage if self.fields[name].carried]
 
     def packed(self, rows: np.ndarray) -> np.ndarray:
-        """All that some particles carry, (n, c) float64; whole numbers keep their bits."""
+        """All fields of some particles, (n, c) float64; integers keep their bits."""
         if not len(rows):
-            # the usual case: gathering nothing from every field costs more than a message
+            # the most frequent case
             return np.zeros((0, sum(prod(self._by_particle(name).shape[1:]) for name in self._carried())))
         pieces = []
         for name in self._carried():
@@ -250,7 +243,7 @@ class Particles:
         return np.concatenate(pieces, axis=1)
 
     def insert(self, packed: np.ndarray) -> None:
-        """Take in particles that another rank has packed."""
+        """Add particles that another rank has packed."""
         if not len(packed):
             return
         values, at = {}, 0
@@ -288,7 +281,7 @@ class Particles:
         return places
 
     def remove(self, rows: np.ndarray) -> None:
-        """Forget particles; others take their places."""
+        """Remove particles; others move to their rows."""
         if not len(rows):
             return
         gone = np.zeros(self.owned, bool)
@@ -299,7 +292,7 @@ class Particles:
             removed = int(gone[first:last].sum())
             keep = last - removed
             self._move(np.arange(keep, last)[~gone[keep:last]], np.arange(first, keep)[gone[first:keep]])
-            # the material closes the gap before it with its last particles
+            # the last particles of the material fill the gap before it
             count = min(shift, keep - first)
             self._move(np.arange(keep - count, keep), np.arange(first - shift, first - shift + count))
             bounds[g], shift = first - shift, shift + removed
@@ -315,7 +308,7 @@ class Particles:
                 array[target] = array[source]
 
     def reorder(self, order: np.ndarray) -> None:
-        """Bring the particles of each material into the order (owned,) that they are listed in."""
+        """Sort the particles of each material by `order` (owned,), a list of rows."""
         if len(self.bounds) > 2:
             order = order[np.argsort(self.law_of_body[self["body"][order]], kind="stable")]
         for name in self._carried():
@@ -326,7 +319,7 @@ class Particles:
     # --- some of them -----------------------------------------------------------------------------------------
 
     def selection(self, mask: np.ndarray) -> Selection:
-        """The owned particles where mask (owned,) is true, for as long as they exist; all ranks select alike."""
+        """The owned particles where a mask (owned,) is true; all ranks make the same selections in the same order."""
         word, bit = divmod(self._selections, _BITS)
         self._selections += 1
         name = f"marks_{word}"
@@ -337,14 +330,14 @@ class Particles:
 
     @property
     def marks(self) -> np.ndarray:
-        """Words (rows, k) that tell which selections a particle is in."""
+        """Words (rows, k) whose bits say which selections a particle is in."""
         words = [self._storage[f"marks_{word}"] for word in range(-(-self._selections // _BITS))]
         return words[0] if len(words) == 1 else np.concatenate(words, axis=1)
 
     # --- what is written --------------------------------------------------------------------------------------
 
     def checkpointed(self) -> dict[str, np.ndarray]:
-        """Everything a restart needs."""
+        """The fields that a restart needs, by name."""
         return {name: self.owned_rows(name) for name, field in self.fields.items() if field.checkpointed}
 
     def restore(self, values: dict[str, np.ndarray]) -> None:
@@ -353,5 +346,5 @@ class Particles:
             array[...] = values[name].reshape(array.shape)
 
     def storages(self) -> Iterable[np.ndarray]:
-        """All arrays, for what counts memory."""
+        """All arrays, to count memory."""
         return self._storage.values()

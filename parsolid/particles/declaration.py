@@ -1,7 +1,4 @@
-"""What a method or a law says of a quantity that every particle has.
-
-`particles.container` does what follows from it.
-"""
+"""Declarations of the fields of particles; `container.Particles` allocates, exchanges and stores them."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,10 +8,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Rows:
-    """An array (capacity, width) of its own, a row a particle: what neighbours or nodes read; width: the components
-    unless given.
+    """An array (capacity, width), one row a particle; width: the number of components unless given.
 
-    A scalar of one component without a width is (capacity,).
+    A scalar without a width is (capacity,).
     """
 
     width: int | None = None
@@ -22,7 +18,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Columns:
-    """An array (components, capacity) of its own, for kernels that take four neighbouring particles at once."""
+    """An array (components, capacity), for kernels that take several neighbouring particles at once."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +33,11 @@ class Within:
 class Field:
     """One quantity of every particle.
 
-    ghosts: "forward" where ghosts take their owner's values, "reverse" where owners add up what their ghosts have
-    gathered, in the message of that name; checkpointed: needed to restart; shown: written to the fields file unless the
-    scene chooses otherwise;
-    mirror: how a mirror image's value follows; carried: travels with a particle to another rank (False for what a step
-    fills anew);
-    padding: a row that rows beyond the owned ones hold, so that kernels of four lanes find a sound particle there;
-    whole: integers.
+    ghosts: "forward" where ghosts take their owners' values, "reverse" where owners add up their ghosts' values, in the
+    message of that name; checkpointed: needed to restart; shown: written to the fields file unless the scene chooses
+    otherwise; mirror: how the value of a mirror image follows; carried: travels with a particle to another rank (False
+    for values that every step computes); padding: row of values beyond the owned rows, for kernels that take several
+    particles at once; whole: integers.
     """
 
     name: str
@@ -61,12 +55,12 @@ class Field:
 
     @property
     def roles(self) -> str:
-        """The roles as words."""
+        """The roles in words."""
         roles = {"exchanged": self.ghosts is not None, "checkpointed": self.checkpointed, "shown": self.shown}
         return " ".join(name for name, holds in roles.items() if holds)
 
     def kind(self, dimension: int) -> str | None:
-        """ "scalar", "vector" or "tensor", by which a scene may name the field; None of a record, or of bits."""
+        """ "scalar", "vector" or "tensor" for a field that a scene may name; None for a record or bits."""
         if self.unit in ("", "bits"):
             return None
         if self.mirror == "tensor":
@@ -77,5 +71,5 @@ class Field:
 
     @property
     def dtype(self) -> type:
-        """Whole numbers have 8 bytes, too, so that every field can travel."""
+        """int64 or float64: messages take types of 8 bytes."""
         return np.int64 if self.whole else np.float64

@@ -15,9 +15,9 @@ from parsolid.particles.generated import widths
 def distribute(
     comm: Any, particle_set: Any, values: dict[str, Any] | None = None, owner: np.ndarray | None = None
 ) -> Any:
-    """Give each rank a compact part of all particles with the same number of them; collective.
+    """Give each rank a compact part with an equal number of particles; collective.
 
-    owner (n,) int32: ranks of particles that are known, -1 of others; the same on all ranks whether it is given.
+    owner (n,) int32: ranks of particles where they are known, else -1; given on all ranks or on none.
 
     With values, further arrays (n, ...) of the particles by name, returns (particle_set, values), else the
     particle_set.
@@ -38,7 +38,7 @@ def distribute(
 
 
 def columns(particle_set: Any) -> dict[str, np.ndarray]:
-    """The arrays of a particle_set, by name, leaving out what is None."""
+    """The arrays of a particle_set, by name."""
     values = {entry.name: getattr(particle_set, entry.name) for entry in dataclasses.fields(particle_set)}
     return {name: array for name, array in values.items() if isinstance(array, np.ndarray)}
 

@@ -1,4 +1,4 @@
-"""How far a body reaches, from the domains of its particles and not from their centres."""
+"""Bounds of a body by the domains of its particles."""
 
 import numpy as np
 

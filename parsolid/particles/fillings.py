@@ -16,7 +16,7 @@ from parsolid.scene.bodies import Extent, FilledShape
 
 
 class PerforatedFilling:
-    """A box without what is within a radius of a point; the hole's surface is a staircase.
+    """A box with a round hole, whose surface is a staircase.
 
     Ids run along columns of the last axis; each lacks at most one run of cells. Each rank counts the columns, none
     makes more than its own particles.
@@ -33,7 +33,7 @@ class PerforatedFilling:
         self.count = int(self.ends[-1])
 
     def _count_columns(self, centre: np.ndarray, radius: float) -> None:
-        """The run of cells that each column lacks: where it starts, and its length; both 0 beside the hole."""
+        """Start and length of the run of cells that each column lacks; both 0 beside the hole."""
         self.cross_shape = tuple(line.count for line in self.lines[:-1])
         squared = np.zeros(self.cross_shape)
         for k, line in enumerate(self.lines[:-1]):
@@ -136,7 +136,7 @@ class ShellFilling(Lattice):
 
 
 class PerforatedNodes:
-    """A node is there when any cell around it is; its volume and faces are its parts of theirs.
+    """A box with a round hole, with particles on the nodes of the cells of `PerforatedFilling`.
 
     Ids run along columns of the last axis; each lacks at most one run of nodes.
     """
@@ -152,9 +152,9 @@ class PerforatedNodes:
         self.count = int(self.ends[-1])
 
     def _count_columns(self) -> None:
-        """The run of nodes that each column lacks, which is inside what all cell columns around it lack."""
+        """Start and length of the run of nodes that each column lacks: those without a cell around them."""
         cells, last = self.cells, self.cells.lines[-1].count
-        # what is beside the box lacks every cell
+        # columns beside the box lack all cells
         start = np.pad(cells.start.reshape(cells.cross_shape), 1)
         end = np.pad((cells.start + cells.missing).reshape(cells.cross_shape), 1, constant_values=last)
         for axis in range(self.dimension - 1):
@@ -321,12 +321,12 @@ def filling_of(
     return filling
 
 
-# of meshes that have been read: where bodies are asked of one by one, none is read again
+# extents of meshes that have been read
 _EXTENTS: dict[tuple[Any, ...], Extent] = {}
 
 
 def extent_of(body: FilledShape, dimension: int) -> Extent:
-    """How far a body reaches. Raises SceneError for a mesh that cannot be used."""
+    """The extent of a body. Raises SceneError for a mesh that cannot be used."""
     if body.shape.kind != "mesh":
         return body.extent()
     if _key(body, dimension) not in _EXTENTS:
@@ -335,6 +335,6 @@ def extent_of(body: FilledShape, dimension: int) -> Extent:
 
 
 def _key(body: FilledShape, dimension: int) -> tuple[Any, ...]:
-    """What the extent of a mesh follows from."""
+    """Key of the extent of a mesh."""
     model, state = body.shape.model, os.stat(body.shape.model.file)
     return *model.mesh_key, model.group, body.placed_on, dimension, state.st_mtime_ns, state.st_size

@@ -7,12 +7,12 @@ import numpy as np
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field, Rows, Within
 
-# volumes of the cells of lattices whose particles have the weights of a quadrature as "volume"
+# field of the volumes of cells, where the field "volume" has the weights of a quadrature
 CELL_VOLUME = "cell_volume"
 
 
 def cell_volumes(particles: Particles) -> np.ndarray:
-    """Volumes (owned,) [m^3] of the particles' cells: matter as others see it, whatever integrals take for it."""
+    """Volumes (owned,) [m^3] of the particles' cells."""
     return np.asarray(particles.owned_rows(CELL_VOLUME if CELL_VOLUME in particles else "volume"))
 
 

@@ -34,15 +34,15 @@ from parsolid.scene.previous_results import PreviousField
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import MeshFault, SceneError, fault, key_path, place_in_words, suggestion
 
-# parts of the end time at which values are compared, unlikely to be zeros of a load
+# shares of the end time at which values are compared
 _MOMENTS = (0.0, 0.1372, 0.4619, 0.8317, 1.0)
-# of the larger value: the same motion in other words
+# relative difference below which two values are equal
 _SAME = 1e-9
-# of a spacing: a particle on a plane, which a support with images holds
+# share of a spacing: distance of particles on a plane, which a support with images holds
 _ON_PLANE = 1e-6
-# shares of a spacing: round-off, and how far jitter moves a particle
+# shares of a spacing: round-off, and the greatest displacement by jitter
 _ROUND_OFF, _JITTER = 1e-6, 0.5
-# no method needs less for a particle with its fields, lists and work arrays [bytes]
+# least memory [bytes] of a particle with its fields, lists and work arrays in any method
 LEAST_BYTES = 300
 
 
@@ -52,8 +52,8 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
     meshes: those that have been read, by their keys, to which those of bodies are added.
 
     Global ids run body by body in the order of each body's lattice or mesh; rank r has the ids from r N / size. Raises
-    SceneError, the same on all ranks, for a mesh that cannot be used, more particles than the memory holds, a body
-    without particles, in another one or touching one that no table names with it, a plane that bounds no mesh, a region
+    SceneError, the same on all ranks, for a mesh that cannot be used, too many particles for the memory, a body without
+    particles, within another one or touching one without contact, tie or bond, a plane that bounds no mesh, a region
     without particles, a probe away from all particles, and a formula that is not finite at some particle.
     """
     fillings, known = _fillings(scene, comm, {} if meshes is None else meshes), scene.named_regions
@@ -82,7 +82,7 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
         for filling in fillings
         if isinstance(filling, MeshFilling) and filling.body.placed_on == "vertices"
     }
-    # what is left out of meshes, or turned, without a change of the bodies
+    # notes on nodes left out of meshes, and on elements that were turned
     notes, files = list[Note](), set()
     for i, filling in enumerate(fillings):
         if not isinstance(filling, MeshFilling):
@@ -100,7 +100,7 @@ def generate(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices] | None 
     del fillings
     everywhere = np.ones(len(particle_set), bool)
     chosen = [selected(scene, one, particle_set, comm) if one.on_particles else everywhere for one in scene.boundaries]
-    # regions of boundaries (chosen), probes, initial states and of the output in which there is no particle
+    # regions without particles: of boundaries (chosen), probes, initial states and output
     named = uses_of_regions(scene)
     keys = {place[1]: place for place, _ in named if place[0] == "boundaries"}
     masks: list[tuple[tuple[Any, ...], Any]] = [(keys.get(i, ("boundaries", i)), mask) for i, mask in enumerate(chosen)]
@@ -133,7 +133,7 @@ def _fillings(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices]) -> li
     fillings: dict[int, Filling] = {}
     faults: list[str] = []
     groups: dict[Any, list[str]] = {}
-    # bodies that hold together by what shares nodes, not by distances
+    # bodies whose elements hold together by shared nodes alone
     by_nodes = {
         body
         for one in scene.systems
@@ -172,7 +172,7 @@ def _fillings(scene: Scene, comm: MPI.Comm, meshes: dict[Any, MeshSlices]) -> li
 
 
 def _mark_meshes(scene: Scene, fillings: list[Filling], known: dict[str, Region]) -> list[str]:
-    """Find the particles of meshes in regions; faults of groups that no mesh has."""
+    """Mark the particles of meshes in regions; returns faults of groups that no mesh has."""
     meshes = [filling for filling in fillings if isinstance(filling, MeshFilling)] if known else []
     for mesh in meshes:
         mesh.mark(known)
@@ -209,7 +209,7 @@ def _distant_probes(scene: Scene, particle_set: ParticleSet, coarsest: float, co
 def _formulas(
     scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray]
 ) -> Iterator[tuple[tuple[Any, ...], FormulaVector | PreviousField, np.ndarray]]:
-    """Every formula of the scene, and every field of results, with its key and the particles at which it is needed."""
+    """Every formula and every field of results of the scene: key, formula, and the particles at which it is needed."""
     for i, body in enumerate(scene.bodies):
         here = particle_set.body == i
         for key in ("velocity", "displacement"):
@@ -243,9 +243,8 @@ def _as_vector(formulas: Formula | FormulaVector) -> FormulaVector:
 
 
 def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray], comm: MPI.Comm) -> list[str]:
-    """Formulas that are (as good as) infinite at time 0, and temperatures of bodies below 0 K, each told once: at its
-    particle of lowest id on all ranks.
-    """
+    """Faults of formulas that are not finite at time 0, and of temperatures below 0 K; each names the particle of
+    lowest id of all ranks."""
     first: list[Any] = []
     faults: list[Any] = []
     for key, formulas, here in _formulas(scene, particle_set, chosen):
@@ -282,12 +281,12 @@ def _not_finite(scene: Scene, particle_set: ParticleSet, chosen: list[np.ndarray
 def contradictions(
     scene: Scene, places: np.ndarray, spacing: Any, chosen: list[np.ndarray], comm: MPI.Comm, what: str = "particles"
 ) -> list[str]:
-    """Faults of conditions that hold a component of the same particles, or nodes of a grid, to different values, the
-    same on all ranks; places (n, d) [m] and spacing, a number or (n,) [m], of this rank's; chosen: those (n,) bool of
-    each condition. Collective.
+    """Faults of conditions that prescribe different values of a component of the same particles, or nodes of a grid,
+    the same on all ranks. Collective.
 
-    Where values are equal there is no fault: planes of rest and of symmetry meet at edges. Supports with images hold
-    the particles on their plane alone; those of surfaces of any direction hold no component.
+    places (n, d) [m], spacing, a number or (n,) [m]: of this rank's particles; chosen: for each condition which of them
+    (n,) bool. Equal values are no fault: planes of rest and of symmetry meet at edges. Supports with images hold only
+    the particles on their plane; supports of oblique surfaces hold no component.
     """
     held: dict[int, np.ndarray] = {}
     for i, (one, here) in enumerate(zip(scene.boundaries, chosen)):
@@ -315,7 +314,7 @@ def contradictions(
 
 
 def _held(condition: Condition, places: np.ndarray, spacing: Any, here: np.ndarray) -> np.ndarray | None:
-    """Components (n, d) bool that a condition holds, None for one that holds none."""
+    """Components (n, d) bool that a condition holds; None without any."""
     d = places.shape[1]
     if isinstance(condition, MotionCondition):
         return np.asarray(here[:, None] & ~condition.prescribed.free[:d])
@@ -330,13 +329,13 @@ def _held(condition: Condition, places: np.ndarray, spacing: Any, here: np.ndarr
 
 
 def _unlike(scene: Scene, first: Condition, second: Condition, points: np.ndarray, axis: int) -> np.ndarray:
-    """At which points (n, d) [m] two conditions want other values of a component; a velocity and a displacement are
-    alike where both are zero."""
+    """At which points (n, d) [m] two conditions prescribe different values of a component; a velocity and a
+    displacement are equal where both are 0."""
     result = np.zeros(len(points), bool)
     same_quantity = _quantity(first) in (None, _quantity(second)) or _quantity(second) is None
     for moment in _MOMENTS:
         values = [_values(one, points, moment * scene.end_time) for one in (first, second)]
-        # beside the other components, so that rounding of one is none
+        # relative to the whole vectors
         rounding = _SAME * np.linalg.norm(values, axis=2).max(axis=0)
         one, other = (value[:, axis] for value in values)
         result |= np.abs(one - other) > rounding if same_quantity else np.maximum(abs(one), abs(other)) > rounding
@@ -344,7 +343,7 @@ def _unlike(scene: Scene, first: Condition, second: Condition, points: np.ndarra
 
 
 def _quantity(condition: Any) -> str | None:
-    """ "velocity", "displacement", or None of what is at rest."""
+    """ "velocity" or "displacement"; None at rest."""
     if isinstance(condition, Support):
         return None if condition.velocity is None else "velocity"
     return str(condition.quantity)
@@ -361,9 +360,9 @@ def _values(condition: Any, points: np.ndarray, time: float) -> np.ndarray:
 
 
 def overlap_faults(scene: Scene, fillings: list[Any], particle_set: ParticleSet, comm: MPI.Comm) -> list[str]:
-    """Pairs of bodies of which one has particles inside the other, the same on all ranks; collective.
+    """Faults of bodies with particles inside other bodies, the same on all ranks; collective.
 
-    Particles on a surface are in neither.
+    Particles on a surface are not inside.
     """
     lower, upper = (np.array([getattr(one, name) for one in fillings], float) for name in ("lower", "upper"))
     close = [(i, j) for i, j in np.transpose(close_boxes(lower, upper, 0.0)).tolist() if _near(fillings, i, j)]

@@ -1,7 +1,7 @@
-"""Initial fields of particles from the formulas of bodies, and of initial states of regions, which hold before those.
+"""Initial fields of particles, from the formulas of bodies and of initial states, which take precedence.
 
-Functions take the particles' body index (n,), their reference position (n, d) [m], and which regions with a name they
-are in (n, regions), needed where initial states name some.
+Functions take the particles' body index (n,), their reference position (n, d) [m], and which named regions they are in
+(n, regions), needed where initial states name regions.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ Regions = np.ndarray | None
 
 
 def _stated(scene: Scene, body: np.ndarray, regions: Regions, key: str) -> Iterator[tuple[np.ndarray, Any]]:
-    """Rows of particles and the formula that is stated for them, the later one holding."""
+    """Rows of particles and the formula stated for them; later ones take precedence."""
     for i, one in enumerate(scene.bodies):
         if getattr(one, key, None) is not None:
             yield np.flatnonzero(body == i), getattr(one, key)
@@ -26,7 +26,7 @@ def _stated(scene: Scene, body: np.ndarray, regions: Regions, key: str) -> Itera
 
 
 def meant(scene: Scene, state: Any, body: np.ndarray, regions: Regions) -> np.ndarray:
-    """Which particles (n,) bool an initial state is about."""
+    """Which particles (n,) bool an initial state applies to."""
     result = np.ones(len(body), bool)
     if state.body is not None:
         names = [one.name for one in scene.bodies]
@@ -43,7 +43,7 @@ def _is_stated(scene: Scene, key: str) -> bool:
 
 
 def taken_from_results(scene: Scene, body: np.ndarray, regions: Regions) -> np.ndarray:
-    """Which particles (n,) bool have a state of another run."""
+    """Which particles (n,) bool take their state from another run."""
     result = np.zeros(len(body), bool)
     for state in scene.initial:
         if state.results is not None:
@@ -54,7 +54,7 @@ def taken_from_results(scene: Scene, body: np.ndarray, regions: Regions) -> np.n
 def _filled(
     values: np.ndarray, scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions, key: str
 ) -> np.ndarray:
-    """Values (n, ...) with those in place of them that are stated; the formulas of a tensor are stated row by row."""
+    """Values (n, ...), replaced where a formula is stated; the formulas of a tensor are stated row by row."""
     for here, stated in _stated(scene, body, regions, key):
         if hasattr(stated, "evaluate"):
             values[here] = stated.evaluate(position[here])
@@ -81,9 +81,8 @@ def initial_displacement(
 def initial_deformation_gradient(
     scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Initial deformation gradient (n, d, d) and where it is given (n,) bool, the identity elsewhere; None
-    without any.
-    """
+    """Initial deformation gradient (n, d, d), the identity where none is stated, and where one is (n,) bool; None
+    without any."""
     if not _is_stated(scene, "deformation_gradient"):
         return None
     key, identity = "deformation_gradient", np.tile(np.eye(position.shape[1]), (len(position), 1, 1))
@@ -99,7 +98,7 @@ def states_stress(scene: Scene) -> bool:
 
 
 def initial_stress(scene: Scene, body: np.ndarray, position: np.ndarray, regions: Regions = None) -> np.ndarray:
-    """Initial stress (n, d, d) [Pa] that no deformation has made, 0 where none is stated."""
+    """Initial stress (n, d, d) [Pa] without deformation, 0 where none is stated."""
     d = position.shape[1]
     return _filled(np.zeros((len(position), d, d)), scene, body, position, regions, "stress")
 
@@ -107,7 +106,7 @@ def initial_stress(scene: Scene, body: np.ndarray, position: np.ndarray, regions
 def initial_temperature(
     scene: Scene, body: np.ndarray, position: np.ndarray, usual: np.ndarray, regions: Regions = None
 ) -> np.ndarray:
-    """Initial temperature (n,) [K]; `usual` (bodies,) [K] is taken where nothing is stated."""
+    """Initial temperature (n,) [K]; `usual` (bodies,) [K] where none is stated."""
     return _filled(np.asarray(usual, float)[body], scene, body, position, regions, "temperature")
 
 
@@ -128,8 +127,8 @@ def initial_zero_energy_temperature(
 ) -> np.ndarray:
     """Temperature (n,) [K] at which particles of body index (n,) and initial temperature (n,) have no internal energy.
 
-    It is the initial one, at which a body is free of stress, but the law's reference in bodies that were heated at
-    constant volume: heat that they took up on the way is a pressure then.
+    It is the initial one, at which a body is free of stress; in bodies heated at constant volume it is the law's
+    reference, so that the heat gives a pressure.
     """
     held = np.array([one.thermal_reference == "at-constant-volume" for one in scene.bodies])[body]
     return np.where(held, reference, temperature)

@@ -1,8 +1,8 @@
-"""What hyperelastic laws have of each particle, as a field of the particles: directions and numbers by reference place,
-and state variables (`materials.hyperelastic.at_particles`).
+"""Values of hyperelastic laws at each particle, as fields: directions and numbers by reference position, and state
+variables (`materials.hyperelastic.at_particles`).
 
-All are rows of one record, where each law finds its own one after the other. State variables are needed to restart;
-the rest follows from the scene.
+All are rows of one record; those of a law are adjacent. State variables are needed to restart; the others follow from
+the scene.
 """
 
 from typing import Any
@@ -26,7 +26,7 @@ RECORD = "law_values"
 
 
 def rows_of_laws(laws: list[Any]) -> dict[Any, slice]:
-    """Rows of the record for each law that has any; laws with the same members share theirs."""
+    """Rows of the record for each law with such values; laws with the same members share rows."""
     known: dict[tuple[Member, ...], slice] = {}
     result, total = {}, 0
     for law in laws:
@@ -48,12 +48,12 @@ def flat_values(particles: Particles, rows: slice | None) -> tuple[np.ndarray, i
 
 
 def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set: Any, laws: list[Any]) -> None:
-    """Declare the record, filled for time 0, where any law needs it; laws: of the scene's bodies. Collective. Raises
-    SolverError on all ranks for what is no direction, and for a mesh without the data that a scene names."""
+    """Declare the record, with values at time 0, where a law needs it; laws: of the scene's bodies. Collective. Raises
+    SolverError on all ranks for a direction of length 0, and for a mesh without the data that a scene names."""
     rows = rows_of_laws(laws)
     if not rows:
         return
-    total = max(one.stop for one in rows.values())
+    total = max(of_law.stop for of_law in rows.values())
     values, fault, owned = np.zeros((total, particles.owned)), None, particles.owned
     for i, (body, law) in enumerate(zip(scene.bodies, laws)):
         if law not in rows:
@@ -71,16 +71,20 @@ def declare_law_values(comm: Any, scene: Any, particles: Particles, particle_set
     # each member is a field within the record, by its name
     for first, law in {place.start: law for law, place in rows.items()}.items():
         row = first
-        for one in members(law):
-            direction = isinstance(one.note, Direction)
-            count = particle_set.position.shape[1] if direction else one.note.components
-            told: dict[str, Any] = {"checkpointed": isinstance(one.note, StateVariable), "shown": True}
-            told |= {"mirror": "vector" if direction else "scalar", "layout": Within(RECORD, row)}
-            name = one.name if one.name not in particles else f"{one.name}_{row}"
-            particles.declare(
-                Field(name, count, one.note.unit, **told), values[row : row + count].T if direction else values[row]
+        for member in members(law):
+            note, direction = member.note, isinstance(member.note, Direction)
+            name = member.name if member.name not in particles else f"{member.name}_{row}"
+            field = Field(
+                name,
+                particle_set.position.shape[1] if direction else note.components,
+                note.unit,
+                checkpointed=isinstance(note, StateVariable),
+                shown=True,
+                mirror="vector" if direction else "scalar",
+                layout=Within(RECORD, row),
             )
-            row += one.note.components
+            particles.declare(field, values[row : row + field.components].T if direction else values[row])
+            row += note.components
 
 
 def state_variable_fields(particles: Particles) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Which particles a region means, and which particle is nearest to a point: the same on any number of ranks."""
+"""The particles in a region, and the particle nearest to a point, the same on any number of ranks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOBODY = np.iinfo(np.int64).max
 def nearest_particles(
     comm: MPI.Comm, identifier: np.ndarray, position: np.ndarray, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Global id (m,) and distance (m,) [m] of the particle nearest to each point (m, d); the lowest id of equals.
+    """Global id (m,) and distance (m,) [m] of the particle nearest to each point (m, d); of equals the lowest id.
 
     Collective.
     """
@@ -43,7 +43,7 @@ def nearest_particles(
 
 @dataclass(frozen=True)
 class InSpace:
-    """A region with a name, of places in space."""
+    """A named region of points in space."""
 
     table: NamedRegion
     known: dict[str, NamedRegion]
@@ -65,17 +65,17 @@ def region_of(scene: Scene, key: str, condition: Condition) -> Any:
 
 
 def selected(scene: Scene, boundary: Condition, particle_set: ParticleSet, comm: MPI.Comm) -> np.ndarray:
-    """Which particles (n,) bool a boundary condition is about (collective for a single point)."""
-    meant = np.ones(len(particle_set), bool)
+    """Which particles (n,) bool a boundary condition applies to (collective for a single point)."""
+    among = np.ones(len(particle_set), bool)
     if boundary.body is not None:
-        meant = particle_set.body == [body.name for body in scene.bodies].index(boundary.body)
-    return meant & _particles_in(boundary.region, scene, particle_set, comm, meant)
+        among = particle_set.body == [body.name for body in scene.bodies].index(boundary.body)
+    return among & _particles_in(boundary.region, scene, particle_set, comm, among)
 
 
 def _particles_in(
-    region: Region, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, meant: np.ndarray
+    region: Region, scene: Scene, particle_set: ParticleSet, comm: MPI.Comm, among: np.ndarray
 ) -> np.ndarray:
-    """Which particles (n,) bool are in a region; of a single point the nearest of those that are meant (n,)."""
+    """Which particles (n,) bool are in a region; for a single point the nearest of the particles `among` (n,)."""
     position = particle_set.position
     if isinstance(region, Named):
         return particles_of(region.name, scene, particle_set)
@@ -89,18 +89,18 @@ def _particles_in(
             reach = 1e-6 if body.placed_on == "vertices" else 1.0 if uneven else 0.5 + body.jitter + 1e-6
             here = (particle_set.body == i) & (distance <= reach * extent)
             if body.placed_on == "cells" and (body.jitter or uneven):
-                # their faces tell which of the cells bound the body here
+                # only cells with a face on the boundary of the body
                 here &= particle_set.area[:, axis] != 0.0
             result |= here
         return result
     if isinstance(region, NearestTo):
         names = particle_set.identifier
-        winner, _ = nearest_particles(comm, names[meant], position[meant], np.array([region.point]))
+        winner, _ = nearest_particles(comm, names[among], position[among], np.array([region.point]))
         return np.asarray(names == winner[0])
     return region.contains(position, 1e-6 * particle_set.spacing.min(axis=1))
 
 
 def particles_of(name: str, scene: Scene, particle_set: ParticleSet) -> np.ndarray:
-    """Which particles (n,) bool are in a region with a name."""
+    """Which particles (n,) bool are in a named region."""
     assert particle_set.regions is not None
     return np.asarray(particle_set.regions[:, list(scene.named_regions).index(name)] == 1)

@@ -1,4 +1,4 @@
-"""Bodies that touch at the start, which a scene must name: in contact, tied or bonded."""
+"""Bodies that touch at the start; a scene must declare them in contact, tied or bonded."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -15,20 +15,20 @@ from parsolid.scene.schema import Scene
 from parsolid.scene.shapes import of_one_mesh
 from parsolid.scene.validation_errors import Fault
 
-# bodies of different methods touch where they are closer than so many spacings, those of one at least there
+# in spacings, the distance at which bodies of different methods touch, and the least one for bodies of one method
 TOUCHING = 1.5
 
 
 class ClosePairs(NamedTuple):
-    """Pairs (n, 2) of bodies whose boxes (bodies, 2, d) [m] are within reach of one another; semi_axes (n, d) [m]: of
-    that reach."""
+    """Pairs `bodies` (n, 2) whose boxes (bodies, 2, d) [m] are within reach of one another; semi_axes (n, d) [m]: of
+    the ellipsoid of that reach."""
 
     bodies: np.ndarray
     semi_axes: np.ndarray
     boxes: np.ndarray
 
     def where(self, chosen: np.ndarray) -> "ClosePairs":
-        """Some of the pairs."""
+        """The pairs where a mask (n,) is true."""
         return self._replace(bodies=self.bodies[chosen], semi_axes=self.semi_axes[chosen])
 
 
@@ -41,8 +41,8 @@ def systems_of_bodies(scene: Scene) -> np.ndarray:
 
 
 def touching_faults(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> list[Fault]:
-    """Bodies that touch and that no table names, and bonds of bodies that touch none, the same on all ranks;
-    collective."""
+    """Faults of bodies that touch without contact, tie or bond, and of bonds between bodies that do not touch, the same
+    on all ranks; collective."""
     if len(scene.bodies) == 1:
         return []
     home, bonded, contact = systems_of_bodies(scene), scene.bonded, scene.unbonded
@@ -78,7 +78,7 @@ def in_words(scene: Scene, pairs: list[tuple[int, int]]) -> str:
 
 
 def _without_effect(scene: Scene, joined: list[tuple[int, int]]) -> list[Fault]:
-    """Bonds that name a body which touches no other that they name; joined: bodies that are bonded and touch."""
+    """Faults of bonds of bodies that touch no other body of the bond; joined: pairs that are bonded and touch."""
     number = {body.name: k for k, body in enumerate(scene.bodies)}
     met: dict[int, set[int]] = {}
     for i, j in joined:
@@ -92,24 +92,24 @@ def _without_effect(scene: Scene, joined: list[tuple[int, int]]) -> list[Fault]:
             bodies = {number[name] for name in one.bodies}
             alone = [name for name in one.bodies if met.get(number[name], set()).isdisjoint(bodies)]
         if alone:
-            told = ", ".join(map(repr, alone))
-            faults.append(Fault("touching", f"bond.{k}.bodies", "bodies that touch", f"{told} apart from the others"))
+            apart = f"{', '.join(map(repr, alone))} apart from the others"
+            faults.append(Fault("touching", f"bond.{k}.bodies", "bodies that touch", apart))
     return faults
 
 
 def _rows_of_bodies(body: np.ndarray) -> dict[int, slice]:
-    """The rows of each body that has any, of particles that are sorted by their bodies (n,)."""
+    """The rows of each body with particles; body (n,): of each particle, rising."""
     numbers, first = np.unique(body, return_index=True)
     ends = [*first[1:].tolist(), len(body)]
-    return {one: slice(start, end) for one, start, end in zip(numbers.tolist(), first.tolist(), ends)}
+    return {number: slice(start, end) for number, start, end in zip(numbers.tolist(), first.tolist(), ends)}
 
 
 def _extents(scene: Scene, particle_set: ParticleSet, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:
-    """Boxes (bodies, 2, d) [m] of all bodies and their widest spacings (bodies, d) [m]; collective."""
+    """Boxes (bodies, 2, d) [m] and greatest spacings (bodies, d) [m] of all bodies; collective."""
     extents = np.full((len(scene.bodies), 3, scene.dimension), -np.inf)
     for body, rows in _rows_of_bodies(particle_set.body).items():
         position, spacing = particle_set.position[rows], particle_set.spacing[rows].max(axis=0)
-        # axes of particles that are not those of space
+        # particles with their own axes
         widest = spacing if particle_set.axes is None else np.full_like(spacing, spacing.max())
         extents[body] = -position.min(axis=0), position.max(axis=0), widest
     extents = maximum(comm, extents)
@@ -120,7 +120,7 @@ def close_pairs(boxes: np.ndarray, home: np.ndarray, own: np.ndarray, others: np
     """Bodies in boxes (bodies, 2, d) [m] that are close to each other.
 
     home (bodies,): their systems; own, others (bodies, d) [m]: semi-axes of their reach to bodies of the same system
-    and of another one, of which that of a pair has the larger.
+    and of other ones; a pair has the larger of the two bodies' reaches.
     """
     lower, upper = boxes[:, 0], boxes[:, 1]
     first, second = close_boxes(lower, upper, 2.0 * np.maximum(own, others).max(axis=1))
@@ -138,7 +138,7 @@ def close_pairs(boxes: np.ndarray, home: np.ndarray, own: np.ndarray, others: np
 def within_touch(scene: Scene, boxes: np.ndarray, spacing: np.ndarray) -> ClosePairs:
     """Bodies in boxes (bodies, 2, d) [m], with spacings (bodies, d) [m], that may touch one another.
 
-    Bodies of one method touch where it lets their particles act on one another.
+    Bodies of one method touch where their particles are within the reach of the method.
     """
     settings = [system.settings for system in scene.systems]
     home = systems_of_bodies(scene)
@@ -146,23 +146,21 @@ def within_touch(scene: Scene, boxes: np.ndarray, spacing: np.ndarray) -> CloseP
     return close_pairs(boxes, home, np.array(within), TOUCHING * spacing)
 
 
-def _sorted_along(places: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places (n, d) [m] in the order of their coordinates along an axis, and these (n,)."""
-    ordered = places[np.argsort(places[:, axis], kind="stable")]
-    return ordered, np.ascontiguousarray(ordered[:, axis])
-
-
 def touch(comm: MPI.Comm, pairs: ClosePairs, places_of: Callable[[int], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Which of some pairs of bodies have particles within reach of one another (n,), and about where (n, d) [m], the
-    same on all ranks; collective.
+    """Which pairs of bodies have particles within reach of one another (n,), and the mean position (n, d) [m] of these,
+    the same on all ranks; collective.
 
-    places_of: this rank's particles (m, d) [m] of a body. Each pair's particles next to the other body go to one rank.
+    places_of: body -> positions (m, d) [m] of this rank's particles. The particles of a pair go to one rank.
     """
     count, d = pairs.semi_axes.shape
     place, keys = [np.zeros((0, d))], [np.zeros(0, np.int64)]
-    # a body may be close to many others, so that each of them looks at a layer of its particles alone
+    # sorted along the longest side of the body, so that each pair takes a layer of particles
     axis = {body: int(np.argmax(pairs.boxes[body, 1] - pairs.boxes[body, 0])) for body in np.unique(pairs.bodies)}
-    layers = {body: _sorted_along(places_of(body), along) for body, along in axis.items()}
+    layers = {}
+    for body, along in axis.items():
+        places = places_of(body)
+        ordered = places[np.argsort(places[:, along], kind="stable")]
+        layers[body] = ordered, np.ascontiguousarray(ordered[:, along])
     for number, both in enumerate(pairs.bodies.tolist()):
         for side, body in enumerate(both):
             (lower, upper), scale, along = pairs.boxes[both[1 - side]], pairs.semi_axes[number], axis[body]

@@ -122,7 +122,7 @@ def read_slices(comm: Any, stated: Any, dimension: int) -> MeshSlices:
         points = mesh.points * scale
     if anywhere(comm, not np.isfinite(points).all()):
         raise SceneError([f"expected {dimension} finite coordinates a node, found some not finite"])
-    groups = _at_keepers(comm, contents, mesh.groups, nodes, elements)
+    groups = _at_keepers(contents, mesh.groups, nodes, elements)
     facet_names = frozenset(name for name, _ in contents.facets)
     local = _local(comm, mesh.blocks, nodes, points, elements.first)
     return MeshSlices(comm, nodes, elements, points, local, groups, facet_names, tuple(contents.of_second_order))
@@ -166,7 +166,7 @@ def agreed(comm: Any, ask: Any) -> Any:
     return found
 
 
-def _slices_of(comm: Any, contents: Contents, shapes: dict[str, tuple[int, ...]], rank: int) -> dict[str, Any]:
+def _slices_of(comm: Any, shapes: dict[str, tuple[int, ...]], rank: int) -> dict[str, Any]:
     """First and last row of each array that a rank gets: of elements, those of its slice of all."""
     elements = [name for name in shapes if name.startswith("elements/")]
     first, last = Slices(comm, sum(shapes[name][0] for name in elements)).bounds(rank)
@@ -197,7 +197,7 @@ def _read_imported(comm: Any, stated: Any, dimension: int) -> tuple[Contents, li
     sums, faults = dict.fromkeys(shapes, 0), []
     try:
         with ImportedMesh(path, dimension) as imported:
-            for name, (first, last) in _slices_of(comm, contents, shapes, comm.rank).items():
+            for name, (first, last) in _slices_of(comm, shapes, comm.rank).items():
                 arrays[name] = imported.rows(name, first, last)
                 sums[name] = sum_of_rows(arrays[name], first)
     except SceneError as error:
@@ -226,20 +226,20 @@ def _read_and_scatter(comm: Any, stated: Any, dimension: int) -> tuple[Contents,
             # in turn, and forgotten then: the reader has one copy of what is left
             array = np.ascontiguousarray(whole.pop(name))
             for rank in range(comm.size):
-                first, last = _slices_of(comm, contents, shapes, rank)[name]
+                first, last = _slices_of(comm, shapes, rank)[name]
                 if rank != _READER and first < last:
                     comm.Send(array[first:last].view(np.int64), rank)
-            first, last = _slices_of(comm, contents, shapes, _READER)[name]
+            first, last = _slices_of(comm, shapes, _READER)[name]
             arrays[name] = array if comm.size == 1 else array[first:last].copy()
         else:
-            first, last = _slices_of(comm, contents, shapes, comm.rank)[name]
+            first, last = _slices_of(comm, shapes, comm.rank)[name]
             arrays[name] = np.empty((last - first, *shape[1:]), kind)
             if first < last:
                 comm.Recv(arrays[name].view(np.int64), _READER)
     return contents, _counts(contents, shapes), mesh_of(contents, arrays)
 
 
-def _at_keepers(comm: Any, contents: Contents, groups: MeshGroups, nodes: Slices, elements: Slices) -> MeshGroups:
+def _at_keepers(contents: Contents, groups: MeshGroups, nodes: Slices, elements: Slices) -> MeshGroups:
     """Groups of which every rank has a slice, each member with the rank that keeps it; facets by their first node."""
     result = MeshGroups({}, {}, {})
     for slices, names, stated, kept in (
