@@ -1,5 +1,4 @@
-"""How a law says what it is and what a scene states for it: its role, its kind, and its parameters with units and
-bounds.
+"""Declaration of laws: role, kind, and the parameters that a scene states, with units and bounds.
 
     @law("flow-stress", "voce")
     class Voce(NamedTuple):
@@ -15,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
-# a declared class, which has its role and its kind
+# a class with the decorator `law`, which has its role and its kind
 Declared = Any
 Role = Literal[
     "hyperelastic",
@@ -32,7 +31,7 @@ Role = Literal[
 ]
 ROLES: tuple[str, ...] = get_args(Role)
 NEEDED = object()
-# in the ledger: what state variables of hyperelastic laws dissipate
+# ledger term of the energy that state variables of hyperelastic laws dissipate
 SOFTENING = "softening_dissipation"
 ATOMIC_MASS_UNIT = 1.66053906660e-27
 
@@ -46,10 +45,10 @@ class Phrase(str):
 
 @dataclass(frozen=True)
 class Parameter:
-    """What a scene states: unit ("1" of a pure number), description, bounds, default (none: it must be given).
+    """A parameter that a scene states: unit ("1" of a pure number), description, bounds, default (none: it is needed).
 
-    factor: from the stated unit to the SI unit that the law keeps; kept: pairs of a stated word and what the law keeps
-    for it; most: entries of a list of tables, which are plain classes with parameters of their own.
+    factor: from the stated unit to the SI unit of the law; kept: pairs of a stated word and the law's value for it;
+    most: largest number of entries of a list of tables, which are plain classes with parameters.
     """
 
     unit: str = "1"
@@ -64,7 +63,7 @@ class Parameter:
     most: int | None = None
 
     @property
-    def told(self) -> str | None:
+    def text(self) -> str | None:
         """The description with the unit, for messages."""
         unit = "" if self.unit == "1" else f"[{self.unit}]"
         return f"{self.description} {unit}".strip() or None
@@ -72,7 +71,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class OfMaterial:
-    """A number that a part takes from the material it is part of."""
+    """A number that a part takes over from its material."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class Direction:
 
     @property
     def at_rest(self) -> tuple[float, float, float]:
-        """Of a law that is at no particle."""
+        """The value in a law that belongs to no particle."""
         return (1.0, 0.0, 0.0)
 
 
@@ -101,7 +100,7 @@ class OfPlace:
 
     @property
     def at_rest(self) -> float:
-        """Of a law that is at no particle."""
+        """The value in a law that belongs to no particle."""
         return 0.0
 
 
@@ -116,7 +115,7 @@ class BandWidth:
 
     @property
     def at_rest(self) -> float:
-        """Of a law that is at no particle."""
+        """The value in a law that belongs to no particle."""
         return 1e-9
 
 
@@ -131,7 +130,7 @@ class StateVariable:
 
     @property
     def at_rest(self) -> float:
-        """At time 0."""
+        """The value at time 0."""
         return float(self.initial)
 
 
@@ -154,7 +153,7 @@ def law(role: Role, kind: str) -> Callable[[Declared], Declared]:
 
 
 def parameters_of(declared: Declared) -> dict[str, tuple[Any, Any]]:
-    """Name -> (plain type, Parameter, OfMaterial or one of `OfParticle`) of what a class annotates so."""
+    """Name -> (plain type, annotation) of the members annotated with Parameter, OfMaterial or one of `OfParticle`."""
     result: dict[str, tuple[Any, Any]] = {}
     for name, hint in get_type_hints(declared, include_extras=True).items():
         if get_origin(hint) is Annotated:
@@ -166,9 +165,9 @@ def parameters_of(declared: Declared) -> dict[str, tuple[Any, Any]]:
 
 
 def built(declared: Declared, stated: Any, **of_material: Any) -> Any:
-    """The NamedTuple of a declared one from an object with the stated parameters as attributes, in SI units.
+    """The NamedTuple of a declared class, in SI units, from an object with the stated parameters as attributes.
 
-    of_material: what the material gives, by the names of the remaining fields.
+    of_material: values of the remaining fields, which the material gives.
     """
     values, parameters = dict(of_material), parameters_of(declared)
     for name, (_, parameter) in parameters.items():

@@ -1,4 +1,4 @@
-"""Entry points of installed packages, found without reading what all of them say: few have any of a group."""
+"""Entry points of installed packages, found without parsing the metadata of all: few packages have any of a group."""
 
 import os
 import sys
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def entry_points(group: str) -> Any:
-    """Those of a group."""
+    """The entry points of a group."""
     if not _is_named(group):
         return ()
     from importlib import metadata
@@ -17,7 +17,7 @@ def entry_points(group: str) -> Any:
 
 
 def _is_named(group: str) -> bool:
-    """Whether a package may have entry points of a group: one says so, or is where this does not look."""
+    """Whether a package may have entry points of a group: one has, or is in an archive or found by another finder."""
     others = (it for it in sys.meta_path if it is not PathFinder)
     if any(hasattr(it, "find_distributions") for it in others):
         return True

@@ -37,12 +37,12 @@ class _Choices:
         if implementation is None and self.maker is not None:
             implementation = self.of_kind[kind] = self.maker(kind)
         if implementation is None:
-            known = ", ".join(sorted(_told(it) for it in self.of_kind))
-            raise TypeError(f"{self.name} has no implementation for {_told(kind)}; it has those for {known}")
+            known = ", ".join(sorted(_name_of(it) for it in self.of_kind))
+            raise TypeError(f"{self.name} has no implementation for {_name_of(kind)}; it has those for {known}")
         return implementation
 
 
-def _told(kind: Any) -> str:
+def _name_of(kind: Any) -> str:
     return "None" if kind is None else kind.__name__
 
 

@@ -22,10 +22,10 @@ from parsolid.materials.installed import entry_points
 
 _LINE = re.compile(r'^@law\("([a-z-]+)", "([a-z0-9-]+)"\)', re.MULTILINE)
 _PLASTIC, _FAILURE = "parsolid.materials.plastic.functions", "parsolid.materials.failure.functions"
-# that of `parsolid.tensors`, which imports numba
+# a copy of that of `parsolid.tensors`, a module that imports numba
 _IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 _LOADING = Loading((0.0,) * 6, 0.0, 0.1, 0.01, 1.0, 300.0, 1e4)
-# of each role the functions of its laws by their module, with arguments of a state like that at rest
+# role -> module of the functions that its laws need, and arguments for each function near the state at rest
 _FUNCTIONS: dict[str, tuple[str, dict[str, tuple[Any, ...]]]] = {
     "hyperelastic": (
         "parsolid.materials.hyperelastic.functions",
@@ -49,12 +49,12 @@ _FUNCTIONS: dict[str, tuple[str, dict[str, tuple[Any, ...]]]] = {
 
 
 class LawError(Exception):
-    """A law cannot be had; the message says what was expected."""
+    """A law cannot be loaded; the message says what was expected."""
 
 
 @cache
-def _found() -> dict[tuple[str, str], str]:
-    """(role, kind) -> module, of this package."""
+def _own_modules() -> dict[tuple[str, str], str]:
+    """(role, kind) -> module, of the laws of this package."""
     root, result = Path(__file__).parent, {}
     for source in sorted(root.glob("*/*.py")):
         for role, kind in _LINE.findall(source.read_text(encoding="utf-8")):
@@ -74,12 +74,12 @@ def _installed() -> dict[tuple[str, str], Any]:
 
 def own_kinds(role: str) -> list[str]:
     """Kinds of a role in this package."""
-    return [kind for r, kind in _found() if r == role]
+    return [kind for r, kind in _own_modules() if r == role]
 
 
 def installed_kinds(role: str) -> list[str]:
     """Further kinds of a role, of other packages."""
-    return [kind for r, kind in _installed() if r == role and (r, kind) not in _found()]
+    return [kind for r, kind in _installed() if r == role and (r, kind) not in _own_modules()]
 
 
 def kinds(role: str) -> tuple[str, ...]:
@@ -89,8 +89,8 @@ def kinds(role: str) -> tuple[str, ...]:
 
 def declared(role: str, kind: str) -> Declared:
     """The class declared under a name. Raises KeyError where there is none, LawError where it cannot be loaded."""
-    if (role, kind) in _found():
-        own = vars(import_module(_found()[role, kind])).values()
+    if (role, kind) in _own_modules():
+        own = vars(import_module(_own_modules()[role, kind])).values()
         return next(one for one in own if getattr(one, "role", None) == role and one.kind == kind)
     point = _installed()[role, kind]
     try:
@@ -142,12 +142,12 @@ def from_text(path: str, name: str, text: str) -> Declared:
         except Exception as error:
             del sys.modules[module]
             raise LawError(f"a file that can be run ({type(error).__name__}: {error})") from error
-        # names of NamedTuples that no other text has, by which numba's cache finds them: numba tells classes apart by
-        # their names and the types in them alone, and an edited law would be computed by the one called before
+        # numba tells NamedTuples apart by their names and the types in them alone: without a name of its own an edited
+        # law would be computed by the kernels of the law before the edit
         digest = new.__name__.rpartition("_")[2]
         for kind in list(vars(new).values()):
             if isinstance(kind, type) and issubclass(kind, tuple) and kind.__module__ == new.__name__:
-                # what the annotations name is known in the module of the file alone
+                # the annotations name things that only the module of the file knows
                 kind.__annotations__ = get_type_hints(kind, include_extras=True)
                 kind.__name__ = kind.__qualname__ = f"Law_{digest}_{kind.__qualname__}"
                 kind.__module__ = user.__name__
@@ -189,7 +189,7 @@ def can_be_tried(declared: Declared) -> bool:
 def try_out(role: str, law: Any) -> str | None:
     """Call the functions of a law in plain Python at a state like that at rest; what went wrong, with its place.
 
-    Compiled in a kernel it would be told in a compiler's words.
+    In a kernel the fault would end in a message of the compiler.
     """
     try:
         module, functions = _FUNCTIONS[role]
@@ -211,7 +211,7 @@ def laws_of(scene: Any) -> list[Any]:
 
 
 def _heavier(law: Any, factor: float) -> Any:
-    """A law whose density is so many times that of its matter, and whose heat capacity by volume is the same."""
+    """The law with its density times a factor and the same heat capacity by volume."""
     changed = {"density": factor * law.density}
     if hasattr(law, "specific_heat"):
         changed |= {name: getattr(law, name) / factor for name in ("specific_heat", "specific_heat_slope")}
@@ -220,8 +220,8 @@ def _heavier(law: Any, factor: float) -> Any:
 
 
 def law_at_origin(material: Any) -> Any:
-    """The law of a point alone, with the directions and other fields of place of X = Y = Z = 0. Raises ValueError as
-    `scene.materials.HyperelasticSolid.law_at`."""
+    """The law of a material point, with directions and other fields of place taken at X = Y = Z = 0. Raises ValueError
+    as `scene.materials.HyperelasticSolid.law_at`."""
     return material.law_at((0.0, 0.0, 0.0)) if hasattr(material, "law_at") else law_of(material)
 
 

@@ -1,4 +1,4 @@
-"""Set-up of the boxes of a rank: from the tables of their axes to what kernels take."""
+"""Set-up of the boxes of a rank: the arrays of kernels from the tables of the axes."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,12 +10,12 @@ from parsolid.kernels import aligned_zeros
 from parsolid.pairs.box_planes import Box, Window
 from parsolid.pairs.box_weights import AxisTables
 
-# nodes over which the weights along rows are repeated, about: short loops are slow, long tables leave the cache
+# about how many nodes a table of weights along rows repeats over: short loops are slow, long tables leave the cache
 _PERIOD = 192
 
 
 class BoxOnRank(NamedTuple):
-    """What a rank knows of a box of the scene: the rank's parts (ranks, 2, d) by `decomposition.boxes.cut_boxes`, the
+    """A box of the scene on a rank: the ranks' parts (ranks, 2, d) by `decomposition.boxes.cut_boxes`, the
     tables of the axes in space, and the row of its first node here in the fields of the particles."""
 
     nodes: BoxOfNodes
@@ -25,8 +25,8 @@ class BoxOnRank(NamedTuple):
 
 
 def part_of_box(one: BoxOnRank, part: np.ndarray, bound: np.ndarray) -> Box:
-    """Its windows are still to be set. part, bound (2, d): first nodes and those after the last, without and with
-    ghosts."""
+    """A rank's part of a box, with windows that are still to be set. part, bound (2, d): first nodes and those after
+    the last, without and with ghosts."""
     axes, (first, last), (low, high) = one.nodes.axes, part - bound[0], bound
     count = high - low
     # in two dimensions a plane is one row

@@ -35,7 +35,7 @@ STRESS_WINDOW, PAIR_WINDOW = 2 * REACH + 1, 2
 
 
 class Window(NamedTuple):
-    """Where the planes of a box are in an array (c, places).
+    """Places of the planes of a box in an array (c, places).
 
     Planes before `low` and from `high` to `planes` have places of their own, one plane after the other from `kept` on;
     those in between take turns in `ring` planes from place 0 on.
@@ -91,7 +91,7 @@ class Box(NamedTuple):
 
 
 class PlaneScratch(NamedTuple):
-    """Of one plane after the other.
+    """Scratch arrays of the present plane.
 
     values: a component of v or P, with REACH zeros before and after it. Fluxes of pairs along axis 0 with the next
     plane across[(i + 1) % 2] and the one before across[i % 2] (2 d, n), between rows of a node with the one a row
@@ -227,7 +227,7 @@ def weigh_in_row(n, values, node, weights, k, q, out, component, place, area, le
 
 @inlined
 def weights_along(box, axis):
-    """Where the weights along a memory axis begin in tables, those along rows at the first own node."""
+    """Index in tables at which weights along a memory axis begin; along rows, that of the first own node."""
     rows = box.nodes // box.row if len(box.axes) == 3 else 0
     return (0, box.planes)[axis] if axis < len(box.axes) - 1 else box.planes + rows + box.first_node % box.row
 
@@ -358,8 +358,8 @@ def gather(box, scratch, i, c, out, row):
 
 @kernel
 def gather_heat(box, scratch, i, v, heat, row):
-    """What the fluxes of their pairs take [W], half of each, of the own nodes of plane i into heat (1, n) from place
-    `row` on. A power is alike in a mirror."""
+    """Power that the fluxes of pairs dissipate [W], half of it for each node: of the own nodes of plane i, into heat
+    (1, n) from place `row` on. Mirror images have the same power."""
     d, first, jump, length = len(box.axes), box.first_node, box.jump, box.length[i]
     n, place, width = box.last_node - first, place_of(box.motion, i) + first, box.row
     up = place_of(box.motion, min(i + 1, box.planes - 1)) + first

@@ -1,5 +1,5 @@
-"""What resists motions of a box that its differences along the axes hardly see, as those that alternate from node to
-node.
+"""Stabilising energy against motions of a box that the differences along its axes hardly see, such as motions that
+alternate from node to node.
 
 Along every axis, with the slopes s_e = (u_e+1 - u_e)/h_e of edges, the lengths H of the other axes and the shear
 modulus mu, the energy of a displacement u is
@@ -8,7 +8,7 @@ modulus mu, the energy of a displacement u is
     fourth order:    gamma mu/2 sum H h/18 |s_e+1 - 2 s_e + s_e-1|^2              over edges with one on each side
 
 On even axes these are second differences, the energy of edges less that of the nodes' slopes, and third differences,
-which leave the order of both schemes as it is. Linear fields have none, and nor have turns of the body.
+which keep the order of both schemes. Linear fields and rotations of the body have no such energy.
 """
 
 from typing import Any, NamedTuple
@@ -111,7 +111,7 @@ class BoxStabiliser:
 
     @staticmethod
     def _own(one: StabilisedBox, array: np.ndarray) -> np.ndarray:
-        """That of own nodes, (c, planes, nodes)."""
+        """The own nodes of a box array, (c, planes, nodes)."""
         box: Any = one.box
         planes = array[:, box.motion.kept : box.motion.end].reshape(len(array), box.planes, box.nodes)
         return planes[:, box.first_plane : box.last_plane, box.first_node : box.last_node]
@@ -136,7 +136,7 @@ class Table(NamedTuple):
 
 
 def _tables(one: StabilisedBox, rank: int) -> list[Table]:
-    """Of each memory axis, of the nodes of this rank with ghosts."""
+    """The table of each memory axis for the nodes of this rank with ghosts."""
     bounds = with_ghosts(one.parts, rank, one.nodes.shape).T
     result, axes = [], [one.axes[axis] for axis in one.nodes.axes]
     spans = [slice(int(low), int(high)) for low, high in bounds]

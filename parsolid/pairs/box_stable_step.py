@@ -46,7 +46,7 @@ class AxisMatrices(NamedTuple):
 
 
 class BoxWaves(NamedTuple):
-    """What bounds the step of a box: its axes, whether those with room are of fourth order, the factor on the
+    """Properties of a box that bound its step: its axes, whether those with room are of fourth order, the factor on the
     dissipation, and whether its jumps are reconstructed."""
 
     axes: tuple[Axis, ...]
@@ -86,7 +86,7 @@ class BoxWaves(NamedTuple):
 def axis_matrices(
     axis: Axis, fourth_order: bool, reconstruction: bool, part: tuple[int, int] | None = None
 ) -> AxisMatrices:
-    """Of an axis with free ends; part: first node and the one after the last."""
+    """The matrices of an axis with free ends; part: first node and the one after the last."""
     first, last = part or _moving(axis)
     # no operator reaches farther than these
     low, high = max(first - REACH, 0), min(last + REACH, axis.nodes)
@@ -115,7 +115,7 @@ def _moving(axis: Axis) -> tuple[int, int]:
 def _greatest_eigenvalue(
     axis: Axis, fourth_order: bool, reconstruction: bool, stiffness: float, damping: float
 ) -> float:
-    """Of stiffness F + 2 damping B of an axis with steps of 1 m."""
+    """The greatest eigenvalue of stiffness F + 2 damping B of an axis with steps of 1 m."""
     few = axis._replace(nodes=axis.nodes if axis.places else min(axis.nodes, _MOST_NODES))
     parts = _parts(few)
     found = [axis_matrices(few, fourth_order, reconstruction, part) for part in parts]
@@ -140,8 +140,8 @@ def _parts(axis: Axis) -> list[tuple[int, int]]:
 
 
 def _highest_frequency(axis: Axis, fourth_order: bool) -> float:
-    """Of waves of speed 1 m/s along an even axis with free ends and steps of 1 m [1/s]. A mirrored axis has the
-    frequencies of one of twice its length; more than 16 nodes change nothing."""
+    """Highest frequency of waves of speed 1 m/s along an even axis with free ends and steps of 1 m
+    [1/s]. A mirrored axis has the frequencies of one of twice its length; more than 16 nodes change nothing."""
     if not fourth_order:
         # of cells in a row: one, or more
         return 2.0 if axis.with_images == 2 else 1.5
@@ -185,7 +185,7 @@ def feeds_waves_of_volume(axis: Axis, dissipation: float, ratio: float) -> bool:
 
 
 def most_change(axis: Axis) -> float:
-    """How many times as great as the one beside it a distance of nodes is."""
+    """The largest ratio of two adjacent distances of nodes."""
     if not axis.places:
         return 1.0
     steps = np.diff(axis.places)
@@ -193,7 +193,7 @@ def most_change(axis: Axis) -> float:
 
 
 def _fewer(axis: Axis, nodes: int) -> Axis:
-    """Of the same grading with no more than so many nodes."""
+    """An axis of the same grading with at most this number of nodes."""
     if not axis.places or axis.nodes <= nodes:
         return axis
     places = np.interp(np.linspace(0.0, axis.nodes - 1.0, nodes), np.arange(axis.nodes), axis.places)

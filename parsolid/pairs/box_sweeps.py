@@ -96,7 +96,7 @@ class BoxSweeps:
         self._motion, self._stress = self._exchanges(comm, boxes, d)
 
     def _window(self, box: Box, kept: int, reach: int, ring: int) -> Window:
-        """That keeps the planes that edges reach and those of ghosts, from a place on."""
+        """A window with places of their own, from `kept` on, for ghost planes and planes that edges reach."""
         for first, last in self.inner(box):
             low, high = first + reach if first > 0 else 0, last - reach if last < box.planes else box.planes
             if low < high:
@@ -108,14 +108,14 @@ class BoxSweeps:
         return self._inner[box.first]
 
     def edges(self, box: Box) -> list[tuple[int, int]]:
-        """The same of its other planes, on either side."""
+        """First plane, and the one after the last, of the edge planes on either side."""
         own = box.first_plane, box.last_plane
         for first, last in self.inner(box):
             return [(a, b) for a, b in ((own[0], first), (last, own[1])) if a < b]
         return [own]
 
     def _exchanges(self, comm: Any, boxes: Sequence[BoxOnRank], d: int) -> tuple[GhostExchange, GhostExchange]:
-        """Of v two and x one plane deep; of the columns of P along the axis two deep, of those of G and of Z one."""
+        """Exchanges of v (two planes deep) and x (one); of the columns along the axis of P (two), G and of Z (one)."""
         motion, stress = [], []
         for one, box in zip(boxes, self.boxes):
             for link in links_of(one.parts, comm.rank, one.nodes.shape):
@@ -176,7 +176,7 @@ class BoxSweeps:
 
     @property
     def bytes_sent(self) -> int:
-        """Of both messages of an evaluation."""
+        """Bytes of both messages of an evaluation."""
         return self._motion.bytes_sent + self._stress.bytes_sent
 
     def arrays(self) -> list[np.ndarray]:

@@ -55,7 +55,7 @@ class Axis(NamedTuple):
 
     @property
     def whole(self) -> "Axis":
-        """With the nodes beyond mirror planes, in units of the step."""
+        """The axis with its nodes beyond mirror planes, in units of the step."""
         places = np.array(self.places)
         if self.places and self.mirrors[0]:
             places = np.concatenate((2.0 * places[0] - places[:0:-1], places))
@@ -66,7 +66,7 @@ class Axis(NamedTuple):
         return Axis(self.with_images, 1.0, ("", ""), tuple(places.tolist()), held)
 
     def undamped(self, fourth_order: bool) -> np.ndarray:
-        """Which pairs (nodes - 1,) of a node and the next have no dissipation of reconstructed jumps.
+        """True (nodes - 1,) for pairs of a node and the next without dissipation of reconstructed jumps.
 
         On graded axes of fourth order the outermost pairs at ends without images: the gradients there change so fast
         that reconstructed jumps would feed waves.
@@ -78,7 +78,7 @@ class Axis(NamedTuple):
 
 
 class AxisTables(NamedTuple):
-    """What the sums along an axis of n nodes need.
+    """Tables for the sums along an axis of n nodes.
 
     gradient, divergence (2, 7, n) [1/m]: of the neighbours -3 .. 3, for components across the axis (first index 0) and
     along it (1), which images mirror differently. jump (2, 2, n) [1/m]: what a node gets of the flux to the node above

@@ -1,4 +1,4 @@
-"""Which particles may interact: metrics, how far they reach, and candidates among particles, ghosts and mirror
+"""Candidates of pairs: metrics and their reach, and candidates among particles, ghosts and mirror
 images."""
 
 from collections.abc import Iterator
@@ -59,7 +59,7 @@ def reach_of(comm: Any, metric: np.ndarray, support: float, dimension: int) -> R
     scale = maximum(comm, scale)
     scaled = extent / np.outer(scale, scale)
     largest = np.linalg.eigvalsh(scaled)[:, -1].max(initial=0.0)
-    # a hair more than the support, because the distance test repeats in other arithmetic
+    # slightly more than the support, because the distance test rounds differently
     return Reach(scale, support * np.sqrt(maximum(comm, float(largest))) * (1 + 1e-9))
 
 
@@ -113,8 +113,8 @@ def coincident(positions: np.ndarray, start: np.ndarray, candidate: int) -> str:
 
 
 def bonded_only(candidates: Any, body: np.ndarray, unbonded: Any) -> Any:
-    """Candidates (start, neighbour, code) without those of bodies that only contact joins; body (n,), ghosts behind;
-    unbonded: those, see `scene.contact.BodyPairs`."""
+    """Candidates (start, neighbour, code) without those of two unbonded bodies, which only contact joins; body (n,):
+    with ghosts; unbonded: see `scene.contact.BodyPairs`."""
     start, neighbour, code = candidates
     row = np.repeat(np.arange(len(start) - 1), np.diff(start))
     kept = ~unbonded.between(body[row], body[neighbour])

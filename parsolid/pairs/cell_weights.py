@@ -20,7 +20,8 @@ from parsolid.pairs.box_weights import Axis
 
 
 class Cells(NamedTuple):
-    """Of nodes (n,): weight (n, d, 2), g_ab = e_k times it for the next node below and above along axis k, images too;
+    """Weights of nodes (n,): weight (n, d, 2), with g_ab = e_k times it for the next node below and above along axis k,
+    images included;
     volume (n,) [m^3] and area (n, d) [m^2] of the body's own part, without what is beyond mirror planes."""
 
     weight: np.ndarray
@@ -29,8 +30,8 @@ class Cells(NamedTuple):
 
 
 class NodesOfCells(NamedTuple):
-    """Of particles with pair lists: number (n,) int64 of the lattice, -1 on none; spacing (n, d) [m]; weight (n, d, 2)
-    of `Cells`."""
+    """Lattices of particles with pair lists: number (n,) int64 of the lattice, -1 on none; spacing (n, d) [m]; weight
+    (n, d, 2) of `Cells`."""
 
     number: np.ndarray
     spacing: np.ndarray

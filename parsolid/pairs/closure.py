@@ -19,11 +19,11 @@ from decomposition.reduction import sums
 from parsolid.collective import raise_together
 from parsolid.kernels import kernel
 
-# passes over L_a, and iterations of conjugate gradients in each: they need not end, L_a takes back what is smooth
+# passes over L_a, and iterations of conjugate gradients in each; they need not converge, as L_a corrects smooth errors
 PASSES, ITERATIONS = 10, 10
-# what may be left over of a particle's face, |A_a + sum_b (L_a + L_b) g_ab| / V_a^((d-1)/d)
+# largest error of a particle, |A_a + sum_b (L_a + L_b) g_ab| / V_a^((d-1)/d)
 LEFT_OVER = 0.5
-# of a pass, where all of it leads away from closed weights
+# smallest part of a pass that is tried where the whole pass increases the error
 LEAST_PART = 1.0 / 16.0
 
 
@@ -100,7 +100,7 @@ class Closure:
         self.potential *= (1.0 - share) / share
 
     def distance(self, correction: np.ndarray) -> float:
-        """How far from closed all weights are, the root of a sum of squares [m^2]; collective."""
+        """Distance of all weights from closed ones: the root of a sum of squares [m^2]; collective."""
         return self._sum(self.left_over(correction) ** 2) ** 0.5
 
     def _set_potential(self, owned: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""How far particles may move before a pair that is not listed comes within the support.
+"""Use of a Verlet list: how far particles may move before a pair that is not listed comes within the support.
 
 A pair that is not listed was at least support (h_a + h_b)/2 (1 + skin) apart when the list was made. It is beyond the
 support as long as both particles have moved less than skin/2 support h, measured in any frame common to both. Within a
@@ -14,14 +14,14 @@ import numpy as np
 from decomposition.pair_search import close_boxes
 from parsolid.kernels import inlined, kernel
 
-# what `skin_use` finds
+# results of `skin_use`
 SAFE, EXPIRES, LATE = 0, 1, 2
 
 
 class BodyMotions(NamedTuple):
-    """Mean velocities (bodies, d) [m/s], and what body A may meet, rows start[A] .. start[A + 1] - 1: boxes lower,
-    upper (p, d) [m] when the list was made, their velocities `partner` and those of the frames shared with A, `frame`
-    (p, d) [m/s].
+    """Mean velocities (bodies, d) [m/s] of bodies, and the bodies and images that body A may meet, in rows start[A] ..
+    start[A + 1] - 1: their boxes lower, upper (p, d) [m] when the list was made, their velocities `partner`, and the
+    velocities `frame` of the frames shared with A (p, d) [m/s].
     """
 
     velocity: np.ndarray
@@ -44,7 +44,7 @@ class Allowance(NamedTuple):
 
 def body_motions(velocity: np.ndarray, lower: np.ndarray, upper: np.ndarray, codes: Any, far: float) -> BodyMotions:
     """The motions of bodies with mean velocities (bodies, d) [m/s] in boxes lower, upper (bodies, d) [m], an empty
-    one with lower > upper; of what each may meet what is less than `far` [m] apart. codes: `MirrorCodes` or None."""
+    one with lower > upper, and the partners less than `far` [m] away. codes: `MirrorCodes` or None."""
     bodies, d = velocity.shape
     filled = np.flatnonzero((lower <= upper).all(axis=1))
     # boxes of bodies, then those of their images by each code: source, code + 1, corners and velocity
@@ -87,7 +87,7 @@ def body_bounds(position: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarr
 
 @inlined
 def _use(moved, faster, allowed, ahead):
-    """What `skin_use` finds of one particle in one frame, by its squared displacement and relative speed."""
+    """The result of `skin_use` for one particle in one frame, from its squared displacement and relative speed."""
     # (p + q)^2 <= 2 p^2 + 2 q^2 spares most particles the roots
     if 2.0 * (moved + faster * ahead * ahead) <= allowed * allowed:
         return 0

@@ -22,7 +22,7 @@ _ASTRAY = 1e-3
 
 
 class ListWeights:
-    """How weights of pair lists are found.
+    """The choice of weights of pair lists.
 
     kernel: of `smoothing.smoothing_kernel`. dissipation: the factor S. directional: whether impedances depend on the
     direction of g_ab. surface: area vectors (owned, d) [m^2], shares (owned,) and which particles (owned,) are to have

@@ -1,4 +1,4 @@
-"""Pair weights of a mesh: integrals of the elements' own linear functions, which need no kernel and no solution.
+"""Pair weights of a mesh: integrals of the linear shape functions of its elements.
 
 With shape functions N_a of the elements around a particle (node) a,
 
@@ -48,8 +48,8 @@ def nodes_of_products(kind: str, cells: np.ndarray) -> np.ndarray:
 
 
 def quadrature(kind: str) -> Quadrature:
-    """That of a kind of elements: exact for products of two functions of a simplex, and for the surface integrals of
-    products of two functions of the others, of degree 5 in each direction."""
+    """The quadrature of a kind of elements: exact for products of two functions of a simplex, and for the surface
+    integrals of products of two functions of the others, of degree 5 in each direction."""
     d = ELEMENTS[kind].dimension
     if ELEMENTS[kind].product is None:
         near = {2: 2.0 / 3.0, 3: (5.0 + 3.0 * 5.0**0.5) / 20.0}[d]

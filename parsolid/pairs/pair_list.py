@@ -1,7 +1,7 @@
-"""Which particles act on one another: pair lists of a rank's particles, its ghosts and mirror images.
+"""Pair lists of a rank's particles, its ghosts and mirror images.
 
-Rows of particles are the owned ones, then ghosts of other ranks, then mirror images. An image is a row of its own, so
-that sweeps know nothing of reflections; `MirrorImages.fill` and those beside it give it what its original has.
+Rows of particles are the owned ones, then ghosts of other ranks, then mirror images. An image has a row, so that sweeps
+need no reflections; the methods of `MirrorImages` fill it from the row of its original.
 """
 
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from parsolid.pairs.candidates import (
     reach_of,
 )
 
-# of weights in a list with kinds, of 16 bits
+# largest number of different weights in a list with kinds, which have 16 bits
 _MOST_KINDS = 1 << 16
 
 
@@ -40,7 +40,7 @@ class PairList(NamedTuple):
 
     @property
     def weights(self) -> np.ndarray:
-        """Those of all pairs (m, 4)."""
+        """Weights of all pairs (m, 4)."""
         return self.weight if self.kind is None else self.weight[self.kind]
 
     def by_kinds(self) -> "PairList":

@@ -17,8 +17,8 @@ from scipy import sparse
 _TOGETHER = 512
 # a value counts 1/(this + r^2) at the part r of the patch's size
 _NEAR = 0.15
-# part of the sum of weights by which curvatures count against the fit, so that they vanish where the values do not tell
-# them; slopes are told by any element
+# penalty of curvatures over the sum of weights, so that they vanish where the values do not determine them; the values
+# of any element determine slopes
 _RIDGE = 1e-5
 
 

@@ -20,11 +20,12 @@ from parsolid.pairs.candidates import coincident, images_near
 from parsolid.pairs.displacement import LATE, Allowance, body_bounds, body_motions, skin_use
 from parsolid.particles.declaration import Columns, Field
 
-# list builds after which particles are distributed anew in any case, and between looks at what steps have cost
+# list builds after which particles are distributed anew in any case, and between checks of the measured cost of steps
 _MOST_BUILDS, _LOOKS = 16, 4
 # particles are sorted anew when this share of them has its successor in space so many rows away
 _DISORDER, _FAR = 0.1, 64
-# of so many bodies all pairs are followed, of more those nearer than so many reaches
+# number of bodies up to which all pairs of bodies are followed, and the distance in reaches within which those of more
+# bodies are
 _FEW_BODIES, _FAR_BODIES = 64, 4.0
 
 
@@ -46,8 +47,8 @@ class Pairs(NamedTuple):
 
 
 class Images(NamedTuple):
-    """Mirror images that pairs have, rows behind the ghosts: of which particle or ghost each is one, and by which of
-    `MirrorCodes`."""
+    """Mirror images with pairs, in rows behind the ghosts: rows of the particles and ghosts that they mirror, and their
+    codes in `MirrorCodes`."""
 
     source: np.ndarray
     code: np.ndarray
@@ -61,10 +62,10 @@ class VerletList:
     unbonded: pairs of bodies that make no pairs of particles, see `scene.contact.BodyPairs`, None where all may; set
     before `rebuild`.
     listed_travel: how far moving planes of the codes had gone when the list was made [m].
-    load: by which ranks get unlike shares of the particles, None where they get equal ones.
+    load: measured cost of steps, by which ranks get unequal shares of the particles, None for equal shares.
     builds, distributions: how often the list was made and particles were distributed; migrated: particles that this
-    rank gave away; seconds: processor time of all that [s]; late: how often the list was used too long, which a smaller
-    step or a wider skin cures.
+    rank sent to others; seconds: processor time of lists and distributions [s]; late: how often the list was used too
+    long, which a smaller step or a wider skin avoids.
 
     It reads the fields position, velocity, body and smoothing_length, where images are carried
     reference_position, and declares listed_position. Smoothing lengths change just before a rebuild only.
@@ -122,8 +123,8 @@ class VerletList:
         return bool(use) or time - self.built_at + 2.0 * next_step > self._far_apart
 
     def _used_by_planes(self, ahead: float) -> float:
-        """What of the displacement that each particle of a pair may have, over the smoothing length, planes that have
-        moved take of it, also in the time ahead [s]."""
+        """The part of the allowed displacement, over the smoothing length, that moving planes use up by the end of the
+        time ahead [s]."""
         codes = self.codes
         if codes is None or not codes.moving:
             return 0.0
@@ -187,7 +188,7 @@ class VerletList:
         self._far_apart = (far - 2.0 * self.reach) / fastest if fastest > 0.0 else np.inf
 
     def _mean_velocities(self) -> np.ndarray:
-        """Of every body (bodies, d) [m/s]; collective."""
+        """Mean velocity of every body (bodies, d) [m/s]; collective."""
         particles = self.particles
         velocity, body = particles.owned_rows("velocity"), particles.owned_rows("body")
         bodies, d = len(particles.law_of_body), velocity.shape[1]
@@ -204,7 +205,7 @@ class VerletList:
         return self.builds == 0 or self._builds_since >= _MOST_BUILDS or load > self.rebalance * self._load_then
 
     def _measured_unlike(self) -> bool:
-        """Whether steps have cost ranks so unlike times that other shares are worth their price; collective."""
+        """Whether the measured times of ranks differ so much that other shares pay; collective."""
         if self.load is None or self.builds == 0 or self.builds % _LOOKS != 0:
             return False
         shares = self.load.look(self.particles.owned)
@@ -256,7 +257,7 @@ class VerletList:
             self.mirror, self.images = self._bonded(mirror, body), images
 
     def _bonded(self, pairs: Pairs, body: np.ndarray) -> Pairs:
-        """Without those of bodies (rows,) that make no pairs with one another."""
+        """The pairs without those of two bodies that make no pairs; body (rows,)."""
         if self.unbonded is None:
             return pairs
         return pairs.where(~self.unbonded.between(body[pairs.particle], body[pairs.neighbour]))
@@ -291,7 +292,7 @@ class VerletList:
         return 2 * len(self.inner.neighbour) + one_sided
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays of the lists, for what counts memory."""
+        """Arrays that count as memory."""
         lists = (pairs for pairs in (self.inner, self.outer, self.mirror) if pairs is not None)
         return [array for pairs in lists for array in pairs]
 
@@ -308,7 +309,7 @@ class VerletList:
     # --- restart ----------------------------------------------------------------------------------------------
 
     def state(self) -> dict[str, Any]:
-        """What the same list needs besides the checkpointed fields, as JSON, the same on all ranks; collective."""
+        """The state of the list besides the checkpointed fields, as JSON, the same on all ranks; collective."""
         return {
             "ranks": self.comm.size,
             "built_at": self.built_at,

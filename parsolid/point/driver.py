@@ -29,9 +29,8 @@ POINT_LAWS = {
 
 
 def point_law(parameters: Any, **conditions: Any) -> PointLaw:
-    """The law of a material point with the given parameters, hyperelastic if of no other kind; conditions are keywords
-    of its class.
-    """
+    """The law of a material point with the given parameters, a hyperelastic one unless their type is in `POINT_LAWS`;
+    conditions: keywords of its class."""
     chosen = next((POINT_LAWS[kind] for kind in type(parameters).__mro__ if kind in POINT_LAWS), MaxwellPoint)
     return chosen(parameters, **conditions)
 
@@ -42,7 +41,7 @@ NODES = 0.5 + 0.5 * np.array([-1.0, -np.sqrt(3.0 / 7.0), 0.0, np.sqrt(3.0 / 7.0)
 
 @dataclass
 class Record:
-    """What was met on the way: times [s], states, and work and dissipation [J/m^3] accumulated since time 0."""
+    """Times [s] and states along a path, and work and dissipation [J/m^3] accumulated since time 0."""
 
     times: list[float] = field(default_factory=list)
     states: list[Any] = field(default_factory=list)

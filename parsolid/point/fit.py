@@ -218,8 +218,8 @@ def fit(kind: str, tests: list[Measured], fixed: dict[str, float], angle: float 
 
 
 def directions_at(kind: str, angle: float) -> dict[str, Any]:
-    """What a scene states of fibres in the sheet at an angle [degrees] from the first axis: one family along an axis,
-    else two, on both sides, where the kind has two."""
+    """Directions of fibres in the sheet at an angle [degrees] from the first axis, as a scene states them: one family
+    along an axis, else two, on both sides, where the kind has two."""
     stated, x, y = {}, float(np.cos(np.radians(angle))), float(np.sin(np.radians(angle)))
     for name, (_, note) in parameters_of(registry.declared("hyperelastic", kind)).items():
         if isinstance(note, Direction) and (note.needed or angle % 90.0 != 0.0):

@@ -1,8 +1,7 @@
-"""Laws at one material point: what the driver asks of a law, and hyperelastic laws.
+"""Laws at one material point: the interface that the driver uses, and hyperelastic laws.
 
-A new kind of law is one class more with the methods of `PointLaw`, entered in `driver.POINT_LAWS` under the type of its
-parameters; every hyperelastic law is one already. A class keeps the state of one point and calls the functions of the
-law; it repeats none of them.
+A new kind of law needs a class with the methods of `PointLaw`, entered in `driver.POINT_LAWS` under the type of its
+parameters. Hyperelastic laws need none. A class keeps the state of one point and calls the functions of the law.
 """
 
 from typing import Any, NamedTuple
@@ -22,8 +21,8 @@ class PathLost(ArithmeticError):
 
 
 class PointLaw:
-    """A law whose state is advanced along a deformation gradient. A state is what the law wants, with F (3, 3) as its
-    attribute `F`, but never changed."""
+    """A law whose state is advanced along a deformation gradient. A state is any object with F (3, 3) as its attribute
+    `F`; it is never changed."""
 
     def initial_state(self) -> Any:
         """The state before time 0, at F = I."""
@@ -46,7 +45,7 @@ class PointLaw:
         raise NotImplementedError
 
     def columns(self, states: list[Any], directions: np.ndarray) -> dict[str, np.ndarray]:
-        """Everything else that is told of n states, (n,) each: internal variables, energies, rates, wave speeds."""
+        """Further columns of n states, (n,) each: internal variables, energies, rates, wave speeds."""
         raise NotImplementedError
 
     def deformations(self, states: list[Any]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The law "micro-inertia" at one material point: no gradients, so that of the lengths l_m alone acts."""
+"""The law "micro-inertia" at one material point. There are no gradients, so l_m is the only length that acts."""
 
 from typing import Any, NamedTuple
 

@@ -36,7 +36,7 @@ TimeFormulaOrFree = Annotated[Any, PlainValidator(_in_time_or_free), _SOURCE, FO
 
 
 class Path(SceneModel):
-    """What every path has: its breaks, and the diagonal components that are free, so that their stress vanishes."""
+    """Base of paths: their breaks, and the diagonal components that are free, so that their stress vanishes."""
 
     breaks: list[NotNegative] = Field([], description="times at which the path may jump or have a kink [s]")
 

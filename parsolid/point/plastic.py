@@ -17,8 +17,9 @@ from parsolid.tiles import TILE
 class PlasticState(NamedTuple):
     """F (3, 3), unrotated deviator and back stress (6,), plastic volume strains (2,), scalars, Cauchy stress (3, 3).
 
-    plastic_work, with what failure released and without what back stresses store, and heat given away [J/m^3] since
-    time 0; damage (1 + criteria,), the largest and that of each criterion, (0,) of a law that does not fail.
+    plastic_work [J/m^3] since time 0: with the energy that failure released, without the energy that back stresses
+    store; heat [J/m^3]: given away since time 0; damage (1 + criteria,): the largest and that of each criterion, (0,)
+    of a law that does not fail.
     """
 
     F: np.ndarray
@@ -120,7 +121,7 @@ class PlasticPoint(PointLaw):
         return np.linalg.det(state.F) * state.stress @ np.linalg.inv(state.F).T
 
     def energies(self, states: list[Any]) -> np.ndarray:
-        """What is neither dissipated nor given away as other heat than that of dissipation."""
+        """Internal energy and heat given away less plastic work [J/m^3]: plastic work is the dissipation."""
         return np.array([state.energy + state.heat - state.plastic_work for state in states])
 
     def dissipated(self, before: PlasticState, after: PlasticState, step: float) -> float:

@@ -1,4 +1,4 @@
-"""What the file of a material point may say, and how it is read."""
+"""The file of a material point: its keys, their checks, and how it is read."""
 
 import os
 from pathlib import Path
@@ -15,12 +15,12 @@ from parsolid.scene.raw_tables import apply_override, read_tables
 from parsolid.scene.validation_errors import SceneError
 
 MOST_STEPS = 1_000_000
-# kinds of materials that warm
+# kinds of materials with a temperature
 _HEATED = ("elastic-plastic", "micro-inertia")
 
 
 def _has_temperature(material: Any) -> bool:
-    """Whether a material is of one of these kinds, or a file's of the role of one."""
+    """Whether a material, or a law of a file by its role, has a temperature."""
     role = getattr(getattr(material, "declared", None), "role", None)
     return material.kind in _HEATED or role in _HEATED
 
@@ -29,7 +29,7 @@ Direction = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class PointOutput(SceneModel):
-    """Where the results go, and along which material directions wave speeds are told."""
+    """The folder of the results, and the material directions of the wave speeds."""
 
     directory: str = Field("results", description="the folder of the results, relative to the working folder")
     directions: list[Direction] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
@@ -110,15 +110,13 @@ class MaterialPoint(SceneModel):
 
     @property
     def conditions(self) -> dict[str, Any]:
-        """What the law needs to know besides its parameters."""
+        """Keywords of the law's class in `driver.POINT_LAWS`."""
         if not _has_temperature(self.material):
             return {}
-        held = (
-            {}
-            if self.thermal_reference is None
-            else {"constant_volume": self.thermal_reference == "at-constant-volume"}
-        )
-        return {"temperature": self.temperature, "isothermal": self.heat == "isothermal", **held}
+        result = {"temperature": self.temperature, "isothermal": self.heat == "isothermal"}
+        if self.thermal_reference is not None:
+            result["constant_volume"] = self.thermal_reference == "at-constant-volume"
+        return result
 
     def resolved(self) -> dict[str, Any]:
         """The file with its defaults, as plain tables that validate to the same."""

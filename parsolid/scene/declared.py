@@ -207,7 +207,7 @@ def _field(plain: Any, parameter: Parameter | OfParticle) -> tuple[Any, Any]:
         kind = list[tuple(map(model_of, get_args(kind)))]  # type: ignore[misc]
     hint = Annotated[kind, Field(**bounds)] if bounds else kind
     default: dict[str, Any] = {} if parameter.default is NEEDED else {"default": parameter.default}
-    return hint | None if optional else hint, Field(**default, description=parameter.told)
+    return hint | None if optional else hint, Field(**default, description=parameter.text)
 
 
 def law_files(scene: Any) -> list[str]:

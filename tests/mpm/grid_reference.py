@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import interpolate
 
-from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis, nodes_across
+from parsolid.methods.mpm.points import find_base_nodes
+from parsolid.methods.mpm.shape_functions import make_basis, nodes_across
 from parsolid.methods.mpm.transfer import Cells
 
 SPACING = 0.3

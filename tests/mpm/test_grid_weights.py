@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from grid_reference import BASES, slope, weight
 
+from parsolid.methods.mpm.points import find_base_nodes
 from parsolid.methods.mpm.shape_functions import (
-    find_base_nodes,
     make_basis,
     nodes_across,
     put_moments,

@@ -24,11 +24,11 @@ class BondBased(NamedTuple):
 
     @property
     def branch_moduli(self) -> None:
-        """It has no branches."""
+        """None: there are no branches."""
 
     @property
     def relaxation_times(self) -> None:
-        """It has no branches."""
+        """None: there are no branches."""
 
 
 def micromodulus(youngs_modulus: float, state: str, influence: str, horizon):

@@ -1,5 +1,4 @@
-"""What a failing solid is made of: criteria (`failure.functions`), what becomes of failed matter, and the spread of its
-strength."""
+"""Failure of a solid: its criteria (`failure.functions`), deletion of failed matter, and scatter of strength."""
 
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ class Criteria(NamedTuple):
 class Failure(NamedTuple):
     """Matter fails by the first of its criteria whose damage is 1.
 
-    deletes: whether failed matter is taken away; if not it bears pressure alone. scatter: None where all are equal.
+    deletes: whether failed matter is deleted; else it bears pressure alone. scatter: None for equal strengths.
     """
 
     criteria: Criteria
@@ -30,7 +29,7 @@ class Failure(NamedTuple):
 
 
 class Loading(NamedTuple):
-    """What criteria know of a particle at the end of a step.
+    """The state of a particle at the end of a step, as criteria take it.
 
     deviator (symmetric tensor) and pressure [Pa], without artificial viscosity; plastic_strain (equivalent), its
     increment in the step and rate [1/s]; temperature and melting_temperature [K].

@@ -1,7 +1,7 @@
-"""What a hyperelastic law has at each particle: fields of the reference place, such as directions of fibres, and state
+"""Values of a hyperelastic law at each particle: fields of the reference place, such as directions of fibres, and state
 variables.
 
-Members of its NamedTuple, one after the other and state variables last, say so:
+They are annotated members of its NamedTuple that follow one another, state variables last:
 
     fibre: Annotated[tuple, Direction("of the fibres")]
     damage: Annotated[float, StateVariable("1", "the largest so far")]
@@ -34,7 +34,7 @@ def members(law):
 
 @law_function
 def value_count(law):
-    """How many numbers the law has of each particle."""
+    """Number of values that the law has at each particle."""
 
 
 @law_function
@@ -78,7 +78,7 @@ def _numbers(value: Any) -> tuple[float, ...]:
 
 
 def state_count(law: Any) -> int:
-    """How many of the values are state variables, the last ones."""
+    """Number of state variables, the last members."""
     return sum(isinstance(one.note, StateVariable) for one in members(law))
 
 
@@ -120,7 +120,7 @@ def _vector(values, place, stride):
 
 
 def _reading(components: list[int], row: int) -> Callable[..., Any]:
-    """What reads members of so many components from a row on."""
+    """A function that reads members, with these numbers of components, from a row on."""
     if not components:
         return lambda values, stride, p: ()
     rest = inlined(_reading(components[1:], row + components[0]))
@@ -159,7 +159,7 @@ def _keeping_nothing(law, values, stride, p):
 
 
 def _keeping(member: int, row: int, others: Callable[..., Any]) -> Callable[..., Any]:
-    """What puts a member of the law into a row, after others."""
+    """A function that writes a member of the law into a row, after the others."""
 
     def keep(law, values, stride, p):
         others(law, values, stride, p)

@@ -1,4 +1,4 @@
-"""What a hyperelastic law offers: its energy, and what follows from it.
+"""Functions of hyperelastic laws: the energy, and the functions that differences of it replace.
 
 A law is a NamedTuple of parameters, among them density [kg/m^3], branch_moduli [Pa] and relaxation_times [s] (tuples of
 equal length, or None) of its Maxwell branches, which are added to every law (`materials.viscoelastic.maxwell`). It
@@ -10,7 +10,7 @@ faster and exact:
                     real speeds, too large by twice that of shear waves; 37 energies
     elastic_moduli  within 1e-8
 
-A law with state variables (`at_particles`) implements `next_state`, and `dissipated_energy` where they take energy.
+A law with state variables (`at_particles`) implements `next_state`, and `dissipated_energy` where they dissipate.
 
 F is the deformation gradient, nine numbers row by row, H its cofactor and J its determinant. They are separate
 arguments because some integrators advance them separately (Lee et al.); differences of the energy use F alone.
@@ -62,24 +62,24 @@ def elastic_moduli(law):
 @law_function
 def next_state(law, F, H, J):
     """State variables after a step that ends at F, of those before it in the law: a tuple of numbers, in their order.
-    The same where it is asked again at that F; what depends on a rate is a Maxwell branch's."""
+    A second call at the same F gives the same. Dependence on the rate is for Maxwell branches."""
 
 
 @law_function
 def dissipated_energy(law):
-    """Energy [J/m^3] that the state variables have dissipated since they had their initial values: `energy`, which can
-    be got back, and this have the stress times the rate of F as their rate."""
+    """Energy [J/m^3] that the state variables have dissipated so far. The rate of `energy`, which is recoverable, and
+    of this together is the stress times the rate of F."""
 
 
 @law_function
 def volume_part(law, J):
-    """U [J/m^3], dU/dJ and d2U/dJ2 [Pa] of the part of the energy that is of the volume alone, which does not soften;
+    """U [J/m^3], dU/dJ and d2U/dJ2 [Pa] of the part of the energy that depends on the volume alone and does not soften;
     0 where the law has no such part."""
 
 
 @dissipated_energy.otherwise
 def nothing_dissipated(law):
-    """That of a law without state variables."""
+    """0, for laws without state variables."""
     return 0.0
 
 
@@ -162,14 +162,14 @@ def trace_of_acoustic_tensor(law, F, H, J):
 
 @shear_waves.otherwise
 def undeformed_shear_waves(law, F):
-    """That of the undeformed state."""
+    """The tensor of the undeformed state."""
     modulus = elastic_moduli(law)[0]
     return (modulus, modulus, modulus, 0.0, 0.0, 0.0)
 
 
 @isotropic_shear_modulus.otherwise
 def undeformed_shear_modulus(law):
-    """That of the undeformed state, without branches; branches make it depend on the direction."""
+    """The shear modulus at rest; None with branches, which make it depend on the direction."""
     return elastic_moduli(law)[0] if law.branch_moduli is None else None
 
 

@@ -96,7 +96,7 @@ class StatedMooneyRivlin:
         return MooneyRivlin(density, xi, zeta, lambda_hat, None, None)
 
     def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
-        """What is not a polyconvex solid."""
+        """Parameters of a solid that is not polyconvex."""
         if (self.youngs_modulus is None) != (self.poissons_ratio is None):
             return [((), "youngs_modulus with poissons_ratio, or xi with lambda_hat", Phrase("one of each"))]
         moduli = self.moduli

@@ -47,7 +47,7 @@ class StatedFormula:
     constants: Annotated[dict[str, float], Parameter("1", "those of the formula by name, in SI units")]
 
     def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
-        """What is wrong with the formula or its constants."""
+        """Faults of the formula and its constants."""
         return list(_faults(self.energy, tuple(sorted(self.constants.items()))))
 
     def equilibrium_law(self) -> Any:
@@ -56,7 +56,7 @@ class StatedFormula:
 
 
 class FormulaError(Exception):
-    """What was expected of a formula, and what was found."""
+    """A fault of a formula: what was expected, and what was found."""
 
     def __init__(self, expected: str, found: object) -> None:
         super().__init__(expected)

@@ -54,7 +54,7 @@ class Softened(NamedTuple):
 
 @inlined
 def _integral(u):
-    """That of erf from 0 to u."""
+    """The integral of erf from 0 to u."""
     return u * erf(u) + (exp(-u * u) - 1.0) / _ROOT_OF_PI
 
 

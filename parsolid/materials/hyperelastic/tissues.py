@@ -41,7 +41,7 @@ class OneFamily(NamedTuple):
 
 
 class TwoFamilies(NamedTuple):
-    """The same with a second family of fibres like the first."""
+    """The law above with a second family of fibres of the same parameters."""
 
     density: float
     matrix: Any

@@ -55,7 +55,7 @@ def branch_stress(total_modulus, branch_sum, F, H, J):
 
 @inlined
 def branch_waves(total_modulus, branch_sum, H, J):
-    """What branches add to the pressure wave tensor [Pa] (56): branch_sum + total_modulus/J^2 H^T H.
+    """The part of branches in the pressure wave tensor [Pa] (56): branch_sum + total_modulus/J^2 H^T H.
 
     The shear wave tensor is increased by branch_sum alone.
     """
@@ -106,7 +106,7 @@ def branch_dissipation(modulus, relaxation_time, C, C_inverse, A):
 
 @inlined
 def relaxation_loss(modulus, relaxation_time, weights, C_0, C_0_inverse, A_0, C_1, C_1_inverse, A_1):
-    """What a branch dissipates over a step [J/m^3], never negative; weights: `loss_weights` times tau [s].
+    """Energy that a branch dissipates over a step [J/m^3], never negative; weights: `loss_weights` times tau [s].
 
     The rate (28) is mu/(2 tau) Y : X, X = A - C^{-1}, Y = C - A^{-1} = C X A^{-1}. If C and A in it were constant, the
     mixed rate mu/(4 tau) (Y_0 : X_1 + Y_1 : X_0) would be at least minus the mean of both rates.

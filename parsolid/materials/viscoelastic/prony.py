@@ -216,11 +216,11 @@ def with_lateral(law, strain, relaxing, factor):
 
 @inlined
 def free_work(law, p, q, branch, change):
-    """What a branch dissipates over a step beyond what it does on strains that are linear in time, over 2 gamma_j; p
-    and q of `free_work_weights`.
+    """Energy that a branch dissipates over a step beyond that of strains linear in time, over 2 gamma_j; p and q: of
+    `free_work_weights`.
 
-    Along free directions stress vanishes at the ends of a step, and with strain linear between them not in between. No
-    one does the work of that stress: in truth the lateral strain follows at once, and dissipates it.
+    Along free directions the stress vanishes at the ends of a step, but not in between where strain is linear. Nothing
+    does the work of that stress: the true lateral strain follows at once and dissipates it.
     """
     deviator = p * (branch[2] - trace_symmetric(branch) / 3.0) + q * (change[2] - trace_symmetric(change) / 3.0)
     return -law.lateral * law.shear * deviator * change[2]

@@ -1,4 +1,4 @@
-"""What a scene states of linear viscoelastic and linear elastic solids."""
+"""Linear viscoelastic and linear elastic solids as a scene states them."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -118,7 +118,7 @@ class StatedProny:
         return []
 
     def faults_in(self, dimension: int | None) -> list[tuple[tuple[str, ...], str, object]]:
-        """What is no such solid in a scene of a dimension: (key, what was expected, what was found)."""
+        """Faults of the solid in a scene of a dimension: (key, what was expected, what was found)."""
         details: list[tuple[tuple[str, ...], str, object]] = []
         details += self._faults_of_base()
         pair = self.poissons_ratio is not None or self.bulk_modulus is not None

@@ -1,6 +1,4 @@
-"""Where particles are: listed by the cells of the grid, kept by the rank that owns their cell, stored in the order of
-the cells.
-"""
+"""Migration: particles belong to the rank that owns their cell, and are stored in the order of the cells."""
 
 import math
 
@@ -12,18 +10,18 @@ from decomposition.measured_load import MeasuredLoad
 from parsolid.collective import maximum
 from parsolid.methods.mpm.points import MaterialPoints
 
-# steps between looks at the order of storage and the balance of ranks, and the share of particles out of order that
-# calls for a new one
+# steps between checks of the order of storage and the balance of ranks; share of particles out of order above which
+# storage is sorted
 _PERIOD, _DISORDER = 16, 0.3
-# looks between those at what steps have cost
+# checks between those of the measured costs of steps
 _LOOKS = 4
 
 
 class CellMigration:
     """Keeps this rank's particles in the cells of its `decomposition.grid.RankGrid`.
 
-    steps: counted, as they time the looks; rebalanced: how often cells were dealt out anew; layout_version: how often
-    rows may have changed on any rank, if particles keep theirs in between (`keeps_rows`).
+    steps: number of steps, which times the checks; rebalanced: how often cells were distributed anew; layout_version:
+    how often rows may have changed on any rank, where particles keep their rows between checks (`keeps_rows`).
     """
 
     def __init__(self, grid: RankGrid, points: MaterialPoints):
@@ -38,9 +36,9 @@ class CellMigration:
             self.load = MeasuredLoad(self.grid.comm, work, number)
 
     def keep_rows(self) -> None:
-        """Let ranks keep particles that have left their cells until the next look; before these are dealt out.
+        """Let ranks keep particles that have left their cells until the next check; called before `redistribute`.
 
-        A step crosses less than cfl cells.
+        A particle crosses less than cfl cells in a step.
         """
         self.keeps_rows = self.grid.comm.size > 1
         self.grid.slack = math.ceil(_PERIOD * min(self.settings.cfl, 1.0)) + 1 if self.keeps_rows else 0
@@ -56,7 +54,7 @@ class CellMigration:
         return sound
 
     def migrate(self) -> bool:
-        """List particles by cell anew and hand over those that left; now and then re-order storage and balance ranks.
+        """List particles by cell anew and send those that left to their owners; every 16 steps check order and balance.
 
         False where a particle is lost.
         """
@@ -65,7 +63,7 @@ class CellMigration:
         return self._tidy() and sound if self.steps % _PERIOD == 0 else sound
 
     def _tidy(self) -> bool:
-        """Balance the ranks, or else re-order storage, where it is due."""
+        """Balance the ranks, or else sort storage, where needed."""
         if self.load is not None and self.steps % (_PERIOD * _LOOKS) == 0:
             shares = self.load.look(self.points.owned)
             if shares is not None:
@@ -83,7 +81,7 @@ class CellMigration:
         return True
 
     def _tidy_together(self) -> bool:
-        """As `_tidy`, with the particles that left their cells given away; all ranks know that rows have changed."""
+        """As `_tidy` where particles keep their rows: also sends away particles that left their cells. Collective."""
         owned, cells = self.points.owned, self.grid.cells
         disorder, off_cell = cells.breaks(owned) > _DISORDER * owned, len(self.grid.off_cell_particles())
         any_off_cell, any_disorder = maximum(self.grid.comm, np.array([off_cell, disorder], float)) > 0.0
@@ -100,7 +98,7 @@ class CellMigration:
         return sound
 
     def _sort_storage(self) -> None:
-        """Bring particles into the order of the cells; only those that end the run are in no cell."""
+        """Bring particles into the order of the cells, unless one is in no cell, which ends the run."""
         cells, points = self.grid.cells, self.points
         if cells.start[-1] == points.owned:
             points.reorder(cells.order[: points.owned].copy())

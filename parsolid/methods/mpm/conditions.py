@@ -15,7 +15,7 @@ from parsolid.boundary.reactions import Reaction
 from parsolid.boundary.walls import RigidWall
 from parsolid.collective import SolverError, maximum, minimum
 from parsolid.kernels import kernel
-from parsolid.methods.mpm.grid import FoldedPlane, Nodes, sum_in_order
+from parsolid.methods.mpm.grid import FoldedPlane, Nodes
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.particles.generation import contradictions
 from parsolid.particles.initial_fields import initial_displacement
@@ -27,8 +27,14 @@ from parsolid.scene.boundaries import HeatFlux, MotionCondition, PrescribedTempe
 from parsolid.scene.load_histories import LoadHistory
 from parsolid.scene.regions import NearestTo
 
-# a plane this near, in cells, to nodes or to the middle between them counts as there
+# distance in cells within which a plane counts as lying on nodes or half-way between them
 _NEAR = 1e-6
+
+
+def sum_in_order(values: np.ndarray) -> float:
+    """The sum of an array, one number after the other. Zeros in between do not change its bits, as they do in numpy's
+    pairwise sums: a restart has fewer empty nodes."""
+    return float(np.cumsum(values)[-1]) if values.size else 0.0
 
 
 @kernel
@@ -75,7 +81,7 @@ def stop_at_wall(count, nodes, places, share, held, motion, remapped, wall):
 
 
 class NodalWall:
-    """A rigid wall, as nodes meet it."""
+    """A rigid wall that acts on nodes."""
 
     def __init__(self, wall: RigidWall, reaction: Reaction | None):
         self.wall, self.reaction = wall, reaction
@@ -151,20 +157,20 @@ class DrivenRegion:
         return self._slots
 
     def contains(self, places: np.ndarray, spacing: float) -> np.ndarray:
-        """Which nodes (n,) bool at places (n, d) [m] it drives."""
+        """True (n,) for nodes at places (n, d) [m] that it drives."""
         if self.plane is None:
             return np.asarray(self.region.contains(places, _NEAR * spacing))
-        # a plane whose place is no number drives all nodes, so that the run ends
+        # a plane at NaN drives all nodes, so that the run ends
         return np.asarray(~(self._beyond(places) < -((0.5 if self.stays else 1.0) - _NEAR) * spacing))
 
     def _beyond(self, places: np.ndarray) -> np.ndarray:
-        """How far places (n, d) [m] are behind its plane [m]."""
+        """Distance of places (n, d) [m] behind the plane [m]."""
         assert self.plane is not None
         axis, side, offset = self.plane
         return np.asarray(side * (places[:, axis] - offset - self.moved))
 
     def _find_images(self, nodes: Nodes, behind: np.ndarray, beyond: np.ndarray) -> None:
-        """Of nodes behind a plane that stays, those nearest to their mirror images, and their distances over those."""
+        """Find the nodes nearest to the mirror images of nodes behind a plane that stays, and ratios of distances."""
         self._behind, self._images, self._ratio = np.zeros(0, int), np.zeros(0, int), np.zeros(0)
         if self.plane is None or not self.stays or not len(behind):
             return
@@ -194,7 +200,7 @@ class DrivenRegion:
             change = np.where(array[slots, 3] > 0.0, wanted - found, 0.0)
             given = sum_in_order(mass * (change * (found + 0.5 * change - 0.5 * array[slots, 4 + axis])))
             if _is_zero(velocity):
-                # what stands still does no work
+                # a boundary at rest does no work
                 lost -= given
             else:
                 work += given
@@ -357,7 +363,7 @@ class GridConditions:
         return supplied, lost
 
     def keep_slopes_beside_driven(self, nodes: Nodes) -> None:
-        """Of FLIP's particles let only those with a driven node in their stencil have slopes.
+        """Clear the slopes of FLIP's particles without a driven node in their stencil.
 
         Without slopes the nodes' velocities before they are driven are not those of the particles even where these move
         as the nodes are driven to, and what changes them in every step drifts into the particles.

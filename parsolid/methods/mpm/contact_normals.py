@@ -43,7 +43,7 @@ class FieldParticles(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What nodes see of both fields, node a in rows start[a]..start[a + 1].
+    """Particles of both fields near nodes, those of node a in rows start[a]..start[a + 1].
 
     place (k, 3): from the node, in cells; share (k,): of its field's weight; side (k,); form (k, 6): Q in n . Q n, the
     square of half the extent along n of the particle's deformed domain, in cells, as of the ellipsoid in it; its
@@ -153,7 +153,8 @@ def half_extent(form, n):
 
 @kernel
 def add_node(seen, a, shrunk, fit, normal, row):
-    """What all that a node sees adds to a step of Newton's method, into a row (FIT + MATRIX,); normal (3,) is scratch.
+    """Contribution of all particles near a node to a step of Newton's method, into a row (FIT + MATRIX,); normal (3,)
+    is scratch.
 
     Gradient and second derivatives of share log(1 + exp(-z)), z = side (fit . (1, y)) - extent |fit|.
     """
@@ -229,7 +230,7 @@ def find_fits(seen, shrunk, penalties, eased, tolerance, moving, fit):
 
 @kernel
 def find_extremes(seen, normal, active, spacing, result):
-    """How far (n, 2) [m] the fields reach from a node along -side normal (n, 3), the largest of what result holds."""
+    """Largest distance (n, 2) [m] of both fields from a node along -side normal (n, 3), or that in result if larger."""
     for a in range(len(active)):
         if active[a]:
             for k in range(seen.start[a], seen.start[a + 1]):

@@ -10,41 +10,10 @@ import numpy as np
 from parsolid.kernels import inlined, kernel
 from parsolid.materials.blocks import MaterialBlock
 from parsolid.materials.failure.failure import count_of
+from parsolid.materials.plastic import tile_update as update
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.functions import specific_heat
 from parsolid.materials.plastic.plastic_evaluation import pressure_wave_modulus
-from parsolid.materials.plastic.tile_update import (
-    BACK_STRESS,
-    BACK_STRESS_ENERGY,
-    DAMAGE,
-    DEFORMATION,
-    DEVIATOR,
-    HEAT,
-    JACOBIAN,
-    MIDDLE_JACOBIAN,
-    MOVES,
-    NEW_JACOBIAN,
-    PLASTIC_VOLUME,
-    PLASTIC_WORK,
-    PRESSURE,
-    RELEASED,
-    ROOM,
-    ROTATION,
-    SPEED,
-    STRAIN,
-    TEMPERATURE,
-    VELOCITY_GRADIENT,
-    VOLUME_RATE,
-    fill_idle,
-    finish_step,
-    flow,
-    load_if_any,
-    load_state,
-    new_tile,
-    start_step,
-    store_if_any,
-    store_state,
-)
 from parsolid.methods import plastic_fields
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
 from parsolid.methods.hyperelastic_particles import TENSOR_ROWS
@@ -114,21 +83,21 @@ def advance_deformation(step, plane, tile):
     strain and axial symmetry.
     """
     for p in range(TILE):
-        F, rate = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
+        F, rate = load(tile, update.DEFORMATION * TILE + p), load(tile, update.VELOCITY_GRADIENT * TILE + p)
         new = combine(1.0, F, step, matmul(rate, F))
         J, new_J = determinant(F), determinant(new)
-        tile[JACOBIAN * TILE + p], tile[NEW_JACOBIAN * TILE + p] = J, new_J
-        tile[MIDDLE_JACOBIAN * TILE + p] = 0.5 * (J + new_J)
+        tile[update.JACOBIAN * TILE + p], tile[update.NEW_JACOBIAN * TILE + p] = J, new_J
+        tile[update.MIDDLE_JACOBIAN * TILE + p] = 0.5 * (J + new_J)
         # the rotation of the middle of the step needs F + F+; both are made from F+ and l again
-        store(tile, ROTATION * TILE + p, new)
+        store(tile, update.ROTATION * TILE + p, new)
     if plane is not None:
         for p in range(TILE):
-            store(tile, ROTATION * TILE + p, plane_rotation(load(tile, ROTATION * TILE + p)))
+            store(tile, update.ROTATION * TILE + p, plane_rotation(load(tile, update.ROTATION * TILE + p)))
     else:
         rotate(tile)
     for p in range(TILE):
-        F, rate = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
-        R = load(tile, ROTATION * TILE + p)
+        F, rate = load(tile, update.DEFORMATION * TILE + p), load(tile, update.VELOCITY_GRADIENT * TILE + p)
+        R = load(tile, update.ROTATION * TILE + p)
         new = combine(1.0, F, step, matmul(rate, F))
         half = (1.0 + 0.5 * step * rate[0], 0.5 * step * rate[1], 0.5 * step * rate[2],
                 0.5 * step * rate[3], 1.0 + 0.5 * step * rate[4], 0.5 * step * rate[5],
@@ -137,28 +106,28 @@ def advance_deformation(step, plane, tile):
         half_R = plane_rotation(plus(F, new)) if plane is not None else rotation_near(R, plus(F, new))
         D = congruence(transpose(half_R), D)
         volume_rate = D[0] + D[1] + D[2]
-        tile[VOLUME_RATE * TILE + p] = volume_rate
-        store_symmetric(tile, STRAIN * TILE + p, times_symmetric(step, add_spherical(D, -volume_rate / 3.0)))
-        store(tile, DEFORMATION * TILE + p, new)
+        tile[update.VOLUME_RATE * TILE + p] = volume_rate
+        store_symmetric(tile, update.STRAIN * TILE + p, times_symmetric(step, add_spherical(D, -volume_rate / 3.0)))
+        store(tile, update.DEFORMATION * TILE + p, new)
 
 
 @kernel
 def rotate(tile):
     """R of the tensors in the rows ROTATION, in their place, by Newton's method until none moves."""
     for p in range(TILE):
-        tile[MOVES * TILE + p] = 1.0
+        tile[update.MOVES * TILE + p] = 1.0
     for _ in range(30):
         moving = 0
         for p in range(TILE):
-            X = load(tile, ROTATION * TILE + p)
+            X = load(tile, update.ROTATION * TILE + p)
             new = rotation_step(X)
             change = combine(1.0, new, -1.0, X)
             # a particle that has settled is not changed again, whatever its neighbours do
-            moves = tile[MOVES * TILE + p]
-            store(tile, ROTATION * TILE + p, combine(moves, change, 1.0, X))
+            moves = tile[update.MOVES * TILE + p]
+            store(tile, update.ROTATION * TILE + p, combine(moves, change, 1.0, X))
             settled = contract(change, change) <= ROTATION_SETTLED
             moves = 0.0 if settled else moves
-            tile[MOVES * TILE + p] = moves
+            tile[update.MOVES * TILE + p] = moves
             moving += 1 if moves > 0.0 else 0
         if moving == 0:
             break
@@ -174,7 +143,7 @@ def load_rates(tile, rate, deleted, i, count):
                 gradient = rate[q, 4 * a + b]
                 if deleted is not None:
                     gradient = 0.0 if deleted[0, q] > 0.0 else gradient
-                tile[(VELOCITY_GRADIENT + 3 * a + b) * TILE + p] = gradient
+                tile[(update.VELOCITY_GRADIENT + 3 * a + b) * TILE + p] = gradient
 
 
 @inlined
@@ -187,26 +156,26 @@ def add_viscous_heat(law, failure, viscosity, motion, stress, i, count, tile, q)
     """
     linear, quadratic, spacing = viscosity
     for p in range(TILE):
-        jump = max(-tile[VOLUME_RATE * TILE + p], 0.0) * spacing
-        density = law.density / tile[MIDDLE_JACOBIAN * TILE + p]
-        q[p] = density * jump * (quadratic * jump + linear * tile[SPEED * TILE + p])
+        jump = max(-tile[update.VOLUME_RATE * TILE + p], 0.0) * spacing
+        density = law.density / tile[update.MIDDLE_JACOBIAN * TILE + p]
+        q[p] = density * jump * (quadratic * jump + linear * tile[update.SPEED * TILE + p])
         if failure is not None:
-            intact = tile[DAMAGE * TILE + p] < 1.0 or tile[PRESSURE * TILE + p] > 0.0
+            intact = tile[update.DAMAGE * TILE + p] < 1.0 or tile[update.PRESSURE * TILE + p] > 0.0
             q[p] = q[p] if intact else 0.0
-        tile[HEAT * TILE + p] = 0.0
+        tile[update.HEAT * TILE + p] = 0.0
     for p in range(count):
-        volume = motion[i + p, 7] * tile[JACOBIAN * TILE + p]
+        volume = motion[i + p, 7] * tile[update.JACOBIAN * TILE + p]
         before = (stress[i + p, 0] + stress[i + p, 1] + stress[i + p, 2]) / 3.0 / max(volume, 1e-300)
-        change = tile[NEW_JACOBIAN * TILE + p] - tile[JACOBIAN * TILE + p]
-        tile[HEAT * TILE + p] = -0.5 * (q[p] - tile[PRESSURE * TILE + p] - before) * change
+        change = tile[update.NEW_JACOBIAN * TILE + p] - tile[update.JACOBIAN * TILE + p]
+        tile[update.HEAT * TILE + p] = -0.5 * (q[p] - tile[update.PRESSURE * TILE + p] - before) * change
 
 
 @kernel
 def forget_shape(plane, tile):
     """Give F of failed matter no shape: the same stretch in all directions (in the plane for plane strain)."""
     for p in range(TILE):
-        if tile[DAMAGE * TILE + p] >= 1.0:
-            J, first = tile[NEW_JACOBIAN * TILE + p], DEFORMATION * TILE + p
+        if tile[update.DAMAGE * TILE + p] >= 1.0:
+            J, first = tile[update.NEW_JACOBIAN * TILE + p], update.DEFORMATION * TILE + p
             stretch = max(J, 0.0) ** (1.0 / 3.0)
             if plane is not None:
                 stretch = max(J / tile[first + 8 * TILE], 0.0) ** 0.5
@@ -235,52 +204,49 @@ def advance_state(
     numbers = (state.plastic_strain, state.internal_energy, state.temperature)
     for i in range(first, last, TILE):
         count = min(TILE, last - i)
-        load_placed(deformation, places, i, count, tile, DEFORMATION)
-        load_rows(deviator, i, count, tile, DEVIATOR)
-        load_state(numbers, failing, strength, i, count, tile)
-        load_if_any(state.back_stress, i, count, tile, BACK_STRESS)
-        load_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
+        load_placed(deformation, places, i, count, tile, update.DEFORMATION)
+        load_rows(deviator, i, count, tile, update.DEVIATOR)
+        update.load_state(numbers, failing, strength, i, count, tile)
+        update.load_if_any(state.back_stress, i, count, tile, update.BACK_STRESS)
+        update.load_if_any(state.volume_flow, i, count, tile, update.PLASTIC_VOLUME)
         load_rates(tile, rate, deleted, i, count)
         if count < TILE:
-            fill_idle(law, tile, count)
+            update.fill_idle(law, tile, count)
         advance_deformation(step, plane, tile)
-        start_step(law, failure, tile)
+        update.start_step(law, failure, tile)
         add_viscous_heat(law, failure, viscosity, motion, stress, i, count, tile, q)
-        flow(law, failure, step, tile)
-        finish_step(law, failure, step, tile)
+        update.flow(law, failure, step, tile)
+        update.finish_step(law, failure, step, tile)
         if failing is not None:
             forget_shape(plane, tile)
-        store_placed(deformation, places, i, count, tile, DEFORMATION)
-        store_rows(deviator, i, count, tile, DEVIATOR)
-        store_state(numbers, failing, i, count, tile)
-        store_if_any(state.back_stress, i, count, tile, BACK_STRESS)
-        store_if_any(state.volume_flow, i, count, tile, PLASTIC_VOLUME)
+        store_placed(deformation, places, i, count, tile, update.DEFORMATION)
+        store_rows(deviator, i, count, tile, update.DEVIATOR)
+        update.store_state(numbers, failing, i, count, tile)
+        update.store_if_any(state.back_stress, i, count, tile, update.BACK_STRESS)
+        update.store_if_any(state.volume_flow, i, count, tile, update.PLASTIC_VOLUME)
         for p in range(count):
             r = np.uintp(i + p)
             volume = motion[r, 7]
-            s = congruence(load(tile, ROTATION * TILE + p), load_symmetric(tile, DEVIATOR * TILE + p))
-            V, pressure = volume * tile[NEW_JACOBIAN * TILE + p], tile[PRESSURE * TILE + p] + q[p]
-            stress[r, 0], stress[r, 1], stress[r, 2] = (
-                V * (s[0] - pressure),
-                V * (s[1] - pressure),
-                V * (s[2] - pressure),
-            )
-            stress[r, 3], stress[r, 4], stress[r, 5], stress[r, 6] = 0.0, V * s[5], V * s[4], V * s[3]
-            speed = tile[SPEED * TILE + p] + (motion[r, 4] ** 2 + motion[r, 5] ** 2 + motion[r, 6] ** 2) ** 0.5
+            s = congruence(load(tile, update.ROTATION * TILE + p), load_symmetric(tile, update.DEVIATOR * TILE + p))
+            V, pressure = volume * tile[update.NEW_JACOBIAN * TILE + p], tile[update.PRESSURE * TILE + p] + q[p]
+            stress[r, 0], stress[r, 1] = V * (s[0] - pressure), V * (s[1] - pressure)
+            stress[r, 2], stress[r, 3] = V * (s[2] - pressure), 0.0
+            stress[r, 4], stress[r, 5], stress[r, 6] = V * s[5], V * s[4], V * s[3]
+            speed = tile[update.SPEED * TILE + p] + (motion[r, 4] ** 2 + motion[r, 5] ** 2 + motion[r, 6] ** 2) ** 0.5
             stress[r, 7] = speed
             if deleted is not None and deleted[0, r] > 0.0:
                 continue
             fastest = max(fastest, speed)
-            plastic += volume * tile[PLASTIC_WORK * TILE + p]
-            stored += volume * tile[BACK_STRESS_ENERGY * TILE + p]
-            viscous += volume * tile[HEAT * TILE + p]
-            released += volume * tile[RELEASED * TILE + p]
+            plastic += volume * tile[update.PLASTIC_WORK * TILE + p]
+            stored += volume * tile[update.BACK_STRESS_ENERGY * TILE + p]
+            viscous += volume * tile[update.HEAT * TILE + p]
+            released += volume * tile[update.RELEASED * TILE + p]
             if rise is not None:
-                capacity = law.density * specific_heat(law, tile[TEMPERATURE * TILE + p])
-                dissipated = tile[PLASTIC_WORK * TILE + p] - tile[BACK_STRESS_ENERGY * TILE + p]
+                capacity = law.density * specific_heat(law, tile[update.TEMPERATURE * TILE + p])
+                dissipated = tile[update.PLASTIC_WORK * TILE + p] - tile[update.BACK_STRESS_ENERGY * TILE + p]
                 rise[0, r] += law.taylor_quinney * dissipated / capacity
-            # not so for numbers that are none
-            if not (tile[ROOM * TILE + p] > 0.0 and speed > 0.0):
+            # True for NaN, too
+            if not (tile[update.ROOM * TILE + p] > 0.0 and speed > 0.0):
                 sound = False
     return sound, fastest, plastic, viscous, released, stored
 
@@ -291,12 +257,12 @@ class ElasticPlasticSolid:
     def __init__(self, law: ElasticPlastic, points: MaterialPoints, settings: Any) -> None:
         self.law, self.points, viscosity = law, points, settings.viscosity
         self.viscosity = BulkViscosity(float(viscosity.linear), float(viscosity.quadratic), float(settings.cell))
-        self._tile = new_tile(count_of(law.failure))
+        self._tile = update.new_tile(count_of(law.failure))
 
     def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
         """See `HyperelasticSolid.advance`."""
         points, law, of = self.points, self.law, self.points.storage
-        state = State._make((*map(of, State._fields[:-2]), *plastic_fields.flow_state(points, law)))
+        state = State._make([*map(of, State._fields[:-2]), *plastic_fields.flow_state(points, law)])
         failing = strength = deleted = None
         if law.failure is not None:
             failing = of("damage"), of("criterion_damage")[: count_of(law.failure)]
@@ -310,7 +276,9 @@ class ElasticPlasticSolid:
         terms = {"plastic_work": plastic, "viscous_work": viscous}
         if law.kinematic_hardening is not None:
             terms[plastic_fields.BACK_STRESS_ENERGY] = stored
-        return sound, fastest, terms if law.failure is None else terms | {FAILURE_DISSIPATION: released}
+        if law.failure is not None:
+            terms[FAILURE_DISSIPATION] = released
+        return sound, fastest, terms
 
     def stored_energy(self, block: MaterialBlock) -> float:
         """E V0 [J] of the law's particles."""

@@ -1,4 +1,4 @@
-"""What a step takes from loads and boundaries, and what its transfers lose, for the ledger."""
+"""The energy balance of a step: work of loads and boundaries, and losses of the transfers."""
 
 import numpy as np
 
@@ -119,7 +119,7 @@ class StepEnergies:
             lost = self._lost() + caught
         ledger.add(1.0, materials.pop(MATERIAL, 0.0), lost, supplied)
         loads.report(duration, ledger)
-        # what is deleted, after the step's balance, which would take it for a loss
+        # deleted after the balance of the step, which would count the energy as a loss
         in_halves = self.external is not None
         self.behind.follow(step, in_halves)
         if self.external is not None and step > 0.0:
@@ -138,7 +138,7 @@ class StepEnergies:
         return float(kinetic_energy(self.points.owned, self.points.motion))
 
     def _lost(self) -> float:
-        """What the transfers lose in the step [J]."""
+        """Energy that the transfers lose in the step [J]."""
         if not self.loses:
             return 0.0
         nodes = self.nodes

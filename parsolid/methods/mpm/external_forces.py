@@ -1,4 +1,4 @@
-"""Forces of contact, ties and tools on material points, and the energies of particles at one time under them.
+"""Forces of contact, ties and tools on material points, and the energy balance with them.
 
 These forces are found at the places of the end of a step and act in the next one. Velocities are half a step behind
 places: forces of a time act for half of the steps before and after it (`ExternalForces.duration`). Each half does its
@@ -59,7 +59,7 @@ class LaggingWork:
         self.points, self.step, self.lag, self.work = points, 0.0, 0.0, 0.0
 
     def follow(self, step: float, in_halves: bool) -> float:
-        """Of new stresses after a step [s]; what there is more of it [J] than was known."""
+        """Find the work for new stresses after a step [s]; its change [J]."""
         before = self.work
         if step > 0.0:
             storage = self.points.storage
@@ -69,7 +69,7 @@ class LaggingWork:
         return self.work - before
 
     def state(self) -> dict[str, Any]:
-        """What a restart needs."""
+        """State for a restart."""
         return {"step": self.step, "lag": self.lag, "work": PerRank(self.work)}
 
     def set_state(self, comm: MPI.Comm, state: dict[str, Any]) -> None:
@@ -78,7 +78,7 @@ class LaggingWork:
 
 
 class ExternalForces:
-    """What external forces take of the particles' energies.
+    """External forces on the particles, and the energies of particles under them.
 
     Fields besides those of `ParticleSystem.take_external_forces`: "moved", the mean velocity of places in the last step
     [m/s], and, where several steps make a common one, the same of that. goes_on: whether the next one goes on from
@@ -121,7 +121,7 @@ class ExternalForces:
         return result
 
     def paths(self) -> np.ndarray:
-        """Where the step keeps the velocities by which places change (capacity, 4) [m/s]."""
+        """Array (capacity, 4) for the velocities by which places change in a step [m/s]."""
         if len(self._paths) < self.points.capacity:
             self._paths = np.zeros((self.points.capacity, 4))
         return self._paths
@@ -138,7 +138,7 @@ class ExternalForces:
         self.work -= 0.5 * step * power(owned, storage("stress_and_volume"), storage("velocity_gradient"))
 
     def energy(self) -> float:
-        """What particles will have gained by the time of their places [J]: velocities are half a step behind."""
+        """Energy that particles gain up to the time of their places [J]: velocities are half a step behind."""
         rows = self.points.owned_rows
         first_half = 0.5 * self.behind.step * np.sum(rows(EXTERNAL_FORCE) * rows("moved"))
         return float(first_half + np.sum(rows(EXTERNAL_IMPULSE) * rows(self._mean))) + self.behind.work

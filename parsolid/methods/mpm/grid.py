@@ -64,12 +64,6 @@ def unfold(behind, image, signs, nodes):
             nodes[behind[k], c] = signs[c] * nodes[image[k], c]
 
 
-def sum_in_order(values: np.ndarray) -> float:
-    """The sum of an array, one number after the other: its bits do not depend on zeros in between, as those of numpy's
-    sums of pairs do. A restart has fewer empty nodes."""
-    return float(np.cumsum(values)[-1]) if values.size else 0.0
-
-
 class FoldedPlane:
     """A mirror plane on nodes or halfway between; signs (8,): how its image changes the columns of nodes."""
 

@@ -311,7 +311,7 @@ class Conduction:
         self._folds: list[tuple[ThermalPlane, np.ndarray, np.ndarray, np.ndarray]] = []
 
     def refresh(self) -> None:
-        """What particles have to conduct, in the present state."""
+        """Find capacities and conductivities of particles in the present state."""
         points, storage = self.points, self.points.storage
         if len(self.thermal) < points.capacity:
             self.thermal = np.zeros((points.capacity, 4))
@@ -383,7 +383,7 @@ class Conduction:
             self._folds.append((plane, behind, images, nodes.places[behind, : self.points.dimension]))
 
     def _find_temperatures(self, time: float) -> None:
-        """Of the nodes at a time [s], those behind planes included."""
+        """Find temperatures of nodes at a time [s], those behind planes included."""
         nodes = self.nodes
         self._sum_capacities(self.thermal, self.points.find("temperature_slope"))
         lifts = [plane.lift(places, time) for plane, _, _, places in self._folds]
@@ -450,7 +450,7 @@ class Conduction:
 
 
 def common_conductivity(laws: list[Any]) -> float | None:
-    """Of all laws that have one [W/(m K)], None where they differ or depend on the direction."""
+    """The conductivity [W/(m K)] of all laws that have one, None where they differ or depend on the direction."""
     if any(getattr(law, "conductivity_tensor", None) for law in laws):
         return None
     found = {law.conductivity for law in laws if getattr(law, "conductivity", None)}

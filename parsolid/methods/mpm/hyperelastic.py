@@ -17,7 +17,7 @@ from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.tensors import determinant
 from parsolid.tiles import TILE, load
 
-# what branches dissipate [J], among the terms of laws; the ledger has it as material dissipation
+# name of the energy that branches dissipate [J] among the terms of laws, and of its column
 MATERIAL = "material_dissipation"
 
 
@@ -57,7 +57,7 @@ def advance_hyperelastic(
             total = speed[p] + (motion[q, 4] ** 2 + motion[q, 5] ** 2 + motion[q, 6] ** 2) ** 0.5
             stress[q, 7] = total
             fastest = max(fastest, total)
-            # not so for numbers that are none
+            # True for NaN, too
             if not (determinant(load(F, p)) > 0.0 and total > 0.0):
                 sound = False
     return sound, fastest, softened, relaxed_away

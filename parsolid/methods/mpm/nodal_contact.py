@@ -13,8 +13,8 @@ import numpy as np
 from decomposition.shared_nodes import SharedNodes
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.mpm import contact_normals as kernels
+from parsolid.methods.mpm.conditions import sum_in_order
 from parsolid.methods.mpm.contact_normals import FIT, MATRIX, FieldParticles, Seen
-from parsolid.methods.mpm.grid import sum_in_order
 from parsolid.methods.mpm.transfer import grid_to_particles
 from parsolid.methods.protocol import EnergyLedger
 from parsolid.scene.contact import GRID_TERMS
@@ -56,7 +56,7 @@ class NodalContact(Interaction):
             ledger.add_term("friction_heat", sum(warmed))
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """What contact has taken."""
+        """Book the energy that contact has taken."""
         if step == 0.0:
             return
         for pair in self.pairs:
@@ -228,7 +228,7 @@ class FieldPair:
     # --- normals ------------------------------------------------------------------------------------------------------
 
     def _see(self, weights: np.ndarray) -> None:
-        """What active nodes see of both fields."""
+        """Find the particles of both fields near active nodes."""
         fields, count = self._particles(), np.zeros(len(weights), np.int64)
         for field in fields:
             kernels.count_seen(field, self.dimension, self.active, count)

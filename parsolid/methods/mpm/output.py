@@ -1,4 +1,4 @@
-"""What output and reports ask of the material point method."""
+"""Fields, quantities, warnings and messages of the material point method."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ _SPREADS = {
 
 
 class Reports(ParticleSystem):
-    """Answers of `system.MaterialPoint`, which derives from it and has these parts."""
+    """Base class of `system.MaterialPoint`, which has these members."""
 
     conditions: Any
     points: MaterialPoints
@@ -35,6 +35,33 @@ class Reports(ParticleSystem):
     external: Any
     solids: dict[Any, Any]
     plastic_work: float
+
+    @property
+    def owned(self) -> int:  # type: ignore[override]
+        """Number of this rank's particles, which changes as they move."""
+        return self.points.owned
+
+    @property
+    def mass(self) -> np.ndarray:
+        """Mass [kg] (capacity,)."""
+        return self.points["mass"]
+
+    @property
+    def placements(self) -> int | None:  # type: ignore[override]
+        """On one rank particles change their rows when storage is sorted; on several when ranks look at that together,
+        or, where they need not stay in between, in any step."""
+        if self.comm.size == 1:
+            return self.points.layout
+        return self.migration.layout_version if self.migration.keeps_rows else None
+
+    @property
+    def takes_heat(self) -> bool:  # type: ignore[override]
+        """Elastic-plastic laws have a temperature."""
+        return "temperature" in self.points
+
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
+        return self.points.take_heat(heat, rows)
 
     def shown(self, name: str, first: int, last: int) -> np.ndarray | None:
         """Fields that are not declared."""
@@ -51,7 +78,7 @@ class Reports(ParticleSystem):
             return None
         mass, grid_volume = points["mass"][here], points.motion[here, 7]
         if "deleted_mass" in points:
-            # what was deleted has no stress and keeps its density
+            # deleted particles have no stress and keep their density
             gone = points["deleted_mass"][here]
             laws = np.array([law.density for law in points.laws])[points.law_of_body[points["body"][here]]]
             mass, grid_volume = mass + gone, grid_volume + gone / laws
@@ -69,10 +96,10 @@ class Reports(ParticleSystem):
         return np.asarray(rotation @ tensors @ rotation.swapaxes(1, 2))
 
     def _own_angular_momentum(self, here: slice) -> np.ndarray | None:
-        """What slopes C carry [kg m^2/s], m eps : C D, (n,) or (n, 3); None where there are no slopes.
+        """Angular momentum of the slopes C [kg m^2/s], m eps : C D, (n,) or (n, 3); None without slopes.
 
-        D_j = sum_i w_i (x_i - x_p)_j^2 of the nodes of a spline, as in `shape_functions.put_moments`; GIMP functions,
-        of which it follows the particle's domain, are left out.
+        D_j = sum_i w_i (x_i - x_p)_j^2 as in `shape_functions.put_moments`. None with GIMP functions, whose D depends
+        on the domain of the particle.
         """
         points, settings = self.points, self.settings
         if "velocity_slope" not in points or settings.basis not in _SPREADS or points.axisymmetric:
@@ -120,7 +147,7 @@ class Reports(ParticleSystem):
         }
 
     def warnings(self) -> list[Warned]:
-        """Planes that a grid holds worse than planes of symmetry."""
+        """Planes at rest that lose or add energy, see `GridConditions.badly_held`."""
         return [
             Warned("badly-held", f"{key}: a plane at rest {why}: what swings there gains or loses energy")
             for key, why in self.conditions.badly_held()
@@ -175,12 +202,12 @@ class Reports(ParticleSystem):
         return [self.nodes.motion, self.nodes.remapped, self.nodes.heat, *self.grid.cells.arrays()]
 
     def bytes_a_step(self) -> int:
-        """Bytes of the sums over nodes; particles that are handed over come on top."""
+        """Bytes of the sums over nodes, without particles that change their rank."""
         self.nodes.follow_cells()
         return self.nodes.bytes_sent
 
     def summary(self) -> dict[str, Any]:
-        """Particles that changed their rank, how often cells were dealt out anew, and what has failed or melted."""
+        """Particles that changed their rank, how often cells were distributed anew, failed and melted matter."""
         result: dict[str, Any] = {
             "migrated_particles": self.comm.allreduce(self.grid.migrated),
             "rebalanced": self.migration.rebalanced,

@@ -1,10 +1,11 @@
-"""Material points of one rank: what all of them carry, and their motion at time 0."""
+"""Material points of one rank: their fields, and their state at time 0."""
 
 from typing import Any
 
 import numpy as np
 
 from parsolid.boundary.loads import Loads
+from parsolid.kernels import kernel
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
 from parsolid.methods.failed_matter import declare_failure, failed_to_delete, note_deleted
@@ -15,7 +16,7 @@ from parsolid.methods.hyperelastic_particles import (
     full_gradients,
     gradient_of,
 )
-from parsolid.methods.mpm.shape_functions import find_base_nodes, make_basis
+from parsolid.methods.mpm.shape_functions import make_basis
 from parsolid.methods.plastic_fields import PLASTIC_STATE, declare_flow_state
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Field, Within
@@ -36,8 +37,20 @@ from parsolid.scene.boundaries import PrescribedTemperature
 SYMMETRIC_ROWS = {2: 4, 3: 6}
 
 
+@kernel
+def find_base_nodes(count, position, origin, spacing, offset, base):
+    """Base nodes of particles 0..count-1, base[p, a] = floor((x_a - origin_a)/h - offset).
+
+    position (capacity, >= d) [m]; origin (>= d,) [m]; base (capacity, d) of whole numbers.
+    """
+    inverse = 1.0 / spacing
+    for p in range(count):
+        for a in range(base.shape[1]):
+            base[p, a] = np.floor((position[p, a] - origin[a]) * inverse - offset)
+
+
 class MaterialPoints(Particles):
-    """Material points, in the records of `transfer`; laws declare what theirs carry besides.
+    """Material points, in the records of `transfer`.
 
     Also the particles of a `decomposition.grid.RankGrid`. origin (4,) [m]: of the grid; fraction: of FLIP in new
     velocities.
@@ -66,7 +79,7 @@ class MaterialPoints(Particles):
         declare_deformation(self, d, self.laws)
         self.declare(Field("velocity_gradient", 12, "1/s"))
         self.declare(Field("stress_and_volume", 8, "J", checkpointed=True))
-        # what only some settings and boundaries need
+        # fields that only some settings and boundaries need
         boundaries = {boundary.kind for boundary in scene.boundaries}
         settings, d = self.settings, self.dimension
         # FLIP has slopes beside driven nodes alone, see `conditions.GridConditions.keep_slopes_beside_driven`
@@ -102,7 +115,7 @@ class MaterialPoints(Particles):
             rows("deformation_gradient")[:, 4] = rows("position")[:, 0] / particle_set.position[:, 0]
 
     def declare_plastic_state(self, scene: Scene, loads: Loads) -> None:
-        """What particles carry where any law is elastic-plastic."""
+        """Declare the fields of elastic-plastic laws."""
         self.declare(kept_column("unrotated_deviator", SYMMETRIC_ROWS[self.dimension], "Pa"))
         for field in PLASTIC_STATE:
             self.declare(field)
@@ -148,7 +161,7 @@ class MaterialPoints(Particles):
 
     @property
     def warm_blocks(self) -> list[MaterialBlock]:
-        """Those whose particles have a temperature."""
+        """Blocks whose particles have a temperature."""
         return [block for block in self.blocks if hasattr(block.law, "specific_heat")]
 
     def bases(self) -> np.ndarray:
@@ -162,7 +175,7 @@ class MaterialPoints(Particles):
     # --- what fails, and heat ---------------------------------------------------------------------------------------
 
     def delete_failed(self) -> dict[str, float]:
-        """Take away what has failed since the last time, where laws say so: energies [J] that go with it."""
+        """Delete particles that have failed, where laws say so: the energies [J] that they had."""
         rows = failed_to_delete(self, self.blocks)
         if not len(rows):
             return {}
@@ -173,15 +186,15 @@ class MaterialPoints(Particles):
         return {DELETED_KINETIC: kinetic, DELETED_INTERNAL: stored}
 
     def without_deleted(self) -> None:
-        """Give deleted particles no mass and no volume, so that no node knows of them; they go on as tracers."""
+        """Set mass and volume of deleted particles to 0, so that nodes get nothing from them. They stay as tracers."""
         if "deleted_mass" in self:
             gone = self.owned_rows("deleted_mass") > 0.0
             self.motion[: self.owned][gone, 3] = self.motion[: self.owned][gone, 7] = 0.0
             self.storage("stress_and_volume")[: self.owned][gone, :7] = 0.0
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
-        """Warm rows (n,) by heat (n,) [J], which their internal energy holds; what they took [J]. Particles without a
-        temperature take none, nor do deleted ones."""
+        """Warm rows (n,) by heat (n,) [J], which adds to their internal energy; the heat taken [J]. Particles without a
+        temperature and deleted ones take none."""
         taken = 0.0
         for block in self.warm_blocks:
             chosen = (rows >= block.first) & (rows < block.last) & (self.motion[rows, 3] > 0.0)

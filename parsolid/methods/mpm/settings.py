@@ -24,7 +24,7 @@ _NEAR_CELLS = 2**16
 # points across a cantilever from which FLIP bends it right within 5 % (docs/mpm.md)
 _FLIP_LAYERS = 4
 _ROUND_OFF = 1e-6
-# on surfaces
+# loads on surfaces
 _LOADS = ("traction", "pressure", "spring")
 
 
@@ -91,7 +91,7 @@ class MaterialPoint(MethodSettings):
         description='stress update last with particle velocities mapped again ("musl") or with the new grid velocity '
         '("usl", which loses energy in contact)',
     )
-    # what transfers between particles and grid do is not in the ledger to the last bit
+    # transfers between particles and grid leave an error in the balance
     balance_warning: Positive = 0.03
     balance_limit: Positive = 0.1
     cfl: Positive = Field(0.3, description="time step over h / (wave speed + particle speed)")
@@ -149,12 +149,12 @@ class MaterialPoint(MethodSettings):
         return {"transfer": "aflip", "flip_fraction": 0.99} if in_contact(scene, bodies) else {}
 
     def without_state(self, name: str) -> str:
-        """Slopes are of the transfer that bodies in contact have unless it is stated."""
-        told = "; method.transfer = 'apic', or 'aflip' in contact, has it unless another is stated, 'flip' does without"
-        return told if name == "velocity_slope" else ""
+        """A hint for results without slopes of the velocity."""
+        hint = "; method.transfer = 'apic', or 'aflip' in contact, has it unless another is stated, 'flip' does without"
+        return hint if name == "velocity_slope" else ""
 
     def reach(self, spacing: np.ndarray) -> np.ndarray:
-        """Where points have nodes in common."""
+        """Distance within which points have nodes in common."""
         return np.full(len(spacing), _NODES_ACROSS[self.basis] * self.cell)
 
     def band(self, spacing: np.ndarray) -> np.ndarray:
@@ -162,11 +162,11 @@ class MaterialPoint(MethodSettings):
         return np.full(len(spacing), 2.0 * self.cell)
 
     def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
-        """Where they act on one another."""
+        """Distance within which points act on one another."""
         return np.maximum(self.reach(spacing), spacing)
 
     def largest_spacing(self) -> float | None:
-        """A point a cell and direction."""
+        """The cell: a spacing of one point a cell and direction."""
         return self.cell
 
     def bending_fault(self, across: int, spacing: float) -> str | None:
@@ -191,8 +191,8 @@ class MaterialPoint(MethodSettings):
         alike = [i for one in scene.systems if one.settings is self for i in one.bodies]
         usual = self._usual_transfer(scene, alike) if alike[0] in bodies else {}
         names = ", ".join(in_contact(scene, alike) if usual else ())
-        told = ", ".join(f"method.{key} = {value!r}" for key, value in usual.items())
-        text = f"{names} in contact: {told}, unless stated; without contact {self.kind} has 'apic'"
+        chosen = ", ".join(f"method.{key} = {value!r}" for key, value in usual.items())
+        text = f"{names} in contact: {chosen}, unless stated; without contact {self.kind} has 'apic'"
         return [Note("transfer-in-contact", text)] if names else []
 
     def scene_faults(self, scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
@@ -207,7 +207,7 @@ class MaterialPoint(MethodSettings):
             ArtificialViscosity(),
             ArtificialViscosity(linear=0.0, quadratic=0.0),
         ):
-            # the usual one is on for every scene and means nothing where no law takes it
+            # the default is on in every scene and has no effect where no law takes it
             details.append(
                 (("method", "viscosity"), "no such key without an elastic-plastic body", self.viscosity.model_dump())
             )

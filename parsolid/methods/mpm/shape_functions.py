@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parsolid.kernels import kernel
 from parsolid.materials.law_functions import law_function
 
 
@@ -127,15 +126,3 @@ def _smooth_moments(basis, table):
         spread += table[k, 3] * table[k, 2]
     for k in range(nodes_across(basis)):
         table[k, 3] *= 1.0 / spread
-
-
-@kernel
-def find_base_nodes(count, position, origin, spacing, offset, base):
-    """Base nodes of particles 0..count-1, base[p, a] = floor((x_a - origin_a)/h - offset).
-
-    position (capacity, >= d) [m]; origin (>= d,) [m]; base (capacity, d) of whole numbers.
-    """
-    inverse = 1.0 / spacing
-    for p in range(count):
-        for a in range(base.shape[1]):
-            base[p, a] = np.floor((position[p, a] - origin[a]) * inverse - offset)

@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
-from parsolid.collective import SolverError, maximum, minimum
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.registry import laws_of
 from parsolid.methods.mpm.cells import CellMigration
@@ -23,22 +21,17 @@ from parsolid.methods.mpm.external_forces import ExternalForces, LaggingWork
 from parsolid.methods.mpm.grid import Nodes
 from parsolid.methods.mpm.heat import Conduction, common_conductivity, conducts
 from parsolid.methods.mpm.hyperelastic import HyperelasticSolid
-from parsolid.methods.mpm.output import Reports
 from parsolid.methods.mpm.points import MaterialPoints
 from parsolid.methods.mpm.shape_functions import nodes_across
+from parsolid.methods.mpm.start import Start
 from parsolid.methods.mpm.transfer import grid_to_particles, particles_to_grid
-from parsolid.methods.previous_state import take_forces, take_state
 from parsolid.methods.protocol import Announce, EnergyLedger
 from parsolid.particles.law_values import declare_law_values
 from parsolid.particles.particle_set import ParticleSet
-from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 
-# a step [s] that bounds nothing
-_ANY_STEP = 1e300
 
-
-class MaterialPoint(Reports):
+class MaterialPoint(Start):
     """The method on one rank: its particles `points`, its cells and shared nodes `grid`, the arrays of nodes `nodes`.
 
     solids: of each law, what its particles do between the transfers; fastest [m/s]: largest c + |v| of this rank's
@@ -73,9 +66,6 @@ class MaterialPoint(Reports):
         # of a step whose nodes have been accelerated already
         self._energies: StepEnergies | None = None
         self._sound, self.fastest, self.plastic_work = True, 0.0, 0.0
-        self._partition: CutTree | None = None
-
-    # --- a step -------------------------------------------------------------------------------------------------------
 
     def accelerate_nodes(self, time: float, step: float) -> None:
         """Start of a step [s] from a time [s]: particles to grid, and the nodes' velocities after the forces.
@@ -84,7 +74,10 @@ class MaterialPoint(Reports):
         """
         points, nodes, external = self.points, self.nodes, self.external
         nodes.follow_cells()
-        forces, duration = self._load_forces(time), step
+        forces, duration, loads = None, step, self.loads.find_loads(time)
+        if loads is not None:
+            forces = np.zeros((points.capacity, 4))
+            forces[: self.owned, : self.dimension] = loads.T
         self._energies = StepEnergies(points, nodes, forces, external, self.behind)
         if external is not None:
             forces = external.add_to(forces, step, (self.substep, self.substeps))
@@ -162,15 +155,6 @@ class MaterialPoint(Reports):
         self.plastic_work += terms["plastic_work"]
         return sound, terms
 
-    def _load_forces(self, time: float) -> np.ndarray | None:
-        """Forces (capacity, 4) [N] of the loads on particles at a time [s], None without any."""
-        loads = self.loads.find_loads(time)
-        if loads is None:
-            return None
-        result = np.zeros((self.points.capacity, 4))
-        result[: self.owned, : self.dimension] = loads.T
-        return result
-
     def stable_step(self) -> float:
         """cfl h / (c + |v|) [s] of this rank's fastest particle, and what conduction and springs allow."""
         settings, fastest = self.settings, self.fastest
@@ -179,106 +163,6 @@ class MaterialPoint(Reports):
             return float(thermal)
         waves = settings.cfl * settings.cell / fastest if fastest > 0.0 else np.inf
         if fastest == 0.0:
-            # this rank had no particle in the step; it may have got some since
-            waves = _ANY_STEP
+            # this rank had no particle in the step and may have got some since: any finite step
+            waves = 1e300
         return float(min(waves, thermal, self.loads.largest_step))
-
-    # --- start, restart -----------------------------------------------------------------------------------------------
-
-    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
-        """Set the state at time 0, deal particles out to the owners of their cells, and find the first stress;
-        collective."""
-        self.points.begin(scene, particle_set)
-        if self.takes_heat:
-            self.points.begin_plastic_state(scene, particle_set)
-        if taken := take_state(self.comm, scene, self, particle_set):
-            self.points.without_deleted()
-        self.migration.redistribute()
-        self.nodes.follow_cells()
-        self.advance_stress(0.0)
-        take_forces(self.comm, scene, self)
-        if taken:
-            last = min(minimum(self.comm, self.stable_step()), self.settings.maximum_step or np.inf)
-            self.behind.follow(last, self.external is not None)
-            if self.external is not None:
-                self.external.goes_on = True
-        self._look_at_heat()
-
-    def resume(self) -> None:
-        """Continue with the checkpoint's owners of cells; on other ranks with new ones; collective."""
-        self.points.without_deleted()
-        self.loads.masses_changed()
-        self.migration.redistribute(self._partition)
-        self._look_at_heat()
-
-    def _look_at_heat(self) -> None:
-        """What conduction allows for the first step, and how much heat there is; collective."""
-        if self.conduction is not None:
-            self.conduction.refresh()
-            self.energy_scale = max(self.energy_scale, self.comm.allreduce(self.points.heat()))
-
-    def state(self) -> dict[str, Any]:
-        """Owners of cells, the step counter that times re-ordering, the largest speed; collective."""
-        return {
-            "external": self.external is not None,
-            "behind": self.behind.state(),
-            "partition": self.grid.partition.state(),
-            "steps": self.migration.steps,
-            "fastest": maximum(self.comm, self.fastest),
-            "plastic_work": PerRank(self.plastic_work),
-            "driven_planes": [[one.moved, one.at] for one in self.conditions.driven],
-        }
-
-    def set_state(self, state: dict[str, Any]) -> None:
-        """Take back what `state` gave; owners of cells only for as many ranks. Raises SolverError where external forces
-        act on velocities of a run without any, which are of other times."""
-        if self.external is not None and not state["external"]:
-            raise SolverError("method: expected a checkpoint of a run with contact, ties or tools, found one without")
-        self.migration.steps, self.fastest = state["steps"], state["fastest"]
-        partition = CutTree.from_state(state["partition"], self.dimension)
-        for one, kept in zip(self.conditions.driven, state.get("driven_planes", ())):
-            one.moved, one.at = kept
-        self.behind.set_state(self.comm, state["behind"])
-        self.plastic_work = float(own_share(self.comm, state["plastic_work"])[0])
-        if partition.ranks == self.comm.size:
-            self._partition = partition
-
-    # --- external forces of contact, ties and tools ------------------------------------------------------------------
-
-    def take_external_forces(self, keep_rows: bool) -> None:
-        """See `ParticleSystem.take_external_forces` and `CellMigration.keep_rows`."""
-        super().take_external_forces(keep_rows)
-        if keep_rows:
-            self.migration.keep_rows()
-        if self.external is None:
-            self.external = ExternalForces(self.points, self.behind)
-
-    @property
-    def takes_heat(self) -> bool:  # type: ignore[override]
-        """Elastic-plastic laws have a temperature."""
-        return "temperature" in self.points
-
-    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
-        """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
-        return self.points.take_heat(heat, rows)
-
-    @property
-    def placements(self) -> int | None:  # type: ignore[override]
-        """On one rank particles change their rows when storage is sorted; on several when ranks look at that together,
-        or, where they need not stay in between, in any step."""
-        if self.comm.size == 1:
-            return self.points.layout
-        return self.migration.layout_version if self.migration.keeps_rows else None
-
-    def follow_work(self, work: list[float], number: int) -> None:
-        self.migration.follow_work(work, number)
-
-    @property
-    def owned(self) -> int:  # type: ignore[override]
-        """Number of this rank's particles, which changes as they move."""
-        return self.points.owned
-
-    @property
-    def mass(self) -> np.ndarray:
-        """Mass [kg] (capacity,)."""
-        return self.points["mass"]

@@ -70,13 +70,6 @@ def put_weights(basis, cells, c, p, motion, table):
             table[first + a, k, 0], table[first + a, k, 1], table[first + a, k, 2] = w[k], g[k], k - xi
 
 
-@inlined
-def put_moment_weights(basis, cells, table):
-    """Weights of the slope as the fourth kind, after `put_weights`."""
-    for a in range(3 - len(cells.axes), 3):
-        put_moments(basis, table[a])
-
-
 @kernel
 def particles_to_grid(basis, cells, motion, slope, stress, external, nodes):
     """Add mass, momentum and force of all particles to nodes, which must be 0 before.
@@ -170,7 +163,9 @@ def grid_to_particles(basis, cells, nodes, remapped, step, motion, fraction, slo
             p = np.uintp(cells.order[n])
             put_weights(basis, cells, c, p, motion, table)
             if slope is not None:
-                put_moment_weights(basis, cells, table)
+                # the weights of the slope are the fourth kind
+                for a in range(first, 3):
+                    put_moments(basis, table[a])
             v, second, gx, gy, gz, cx, cy, cz = zero, zero, zero, zero, zero, zero, zero, zero
             for i in range(planes):
                 for j in range(across):

@@ -1,4 +1,4 @@
-"""Failed particles that are deleted: they keep a trifle of their mass and stand still, so that no neighbour feels them.
+"""Failed particles that are deleted: they keep 1e-12 of their mass and stand still, so that no neighbour feels them.
 
 Ghosts know masses since the list was made, so particles go in the step after they failed, at whose start all ranks make
 lists anew. The opening kick of that step is still by forces of their whole mass: they go behind it, so that action and
@@ -15,7 +15,7 @@ import numpy as np
 from parsolid.methods.failed_matter import failed_to_delete, note_deleted
 from parsolid.methods.failure_fields import DELETED_INTERNAL, DELETED_KINETIC
 
-# of the mass that stays, so that sums over neighbours are divided by something
+# share of the mass that stays, so that no sum over neighbours is divided by zero
 _LEFT = 1e-12
 
 
@@ -25,9 +25,9 @@ def _left_of(deleted: np.ndarray) -> np.ndarray:
 
 
 class Deletion:
-    """Of one rank's particles; energies [J] of what has gone are asked for with `take_energies`.
+    """Deletion of one rank's particles.
 
-    astray: whether any has gone since lists were made, and ghosts are not where it is.
+    astray: whether a particle was deleted since lists were made, so that its ghosts are not where it is.
     """
 
     def __init__(self, system: Any):
@@ -38,12 +38,12 @@ class Deletion:
 
     @property
     def asks(self) -> bool:
-        """Whether this rank has failed particles to delete, or others have to be told where one has gone."""
+        """Whether this rank needs a new list, to delete failed particles or to update ghosts of deleted ones."""
         return self.astray or len(failed_to_delete(self.particles, self.system.blocks)) > 0
 
     @contextmanager
     def announced(self) -> Iterator[None]:
-        """While a list is made: masses of particles that will go, as ghosts shall know them."""
+        """While a list is made and ghosts take masses, give particles to be deleted the mass that will be left."""
         mass, deleted = self.particles.owned_rows("mass"), self.particles.owned_rows("deleted_mass")
         rows = failed_to_delete(self.particles, self.system.blocks)
         going = (1.0 - _LEFT) * mass[rows]
@@ -55,18 +55,18 @@ class Deletion:
         self.astray = False
 
     def stop(self) -> None:
-        """Before a drift: what has gone stands still, here and in ghosts."""
+        """Before a drift: stop deleted particles, here and in ghosts."""
         self.particles.owned_rows("velocity")[self.particles.owned_rows("deleted_mass") > 0.0] = 0.0
 
     def carry_out(self) -> None:
-        """Between the first drift and the first sweep: what is due goes."""
+        """Between the first drift and the first sweep: delete the particles that are due."""
         of = self.particles.owned_rows
         rows = np.flatnonzero(of("deleted_mass") < 0.0)
         if len(rows):
             self.astray = True
             kinetic, stored = self.system.energies()
             note_deleted(self.particles, rows, -of("deleted_mass")[rows], of("velocity")[rows].copy())
-            # those of its whole mass, whose heat the next state would take up
+            # forces of the whole mass, whose heat the next state would take up
             for name in ("force", "viscous_force", "viscous_heat", "impulse_power"):
                 of(name)[rows] = 0.0
             self.lighten()
@@ -84,6 +84,6 @@ class Deletion:
         of("mass")[gone] = _left_of(of("deleted_mass")[gone])
 
     def take_energies(self) -> dict[str, float]:
-        """Energies [J] that went with particles since this was asked."""
+        """Energies [J] of the particles deleted since the last call."""
         result, self._energies = self._energies, {}
         return result

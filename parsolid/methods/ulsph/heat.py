@@ -4,17 +4,25 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.kernels import kernel
-from parsolid.methods.ulsph.kinematics import symmetric_times
+from parsolid.kernels import inlined, kernel
 from parsolid.particles.container import Particles
 from parsolid.particles.regions import selected
 from parsolid.scene import Scene
 from parsolid.scene.boundaries import PrescribedTemperature
 
 
+@inlined
+def symmetric_times(B, u):
+    """B u of a symmetric tensor and a vector of three components."""
+    return (B[0] * u[0] + B[3] * u[1] + B[4] * u[2], B[3] * u[0] + B[1] * u[1] + B[5] * u[2],
+            B[4] * u[0] + B[5] * u[1] + B[2] * u[2])  # fmt: skip
+
+
 @kernel
-def advance_heat_flux(first, last, conductivity, in_plane, stride, slopes, mass, density, correction, heat_flux, told):
-    """Heat fluxes q = -conductivity grad T (Fourier) from the sums of the second sweep; told: q B/rho^2."""
+def advance_heat_flux(
+    first, last, conductivity, in_plane, stride, slopes, mass, density, correction, heat_flux, pair_flux
+):
+    """Heat fluxes q = -conductivity grad T (Fourier) from the sums of the second sweep; pair_flux: q B/rho^2."""
     for a in range(first, last):
         inverse = 1.0 / (mass[0, a] * density[0, a])
         x, y, z = slopes[a, stride], slopes[a, stride + 1], 0.0
@@ -25,17 +33,17 @@ def advance_heat_flux(first, last, conductivity, in_plane, stride, slopes, mass,
         q = (-conductivity * gradient[0], -conductivity * gradient[1], -conductivity * gradient[2])
         Y = symmetric_times(B, q)
         factor = 1.0 / (density[0, a] * density[0, a])
-        heat_flux[0, a], told[0, a] = q[0], factor * Y[0]
-        heat_flux[1, a], told[1, a] = q[1], factor * Y[1]
+        heat_flux[0, a], pair_flux[0, a] = q[0], factor * Y[0]
+        heat_flux[1, a], pair_flux[1, a] = q[1], factor * Y[1]
         if in_plane is None:
-            heat_flux[2, a], told[2, a] = q[2], factor * Y[2]
+            heat_flux[2, a], pair_flux[2, a] = q[2], factor * Y[2]
 
 
 class Temperatures:
     """Temperatures of particles: those that a scene prescribes, and heat that comes from outside.
 
-    supplied, stored: heat [J] that prescribed temperatures took or brought in the last step, and the part of it that
-    stored energies hold.
+    supplied, stored: heat [J] that prescribed temperatures added in the last step, and the part of it that stored
+    energies hold.
     """
 
     supplied = stored = 0.0
@@ -68,7 +76,7 @@ class Temperatures:
             self.stored += self._store(rows, heat)
 
     def take(self, heat: np.ndarray, rows: np.ndarray) -> float:
-        """Warm rows (n,) by heat (n,) [J]; what of it stored energies hold [J]."""
+        """Warm rows (n,) by heat (n,) [J]; the part that stored energies hold [J]."""
         of = self.particles.owned_rows
         temperature = of("temperature")
         for law, here in self._by_laws(rows):
@@ -78,7 +86,7 @@ class Temperatures:
         return self._store(rows, heat)
 
     def _by_laws(self, rows: np.ndarray) -> list[tuple[Any, np.ndarray]]:
-        """Each law that knows heat, with the places of its particles in rows (n,)."""
+        """Each law with a heat capacity, and the indices of its particles in rows (n,)."""
         numbers = self._law_of_body[self.particles.owned_rows("body")[rows]]
         warm = [one for one in enumerate(self._laws) if hasattr(one[1], "specific_heat")]
         return [(law, np.flatnonzero(numbers == number)) for number, law in warm]

@@ -37,7 +37,7 @@ from parsolid.scene import Scene
 from parsolid.tensors import IDENTITY, combine, determinant, inverse, matmul
 from parsolid.tiles import TILE, load, load_rows, store, store_rows
 
-# of the undeformed law's particles, see `state`
+# name of the field, see `state`
 PRESSURE = "elastic_pressure"
 # row of the pressure in a tile, behind the deviator
 _PRESSURE = DEVIATOR + 6
@@ -104,7 +104,7 @@ def advance_state(
                 relaxed_away += branches.lost[p] * V
             if field is not None:
                 softened += lost[p] * V
-            # not so for numbers that are none
+            # False for NaN
             sound = sound and density[0, i + p] > 0.0 and speed[p] > 0.0
     return sound, softened, relaxed_away
 
@@ -112,7 +112,7 @@ def advance_state(
 class HyperelasticSolid:
     """Particles of one law on a rank; see `elastic_plastic.ElasticPlasticSolid`.
 
-    softened [J]: what state variables have dissipated since `take_energies`.
+    softened [J]: energy that state variables have dissipated since `take_energies`.
     """
 
     stores_heat, speeds_change = False, True
@@ -135,28 +135,28 @@ class HyperelasticSolid:
         particles.owned_rows("density")[here] = self.law.density / np.linalg.det(F)
 
     def advance(self, system: Any, here: slice, step: float) -> tuple[bool, float, float]:
-        """The state after a step [s]: whether it is sound, what branches dissipate, no numerical loss [J]."""
+        """The state after a step [s]: whether it is sound, energy that branches dissipate, numerical loss [J], 0."""
         names = ("mass", "density", "correction", "deviator", PRESSURE, "pair_stress", "sound_speed")
         fields = tuple(system.particles.storage(name) for name in names)
         how = step, system.kicks.viscous_heat.mean_step(step), system.most_correction, system.centred, system.in_plane
         sound, softened, relaxed_away = advance_state(
             here.start, here.stop, self.law, *how, system.neighbours.rates, fields, *self.solid.carried(step)
         )
-        # what strain of the start has softened is no loss of the run
+        # energy that the strain at the start has dissipated is no loss of the run
         self.softened += softened if step > 0.0 else 0.0
         return sound, relaxed_away, 0.0
 
     def advance_fluxes(self, system: Any, here: slice, step: float) -> float:
-        """There are none."""
+        """0: there are no fluxes."""
         return 0.0
 
     def energies(self, particles: Particles, here: slice) -> tuple[float, float]:
-        """No other kinetic energy than that of the velocity, and W V0 [J]."""
+        """Kinetic energy besides that of the velocity, 0, and W V0 [J]."""
         volume = particles.storage("mass")[0] / self.law.density
         return 0.0, self.solid.stored_energy(here.start, here.stop, volume)
 
     def stable_step(self, particles: Particles, here: slice) -> float:
-        """Nothing but waves bounds it."""
+        """Infinite: waves alone bound the step."""
         return float(np.inf)
 
     def pressures(self, particles: Particles, here: slice) -> np.ndarray:
@@ -172,7 +172,7 @@ class HyperelasticSolid:
         return float(np.sqrt(self.solid.wave_modulus() / self.law.density))
 
     def take_energies(self) -> dict[str, float]:
-        """What state variables have dissipated since this was asked [J]."""
+        """Energy that state variables have dissipated since the last call [J]."""
         result = {SOFTENING: self.softened} if self.solid.softens else {}
         self.softened = 0.0
         return result

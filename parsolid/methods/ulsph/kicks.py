@@ -12,8 +12,7 @@ from parsolid.per_rank import PerRank, own_share
 
 class HalfKick(NamedTuple):
     """Energies of a half kick [J]: external work; loss to the artificial viscosity; kinetic offset of all other forces;
-    loss to walls, and to impulses of contact; the part of the viscous loss that stored energies take up in the next
-    step."""
+    loss to walls and to impulses of contact; the part of the viscous loss that stored energies take up a step later."""
 
     external: float
     viscous: float
@@ -23,12 +22,12 @@ class HalfKick(NamedTuple):
 
 
 class ViscousHeat:
-    """When laws take up the heat of the artificial viscosity, whose forces act for half of the step before their time
-    and for half of that after it: in the latter.
+    """Heat of the artificial viscosity, whose forces act in the half steps before and after their time. Laws take up
+    the heat of both in the second one.
 
-    step: the last one [s], 0 before the first; continues: whether the first step goes on from another run's forces,
-    whose last step is taken to be as long; to_come: what the viscosity took in the last closing kick from particles
-    whose stored energy has it after the next step [J], of this rank.
+    step: the last one [s], 0 before the first; continues: whether the first step starts from another run's forces,
+    whose last step is taken to be as long; to_come [J]: energy that the viscosity took in the last closing kick from
+    particles of this rank whose stored energy gets it in the next step.
     """
 
     def __init__(self) -> None:
@@ -36,18 +35,18 @@ class ViscousHeat:
         self.continues = False
 
     def mean_step(self, step: float) -> float:
-        """Of the step before and this one [s]."""
+        """Mean length of the step before and this one [s]."""
         return step if self.continues else 0.5 * (self.step + step)
 
     def finish(self, step: float, taken: float) -> float:
-        """A step [s] ends with energy [J] taken in its closing kick; by how much more is to come than before [J]."""
+        """End a step [s] whose closing kick took an energy [J]; the change of `to_come` [J]."""
         change = float(taken - self.to_come)
         self.step, self.to_come = step, float(taken)
         self.continues = self.continues and step == 0.0
         return change
 
     def state(self) -> dict[str, Any]:
-        """The step, and what is to come on each rank."""
+        """The step, and `to_come` of each rank."""
         return {"step": self.step, "to_come": PerRank(self.to_come)}
 
     def set_state(self, comm: Any, state: dict[str, Any]) -> None:
@@ -56,9 +55,9 @@ class ViscousHeat:
 
 
 class Kicks:
-    """The half kicks of a step of one rank's particles: `leapfrog` and what walls catch after it.
+    """The half kicks of a step of one rank's particles: those of `leapfrog`, after which walls catch particles.
 
-    opening, closing: energies of both; viscous_heat: when stored energies take up that of the viscosity.
+    opening, closing: energies of the two kicks.
     """
 
     def __init__(self, system: Any) -> None:
@@ -129,8 +128,8 @@ class Kicks:
                 ledger.add_term(name, energy)
 
     def _viscous_loss(self, step: float, taken: float) -> float:
-        """What the viscosity took in a step [s] from particles whose stored energy does not take it up [J]; taken: from
-        all particles."""
+        """Energy [J] that the viscosity took in a step [s] from particles whose stored energy does not get it; taken
+        [J]: from all particles."""
         if not self.warms:
             return taken
         heat = self.particles.owned_rows("viscous_heat")

@@ -35,13 +35,6 @@ _MOST_CHANGE = 0.25
 
 
 @inlined
-def symmetric_times(B, u):
-    """B u of a symmetric tensor and a vector of three components."""
-    return (B[0] * u[0] + B[3] * u[1] + B[4] * u[2], B[3] * u[0] + B[1] * u[1] + B[5] * u[2],
-            B[4] * u[0] + B[5] * u[1] + B[2] * u[2])  # fmt: skip
-
-
-@inlined
 def load_rates(rates, mass, density, in_plane, deleted, first, count, tile):
     """Sums of the first sweep into a tile; gradients are 0 of particles that were deleted, None where none ever is."""
     tile[:] = 0.0

@@ -35,7 +35,7 @@ from parsolid.materials.plastic.micro_inertia_solve import (
 )
 from parsolid.materials.plastic.tile_update import DEVIATOR, STRAIN
 from parsolid.methods.ulsph import kinematics as flow
-from parsolid.methods.ulsph.kinematics import symmetric_times
+from parsolid.methods.ulsph.heat import symmetric_times
 from parsolid.particles.container import Particles
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
@@ -121,10 +121,9 @@ def square_of(u):
 @inlined
 def resistance_of(law, tile, p):
     """S_g R_1 R_2/d^p [Pa s] of a particle of a tile."""
-    at = p
     return law_of_solid.resistance(
-        law, tile[RATE * TILE + at], tile[GRADIENT_SQUARE * TILE + at], tile[GAMMA * TILE + at],
-        tile[CURL * TILE + at], tile[TEMPERATURE * TILE + at])  # fmt: skip
+        law, tile[RATE * TILE + p], tile[GRADIENT_SQUARE * TILE + p], tile[GAMMA * TILE + p],
+        tile[CURL * TILE + p], tile[TEMPERATURE * TILE + p])  # fmt: skip
 
 
 @inlined
@@ -272,16 +271,16 @@ def find_fluxes(law, increments, warms, energetic, dissipative, heat, tile):
             xi = law_of_solid.dissipative_flux(law, increments.relax_flux, old, g, resisted)
             store_vector(tile, _DISSIPATIVE * TILE + p, xi)
             flux = (flux[0] + xi[0], flux[1] + xi[1], flux[2] + xi[2])
-        told = symmetric_times(B, (factor * flux[0], factor * flux[1], factor * flux[2]))
-        store_vector(tile, _PAIR_MICRO * TILE + p, told)
+        pair_flux = symmetric_times(B, (factor * flux[0], factor * flux[1], factor * flux[2]))
+        store_vector(tile, _PAIR_MICRO * TILE + p, pair_flux)
         if heat is not None:
             inverse, slope = 1.0 / (tile[_MASS * TILE + p] * density), load_vector(tile, _STEEPNESS * TILE + p)
             steepness = symmetric_times(B, (inverse * slope[0], inverse * slope[1], inverse * slope[2]))
             old = load_vector(tile, _HEAT_FLUX * TILE + p)
             q = law_of_solid.heat_flux(law, increments.relax_heat, old, steepness)
             store_vector(tile, _HEAT_FLUX * TILE + p, q)
-            told = symmetric_times(B, (factor * q[0], factor * q[1], factor * q[2]))
-            store_vector(tile, _PAIR_HEAT * TILE + p, told)
+            pair_flux = symmetric_times(B, (factor * q[0], factor * q[1], factor * q[2]))
+            store_vector(tile, _PAIR_HEAT * TILE + p, pair_flux)
 
 
 @kernel
@@ -409,18 +408,18 @@ class MicroInertiaSolid:
         return sound, heat, lost
 
     def advance_fluxes(self, system: Any, here: slice, step: float) -> float:
-        """Fluxes from the sums of the second sweep; what of them is dissipated [J]."""
+        """Fluxes from the sums of the second sweep; the energy that they dissipate [J]."""
         of = system.particles.storage
         heats = system.viscosity is not None and system.settings.viscous_heating
         if not (self.flows or heats):
             return 0.0
         state, gradients = self._state(system.particles)
-        told = (of(f"pair_{flow}_flux") if flow in self.flows else None for flow in ("micro", "heat"))
+        pair_fluxes = (of(f"pair_{flow}_flux") if flow in self.flows else None for flow in ("micro", "heat"))
         sums = system.neighbours
         return float(
             advance_fluxes(
                 here.start, here.stop, self._numbers, increments_of(self.law, step), sums.stride, sums.slopes, state,
-                of("viscous_heat") if heats else None, *gradients, *told, self._tile,
+                of("viscous_heat") if heats else None, *gradients, *pair_fluxes, self._tile,
             )
         )  # fmt: skip
 
@@ -431,7 +430,7 @@ class MicroInertiaSolid:
         return kinetic, stored
 
     def stable_step(self, particles: Particles, here: slice) -> float:
-        """What fluxes allow [s]."""
+        """Largest stable step of the fluxes [s]."""
         state, gradients = self._state(particles)
         length = particles.storage("smoothing_length")
         step = law_of_solid.heat_time_step(self._numbers, float(length[0, here].min()))
@@ -455,5 +454,5 @@ class MicroInertiaSolid:
         return float(np.sqrt((law.bulk_modulus + 4.0 / 3.0 * law.shear_modulus) / law.density))
 
     def take_energies(self) -> dict[str, float]:
-        """No other energies than those of `advance` and `advance_fluxes`."""
+        """Empty: all energies are those of `advance` and `advance_fluxes`."""
         return {}

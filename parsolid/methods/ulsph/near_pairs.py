@@ -1,17 +1,25 @@
-"""The pairs of a Verlet list that are within the support or nearly so, for some steps.
+"""The pairs of a Verlet list as sweeps take them: within bodies or between two, and within the support or nearly so.
 
 Half of the pairs of a list with a skin are beyond the support. Each rank leaves them out of the sweeps until a particle
 has moved so far that one might have come within it (dual lists: Pall and Hess, Comput. Phys. Commun. 184, 2013). Sums
 are the same to the bit: those pairs would add nothing to them.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from parsolid.kernels import kernel
-from parsolid.pairs.verlet_list import Pairs
+from parsolid.methods.ulsph.pair_weights import reference_weights
+from parsolid.pairs.verlet_list import Pairs, VerletList
+from parsolid.particles.container import Particles
 
-# of the support that is listed besides it
+# margin of near pairs beyond the support, over the support
 _MARGIN = 0.08
+# neighbours on a square lattice are nearer than this many spacings
+_DIAGONAL = 1.45
+# distance over the support beyond which the weight that pairs in tension keep falls, see `pair_weights.held_weight`
+_LETTING_GO = 0.8
 
 
 @kernel
@@ -75,6 +83,84 @@ class NearPairs:
         return self._near, self._near_weights
 
     def arrays(self) -> list[np.ndarray]:
-        """For what counts memory."""
-        all_of_them = [self._before, *self._near, self._weights, self._near_weights]
-        return [one for one in all_of_them if one is not None]
+        """Arrays that count as memory."""
+        arrays = [self._before, *self._near, self._weights, self._near_weights]
+        return [array for array in arrays if array is not None]
+
+
+class Part(NamedTuple):
+    """Pairs that a sweep treats alike. between: pairs of two bodies; code: of the mirror images, None where sweeps do
+    not tell images of different planes apart."""
+
+    near: NearPairs
+    between: bool
+    code: int | None
+
+
+def parts_of_list(
+    particles: Particles, pairs: VerletList, dimension: int, smoothing: Any, corrected: bool
+) -> tuple[list[Part], list[Part], list[Part]]:
+    """The parts of a list that was just made: pairs of owned particles, with ghosts, and with mirror images.
+
+    corrected: whether pairs in tension within a body keep the weights of their reference distances.
+    """
+    known = particles.owned + particles.ghosts
+    places = particles["reference_position"][:known]
+    lengths = particles["smoothing_length"][:known]
+    body = particles["contact_body"][:known] if "contact_body" in particles else None
+    images, codes = pairs.images, pairs.codes
+    if images is not None:
+        R, T = codes.reflections[images.code, :dimension], codes.shifts_at_start[images.code, :dimension]
+        places = np.concatenate((places, R * places[images.source] + T))
+        lengths = np.concatenate((lengths, lengths[images.source]))
+        body = None if body is None else np.concatenate((body, body[images.source]))
+    places, lengths = np.ascontiguousarray(places), np.ascontiguousarray(lengths)
+
+    def part(chosen: Pairs, rows: int, between: bool, code: int | None) -> Part:
+        weights = None
+        if corrected and not between:
+            weights = np.empty(len(chosen.neighbour))
+            reference_weights(smoothing, chosen, places, lengths, weights)
+        return Part(NearPairs(chosen, weights, rows, dimension, smoothing.support), between, code)
+
+    def parts(chosen: Pairs, rows: int, code: int | None = None) -> list[Part]:
+        between = None if body is None else body[chosen.particle] != body[chosen.neighbour]
+        if between is None or not between.any():
+            return [part(chosen, rows, False, code)]
+        within = part(chosen.where(~between), rows, False, code)
+        return [within, part(chosen.where(between), rows, True, code)]
+
+    inner = parts(pairs.inner, particles.owned)
+    outer = [] if pairs.outer is None else parts(pairs.outer, known)
+    if pairs.mirror is None or images is None:
+        return inner, outer, []
+    if not (codes.moving or (codes.signs != codes.reflections).any()):
+        return inner, outer, parts(pairs.mirror, len(places))
+    of_code = images.code[pairs.mirror.neighbour - known]
+    mirror = []
+    for code in range(len(codes.planes)):
+        mirror += parts(pairs.mirror.where(of_code == code), len(places), code)
+    return inner, outer, mirror
+
+
+def has_torn(particles: Particles, pairs: VerletList, dimension: int, support: float) -> bool:
+    """Whether neighbours of the reference lattice, one of them on this rank, which have neither flowed nor failed, are
+    so far apart that the weight which they keep in tension is about to fall. Collective."""
+    of = particles
+    sound = of.owned_rows("plastic_strain") == 0.0
+    if "damage" in of:
+        sound &= of.owned_rows("damage") == 0.0
+    spacing = np.prod(of.owned_rows("spacing"), axis=1) ** (1.0 / dimension)
+    known = pairs.halo.with_ghosts(np.column_stack((sound, spacing, of.owned_rows("body"))))
+    place, x, h = of["reference_position"], of["position"], of["smoothing_length"]
+    for listed in (pairs.inner, pairs.outer):
+        if listed is None:
+            continue
+        a, b = listed.particle, listed.neighbour
+        near = np.linalg.norm(place[b] - place[a], axis=1) < _DIAGONAL * np.minimum(known[a, 1], known[b, 1])
+        near &= (known[a, 0] * known[b, 0] == 1.0) & (known[a, 2] == known[b, 2])
+        a, b = a[near], b[near]
+        apart = np.linalg.norm(x[b] - x[a], axis=1)
+        if (apart > _LETTING_GO * support * 0.5 * (h[a] + h[b])).any():
+            return True
+    return False

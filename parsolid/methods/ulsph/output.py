@@ -1,4 +1,4 @@
-"""What output and reports ask of updated-Lagrangian SPH."""
+"""Fields, quantities, warnings and messages of updated-Lagrangian SPH."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
 from parsolid.collective import anywhere, maximum, minimum
+from parsolid.materials.blocks import MaterialBlock, blocks_between
 from parsolid.methods import failed_matter
 from parsolid.methods.hyperelastic_particles import full_gradients
 from parsolid.methods.leapfrog import kinetic_energy
@@ -16,7 +17,7 @@ from parsolid.scene.codes import Warned
 
 
 class Reports(ParticleSystem):
-    """Answers of `system.UpdatedLagrangianSPH`, which derives from it and has these parts."""
+    """Base class of `system.UpdatedLagrangianSPH`, which has these members."""
 
     conditions: Any
     laws: list[Any]
@@ -24,10 +25,30 @@ class Reports(ParticleSystem):
     pairs: Any
     neighbours: Any
     whole_mass: float
-    parts: Any
+
+    @property
+    def owned(self) -> int:  # type: ignore[override]
+        """Number of this rank's particles, which changes as they move."""
+        return self.particles.owned
+
+    @property
+    def blocks(self) -> list[MaterialBlock]:
+        """Particles that share a law, law after law."""
+        return blocks_between(self.particles.bounds, self.laws)
+
+    def parts(self) -> list[tuple[Any, slice]]:
+        """Every law of this rank's particles, and their rows."""
+        bounds = self.particles.bounds.tolist()
+        ranges = zip(self.solids, bounds, bounds[1:])
+        return [(solid, slice(first, last)) for solid, first, last in ranges if last > first]
+
+    @property
+    def placements(self) -> int:  # type: ignore[override]
+        """Particles change their rows when lists are made."""
+        return self.pairs.builds
 
     def warnings(self) -> list[Warned]:
-        """Layers at a surface that are driven, and thinner than the support: what is beside them flows unevenly."""
+        """Driven layers at a surface that are thinner than the support: matter beside them flows unevenly."""
         rows, motion, found = self.particles.owned_rows, self.conditions.motion, []
         place, spacing, body = rows("reference_position"), rows("spacing"), rows("body")
         for key, one in self.conditions.all:
@@ -52,7 +73,7 @@ class Reports(ParticleSystem):
         return found
 
     def validity_warning(self) -> str | None:
-        """Neighbours that nothing has parted but their stretch."""
+        """A message where neighbours have come apart by stretching alone."""
         if not anywhere(self.comm, self.neighbours.torn):
             return None
         return (
@@ -168,11 +189,11 @@ class Reports(ParticleSystem):
         return self.pairs.arrays() + self.neighbours.arrays()
 
     def bytes_a_step(self) -> int:
-        """Two messages a step; particles that change their rank come on top."""
+        """Bytes of the two messages of a step, without particles that change their rank."""
         return self.particles.bytes_sent("motion") + self.particles.bytes_sent("record")
 
     def summary(self) -> dict[str, Any]:
-        """How often lists were made anew, how often too late, and particles that changed their rank."""
+        """How often lists were made, how often too late, and how many particles changed their rank."""
         return failed_matter.summary(self.comm, self.particles, self.mass) | self.pairs.summary()
 
     @staticmethod
@@ -186,5 +207,5 @@ class Reports(ParticleSystem):
         return symmetry_planes(self.conditions.planes)
 
     def held_components(self) -> np.ndarray | None:
-        """Those of supports and of prescribed velocities."""
+        """Components that supports and prescribed velocities hold."""
         return self.conditions.constrained

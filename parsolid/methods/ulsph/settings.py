@@ -18,14 +18,14 @@ from parsolid.scene.base_model import Detail, NotNegative, Positive, SceneModel,
 from parsolid.scene.method_settings import MethodSettings, named_observables
 from parsolid.scene.plasticity import QUANTITIES, faults_of_names
 
-# what only one kind of material has
+# names that only one kind of material has
 _KIND_OF = {
     "micro_rate": "micro-inertia",
     "micro_stress": "micro-inertia",
     "micro_kinetic": "micro-inertia",
     "internal_energy": "elastic-plastic",
 }
-# of elastic-plastic solids, known to the material point method alone
+# keys of elastic-plastic solids that the material point method alone takes
 _OF_THE_GRID = ("conductivity_tensor",)
 
 
@@ -134,23 +134,23 @@ class UpdatedLagrangianSPH(MethodSettings):
         raise mismatch("a table or false", value)
 
     def touching(self) -> str:
-        """They press on one another, unless they are welded."""
+        """How bodies meet: they press on one another unless they are welded."""
         return super().touching() if self.contact == "welded" else "pressing on one another where they touch"
 
     def reach(self, spacing: np.ndarray) -> np.ndarray:
-        """That of the kernel."""
+        """Support of the kernel."""
         length = self.smoothing * float(np.prod(spacing)) ** (1.0 / len(spacing))
         return np.full(len(spacing), smoothing_kernel(self.kernel).support * length)
 
     def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
-        """Where they act on one another."""
+        """Distance within which particles act on one another."""
         return np.maximum(self.reach(spacing), spacing)
 
     def contact_refused(self, scene: Any) -> str | None:
         return None
 
     def scene_faults(self, scene: Any) -> list[Detail]:
-        """What has no effect: contact of one body, heat of no viscosity."""
+        """Keys without an effect, conditions and names that no body of the scene has."""
         details: list[Detail] = []
         for i, body in enumerate(scene.bodies):
             parts = getattr(body.material, "parts", {})
@@ -173,7 +173,7 @@ class UpdatedLagrangianSPH(MethodSettings):
         of_flow = flow_fields_of_no_body(scene)
         if not needed["temperature"]:
             of_flow = fields_of_no_body(scene) + temperatures_without_heat(scene)
-        wanted, one = "something that a body of this scene has", next(iter(kinds))
+        wanted, one = "a field or quantity that a body of this scene has", next(iter(kinds))
         named = named_observables(scene)
         details += [(place, wanted, name) for place, name in named if _KIND_OF.get(name, one) not in kinds]
         return details + of_flow + faults_of_names(scene)

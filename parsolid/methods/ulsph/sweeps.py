@@ -25,21 +25,15 @@ and add to rows of owned particles:
     forces   of stresses F and of the artificial viscosity V: space [F . | V .]; plane [F V]
     heating  q
     slopes   sums of (v^p_b - v^p_a) g and of (T_b - T_a) g: space [micro . | heat .]; plane [micro heat]
-pressing is None but for pairs of two bodies that exert no tension on one another. reference: weights of pairs at their
-reference distances, which those in tension keep (`held_weight`), None where all have those of their present distance.
-tension: what that reads of particles: P is the symmetric part, of the record in the rates and of the mean of the record
-that these rates had and of the present one in the forces: kicks before and after a step then have, on the mean, the
-weights of its rates, and power closes to second order of the step; pull is 1 where r.P r may be positive, else 0.
-    tension  space [P_11 P_22 P_33 2P_12 | 2P_13 2P_23 pull .]; plane [P_11 P_22 2P_12 pull]
+pressing: None, or for pairs of two bodies, which exert no tension on one another. reference: weights of pairs at their
+reference distances, or None where pairs in tension do not keep them; tension: rows of `pair_weights`.
 """
 
 from typing import NamedTuple
 
-import numpy as np
-
 from parsolid.kernels import inlined, kernel
+from parsolid.methods.ulsph.pair_weights import held_weight, pull_in_space, room_for_pairs, weigh_in_space
 from parsolid.pairs.rows_of_four import add, add_scaled, dot, load_row, scale, store_row, subtract
-from parsolid.pairs.smoothing.gradient import gradient_factor
 
 
 class ArtificialViscosity(NamedTuple):
@@ -58,126 +52,6 @@ def viscous_pressure(viscosity, h, approach, square, N):
     s = square + viscosity.softening * h * h
     # with the means rho = N[0]/2, c = N[1]/2
     return mu * (2.0 * viscosity.quadratic * mu - viscosity.linear * N[1] * s) / (s * s * N[0])
-
-
-@kernel
-def weigh(smoothing, d, squares, lengths, weights):
-    """Fill weights with k_ab [1/m^(d + 2)] at squared distances [m^2] and smoothing lengths [m]; all (pairs,)."""
-    for k in range(weights.size):
-        inverse = 1.0 / lengths[k]
-        factor = gradient_factor(smoothing, squares[k] ** 0.5 * inverse, d)
-        weights[k] = -factor * inverse**4 * (inverse if d == 3 else 1.0)
-
-
-@kernel
-def reference_weights(smoothing, pairs, places, length, weights):
-    """Weights of pairs of places (rows, d) [m] and smoothing lengths (rows,) [m]."""
-    d, lengths = places.shape[1], np.empty(weights.size)
-    for a in range(pairs[0].shape[0] - 1):
-        for k in range(pairs[0][a], pairs[0][a + 1]):
-            b, weights[k] = pairs[1][k], 0.0
-            for c in range(d):
-                weights[k] += (places[b, c] - places[a, c]) ** 2
-            lengths[k] = 0.5 * (length[a] + length[b])
-    weigh(smoothing, d, weights, lengths, weights)
-
-
-@kernel
-def room_for_pairs(start):
-    """Ones (3, n), n: pairs of any one particle, in whole vectors of eight: squared distances, lengths, weights."""
-    most = 0
-    for a in range(start.shape[0] - 1):
-        most = max(most, np.int64(start[a + 1]) - np.int64(start[a]))
-    return np.ones((3, _whole(most)))
-
-
-@inlined
-def _whole(n):
-    """n, in whole vectors of eight numbers."""
-    return (n + 7) // 8 * 8
-
-
-@kernel
-def weigh_in_space(smoothing, a, first, last, neighbour, motion, room):
-    """Weights of pairs first..last-1, of particle a, in the last row of `room_for_pairs`: found before the sums, they
-    are found eight at a time."""
-    x_a = load_row(motion, a, 4)
-    for k in range(first, last):
-        x_b = load_row(motion, neighbour[k], 4)
-        r = subtract(x_b, x_a)
-        room[0, k - first], room[1, k - first] = dot(r, r), 0.5 * (x_a[3] + x_b[3])
-    n = _whole(last - first)
-    weigh(smoothing, 3, room[0, :n], room[1, :n], room[2, :n])
-
-
-@kernel
-def weigh_in_plane(smoothing, a, first, last, neighbour, motion, room):
-    """As `weigh_in_space`."""
-    for k in range(first, last):
-        b = neighbour[k]
-        x, y = motion[b, 2] - motion[a, 2], motion[b, 3] - motion[a, 3]
-        room[0, k - first], room[1, k - first] = x * x + y * y, 0.5 * (motion[a, 5] + motion[b, 5])
-    n = _whole(last - first)
-    weigh(smoothing, 2, room[0, :n], room[1, :n], room[2, :n])
-
-
-@inlined
-def held_weight(smoothing, weight, reference, h, square, pull_a, pull_b):
-    """Weight of a pair that is stretched: that of its reference distance as far as both particles pull.
-
-    In tension, weights that fall as a pair stretches make neighbours part (Swegle, Hicks and Attaway, J. Comput. Phys.
-    116, 1995); those of the reference distance do not fall. pull_a, pull_b: r.P r of both particles. In the last fifth
-    of the support the pair lets go.
-    """
-    if min(pull_a, pull_b) > 0.0:
-        share = 2.0 * min(pull_a, pull_b) / (pull_a + pull_b)
-        distance = square**0.5 / (smoothing.support * h)
-        weight += share * max(min(5.0 * (1.0 - distance), 1.0) * reference - weight, 0.0)
-    return weight
-
-
-@inlined
-def pull_in_space(tension, a, r):
-    """r.P_a r."""
-    P, Q = load_row(tension, a, 0), load_row(tension, a, 4)
-    pull = r[0] * (P[0] * r[0] + P[3] * r[1] + Q[0] * r[2])
-    return pull + r[1] * (P[1] * r[1] + Q[1] * r[2]) + P[2] * r[2] * r[2]
-
-
-@inlined
-def pull_in_plane(tension, a, x, y):
-    """r.P_a r of r = (x, y)."""
-    P = load_row(tension, a, 0)
-    return x * (P[0] * x + P[2] * y) + P[1] * y * y
-
-
-@kernel
-def find_tension_in_space(first, last, mean, record, tension):
-    """Tension of rows first..last-1; mean: of P that is there and that of the record, else of the record alone."""
-    for a in range(first, last):
-        u, v, w = load_row(record, a, 0), load_row(record, a, 4), load_row(record, a, 8)
-        P, Q = (u[0], v[1], w[2], u[1] + v[0]), (u[2] + w[0], v[2] + w[1], 0.0, 0.0)
-        if mean:
-            P, Q = scale(0.5, add(load_row(tension, a, 0), P)), scale(0.5, add(load_row(tension, a, 4), Q))
-        # the largest eigenvalue is tr P/3 + (2/3)^1/2 |dev P| at most
-        p = (P[0] + P[1] + P[2]) / 3.0
-        square = (P[0] - p) ** 2 + (P[1] - p) ** 2 + (P[2] - p) ** 2
-        square += 0.5 * (P[3] * P[3] + Q[0] * Q[0] + Q[1] * Q[1])
-        pull = 1.0 if p > 0.0 or 2.0 * square > 3.0 * p * p else 0.0
-        store_row(tension, a, 0, P)
-        store_row(tension, a, 4, (Q[0], Q[1], pull, 0.0))
-
-
-@kernel
-def find_tension_in_plane(first, last, mean, record, tension):
-    """As `find_tension_in_space`."""
-    for a in range(first, last):
-        P = (record[a, 0], record[a, 3], record[a, 1] + record[a, 2], 0.0)
-        if mean:
-            P = scale(0.5, add(load_row(tension, a, 0), P))
-        p, half = 0.5 * (P[0] + P[1]), 0.5 * (P[0] - P[1])
-        pull = 1.0 if p > 0.0 or half * half + 0.25 * P[2] * P[2] > p * p else 0.0
-        store_row(tension, a, 0, (P[0], P[1], P[2], pull))
 
 
 @inlined
@@ -291,108 +165,3 @@ def add_forces_in_space(
         heating[a] = sum_q
         store_row(slopes, a, 0, slope_micro)
         store_row(slopes, a, 4, slope_heat)
-
-
-@inlined
-def traction_in_plane(record, a, b, x, y):
-    """(P_a + P_b) r of r = (x, y)."""
-    P = add(load_row(record, a, 0), load_row(record, b, 0))
-    return (P[0] * x + P[2] * y, P[1] * x + P[3] * y)
-
-
-@kernel
-def add_rates_in_plane(smoothing, pairs, both, pressing, reference, tension, flux, motion, record, rates, flows):
-    """As `add_rates_in_space`."""
-    start, neighbour = pairs
-    room = room_for_pairs(start)
-    for a in range(start.shape[0] - 1):
-        first, last = start[a], start[a + 1]
-        if first == last:
-            continue
-        weigh_in_plane(smoothing, a, first, last, neighbour, motion, room)
-        here, m_a = load_row(motion, a, 0), motion[a, 4]
-        pulls = reference is not None and tension[a, 3] > 0.0
-        sum_0, sum_1, sum_flow = load_row(rates, a, 0), load_row(rates, a, 4), load_row(flows, a, 0)
-        for k in range(first, last):
-            b = neighbour[k]
-            square, h, weight = room[0, k - first], room[1, k - first], room[2, k - first]
-            if weight == 0.0:
-                continue
-            step = subtract(load_row(motion, b, 0), here)
-            u, v, x, y = step
-            if pressing is not None:
-                S = traction_in_plane(record, a, b, x, y)
-                if not (u * x + v * y < 0.0 or S[0] * x + S[1] * y < 0.0):
-                    continue
-            if pulls and (reference[k] - weight) * tension[b, 3] > 0.0:
-                pull = pull_in_plane(tension, a, x, y), pull_in_plane(tension, b, x, y)
-                weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
-            product = m_a * motion[b, 4] * weight
-            g_x, g_y = product * x, product * y
-            to_0, to_1 = (u * g_x, v * g_x, u * g_y, v * g_y), (x * g_x, y * g_y, x * g_y, 0.0)
-            sum_0, sum_1 = add(sum_0, to_0), add(sum_1, to_1)
-            if both:
-                store_row(rates, b, 0, add(load_row(rates, b, 0), to_0))
-                store_row(rates, b, 4, add(load_row(rates, b, 4), to_1))
-            if flux is not None:
-                S = add(load_row(flux, a, 0), load_row(flux, b, 0))
-                to_flow = (S[0] * g_x + S[2] * g_y, S[1] * g_x + S[3] * g_y, 0.0, 0.0)
-                sum_flow = add(sum_flow, to_flow)
-                if both:
-                    store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))
-        store_row(rates, a, 0, sum_0)
-        store_row(rates, a, 4, sum_1)
-        store_row(flows, a, 0, sum_flow)
-
-
-@kernel
-def add_forces_in_plane(
-    smoothing, pairs, both, pressing, reference, tension, flux, viscosity, motion, record, forces, heating, slopes
-):
-    """As `add_forces_in_space`."""
-    start, neighbour = pairs
-    room = room_for_pairs(start)
-    for a in range(start.shape[0] - 1):
-        first, last = start[a], start[a + 1]
-        if first == last:
-            continue
-        weigh_in_plane(smoothing, a, first, last, neighbour, motion, room)
-        here, m_a, N_a = load_row(motion, a, 0), motion[a, 4], load_row(record, a, 4)
-        pulls = reference is not None and tension[a, 3] > 0.0
-        sum_F, sum_q, slope = load_row(forces, a, 0), heating[a], load_row(slopes, a, 0)
-        for k in range(first, last):
-            b = neighbour[k]
-            square, h, weight = room[0, k - first], room[1, k - first], room[2, k - first]
-            if weight == 0.0:
-                continue
-            step = subtract(load_row(motion, b, 0), here)
-            u, v, x, y = step
-            if pulls and (reference[k] - weight) * tension[b, 3] > 0.0:
-                pull = pull_in_plane(tension, a, x, y), pull_in_plane(tension, b, x, y)
-                weight = held_weight(smoothing, weight, reference[k], h, square, *pull)
-            product, N_b = m_a * motion[b, 4] * weight, load_row(record, b, 4)
-            g_x, g_y = product * x, product * y
-            F_x, F_y = traction_in_plane(record, a, b, g_x, g_y)
-            if pressing is not None and not F_x * x + F_y * y < 0.0:
-                F_x, F_y = 0.0, 0.0
-            V_x, V_y = 0.0, 0.0
-            if viscosity is not None:
-                Pi = viscous_pressure(viscosity, h, u * x + v * y, square, add(N_a, N_b))
-                V_x, V_y = -Pi * g_x, -Pi * g_y
-                q = 0.5 * (V_x * u + V_y * v)
-                sum_q += q
-                if both:
-                    heating[b] += q
-            F = (F_x, F_y, V_x, V_y)
-            sum_F = add(sum_F, F)
-            if both:
-                store_row(forces, b, 0, subtract(load_row(forces, b, 0), F))
-            if flux is not None:
-                micro, heat = N_b[2] - N_a[2], N_b[3] - N_a[3]
-                to_slope = (micro * g_x, micro * g_y, heat * g_x, heat * g_y)
-                slope = add(slope, to_slope)
-                if both:
-                    store_row(slopes, b, 0, add(load_row(slopes, b, 0), to_slope))
-        store_row(forces, a, 0, sum_F)
-        heating[a] = sum_q
-        store_row(slopes, a, 0, slope)

@@ -5,15 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.measured_load import MeasuredLoad
 from parsolid.boundary.conditions import Conditions
-from parsolid.collective import anywhere, maximum
+from parsolid.collective import maximum
 from parsolid.kernels import kernel
-from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
+from parsolid.materials.blocks import block_numbers
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.micro_inertia import MicroInertia
 from parsolid.materials.registry import laws_of
-from parsolid.methods import failed_matter, previous_state
+from parsolid.methods import failed_matter
 from parsolid.methods.hyperelastic_particles import declare_deformation
 from parsolid.methods.leapfrog import drift
 from parsolid.methods.protocol import Announce, EnergyLedger
@@ -24,25 +23,17 @@ from parsolid.methods.ulsph.hyperelastic import HyperelasticSolid
 from parsolid.methods.ulsph.kicks import Kicks
 from parsolid.methods.ulsph.micro_inertia import MicroInertiaSolid
 from parsolid.methods.ulsph.neighbours import Neighbours
-from parsolid.methods.ulsph.output import Reports
+from parsolid.methods.ulsph.start import Start
 from parsolid.methods.ulsph.state import declare_motion, declare_particles, declare_state
 from parsolid.methods.ulsph.sweeps import ArtificialViscosity
 from parsolid.pairs.smoothing import smoothing_kernel
 from parsolid.pairs.verlet_list import VerletList
 from parsolid.particles.container import Particles
-from parsolid.particles.declaration import Columns, Field
+from parsolid.particles.declaration import Columns
 from parsolid.particles.generated import declare_generated
-from parsolid.particles.initial_fields import (
-    initial_displacement,
-    initial_micro_rate,
-    initial_plastic_strain,
-    initial_temperature,
-    initial_velocity,
-)
 from parsolid.particles.law_values import declare_law_values
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
-from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 from parsolid.scene.boundaries import MicroHard
 
@@ -66,12 +57,12 @@ def least_transit(n, velocity, sound_speed, smoothing_length):
     return least
 
 
-class UpdatedLagrangianSPH(Reports):
+class UpdatedLagrangianSPH(Start):
     """The method on one rank.
 
-    solids: of each law, what its particles do between the sweeps; most_correction: bound of the correction of
-    gradients, None without one; centred: not None where the correction is carried on from the middle of the step,
-    because contact acts at the ends of steps; in_plane: not None in plane strain.
+    solids: what the particles of each law do between the sweeps; planes: mirror planes, None where none moves;
+    most_correction: bound of the correction of gradients, None without correction; centred: None unless the correction
+    is carried on from the middle of the step, because contact acts at the ends of steps; in_plane: None in space.
     """
 
     time = 0.0
@@ -92,11 +83,20 @@ class UpdatedLagrangianSPH(Reports):
         self.conditions = Conditions(comm, scene, particle_set, particles)
         self.kicks = Kicks(self)
         self.reactions, self.stop_times = self.conditions.reactions, self.conditions.times
-        self._declare_state(comm, scene, particle_set, density)
+        elastic = [solid for solid in self.solids if isinstance(solid, HyperelasticSolid)]
+        if elastic:
+            declare_deformation(particles, self.dimension, self.laws)
+            declare_law_values(comm, scene, particles, particle_set, laws)
+        for solid in elastic:
+            solid.join(particles, self.dimension, laws)
+        several_bodies = maximum(comm, int(particle_set.body.max(initial=0))) > 0
+        clamped = [selected(scene, one, particle_set, comm) for _, one in self.conditions.of(MicroHard)]
+        free = ~np.logical_or.reduce(clamped) if clamped else None
+        declare_state(particles, self.dimension, self.solids, several_bodies, free)
+        failed_matter.declare_failure(particles, self.laws)
         self.temperatures = Temperatures(comm, scene, particle_set, particles, self.solids)
         self.deletion = Deletion(self) if "deleted_mass" in particles else None
         codes = self.conditions.codes
-        # None where no plane moves
         self.planes = codes if codes is not None and codes.moving else None
         self.most_correction = _MOST_CORRECTION if settings.gradient_correction else None
         self.centred: bool | None = None
@@ -104,76 +104,16 @@ class UpdatedLagrangianSPH(Reports):
         given = settings.viscosity
         self.viscosity = ArtificialViscosity(given.linear, given.quadratic, given.softening) if given else None
         smoothing = smoothing_kernel(settings.kernel)
-        skin = (float(settings.skin), self.conditions.codes, float(settings.rebalance))
+        skin = (float(settings.skin), codes, float(settings.rebalance))
         self.pairs = VerletList(comm, particles, self.dimension, smoothing.support, *skin)
         self.pairs.unbonded = scene.unbonded
         bonds = settings.contact == "welded", settings.gradient_correction
         self.neighbours = Neighbours(particles, self.pairs, self.dimension, smoothing, self.viscosity, *bonds)
-        self.checkpoint: dict[str, Any] | None = None
         self.whole_mass = float(comm.allreduce(float(self.mass.sum())))
 
-    def _declare_state(self, comm: Any, scene: Scene, particle_set: ParticleSet, density: np.ndarray) -> None:
-        """The state at rest, and what particles carry of contact, clamped micro-velocities and failure."""
-        particles = self.particles
-        kept: dict[str, Any] = {"ghosts": "forward", "message": "reference", "layout": Columns()}
-        fields = frozenset().union(*(solid.fields for solid in self.solids))
-        flows = frozenset().union(*(solid.flows for solid in self.solids))
-        declare_state(particles, self.dimension, fields, flows, any(solid.speeds_change for solid in self.solids))
-        elastic = [solid for solid in self.solids if isinstance(solid, HyperelasticSolid)]
-        if elastic:
-            declare_deformation(particles, self.dimension, self.laws)
-            declare_law_values(comm, scene, particles, particle_set, laws_of(scene))
-        for solid in elastic:
-            solid.join(particles, self.dimension, laws_of(scene))
-        particles.owned_rows("density")[:] = density
-        speeds = np.array([solid.sound_speed for solid in self.solids])
-        particles.owned_rows("sound_speed")[:] = speeds[particles.law_of_body[particle_set.body]]
-        if maximum(comm, int(particle_set.body.max(initial=0))) > 0:
-            particles.declare(Field("contact_body", 1, "1", **kept), particle_set.body.astype(float))
-        clamped = [selected(scene, one, particle_set, comm) for _, one in self.conditions.of(MicroHard)]
-        if clamped:
-            free = ~np.logical_or.reduce(clamped)
-            particles.declare(Field("micro_free", 1, "1", checkpointed=True, layout=Columns()), free.astype(float))
-        failed_matter.declare_failure(particles, self.laws)
-
-    def follow_work(self, work: list[float], number: int) -> None:
-        """Particles are distributed by what steps cost, where the scene asks for it."""
-        if self.settings.balance == "measured":
-            self.pairs.load = MeasuredLoad(self.comm, work, number)
-
-    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
-        """Set the state at time 0 by the bodies' formulas; collective."""
-        rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
-        rows("velocity")[:] = initial_velocity(*place, particle_set.regions)
-        displacement = initial_displacement(*place, particle_set.regions)
-        if displacement is not None:
-            rows("position")[:] += displacement
-        usual = [getattr(law, "reference_temperature", 0.0) for law in self.laws]
-        reference = np.array(usual)[self.particles.law_of_body]
-        rows("temperature")[:] = initial_temperature(*place, reference, particle_set.regions)
-        rows("plastic_strain")[:] = initial_plastic_strain(*place, particle_set.regions)
-        flowing = initial_micro_rate(*place)
-        if flowing is not None:
-            rows("micro_rate")[:] = flowing * (rows("micro_free") if "micro_free" in self.particles else 1.0)
-        for solid, here in self.parts():
-            solid.begin(scene, self.particles, here, particle_set)
-        if previous_state.take_state(self.comm, scene, self, particle_set) and self.deletion is not None:
-            self.deletion.lighten()
-        self.conditions.hold(0.0)
-        if self.planes is not None:
-            self.planes.drive(0.0, 0.0)
-        self.pairs.rebuild(0.0)
-        self.neighbours.follow()
-        self.find_rates(0.0)
-        self.advance_state(0.0, 0.0)
-        self.neighbours.find_forces()
-        self.advance_fluxes(0.0)
-        self.kicks.viscous_heat.continues = previous_state.take_forces(self.comm, scene, self)
-        if self.kicks.viscous_heat.continues:
-            # weights of pairs in tension follow the stress
-            self.neighbours.follow()
-
-    # --- a step -------------------------------------------------------------------------------------------------
+    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
+        """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
+        return self.temperatures.take(heat, rows)
 
     def advance_positions(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Opening half kick, state from the rates in the middle of the step [s], and drift to its end."""
@@ -197,7 +137,7 @@ class UpdatedLagrangianSPH(Reports):
         self.kicks.leapfrog.place(time + step, step)
 
     def complete_step(self, time: float, step: float, ledger: EnergyLedger, announce: Announce) -> bool:
-        """Forces of the new state, closing half kick, fluxes, energies."""
+        """Forces of the new state, closing half kick, fluxes of heat and micro-flux, energies."""
         sound, plastic, lost = self.material
         self.check_list(time + step, step)
         announce(sound, self.stable_step())
@@ -207,7 +147,7 @@ class UpdatedLagrangianSPH(Reports):
         return sound
 
     def check_list(self, time: float, step: float) -> None:
-        """Whether the list will be used up by the next step, or particles are to be deleted."""
+        """Find whether the next step needs a new list, or particles are to be deleted."""
         due = self.deletion is not None and self.deletion.asks
         self.time, self.rebuild_needed = time, self.pairs.expires(time, self.substeps * step) or due
 
@@ -241,65 +181,3 @@ class UpdatedLagrangianSPH(Reports):
         transit = least_transit(self.owned, of("velocity"), of("sound_speed"), of("smoothing_length"))
         fluxes = min((solid.stable_step(self.particles, here) for solid, here in self.parts()), default=np.inf)
         return float(min(self.settings.cfl * transit, fluxes, self.conditions.largest_step))
-
-    # --- a restart ----------------------------------------------------------------------------------------------
-
-    def resume(self) -> None:
-        """Continue with the list of the checkpoint; collective."""
-        assert self.checkpoint is not None
-        if self.deletion is not None:
-            self.deletion.lighten()
-        self.pairs.restore(self.checkpoint["pairs"], self.checkpoint["time"])
-        self.neighbours.follow()
-
-    def state(self) -> dict[str, Any]:
-        """The list, whether it is used up, and viscous heat to come; collective."""
-        rebuild_needed = anywhere(self.comm, self.rebuild_needed)
-        heat = self.kicks.viscous_heat.state()
-        kept = {"pairs": self.pairs.state(), "time": self.time, "rebuild_needed": rebuild_needed, "viscous_heat": heat}
-        if self.planes is not None:
-            kept["plane_forces"] = PerRank(*self.neighbours.plane_forces.ravel())
-        kept["torn"] = anywhere(self.comm, self.neighbours.torn)
-        return kept | {"last_step": self.kicks.leapfrog.last_step}
-
-    def set_state(self, state: dict[str, Any]) -> None:
-        self.checkpoint, self.time, self.rebuild_needed = state, state["time"], state["rebuild_needed"]
-        self.kicks.leapfrog.last_step, self.neighbours.torn = state["last_step"], state["torn"]
-        self.kicks.viscous_heat.set_state(self.comm, state["viscous_heat"])
-        if self.planes is not None:
-            forces = np.array(own_share(self.comm, state["plane_forces"]))
-            self.neighbours.plane_forces = forces.reshape(-1, 2, self.dimension)
-
-    # --- contact --------------------------------------------------------------------------------------------------
-
-    def take_external_forces(self, keep_rows: bool) -> None:
-        """Forces of contact do their work at the ends of steps, for which the correction is carried on."""
-        super().take_external_forces(keep_rows)
-        self.centred = True
-
-    def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
-        """See `ParticleSystem.take_heat`; no particle lies on a mirror plane."""
-        return self.temperatures.take(heat, rows)
-
-    # --- its particles and what holds them -----------------------------------------------------------------------
-
-    @property
-    def owned(self) -> int:  # type: ignore[override]
-        """Number of this rank's particles, which changes as they move."""
-        return self.particles.owned
-
-    @property
-    def blocks(self) -> list[MaterialBlock]:
-        """Particles that share a law, law after law."""
-        return blocks_between(self.particles.bounds, self.laws)
-
-    def parts(self) -> list[tuple[Any, slice]]:
-        """Every law of this rank's particles, and their rows."""
-        bounds = self.particles.bounds.tolist()
-        ranges = zip(self.solids, bounds, bounds[1:])
-        return [(solid, slice(first, last)) for solid, first, last in ranges if last > first]
-
-    @property
-    def placements(self) -> int:  # type: ignore[override]
-        """Particles change their rows when lists are made."""
-        return self.pairs.builds

@@ -10,8 +10,8 @@ from typing import Any
 
 
 def kernel_names() -> tuple[str, ...]:
-    """What a scene may call them; their files are not loaded for it."""
-    return tuple(sorted(room.name.replace("_", "-") for room in iter_modules(__path__) if room.name != "gradient"))
+    """Names of the kernels in a scene, found without loading their files."""
+    return tuple(sorted(file.name.replace("_", "-") for file in iter_modules(__path__) if file.name != "gradient"))
 
 
 def smoothing_kernel(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""What a smoothing kernel offers to the weights of pairs."""
+"""The function of smoothing kernels that weights of pairs use."""
 
 from parsolid.materials.law_functions import law_function
 
