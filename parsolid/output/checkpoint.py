@@ -27,7 +27,7 @@ from parsolid.output.slabs import CHECKED_VERSIONS, SlabWriter, create_slab, flu
 
 
 def stated_sums(file: h5py.File) -> dict[str, Any]:
-    """What a file says of its data sets. Raises OutputError when that itself is damaged."""
+    """Shape, type and checksum of each data set, as stated in the file. Raises OutputError where this is damaged."""
     try:
         own, _, text = file["checksums"][()].partition(b"\n")
         if digest(text).encode() == own:
@@ -39,7 +39,7 @@ def stated_sums(file: h5py.File) -> dict[str, Any]:
 
 
 def sound_header(file: h5py.File, stated: dict[str, Any]) -> dict[str, Any]:
-    """The header that was written. Raises OutputError when it is another."""
+    """The header of a file. Raises OutputError when it is damaged."""
     try:
         text = file["header"][()]
         if digest(text) == stated["header"]:
@@ -55,15 +55,15 @@ def _kind(entry: list[Any] | None) -> str:
 
 
 def compare(stated: dict[str, Any], found: dict[str, int], path: Path | str) -> None:
-    """Raise OutputError unless the checksums of what was read are those that a file states."""
+    """Raise OutputError unless the checksums found are those stated in the file."""
     wrong = [name for name in sorted(found) if stated[name][2] != found[name]]
     if wrong:
         raise OutputError(f"{Path(path).name}: damaged: {', '.join(wrong)} not as written (checksums differ)")
 
 
-def damaged(file: h5py.File, name: str, told: str = "not as written (checksums differ)") -> OutputError:
-    """The error of a data set that is not as it was written."""
-    return OutputError(f"{Path(file.filename).name}: damaged: {name}: {told}")
+def damaged(file: h5py.File, name: str, fault: str = "not as written (checksums differ)") -> OutputError:
+    """The error of a damaged data set."""
+    return OutputError(f"{Path(file.filename).name}: damaged: {name}: {fault}")
 
 
 FORMAT = "parsolid checkpoint"
@@ -158,7 +158,7 @@ def read_checkpoint(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list
 
 
 def _identity(comm: MPI.Intracomm, path: Path | str) -> Any:
-    """What tells a file from another one that has taken its place; collective."""
+    """Identity of a file, which differs after another file has taken its place; collective."""
     found = None
     if comm.rank == 0 and os.path.exists(path):
         state = os.stat(path)
@@ -184,8 +184,8 @@ def _read(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], 
                 wanted = {name: entry[:2] for name, entry in stated.items() if name != "header"}
                 for name in sorted({*wanted, *found} - {"header", "checksums"}):
                     if wanted.get(name) != found.get(name):
-                        told = f"expected {_kind(wanted.get(name))}, found {_kind(found.get(name))}"
-                        raise damaged(file, name, told)
+                        fault = f"expected {_kind(wanted.get(name))}, found {_kind(found.get(name))}"
+                        raise damaged(file, name, fault)
                 offsets = [file["ranks"][numbered("offset", i)][()] for i in range(_count_systems(file))]
                 layout = sound_header(file, stated), offsets, file["ranks/values"][()], stated
     header, offsets, values, stated = comm.bcast(layout)
@@ -214,7 +214,7 @@ def _count_systems(file: h5py.File) -> int:
 def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None) -> Path:
     """The newest whole checkpoint of a directory. With comm collective, else for one rank alone.
 
-    Raises OutputError (on all ranks) that says of each candidate why it will not do, or that there is none yet.
+    Raises OutputError (on all ranks) with the fault of each candidate, or where there is none.
     """
     if comm is None:
         return _find(Path(directory))
@@ -253,7 +253,7 @@ def _open_whole(path: Path | str) -> h5py.File:
             found, version, complete = (file.attrs.get(name) for name in ("format", "version", "complete"))
             found = found.decode() if isinstance(found, bytes) else found
         except BaseException:
-            # HDF5 would give the damaged file again to who opens it next
+            # HDF5 would return the same damaged file to the next open
             file.close()
             raise
     except Exception as error:  # what h5py raises depends on where the file is torn
@@ -299,9 +299,9 @@ def _lay_out(
     for fields, rows in zip(systems, offsets[:, -1]):
         size += int(rows) * sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in fields.values())
     probe(partial, size)
-    # in which HDF5's own marks have checksums, too: it has ended the process over a wrong one
+    # with checksums of HDF5's metadata: without them HDF5 has crashed on damaged ones
     with open_serial(partial, "w", CHECKED_VERSIONS) as file:
-        # not of a length that varies, which lies on a heap without any
+        # of fixed length, since the heap of variable lengths has no checksum
         file.attrs.create("format", FORMAT, dtype=h5py.string_dtype("ascii", len(FORMAT)))
         file.attrs["version"] = VERSION
         file.attrs["complete"] = 0
@@ -328,12 +328,12 @@ def _sums(comm: MPI.Intracomm, systems: Sequence[Fields], offsets: np.ndarray, v
 
 
 def _part(comm: MPI.Intracomm, rows: np.ndarray, first_row: int) -> int:
-    """The part of an array that all ranks have: rank 0's."""
+    """Checksum of an array that all ranks have, on rank 0, 0 elsewhere."""
     return sum_of_rows(rows, first_row) if comm.rank == 0 else 0
 
 
 def _text_of_sums(header: bytes, systems: Sequence[Fields], offsets: np.ndarray, values: int, sums: Sums) -> bytes:
-    """What /checksums holds."""
+    """The content of /checksums."""
     kinds: dict[str, tuple[tuple[int, ...], str]] = {"ranks/values": ((offsets.shape[1] - 1, values), "<f8")}
     for number, (fields, offset) in enumerate(zip(systems, offsets)):
         kinds[f"ranks/{numbered('offset', number)}"] = offset.shape, "<i8"

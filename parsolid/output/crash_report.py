@@ -1,4 +1,4 @@
-"""Where a run is and what it has left so far, for the message of an error that nobody has foreseen."""
+"""Report of an unexpected error: its traceback in a file, and the last checkpoint."""
 
 import os
 import tempfile
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 NAME = "traceback.txt"
-# a rank that is not the first to tell lets the first one finish [s]
+# time that other ranks wait for the first one to report [s]
 PATIENCE = 3.0
 
 
@@ -21,7 +21,7 @@ class Context:
     job: int = 0
 
     def describe(self) -> str:
-        """The last checkpoint, in words, or nothing outside of a run."""
+        """A text of the last checkpoint; empty outside of a run."""
         if self.folder is None:
             return ""
         return f"; last checkpoint: {self.checkpoint or 'none was written'}"
@@ -32,13 +32,13 @@ CONTEXT = Context()
 
 
 def report(error: BaseException) -> str | None:
-    """Keep the traceback of an error in a file; what to say of it, in one line.
+    """Write the traceback of an error to a file; returns a message of one line.
 
-    None where another rank has said it already: then this returns late, so that the other has had its time.
+    None where another rank has reported already; this returns after a pause in which that rank prints its message.
     """
     text = "".join(traceback.format_exception(error))
     reason = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(":")
-    told = f"expected no error, found {reason[:300]}"
+    message = f"expected no error, found {reason[:300]}"
     folders = (Path.cwd(), Path(tempfile.gettempdir()))
     files = [CONTEXT.folder / NAME] if CONTEXT.folder else []
     for path in [*files, *(folder / f"parsolid-{CONTEXT.job}-{NAME}" for folder in folders)]:
@@ -52,5 +52,5 @@ def report(error: BaseException) -> str | None:
             return None
         except OSError:
             continue  # a full disk or a folder that is not ours: the next one
-        return f"{told}; the traceback is in {path}{CONTEXT.describe()}"
-    return f"{told}; its traceback could be written nowhere{CONTEXT.describe()}"
+        return f"{message}; the traceback is in {path}{CONTEXT.describe()}"
+    return f"{message}; its traceback could be written nowhere{CONTEXT.describe()}"

@@ -25,14 +25,14 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 
 
 class FolderLock:
-    """Taken when made, given back by `release` or at the end of the process; for one rank alone.
+    """A lock held from its creation until `release` or the end of the process; for one rank alone.
 
     Raises OutputError, and changes nothing, when another run has the folder; OSError when it cannot be written.
     """
 
     def __init__(self, folder: Path):
         self.path = folder / NAME
-        # as a file object it is closed, and the lock given back, when nobody refers to it any more
+        # a file object closes the file, and so ends the lock, when it is garbage
         self._file = os.fdopen(self._opened(), "r+b", buffering=0)
         self._file.truncate(0)
         self._file.write((json.dumps(_this_process()) + "\n").encode())
@@ -65,18 +65,20 @@ class FolderLock:
                 remedy = ""
             else:
                 raise
-            told = ", ".join(f"{key} {owner[key]}" for key in ("host", "process", "job", "since") if owner.get(key))
+            described = ", ".join(
+                f"{key} {owner[key]}" for key in ("host", "process", "job", "since") if owner.get(key)
+            )
             raise OutputError(
                 f"{self.path.parent}: expected a folder of this run's own, found another run that writes there "
-                f"({told or 'unnamed'}): choose another output directory{remedy}"
+                f"({described or 'unnamed'}): choose another output directory{remedy}"
             ) from None
 
     def release(self) -> None:
-        """Give the folder back; once is enough."""
+        """End the lock; further calls do nothing."""
         if self._file.closed:
             return
         with contextlib.suppress(OSError):
-            # before the lock ends, so that nobody's new file is removed
+            # before the lock ends, so that the file of another run is not removed
             os.unlink(self.path)
         self._file.close()
 
@@ -88,7 +90,7 @@ def _this_process() -> dict[str, Any]:
 
 
 def _owner(descriptor: int) -> dict[str, Any]:
-    """What the file says, empty when it says nothing that can be read."""
+    """The owner in the file, empty where it cannot be read."""
     try:
         owner = json.loads(os.pread(descriptor, 4096, 0))
     except ValueError:

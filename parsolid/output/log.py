@@ -1,4 +1,4 @@
-"""A file that keeps what a run says, besides the terminal."""
+"""A log file of the messages of a run."""
 
 import shlex
 import sys
@@ -14,13 +14,13 @@ from parsolid.output.errors import together, words
 
 
 class Log:
-    """Lines appended to a file by one rank; nothing happens where none is open."""
+    """Lines appended to a file by one rank; without an open file nothing is written."""
 
     def __init__(self) -> None:
         self.stream: TextIO | None = None
 
     def open(self, comm: MPI.Intracomm, path: Path | str | None) -> None:
-        """Append to a file from now on, for which the first rank opens it; collective. None: to none.
+        """Append to a file, opened by rank 0, from now on; None: to no file. Collective.
 
         Raises OutputError on all ranks when it cannot be written.
         """
@@ -36,15 +36,15 @@ class Log:
         self.say(f"--- parsolid {parsolid.__version__}, {ranks}, {now}: {shlex.join(sys.argv[1:])}")
 
     def say(self, text: str) -> None:
-        """Add a line; a disk that is full ends no run, but the log, which is told once."""
+        """Add a line; an error, such as a full disk, ends the log with one message, not the run."""
         if self.stream is not None:
             try:
                 print(text, file=self.stream, flush=True)
             except (OSError, ValueError) as error:
                 name, self.stream = self.stream.name, None
                 with suppress(OSError, ValueError):
-                    told = f"parsolid: the log {name} ends here: {words(error)}; the run goes on"
-                    print(told, file=sys.stderr, flush=True)
+                    text = f"parsolid: the log {name} ends here: {words(error)}; the run goes on"
+                    print(text, file=sys.stderr, flush=True)
 
     def close(self) -> None:
         """Close the file."""

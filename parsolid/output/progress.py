@@ -22,23 +22,23 @@ _LINES = {NORMAL: (5.0, 0.1), VERBOSE: (1.0, 0.02)}
 _LEAST_SECONDS = 0.5
 _COMPILING_SECONDS = 5.0
 
-# of probes that a scene has of them, with their units: told once there is something
+# quantities of probes that are shown once they are positive, with their units
 _OF_FAILURE = {"failed_mass": "kg", "deleted_mass": "kg"}
 
 Moment = tuple[float, int, float]
 
 
 class Progress:
-    """Tells how far a run is: step, time, step size, time left, energies, particle-steps per second.
+    """Shows the progress of a run: step, time, step size, time left, energies, particle-steps per second.
 
     Parameters: title; end_time [s]; particles of all ranks; level QUIET, NORMAL or VERBOSE; stream, standard output by
-    default. One rank creates it and calls it; it never raises for a stream that is closed.
+    default. For one rank alone; a closed stream raises nothing.
     """
 
     def __init__(self, title: str, end_time: float, particles: int, level: int = NORMAL, stream: TextIO | None = None):
         self._end_time, self._particles, self._level = end_time, particles, level
         self._stream = stream or sys.stdout
-        # (reading of the clock [s], step, time [s]) of the first step, and of the last that was told
+        # (reading of the clock [s], step, time [s]) of the first step, and of the last that was shown
         self._first: Moment | None = None
         self._last: Moment = (0.0, 0, 0.0)
         # the step that the run started from
@@ -49,23 +49,23 @@ class Progress:
         self._say(f"{title or 'scene'}: {particles} particles, to t = {end_time:.6g} s")
         columns = terminal_columns(self._stream)
         if columns:
-            # only a terminal wants these, and a small job waits for them
+            # imported for a terminal alone: they take time
             from rich import live
             from rich.console import Console
             from rich.text import Text
 
             console = Console(file=self._stream, force_terminal=True, width=columns)
-            # no thread of its own: it would disturb the ranks' timing
+            # without a thread, which would disturb the ranks' timing
             self._bar = live.Live(Text("setting up"), console=console, auto_refresh=False)
             self._bar.start()
-            # a run that is killed must not leave the terminal without its cursor
+            # a killed run must not leave the terminal without a cursor
             console.show_cursor(True)
 
     def update(
-        self, step: int, time: float, step_size: float, row: dict[str, float] | None, told: Sequence[str] = ()
+        self, step: int, time: float, step_size: float, row: dict[str, float] | None, notes: Sequence[str] = ()
     ) -> None:
-        """Show a step (with its time [s] and size [s]), if it is time to; row: the last history row, by column; told:
-        what methods say of it."""
+        """Show a step (with its time [s] and size [s]), if a line is due; row: the last history row, by column; notes:
+        texts of the methods."""
         if self._level == QUIET:
             return
         now = clock.perf_counter()
@@ -74,7 +74,7 @@ class Progress:
             self._last = self._first
             return
         if step == self._before + 1:
-            # the first step also loads kernels, or compiles them: it says nothing of the others
+            # the first step includes the loading or compiling of kernels
             self._first = (now, step, time)
         since = now - self._last[0]
         if self._bar is not None:
@@ -85,7 +85,7 @@ class Progress:
             due = since >= seconds or (since >= _LEAST_SECONDS and tenths > before)
         if not due and time < self._end_time:
             return
-        words = [*self._words(self._first, (now, step, time), step_size, row or {}), *told]
+        words = [*self._words(self._first, (now, step, time), step_size, row or {}), *notes]
         self._last = (now, step, time)
         head = f"step {step:7d}  t {time:.4e} s {100.0 * time / self._end_time:5.1f} %"
         if self._bar is None:
@@ -106,12 +106,12 @@ class Progress:
                 self._level, self._bar = QUIET, None
 
     def say(self, text: str) -> None:
-        """A line of its own."""
+        """Print a line."""
         if self._level != QUIET:
             self._say(text)
 
     def close(self, summary: dict[str, Any]) -> None:
-        """End the bar and say how the run went; summary as in summary.json."""
+        """End the bar and print the result of the run; summary: as in summary.json."""
         if self._bar is not None:
             self._bar.stop()
             self._bar = None
@@ -119,7 +119,7 @@ class Progress:
             return
         text = f"{summary.get('status', 'ended')}: {summary.get('steps')} steps to t = {summary.get('end_time'):.6g} s"
         here = summary.get("steps_this_run", summary.get("steps"))
-        # a restart goes on counting, but its seconds are its own
+        # steps are counted over restarts, seconds are not
         text += "" if here == summary.get("steps") else f", {here} of them since the restart"
         text += f" in {_seconds_in_words(summary['wall_seconds'])}"
         if (loop := summary.get("loop_seconds")) is not None:
@@ -146,7 +146,7 @@ class Progress:
         (began, _, first_time), (now, step, time) = first, last
         rate = self._particles * (step - self._last[1]) / max(now - self._last[0], 1e-9)
         parts = [f"dt {step_size:.2e} s"]
-        # after the first step nothing is known of what is left
+        # unknown after the first step
         if (gone := time - first_time) > 0.0:
             minutes, seconds = divmod(int((now - began) * max(self._end_time - time, 0.0) / gone), 60)
             hours, minutes = divmod(minutes, 60)
@@ -163,11 +163,11 @@ class Progress:
         return [*parts, f"{rate:.2e} particle-steps/s"]
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
-        """What a history row tells, in words: the terms that its method has, too, once there is something in them."""
+        """Names and values [J] of the energies in a history row; terms of methods where they are not negligible."""
         stored = stored_energy(row)
         energies = {"kinetic": row["kinetic"], stored.replace("_", " "): row[stored]}
         columns = list(row)
-        # between the work and the error stand the terms of the methods
+        # the terms of the methods are between the work and the error
         bounded = "external_work" in row and "energy_error" in row
         own = columns[columns.index("external_work") + 1 : columns.index("energy_error")] if bounded else []
         terms = {name.replace("_", " "): row[name] for name in DISSIPATIONS}
@@ -181,12 +181,12 @@ class Progress:
     def _say(self, text: str) -> None:
         try:
             print(text, file=self._stream, flush=True)
-        except (OSError, ValueError):  # nobody listens any more: the run goes on
+        except (OSError, ValueError):  # the stream is closed
             self._level = QUIET
 
 
 class Compilations:
-    """Tells that kernels are being compiled, which takes a minute before the first step; called with each one's name.
+    """Prints that kernels are compiled, which takes a minute before the first step; called with the name of each.
 
     Parameters: folder, where they are kept; wanted, where they were to be kept; stream, standard output by default.
     """
@@ -209,15 +209,15 @@ class Compilations:
             self._say(f"compiling kernel {self._count}, {name}, after {now - self._began:.0f} s")
 
     def _say(self, text: str) -> None:
-        # nobody may listen any more: the run goes on
+        # the stream may be closed
         with suppress(OSError, ValueError):
             print(text, file=self._stream, flush=True)
 
 
 def terminal_columns(stream: Any) -> int | None:
-    """Width of the terminal that a stream ends in, None if it is none.
+    """Width of the terminal of a stream, None if it is none.
 
-    Under mpirun a rank's output is a pipe to the launcher: what counts is where the launcher's own output goes.
+    Under mpirun a rank's output is a pipe to the launcher; then the terminal of the launcher counts.
     """
     try:
         if stream.isatty():
@@ -251,7 +251,7 @@ def _launcher_columns() -> int | None:
 
 
 def _shares(summary: dict[str, Any]) -> str:
-    """Where the time went, in words, without what took nothing of it."""
+    """A text of the shares of the phases in the time, without negligible ones."""
     seconds = {name.replace("_", " "): value for name, value in summary["phases"].items()}
     whole = max(sum(seconds.values()), 1e-9)
     shares = [f"{name} {100.0 * value / whole:.0f} %" for name, value in seconds.items() if value > 0.005 * whole]

@@ -1,4 +1,4 @@
-"""The folder of a run's results, locked for it: made if need be, and never at the cost of results that are there."""
+"""The folder of a run's results: created, locked, and cleared of older results, which are moved and never deleted."""
 
 import itertools
 import os
@@ -17,7 +17,7 @@ from parsolid.output.errors import OutputError, together
 from parsolid.output.lock import FolderLock
 
 FIELDS = "fields.vtkhdf"
-# what a run writes; a new run moves it aside
+# files that a run writes; a new run moves older ones
 RESULTS = (
     "history.csv",
     "history_error.csv",
@@ -41,7 +41,7 @@ RESULTS = (
 
 
 def occupy(comm: MPI.Intracomm, directory: Path | str) -> FolderLock | None:
-    """Make a directory if need be and lock it for this run; the lock, which rank 0 alone has. Collective.
+    """Create a directory where it is missing and lock it for this run; returns the lock, on rank 0 alone. Collective.
 
     Raises OutputError on all ranks when another run has it, or it cannot be made or written.
     """
@@ -63,10 +63,9 @@ def prepare(
     """Make a directory ready for a run; returns it. Collective.
 
     A new run moves the results of an older one to the next free of previous-1/, previous-2/ and so on within the
-    directory. continuing: they stay, to be gone on with, but for links in the way. inputs: files that the run reads
-    (its scene, meshes, checkpoint): none of them is moved; where the run would write a file of the same name, that is
-    an error.
-    moved: told, on rank 0, of the folder that an older run's results have been moved to.
+    directory. continuing: the results stay, except for links in place of partial files. inputs: files that the run
+    reads (its scene, meshes, checkpoint); they are not moved, and an error where the run would overwrite them.
+    moved: called, on rank 0, with the folder to which older results have been moved.
 
     Raises OutputError on all ranks when the directory cannot be made or written, or an input is in the way.
     """
@@ -76,19 +75,18 @@ def prepare(
             directory.mkdir(parents=True, exist_ok=True)
             if not os.access(directory, os.W_OK | os.X_OK):
                 raise PermissionError(13, "Permission denied", str(directory))
-            # by name: a link to nowhere is not there for glob
+            # by name, since glob does not find broken links
             names = sorted(name for name in os.listdir(directory) if any(fnmatchcase(name, one) for one in RESULTS))
             results = [directory / name for name in names]
             read = {Path(path).resolve() for path in inputs}
             for path in results:
-                # a continued run reads a checkpoint here, maybe a whole one not renamed yet, and does not lose it
+                # a continued run reads its checkpoint in this folder and does not lose it
                 if path.resolve() in read and not (continuing and ".h5" in path.suffixes):
                     raise OutputError(
                         f"{path} is read by this run and would be overwritten: choose another output directory"
                     )
             if continuing:
-                # take links away that bear the names of files being written: what they point to would be
-                # written over
+                # the targets of links with names of partial files would be overwritten
                 for path in results:
                     if path.suffix == ".partial" and path.is_symlink():
                         path.unlink()
@@ -105,9 +103,9 @@ def prepare(
                     result.rename(aside / result.name)
                 if moved is not None:
                     moved(aside)
-            if (told := directory / TRACEBACK).exists():
-                # whether this run has told an error is seen by whether the file is there
-                told.rename(next_free(told))
+            if (traceback := directory / TRACEBACK).exists():
+                # the presence of this file says that this run has reported an error
+                traceback.rename(next_free(traceback))
     return directory
 
 
@@ -118,10 +116,10 @@ def next_free(path: Path) -> Path:
 
 
 class RunFolder:
-    """A folder made ready for a run; results of another run in it are moved aside.
+    """The prepared folder of a run and the paths of its files.
 
-    directory: the folder; continued: whether the run goes on with results that are there; moved: where results of an
-    earlier run are now, known to rank 0.
+    directory: the folder; continued: whether the run continues results in the folder; moved: folders to which results
+    of an earlier run were moved, on rank 0.
     """
 
     def __init__(
@@ -137,7 +135,7 @@ class RunFolder:
         """
         directory = Path(directory)
         self.moved: list[Path] = []
-        # a checkpoint from elsewhere starts a folder of its own; one that is a link is where the link is, too
+        # a checkpoint from another folder starts new results; a link counts in its own folder and in its target's
         places = [] if restart is None else [restart.parent.resolve(), restart.resolve().parent]
         self.continued = directory.resolve() in places
         self._lock = lock if anywhere(comm, lock is not None) else occupy(comm, directory)
@@ -152,6 +150,6 @@ class RunFolder:
         self.scene = self.directory / "scene.toml"
 
     def close(self) -> None:
-        """Give the folder back, on each rank for itself; nothing is written after it."""
+        """End the lock, on each rank separately; nothing is written afterwards."""
         if self._lock is not None:
             self._lock.release()

@@ -1,4 +1,4 @@
-"""summary.json: what a run was and how it went; and where the numbers in it come from."""
+"""summary.json: settings and results of a run, and the versions and machine that it ran with."""
 
 import functools
 import json
@@ -27,8 +27,8 @@ _CHECKSUM = "checksum"
 def write_summary(path: Path | str, summary: dict[str, Any]) -> None:
     """Write a summary as JSON, keys in the order given, beside and renamed; for one rank alone.
 
-    The last entry is the checksum of the others. numpy values become numbers and lists; what is not finite becomes
-    null, since JSON has no word for it.
+    The last entry is the checksum of the others. numpy values become numbers and lists; numbers that are not finite
+    become null.
     Raises OutputError.
     """
     path, plain = Path(path), {key: value for key, value in _plain(summary).items() if key != _CHECKSUM}
@@ -42,7 +42,7 @@ def write_summary(path: Path | str, summary: dict[str, Any]) -> None:
 
 
 def read_summary(path: Path) -> dict[str, Any]:
-    """The entries of summary.json. Raises OutputError where there is none, or it is not as it was written."""
+    """The entries of summary.json. Raises OutputError where it is missing or damaged."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         stated = found.pop(_CHECKSUM, None)
@@ -58,9 +58,9 @@ def _as_json(plain: dict[str, Any]) -> str:
 
 
 def peak_memory_bytes(present: bool = False) -> int:
-    """Most memory this process has had resident so far [bytes], or what it has at present where that is known."""
+    """Peak resident memory of this process [bytes]; present: the resident memory now, where that is known."""
     try:
-        # getrusage would count what the process had before it became this program
+        # getrusage would count the memory of the process before exec
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmRSS:" if present else "VmHWM:"):
                 return 1024 * int(line.split()[1])
@@ -74,7 +74,7 @@ def peak_memory_bytes(present: bool = False) -> int:
 def git_hash() -> str | None:
     """Commit of the checkout this package runs from, "-modified" when files differ from it; None outside of one.
 
-    As it was when this process first asked: what it runs was loaded then.
+    As of the first call in this process.
     """
     package = Path(parsolid.__file__).resolve().parent
     # a package installed into an environment inside somebody's repository is not part of that repository
@@ -87,7 +87,7 @@ def git_hash() -> str | None:
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that the numbers may depend on."""
+    """Versions of the software that results may depend on."""
     return {
         "parsolid": parsolid.__version__,
         "python": platform.python_version(),
@@ -100,7 +100,7 @@ def versions() -> dict[str, str]:
 
 
 def provenance() -> dict[str, Any]:
-    """What summary.json says of the program: commit, versions, and where and when it ran."""
+    """Entries of summary.json on the program: commit, versions, host and time."""
     return {
         "git_hash": git_hash(),
         "versions": versions(),
