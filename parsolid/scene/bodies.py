@@ -29,28 +29,28 @@ Placement = Literal["vertices", "cells"]
 # relative spacings along an axis
 Grading = Annotated[list[Annotated[float, Field(ge=1e-3, le=1e3)]], Field(min_length=1, max_length=3)]
 
-# of a body: more than any machine holds
+# largest number of particles of a body
 MOST_PARTICLES = 10**12
 
 # shapes whose lattice is cut by a surface
 _CUT = ("cylinder", "sphere", "perforated_box")
-# of these, shapes whose cells are not scaled, so that their corners can carry the particles
+# cut shapes that may have particles at the corners of cells, because their cells are not scaled
 _WITH_CORNERS = ("perforated_box",)
 
 
 @lru_cache(maxsize=64)
 def graded_shares(count: int, grading: tuple[float, ...]) -> np.ndarray:
-    """Places (count,) of nodes on a line from 0 to 1, which they meet exactly.
+    """Positions (count,) of nodes on a line from exactly 0 to exactly 1.
 
-    grading: what spacings at equal parts of the node numbers, the first and the last among them, are to one another;
-    between them the logarithm of the spacing is a parabola of the node number, or linear.
+    grading: relative spacings at node numbers in equal distances from the first to the last; in between the logarithm
+    of the spacing is a linear function (of two values) or a parabola (of three) of the node number.
     """
     knots = np.linspace(0.0, 1.0, len(grading))
     logarithms = np.polynomial.Polynomial.fit(knots, np.log(grading), len(grading) - 1)
     spacings = np.exp(logarithms((np.arange(count - 1) + 0.5) / (count - 1)))
     places = np.concatenate(([0.0], np.cumsum(spacings)))
     result: np.ndarray = places / places[-1]
-    # every caller has the same array
+    # the cached array is shared
     result.flags.writeable = False
     return result
 
@@ -99,10 +99,14 @@ class FilledShape(SceneModel):
     @field_validator("particles", "spacing")
     @classmethod
     def _one_each(cls, value: list[Any] | None, info: ValidationInfo) -> list[Any] | None:
-        """A spacing alone is that of all directions."""
-        dimension, alone = dimension_of(info), info.field_name == "spacing"
-        if value is not None and len(value) not in (dimension or len(value), 1 if alone else dimension):
-            raise mismatch(f"{'one number or ' * alone}{dimension} numbers (one per direction)", value, "length")
+        """One number per direction; a single spacing is that of all directions."""
+        dimension = dimension_of(info)
+        if value is None or dimension is None or len(value) == dimension:
+            return value
+        if info.field_name == "particles":
+            raise mismatch(f"{dimension} numbers (one per direction)", value, "length")
+        if len(value) != 1:
+            raise mismatch(f"one number or {dimension} numbers (one per direction)", value, "length")
         return value
 
     @model_validator(mode="after")
@@ -123,11 +127,11 @@ class FilledShape(SceneModel):
 
     @property
     def placed_on(self) -> Placement:
-        """The placement, with the default of the shape where the scene gives none."""
+        """The placement, by default that of the shape."""
         return self.placement or ("cells" if self.shape.kind in _CUT else "vertices")
 
     def numbers(self) -> list[int]:
-        """How many places its lattice has along each of the shape's directions."""
+        """Number of lattice points along each of the shape's directions."""
         if self.particles is not None:
             return list(self.particles)
         lengths, spacing = self.shape.model.lengths(), self.spacing or []
@@ -137,20 +141,20 @@ class FilledShape(SceneModel):
         return [number + ends for number, ends in zip(intervals, self._on_ends())]
 
     def _on_ends(self) -> list[bool]:
-        """Along which directions there are particles at both ends."""
+        """For each direction whether there are particles at both ends."""
         shape = self.shape.model
         closed = [getattr(shape, "closed", False)] + [False] * (len(shape.lengths()) - 1)
-        return [self.placed_on == "vertices" and not one for one in closed]
+        return [self.placed_on == "vertices" and not is_closed for is_closed in closed]
 
     def extent(self) -> Extent:
-        """How far it reaches, unless it is a mesh."""
+        """Bounds and largest spacing; not for meshes."""
         lower, upper = map(np.array, self.shape.model.bounds())
-        # the whole length of a lone particle
+        # the spacing of a single particle is the whole length
         shape, numbers = self.shape.model, self.numbers()
         intervals = [n - 1 if ends and n > 1 else n for n, ends in zip(numbers, self._on_ends())]
         spacings = [length / number for length, number in zip(shape.lengths(), intervals)]
         if self.shape.kind == "cylindrical_shell":
-            # of the hoops, that of the outermost
+            # the spacing along the outer hoop
             spacings[0] *= 1.0 + 0.5 * shape.thickness / shape.radius
         for axis, grading in enumerate(getattr(self, "grading", None) or ()):
             if len(grading) > 1:
@@ -159,25 +163,25 @@ class FilledShape(SceneModel):
         return Extent(lower, upper, max(spacings))
 
     def lattice_faults(self) -> list[tuple[str, object]]:
-        """Why no particles can be made of it, too many or fewer than two: (expected, found)."""
+        """Faults (expected, found) of a lattice with too many particles or fewer than two."""
         numbers, holed = self.numbers(), self.shape.kind == "perforated_box"
         if prod(numbers) > MOST_PARTICLES:
             return [(f"at most {MOST_PARTICLES:g} particles", Phrase(f"{prod(numbers):g}"))]
         if holed and self.placed_on == "vertices" and min(numbers) < 2:
             return [("two nodes or more along each direction of a perforated box", numbers)]
-        few = prod(numbers)
+        count = prod(numbers)
         if holed and self.placed_on == "vertices":
-            # every cell that is kept has its corners
-            few = 2 * self.shape.model.cells_outside_hole([number - 1 for number in numbers])
+            # a cell has at least two corners
+            count = 2 * self.shape.model.cells_outside_hole([number - 1 for number in numbers])
         elif holed:
-            few = self.shape.model.cells_outside_hole(numbers)
-        return [("a body of at least two particles", few)] if few < 2 else []
+            count = self.shape.model.cells_outside_hole(numbers)
+        return [("a body of at least two particles", count)] if count < 2 else []
 
 
 class Body(FilledShape):
     """One body: a filled shape, its material and its initial state.
 
-    Without `deformation_gradient` the initial one is that of `displacement`, and without either the identity.
+    The initial deformation gradient is by default that of `displacement`, or the identity.
     """
 
     on_restart: ClassVar = dict.fromkeys(
@@ -187,19 +191,19 @@ class Body(FilledShape):
     displacement: InitialVector | None = Field(None, description="the initial one, a formula for each component [m]")
     deformation_gradient: InitialMatrix | None = Field(None, description="the initial one, rows of formulas")
     temperature: InitialScalar | None = Field(
-        None, description="the initial temperature [K], that of the material unless given"
+        None, description="the initial temperature [K] (default: that of the material)"
     )
     micro_rate: InitialScalar | None = Field(
-        None, description="the initial micro-velocity v^p [1/s] of micro-inertia, 0 unless given"
+        None, description="the initial micro-velocity v^p [1/s] of micro-inertia (default: 0)"
     )
     thermal_reference: Literal["stress-free", "at-constant-volume"] | None = Field(
         None,
-        description="'stress-free' at its temperature, as if not given, or heated 'at-constant-volume' to it",
+        description="'stress-free' at the initial temperature (default), or heated 'at-constant-volume' to it",
     )
     grading: list[Grading] | None = Field(
         None,
-        description="of nodes of a box, for each axis: what the first, middle and last spacing are to one another, the "
-        "first and last, or 1",
+        description="of nodes of a box, for each axis: relative spacings at the first, middle and last node, at the "
+        "first and last, or [1]",
     )
     method: Name | None = Field(None, validate_default=True, description="the name of one of several methods")
     material: Material = Field(description="a table with the key kind")
@@ -234,7 +238,7 @@ class Body(FilledShape):
         return value
 
     @model_validator(mode="after")
-    def _keys_of_others(self) -> "Body":
+    def _keys_have_effect(self) -> "Body":
         details: list[Any] = []
         even = self.shape.kind != "box" or self.placed_on != "vertices" or self.jitter > 0.0
         if self.grading is not None and even:
@@ -251,7 +255,7 @@ class Body(FilledShape):
 
 
 def _with_its_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
-    """Validate a body in view of its own method, where the scene has several."""
+    """Validate a body with its own method in the context, if the scene has several."""
     context = info.context or {}
     if not isinstance(value, dict) or not context.get("methods"):
         return handler(value)
@@ -259,7 +263,7 @@ def _with_its_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
 
 
 def own_method(body: dict[str, Any], context: dict[str, Any]) -> Any:
-    """The class of a raw body's method, see `methods.context_of`; None where it is not known."""
+    """The settings class of a raw body's method, see `methods.context_of`; None if it is not known."""
     named = context.get("methods")
     if named is None or ("method" not in body and len(named) == 1):
         return context.get("method")

@@ -1,6 +1,6 @@
-"""Boundary conditions of a scene: the keys of each kind's table, and the type of all of them.
+"""Tables of the boundary conditions of a scene, by kind.
 
-What a kind does to particles is in the package `boundary`; which kinds a method takes stands in its settings.
+The package `boundary` applies them; the settings of a method list the kinds that it accepts.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ BOUNDARY_KINDS: dict[str, type[Condition]] = {}
 
 
 class Condition(SceneModel):
-    """A boundary condition with a literal field `kind`; its keys are those of its table in the scene.
+    """A boundary condition.
 
-    on_particles: it is about particles of a region, else about nodes of a grid, wherever particles are;
-    needs_bounding_plane: its plane must bound a body.
+    on_particles: it acts on the particles of a region, not on a plane for all particles; needs_bounding_plane: its
+    plane must bound a body
     """
 
     on_particles: ClassVar[bool] = True
@@ -51,17 +51,17 @@ class Condition(SceneModel):
 
     @property
     def region_name(self) -> str | None:
-        """The key `where` of kinds that hold in regions with a name."""
+        """The name of its region, the key `where`; None for other places."""
         return getattr(self, "where", None)
 
     @property
     def reports(self) -> str | None:
-        """The name under which its force, moment and work are told, None unless that is asked for."""
+        """The name in the columns of its force, moment and work; None if they are not requested."""
         return getattr(self, "name", None) if getattr(self, "reaction", None) else None
 
     @property
     def region(self) -> Region:
-        """Where it holds: the one of its places that is given, unless a kind says otherwise."""
+        """The region it acts on."""
         stated: dict[str, Any] = {key: getattr(self, key, None) for key in ("box", "ball", "point")}
         if self.region_name is not None:
             return Named(self.region_name)
@@ -75,28 +75,32 @@ class Condition(SceneModel):
 
     @property
     def formulas(self) -> dict[str, FormulaVector]:
-        """All formulas, by their key."""
-        stated = {key: getattr(self, key) for key in type(self).model_fields}
-        vectors = {key: FormulaVector((one,)) if isinstance(one, Formula) else one for key, one in stated.items()}
-        return {key: one for key, one in vectors.items() if isinstance(one, FormulaVector)}
+        """Key -> formulas."""
+        result = {}
+        for key in type(self).model_fields:
+            value = getattr(self, key)
+            if isinstance(value, Formula):
+                result[key] = FormulaVector((value,))
+            elif isinstance(value, FormulaVector):
+                result[key] = value
+        return result
 
     @property
     def prescribed(self) -> Any:
-        """The values in time of the only formulas, a `LoadHistory`; a `RigidMotion` of a rotation."""
+        """The prescribed values over time: a `LoadHistory` of the only formulas, or the `RigidMotion` of a rotation."""
         (formulas,) = self.formulas.values()
         return LoadHistory(formulas, self if isinstance(self, Timed) else None)
 
 
 class Reporting(SceneModel):
-    """Keys of conditions that can tell what force they take.
+    """Keys of conditions that can report their force.
 
-    reaction: columns name.force, name.moment (about `moment_about`, the origin unless given) and name.work in the
-    history
+    reaction: write columns name.force, name.moment (about `moment_about`) and name.work
     """
 
-    name: Name | None = Field(None, description="what its forces are called in history.csv")
-    reaction: Literal[True] | None = Field(None, description="force, moment and work in the history, by the name")
-    moment_about: Point | None = Field(None, description="the point of the moments [m], the origin unless given")
+    name: Name | None = Field(None, description="the name of its force in history.csv")
+    reaction: Literal[True] | None = Field(None, description="write force, moment and work as columns of history.csv")
+    moment_about: Point | None = Field(None, description="the reference point of moments [m] (default: the origin)")
 
     @model_validator(mode="after")
     def _named(self) -> Reporting:
@@ -111,7 +115,7 @@ Kind = TypeVar("Kind", bound=Condition)
 
 
 def boundary_kind(model: type[Kind]) -> type[Kind]:
-    """Enter a kind in the table; raises ValueError for one that is there."""
+    """Register the table of a kind; raises ValueError for a kind that is registered already."""
     for kind in kinds_of(model):
         if kind in BOUNDARY_KINDS:
             raise ValueError(f"boundary kinds: expected one of the name {kind!r}, found two")
@@ -120,22 +124,22 @@ def boundary_kind(model: type[Kind]) -> type[Kind]:
 
 
 class OnSurface(Condition, Reporting):
-    """A condition on a body's surface: on a plane that bounds it, or in a region with a name."""
+    """A condition on a body's surface: on a plane that bounds it, or in a named region."""
 
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = (("plane", "where"),)
     needs_bounding_plane: ClassVar[bool] = True
     plane: Plane | None = Field(None, description="a plane such as 'Y = 0' that bounds the body")
-    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
+    where: RegionName | None = Field(None, description="a named region, or a group of a mesh")
+    body: Name | None = Field(None, description="the body it acts on (default: all)")
 
 
 @boundary_kind
 class Pressure(OnSurface, Timed):
-    """Pressure [Pa] on a body's surface: on a plane that bounds it, in a region with a name, in a box or a ball.
+    """Pressure [Pa] on a body's surface: on a plane that bounds it, in a named region, a box or a ball.
 
-    On a plane and in a region it is on the deformed surface, against its present normal: -p da = -p cof(F) dA. In
-    peridynamics it is per reference area, on all of the surface within the region, box or ball, which must hold what
-    lies within two horizons of that surface, and no other free surface.
+    On a plane and in a region it acts on the deformed surface, against its present normal: -p da = -p cof(F) dA. In
+    peridynamics it is per reference area, on all of the surface within the region, box or ball, which must contain all
+    particles within two horizons of that surface and no other free surface.
     """
 
     exactly_one: ClassVar = (("plane", "where", "box", "ball"),)
@@ -145,12 +149,12 @@ class Pressure(OnSurface, Timed):
     pressure: Scalar = Field(description="a formula in X, Y, Z, t [Pa]")
 
     @model_validator(mode="after")
-    def _known_place(self, info: ValidationInfo) -> Pressure:
+    def _place_of_method(self, info: ValidationInfo) -> Pressure:
         method: Any = method_of(info)
-        known, (places,) = getattr(method, "pressed", ()), self.exactly_one
-        wrong = [key for key in places if getattr(self, key) is not None and key not in known]
-        if method is not None and wrong:
-            reject(((wrong[0],), f"one of {', '.join(known)} with this method", Phrase(wrong[0])))
+        known = getattr(method, "pressed", ())
+        for key in self.exactly_one[0]:
+            if method is not None and getattr(self, key) is not None and key not in known:
+                reject(((key,), f"one of {', '.join(known)} with this method", Phrase(key)))
         return self
 
 
@@ -158,13 +162,13 @@ class Pressure(OnSurface, Timed):
 class Spring(OnSurface):
     """Springs and dashpots from the surface to rest: a traction -k u - c v per reference area.
 
-    along: "normal" for the part along the reference normal alone
+    along: "normal" for the component along the reference normal only
     """
 
     kind: Literal["spring"]
     stiffness: NotNegative = Field(0.0, description="stiffness per reference area [Pa/m]")
     damping: NotNegative = Field(0.0, description="damping per reference area [Pa s/m]")
-    along: Literal["all", "normal"] = Field("all", description="all directions, or the normal alone")
+    along: Literal["all", "normal"] = Field("all", description="all directions, or the normal only")
 
     @model_validator(mode="after")
     def _has_a_coefficient(self) -> Spring:
@@ -175,7 +179,7 @@ class Spring(OnSurface):
 
 @boundary_kind
 class Traction(OnSurface, Timed):
-    """Traction [Pa] per reference area on a plane that bounds the body, or on its surface in a region with a name."""
+    """Traction [Pa] per reference area on a plane that bounds the body, or on its surface in a named region."""
 
     kind: Literal["traction"]
     traction: Vector = Field(description="a formula in X, Y, Z, t for each component [Pa]")
@@ -183,74 +187,79 @@ class Traction(OnSurface, Timed):
 
 @boundary_kind
 class Support(OnSurface):
-    """A support on a plane that bounds the body, or in a region with a name.
+    """A support on a plane that bounds the body, or in a named region.
 
     fixed          no velocity
     roller         no velocity along the normal, no shear traction: a plane of symmetry
     antisymmetric  no velocity in the plane, no normal traction: the image moves with v' = -R v, R the reflection
 
-    With `mirror` the particles have images beyond the plane; without it the particles on the plane are clamped only,
-    which leaves first-order errors beside the plane. In a region with a name no particle has images: "fixed" holds all
-    particles there, "roller" and "antisymmetric" those of the body's surface there, along and across its normal.
+    With `mirror` the particles have images beyond the plane; without it only the particles on the plane are clamped,
+    with first-order errors near the plane. In a named region no particle has images: "fixed" holds all particles there,
+    "roller" and "antisymmetric" those of the body's surface there, along and across its normal.
 
-    A plane with a `velocity` moves: the components that the kind holds are those of the plane. Images lie at the
-    present place of the plane and move with v' = Q v + 2 w, which is exact for a linear velocity.
+    A plane with a `velocity` moves: particles on it have its velocity in the components that the kind holds. Images
+    follow the plane and move with v' = Q v + 2 w, which is exact for a linear velocity.
     """
 
     kind: Literal["fixed", "roller", "antisymmetric"]
     mirror: bool = Field(
-        True, description="particles have images beyond the plane; without them those on the plane are clamped only"
+        True, description="particles have images beyond the plane; without images only those on the plane are clamped"
     )
 
     velocity: VectorOrFree | None = Field(
         None,
-        description="of the plane [m/s], formulas in t, 'free' where the kind holds nothing; at rest unless given",
+        description="of the plane [m/s], formulas in t, 'free' for components that the kind does not hold (default: 0)",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _no_images(cls, table: Any) -> Any:
-        """Regions with a name have no images."""
+        """In a named region `mirror` is false by default."""
         return {"mirror": False} | table if isinstance(table, dict) and table.get("where") is not None else table
 
     def holds(self, dimension: int) -> np.ndarray:
-        """Which components (d,) of the velocity the plane has."""
+        """Which components (d,) of the velocity are held."""
         assert self.plane is not None
         normal = np.arange(dimension) == self.plane.axis
-        return np.array({"roller": normal, "fixed": normal | True, "antisymmetric": ~normal}[self.kind])
+        if self.kind == "fixed":
+            return np.ones(dimension, bool)
+        return normal if self.kind == "roller" else ~normal
 
     @model_validator(mode="after")
-    def _sound(self) -> Support:
+    def _consistent(self) -> Support:
         if self.where is not None and self.mirror:
-            reject((("mirror",), "false in a region with a name (images are beyond a plane)", self.mirror))
+            reject((("mirror",), "false in a named region (images are beyond a plane)", self.mirror))
         if self.velocity is None:
             return self
         if self.plane is None or not self.mirror:
             reject((("velocity",), "no such key without images beyond a plane", self.velocity.sources))
-        for i, (one, held) in enumerate(zip(self.velocity, self.holds(len(self.velocity)))):
-            if held != (one is not None):
-                expected = "a formula in t" if held else "'free', as this kind holds nothing there"
-                reject((("velocity", i), expected, "free" if one is None else one.source))
-            elif one is not None and set(one.names) - {"t"}:
-                reject((("velocity", i), "a formula in t alone", one.source))
+        for i, (formula, held) in enumerate(zip(self.velocity, self.holds(len(self.velocity)))):
+            if held != (formula is not None):
+                expected = "a formula in t" if held else "'free', because this kind does not hold this component"
+                reject((("velocity", i), expected, "free" if formula is None else formula.source))
+            elif formula is not None and set(formula.names) - {"t"}:
+                reject((("velocity", i), "a formula in t only", formula.source))
         return self
 
 
 class RegionCondition(Condition):
-    """A condition on a region: one with a name, a plane, a box, a ball, or the particle nearest to a point."""
+    """A condition on a named region, a plane, a box, a ball, or the particle nearest to a point."""
 
     exactly_one: ClassVar = (("where", "plane", "box", "ball", "point"),)
-    where: RegionName | None = Field(None, description="a region with a name, or a group of a mesh")
-    plane: Plane | None = Field(None, description="a plane such as 'Y = 0'; particles on it are meant")
+    where: RegionName | None = Field(None, description="a named region, or a group of a mesh")
+    plane: Plane | None = Field(None, description="a plane such as 'Y = 0': the particles on it")
     box: Box | None = None
     ball: Sphere | None = None
-    point: Point | None = Field(None, description="the particle nearest to this point [m] is meant")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
+    point: Point | None = Field(None, description="a point [m]: the particle nearest to it")
+    body: Name | None = Field(None, description="the body it acts on (default: all)")
 
 
 class MotionCondition(Condition):
-    """A condition that prescribes motion; quantity: "velocity" [m/s] or "displacement" [m], whose values in time are
-    `prescribed`. Components that are None in its formulas are free."""
+    """A condition that prescribes motion.
+
+    quantity: "velocity" [m/s] or "displacement" [m]; `prescribed` gives its values over time. Components that are None
+    in its formulas are free.
+    """
 
     quantity: ClassVar[Literal["velocity", "displacement"]] = "displacement"
 
@@ -274,18 +283,18 @@ class PrescribedDisplacement(RegionCondition, Timed, Reporting, MotionCondition)
 
 @boundary_kind
 class FictitiousLayer(Timed, Reporting, MotionCondition):
-    """A layer of fictitious particles, the part of a body on one side of a plane, with prescribed displacement.
+    """A fictitious layer with prescribed displacement: the part of a body on one side of a plane.
 
-    As wide as the horizon it holds the rest of the body at the plane (Galadima et al., section 8), with an error of
-    first order.
+    With the width of the horizon it holds the rest of the body at the plane with a first-order error (Galadima et al.,
+    section 8).
     """
 
     kind: Literal["layer"]
     plane: Plane = Field(description="a plane such as 'Y = 0' through the body")
     side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the layer is")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
+    body: Name | None = Field(None, description="the body it acts on (default: all)")
     displacement: VectorOrFree | None = Field(
-        None, description="a formula or 'free' for each component [m], zero unless given"
+        None, description="a formula or 'free' for each component [m] (default: 0)"
     )
 
     @property
@@ -301,10 +310,9 @@ class FictitiousLayer(Timed, Reporting, MotionCondition):
 
 @boundary_kind
 class Rotation(RegionCondition, Reporting, MotionCondition):
-    """Rotation by an angle [rad] about an axis through a point, which may be displaced [m]; of every particle of a
-    region.
+    """Rotation of a region by an angle [rad] about an axis through a point, which may be displaced [m].
 
-    axis: its direction in space, right-handed; in 2-D the axis points out of the plane
+    axis: direction in 3-D, right-handed; in 2-D the axis points out of the plane
     """
 
     kind: Literal["rotation"]
@@ -323,7 +331,7 @@ class Rotation(RegionCondition, Reporting, MotionCondition):
         moved = [(("displacement", i), one) for i, one in enumerate(self.displacement or ())]
         for key, formula in [(("angle",), self.angle), *moved]:
             if set(formula.names) - {"t"}:
-                reject((key, "a formula in t alone", formula.source))
+                reject((key, "a formula in t only", formula.source))
             start = float(formula.evaluate(np.zeros((1, 3)))[0])
             if abs(start) > 1e-12:
                 reject((key, "a formula that is 0 at the start", start))
@@ -341,7 +349,7 @@ class Rotation(RegionCondition, Reporting, MotionCondition):
 
 @boundary_kind
 class Wall(Condition, Reporting):
-    """A rigid plane that moves with a constant velocity, and on one side of which all bodies are."""
+    """A rigid plane with a constant velocity; all bodies are on one side of it."""
 
     on_particles: ClassVar[bool] = False
     body: ClassVar[None] = None  # type: ignore[misc]
@@ -350,18 +358,19 @@ class Wall(Condition, Reporting):
     side: Literal["above", "below"] = Field(
         description="'above' or 'below': where along the plane's axis the bodies are"
     )
-    velocity: Point | None = Field(None, description="the velocity of the wall [m/s], at rest unless given")
+    velocity: Point | None = Field(None, description="the velocity of the wall [m/s] (default: 0)")
     contact: Literal["frictionless", "sticking"] = Field(
-        "frictionless", description='"frictionless": the wall\'s normal velocity; "sticking": its whole velocity'
+        "frictionless",
+        description='bodies take the wall\'s normal velocity ("frictionless") or its whole velocity ("sticking")',
     )
 
 
 class OnHeatedPlane(Condition):
-    """A condition on the heat of bodies at a plane."""
+    """A thermal condition at a plane."""
 
     on_particles: ClassVar[bool] = False
     plane: Plane = Field(description="a plane such as 'Y = 0' that bounds the body")
-    body: Name | None = Field(None, description="only this body is meant; all of them unless given")
+    body: Name | None = Field(None, description="the body it acts on (default: all)")
 
 
 @boundary_kind
@@ -394,7 +403,7 @@ class MicroHard(RegionCondition):
 
 
 def of_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
-    """Refuse kinds that the scene's method does not know, or that of the body which a table names."""
+    """Refuse kinds that the method of the scene, or of the body that the table names, does not accept."""
     if isinstance(value, dict):
         method, kind = method_of(info, value), value.get("kind")
         known = [one for one in getattr(method, "boundaries", BOUNDARY_KINDS) if one in BOUNDARY_KINDS]
@@ -404,7 +413,7 @@ def of_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
 
 
 def union_of_kinds() -> Any:
-    """The type of a boundary's table, of one of the kinds that are entered."""
+    """The type of a boundary's table, of one of the registered kinds."""
     kinds: Any = Union[tuple(dict.fromkeys(BOUNDARY_KINDS.values()))]  # noqa: UP007
     return Annotated[kinds, Field(discriminator="kind"), WrapValidator(of_method)]
 

@@ -1,4 +1,4 @@
-"""Faults between the boundary conditions of a scene, and the columns of those that tell their force."""
+"""Faults between the boundary conditions of a scene, and the columns of their reactions."""
 
 from typing import Any
 
@@ -8,16 +8,16 @@ from parsolid.scene.base_model import Detail
 
 
 def reaction_columns(name: str, dimension: int) -> list[str]:
-    """Columns of the history of a condition that tells its force."""
+    """Columns of the history for force and moment of a condition."""
     axes = "xyz"[:dimension]
     moment = [f"{name}.moment_{axis}" for axis in axes] if dimension == 3 else [f"{name}.moment"]
     return [*(f"{name}.force_{axis}" for axis in axes), *moment]
 
 
 def reaction_details(conditions: list[Any], probes: list[str], carriers: list[list[Any]]) -> list[Detail]:
-    """Faults of conditions that tell their force: (place, expected, found).
+    """Faults of moving planes and of reactions: (location, expected, found).
 
-    carriers: settings of the methods that carry each condition.
+    carriers: for each condition the settings of the methods that it acts on
     """
     moving = [i for i, one in enumerate(conditions) if one.kind in _SUPPORTS and one.velocity is not None]
     details: list[Detail] = [
@@ -32,7 +32,7 @@ def reaction_details(conditions: list[Any], probes: list[str], carriers: list[li
         silent = [settings for settings in carriers[i] if conditions[i].kind not in settings.reactions]
         if silent:
             known = ", ".join(map(repr, silent[0].reactions)) or "none"
-            expected = f"one of the kinds {known}, whose force {silent[0].kind} can tell"
+            expected = f"one of the kinds {known}, whose force {silent[0].kind} can report"
             details.append((("boundaries", i, "reaction"), expected, conditions[i].kind))
         elif getattr(conditions[i], "mirror", False):
             expected = "mirror = false, or a region with a name (the force of images is on no particle)"
@@ -44,13 +44,12 @@ def reaction_details(conditions: list[Any], probes: list[str], carriers: list[li
 
 
 _SUPPORTS = ("fixed", "roller", "antisymmetric")
-# kinds that say all of a region's motion
+# kinds that prescribe all components of a region's motion
 _WHOLE_MOTION = ("fixed", "rotation")
 
 
 def clashes(conditions: list[Any]) -> list[Detail]:
-    """Faults of conditions that contradict one another: on one plane, or on one region of whose motion two say the
-    same part."""
+    """Faults of conditions that contradict each other: on one plane, or for the same components of one region."""
     faults: list[Detail] = []
     for i, one in enumerate(conditions):
         for j, other in enumerate(conditions[:i]):
@@ -60,29 +59,29 @@ def clashes(conditions: list[Any]) -> list[Detail]:
             if apart or one.plane != other.plane:
                 continue
             held, before = _held(one), _held(other)
-            # images go with one support
+            # two supports would give different images
             supports = {one.kind, other.kind} <= set(_SUPPORTS) and one.kind != other.kind
             if supports or _differ(held, before):
                 what = "temperature" if "temperature" in before else "motion"
-                expected = f"a plane whose {what} boundaries.{j} ({other.kind!r}) does not hold otherwise"
+                expected = f"a plane whose {what} boundaries.{j} ({other.kind!r}) does not prescribe differently"
                 faults.append((("boundaries", i, "plane"), expected, str(one.plane)))
                 break
     seen = dict[tuple[str, str | None], list[int]]()
     for i, one in enumerate(conditions):
         if one.region_name is None or one.kind not in (*_WHOLE_MOTION, "velocity", "displacement"):
             continue
-        there = seen.setdefault((one.region_name, one.body), [])
-        for j in there:
+        earlier = seen.setdefault((one.region_name, one.body), [])
+        for j in earlier:
             pair = one, conditions[j]
-            kinds = {which.kind for which in pair}
-            # a motion holds before "fixed", which has the components that are free in it
-            left = any(formula.free.any() for which in pair for formula in which.formulas.values())
-            twice = _differ(_prescribed(one), _prescribed(conditions[j]))
-            if twice or "rotation" in kinds or ("fixed" in kinds and not left):
-                expected = f"a region whose motion boundaries.{j} ({conditions[j].kind!r}) does not say"
+            kinds = {condition.kind for condition in pair}
+            # "fixed" holds the components that the other condition leaves free
+            has_free = any(formula.free.any() for condition in pair for formula in condition.formulas.values())
+            differ = _differ(_prescribed(one), _prescribed(conditions[j]))
+            if differ or "rotation" in kinds or ("fixed" in kinds and not has_free):
+                expected = f"a region whose motion boundaries.{j} ({conditions[j].kind!r}) does not prescribe"
                 faults.append((("boundaries", i, "where"), expected, one.region_name))
                 break
-        there.append(i)
+        earlier.append(i)
     return faults
 
 
@@ -91,21 +90,23 @@ def _differ(held: dict[Any, str], before: dict[Any, str]) -> bool:
 
 
 def _held(condition: Any) -> dict[Any, str]:
-    """What a condition holds of a plane: axis, or "temperature" -> its formula; "0" where it is at rest."""
-    if condition.kind in ("temperature", "heat-flux"):
-        # heat flows into a plane whose temperature nothing holds
-        return {"temperature": condition.temperature.source if condition.kind == "temperature" else ""}
-    if condition.kind in _SUPPORTS:
-        moving = dict(enumerate(condition.velocity or ()))
-        of_plane = ((axis, moving.get(axis)) for axis in np.flatnonzero(condition.holds(3)).tolist())
-        return {
-            axis: "0" if one is None or _is_zero(one.source) else f"velocity {one.source}" for axis, one in of_plane
-        }
-    return _prescribed(condition)
+    """Axis or "temperature" -> formula that a condition prescribes on a plane; "0" at rest."""
+    if condition.kind == "temperature":
+        return {"temperature": condition.temperature.source}
+    if condition.kind == "heat-flux":
+        # contradicts any temperature
+        return {"temperature": ""}
+    if condition.kind not in _SUPPORTS:
+        return _prescribed(condition)
+    velocity, held = list(condition.velocity or ()), {}
+    for axis in np.flatnonzero(condition.holds(3)).tolist():
+        formula = velocity[axis] if axis < len(velocity) else None
+        held[axis] = "0" if formula is None or _is_zero(formula.source) else f"velocity {formula.source}"
+    return held
 
 
 def _prescribed(condition: Any) -> dict[Any, str]:
-    """Axis -> formula of a condition that prescribes a motion by components; empty for others."""
+    """Axis -> formula of a condition that prescribes components of a motion; empty for other conditions."""
     if condition.kind not in ("velocity", "displacement"):
         return {}
     (formulas,) = condition.formulas.values()

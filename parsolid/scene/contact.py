@@ -1,4 +1,4 @@
-"""How bodies meet as a scene states it: contact between and within them, bonds and ties."""
+"""Tables of contact, bonds and ties between bodies, their faults, and their terms in the energy ledger."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
@@ -13,20 +13,20 @@ from parsolid.scene.base_model import FaultDetail, NotNegative, SceneModel, mism
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.observation import holds_heat
 
-# what contact and tools add to the ledger: parts of what is stored, and what friction takes; and the kinetic offset of
-# free tools, see `methods.leapfrog`; signs as in `simulation.ledger`
+# energy terms, with signs as in `simulation.ledger`: of contact between particles and with tools
 CONTACT_TERMS = {"contact_energy": 0, "stick_energy": 0, "friction_dissipation": 1}
+# kinetic offset of free tools, see `methods.leapfrog`
 TOOL_TERMS = {KINETIC_OFFSET: -1}
-# what of friction's dissipation is in stored energies, for laws that store heat
+# part of the friction dissipation that laws with heat store
 FRICTION_HEAT = {"friction_heat": -1}
-# what contact on a grid takes from velocities of nodes that close, and from those that slide
+# contact on a grid: dissipation of closing and of sliding nodes
 GRID_TERMS = {"contact_dissipation": 1, "friction_dissipation": 1}
-# of the kernel model: factor on the stiffness, radius in spacings
+# defaults of the kernel model: factor on the stiffness, radius in spacings
 USUAL = {"stiffness": 1.0, "radius": 2.7}
 
 
 class Contact(SceneModel):
-    """Bodies that press on one another and part freely."""
+    """Bodies that press on one another and separate freely."""
 
     bodies: Annotated[list[str], Field(min_length=1)] = Field(description="names of bodies")
     model: Literal["kernel", "grid"] = Field(
@@ -39,52 +39,59 @@ class Contact(SceneModel):
         None,
         gt=0.0,
         le=1e4,
-        description="factor alpha on the least M/h of the two bodies, M = lambda + 2 mu; 1 unless given",
+        description="factor alpha on the smaller M/h of the two bodies, M = lambda + 2 mu (default: 1)",
     )
     radius: float | None = Field(
         None,
         ge=2.2,
         le=8.0,
-        description="of the kernel that feels the other body, in the larger of the two spacings; 2.7 unless given",
+        description="radius of the contact kernel in the larger of the two spacings (default: 2.7)",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _complete_forces(cls, value: Any) -> Any:
-        """What is for forces alone has a value there, and none on a grid, where a stated one is refused."""
-        forces = isinstance(value, dict) and value.get("model", "kernel") == "kernel"
-        return USUAL | value if forces else value
+        """Defaults of stiffness and radius for the kernel model; they stay None on a grid, where they are refused."""
+        if isinstance(value, dict) and value.get("model", "kernel") == "kernel":
+            return USUAL | value
+        return value
 
 
 def energy_terms(contacts: Any, tools: Any, materials: list[Any]) -> dict[str, int]:
-    """What contacts and tools of a scene with these materials add to the ledger."""
+    """Terms that contacts and tools of a scene with these materials add to the energy ledger."""
     forces, grid = of_model(contacts, "kernel"), of_model(contacts, "grid")
-    terms = (CONTACT_TERMS if forces or tools else {}) | (TOOL_TERMS if tools else {}) | (GRID_TERMS if grid else {})
-    rubs = any(one.friction for one in (*forces, *grid, *tools))
-    warms = rubs and any(map(holds_heat, materials))
-    return terms | (FRICTION_HEAT if warms else {})
+    terms: dict[str, int] = {}
+    if forces or tools:
+        terms |= CONTACT_TERMS
+    if tools:
+        terms |= TOOL_TERMS
+    if grid:
+        terms |= GRID_TERMS
+    if any(one.friction for one in (*forces, *grid, *tools)) and any(map(holds_heat, materials)):
+        terms |= FRICTION_HEAT
+    return terms
 
 
 def of_model(contacts: Any, model: str) -> list[Contact]:
     """Contacts of one model."""
-    return [one for one in contacts if one.model == model]
+    return [contact for contact in contacts if contact.model == model]
 
 
 def bodies_in_contact(scene: Any) -> set[int]:
-    """Numbers of those that tools or other bodies may touch."""
+    """Indices of the bodies in contact with tools, other bodies or themselves."""
     named = [name for one in scene.contact for name in one.bodies]
     named += [name for one in scene.tools for name in one.bodies or [body.name for body in scene.bodies]]
     return {i for i, body in enumerate(scene.bodies) if body.name in named}
 
 
 def in_contact(scene: Any, bodies: Iterable[int]) -> list[str]:
-    """Names of those of some bodies that meet another one, by forces between particles."""
+    """Names of the given bodies that are in contact with another body by forces between particles."""
     named = {name for one in of_model(scene.contact, "kernel") if len(one.bodies) > 1 for name in one.bodies}
     return [scene.bodies[i].name for i in bodies if scene.bodies[i].name in named]
 
 
 def grid_pairs(scene: Any) -> dict[tuple[int, int], float]:
-    """Friction between every two systems that meet on their grid, by their numbers."""
+    """Indices of two systems in contact on their grid -> coefficient of friction."""
     names = {body.name: number for number, body in enumerate(scene.bodies)}
     home = {body: number for number, system in enumerate(scene.systems) for body in system.bodies}
     result: dict[tuple[int, int], float] = {}
@@ -95,11 +102,11 @@ def grid_pairs(scene: Any) -> dict[tuple[int, int], float]:
 
 
 def grid_faults(scene: Any) -> list[FaultDetail]:
-    """Grid contacts of bodies that have no grid in common, with keys that are for forces, or without agreement."""
+    """Faults of grid contacts: no common grid, keys of the kernel model, or different friction between two grids."""
     details = list[FaultDetail]()
     home = {scene.bodies[number].name: one for one in scene.systems for number in one.bodies}
     for i, contact in enumerate(scene.contact):
-        # names that no body has are told elsewhere
+        # unknown names are faults of `contact_faults`
         systems = [home[name] for name in contact.bodies if name in home]
         if contact.model == "kernel" or not systems:
             continue
@@ -116,7 +123,7 @@ def grid_faults(scene: Any) -> list[FaultDetail]:
                 details.append(((*place, key), f"{allowed[0]!r} with a contact on the grid", found))
     if details:
         return details
-    # contacts on a grid that name a body of each system, by the first of its bodies
+    # first body of a system -> indices of earlier grid contacts with a body of the system
     earlier = defaultdict[int, set[int]](set)
     for i, contact in sorted(enumerate(scene.contact), key=lambda one: one[1].model != "grid"):
         first = {home[name].bodies[0] for name in contact.bodies if name in home}
@@ -131,41 +138,41 @@ def grid_faults(scene: Any) -> list[FaultDetail]:
 
 
 class BodyPairs:
-    """Pairs of numbered bodies: every two that a table names together, but those of other pairs.
+    """Pairs of bodies that a table names together, without the pairs of `excluded`.
 
-    tables (of each body): numbers of the tables that name it.
+    tables: index of a body -> indices of the tables that name it
     """
 
-    def __init__(self, members: Iterable[Iterable[int]], but: "BodyPairs | None" = None) -> None:
-        """members: numbers of the bodies of each table, of which one alone makes no pair."""
-        self.tables, self._but = defaultdict[int, set[int]](set), but
+    def __init__(self, members: Iterable[Iterable[int]], excluded: "BodyPairs | None" = None) -> None:
+        """members: for each table the indices of its bodies."""
+        self.tables, self._excluded = defaultdict[int, set[int]](set), excluded
         for number, bodies in enumerate(members):
             for body in bodies:
                 self.tables[body].add(number)
 
     @classmethod
     def named(cls, tables: Iterable[list[str]], names: list[str | None]) -> "BodyPairs":
-        """Of tables with names of bodies; those that no body has count for nothing."""
+        """From tables with names of bodies; names: of all bodies. Unknown names are ignored."""
         number = {name: k for k, name in enumerate(names) if name is not None}
         return cls([number[name] for name in bodies if name in number] for bodies in tables if len(bodies) > 1)
 
     def has(self, i: int, j: int) -> bool:
-        """Whether a table names two bodies."""
+        """Whether two bodies are a pair."""
         named = i != j and not self.tables.get(i, set()).isdisjoint(self.tables.get(j, set()))
-        return named and (self._but is None or not self._but.has(i, j))
+        return named and (self._excluded is None or not self._excluded.has(i, j))
 
     def between(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Whether a table names each two of bodies first and second (n,)."""
-        result, unlike = np.zeros(len(first), bool), np.flatnonzero(first != second)
-        one, other = (body[unlike].astype(np.int64) for body in (first, second))
-        count = int(max(one.max(initial=0), other.max(initial=0))) + 1
-        pairs, number = np.unique(one * count + other, return_inverse=True)
-        result[unlike] = np.array([self.has(*divmod(pair, count)) for pair in pairs.tolist()], bool)[number]
+        """Whether bodies first[k] and second[k] are a pair, (n,) bool; first, second: indices (n,)."""
+        result, different = np.zeros(len(first), bool), np.flatnonzero(first != second)
+        i, j = first[different].astype(np.int64), second[different].astype(np.int64)
+        count = int(max(i.max(initial=0), j.max(initial=0))) + 1
+        pairs, number = np.unique(i * count + j, return_inverse=True)
+        result[different] = np.array([self.has(*divmod(pair, count)) for pair in pairs.tolist()], bool)[number]
         return result
 
 
 def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[FaultDetail]:
-    """Bodies that are not there, and pairs that are named twice; names: of all bodies."""
+    """Faults of unknown names, and of pairs that two contacts name; names: of all bodies."""
     faults, sizes, named = list[FaultDetail](), dict[int, int](), defaultdict[str, list[int]](list)
     known = set(names or ())
     for i, one in enumerate(contacts):
@@ -176,7 +183,7 @@ def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[Fau
             expected = "each body once (one name alone: contact within it)"
             faults.append((("contact", i, "bodies"), expected, one.bodies))
             continue
-        # contacts that have named two of its bodies, or the only one
+        # earlier contacts with two of its bodies, or with its only one
         shared = Counter(earlier for name in one.bodies for earlier in named[name] if sizes[earlier] > 1)
         twice = [earlier for earlier, count in shared.items() if count > 1]
         if len(one.bodies) == 1:
@@ -196,12 +203,11 @@ ALL = ["all"]
 
 
 class Bond(SceneModel):
-    """Bodies that their method joins where they touch at the start, as if they were parts of one.
+    """Bodies of one method that are joined where they touch at the start, like parts of one body.
 
-    Those of `ulsph` press on one another or stick, as the key `contact` of the method says.
+    Bodies of `ulsph` press on one another or stick, by the key `contact` of the method.
 
-    bodies   names of bodies of one method, every pair of them; or "all": every pair of bodies of one method that no
-             contact names
+    bodies   names of bodies: all pairs of them; or "all": all pairs of bodies of one method without a contact
     """
 
     bodies: Annotated[list[str], Field(min_length=1)] = Field(
@@ -222,7 +228,7 @@ class Bond(SceneModel):
 
 
 def bonded_pairs(scene: Any) -> BodyPairs:
-    """Pairs of the scene's bodies that bonds name."""
+    """Pairs of bodies that bonds join."""
     names, contact = [body.name for body in scene.bodies], scene.in_contact
     if all(one.bodies != ALL for one in scene.bond):
         return BodyPairs.named([one.bodies for one in scene.bond], names)
@@ -233,8 +239,7 @@ def bonded_pairs(scene: Any) -> BodyPairs:
 
 
 def bond_faults(scene: Any, models_known: bool) -> list[FaultDetail]:
-    """Bonds of bodies that are not there or, where these are known, of several methods, and pairs that another table
-    names."""
+    """Faults of bonds: unknown names, bodies of several methods (if `models_known`), pairs that another table names."""
     names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     number = {name: k for k, name in enumerate(names) if name is not None}
     several = models_known and len(scene.methods or ()) > 1
@@ -262,7 +267,10 @@ def bond_faults(scene: Any, models_known: bool) -> list[FaultDetail]:
 
 
 def _named_by(tables: Mapping[int, set[int]], known: dict[int, str]) -> list[str]:
-    """Names of two of some bodies that one table names together, by the tables that name each; empty without any."""
+    """Names of two bodies that one table names together, or nothing.
+
+    tables: index of a body -> tables that name it; known: index -> name of the bodies
+    """
     first: dict[int, int] = {}
     for body, name in known.items():
         for table in tables.get(body, ()):
@@ -271,25 +279,25 @@ def _named_by(tables: Mapping[int, set[int]], known: dict[int, str]) -> list[str
     return []
 
 
-# what a tie adds to the ledger: a part of what is stored; signs as in `simulation.ledger`
+# energy terms of ties: stored energy; signs as in `simulation.ledger`
 TIE_TERMS = {"tie_energy": 0}
 
 
 class Tie(SceneModel):
-    """Two bodies of different methods, or from meshes, whose faces touch at the start and stay together."""
+    """Two bodies of different methods, or from meshes, that are joined where their faces touch at the start."""
 
     bodies: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(description="names of two bodies")
     stiffness: float = Field(
         4.0,
         gt=0.0,
         le=1e4,
-        description="factor on the least M/h of the two bodies, M = lambda + 2 mu: the faces part by h/stiffness "
-        "times the strain of the softer one",
+        description="factor on the smaller M/h of the two bodies, M = lambda + 2 mu: faces separate by h/stiffness "
+        "times the strain of the softer body",
     )
 
 
 def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:
-    """Numbers of the bodies of every tie, rising, and the tie."""
+    """Indices of the two bodies of every tie, in rising order, and the tie."""
     names = [body.name for body in scene.bodies]
     result = []
     for one in scene.tie:
@@ -299,8 +307,8 @@ def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:
 
 
 def tie_faults(scene: Any, systems_known: bool) -> list[FaultDetail]:
-    """Ties of bodies that are not there; where systems are known also of those that are bonded already, that are in
-    contact, or whose method has no motion that impulses could change."""
+    """Faults of ties: unknown names and, if systems are known, bodies that are bonded or in contact, or whose method
+    refuses ties."""
     names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     for i, one in enumerate(scene.tie):
         unknown = [name for name in one.bodies if name not in names]

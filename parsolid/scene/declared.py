@@ -1,4 +1,4 @@
-"""Tables of laws, made from what the laws declare (`materials.declaration`): a law's file is all that it takes."""
+"""Tables of laws, made from the parameters that the laws declare (`materials.declaration`)."""
 
 import os
 import tomllib
@@ -42,13 +42,13 @@ from parsolid.scene.validation_errors import NOTHING, suggestion
 
 
 class OfCells(SceneModel):
-    """Values that the elements of the body's mesh have in its file."""
+    """Values of the elements of the body's mesh, from the mesh file."""
 
     cell_data: Annotated[str, Field(min_length=1)] = Field(description="the name of the data in the mesh file")
 
 
 class StatedDirection(SceneModel):
-    """A direction at each particle; its length is of no matter."""
+    """A direction at each particle, of any length."""
 
     exactly_one: ClassVar = (("angle", "vector", "cell_data"),)
     angle: InitialScalar | None = Field(None, description="angle [rad] from X to Y, a formula of the reference place")
@@ -58,7 +58,7 @@ class StatedDirection(SceneModel):
     )
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
-        """Vectors (n, 3) at points (n, d) [m], of any length; not of cell data."""
+        """Vectors (n, 3) of any length at points (n, d) [m], from `angle` or `vector`."""
         result = np.zeros((len(points), 3))
         if self.angle is not None:
             angle = self.angle.evaluate(points)
@@ -88,19 +88,20 @@ StatedNumber: Any = Annotated[
 
 
 def field_of_particles(note: Any) -> tuple[Any, Any]:
-    """Type and field of a table for a member that particles have values of, state variables apart."""
-    told = f"{note.description} [{note.unit}]" if note.unit != "1" else note.description
+    """Type and field of a table for a member of a law that differs between particles, but for state variables."""
+    meaning = f"{note.description} [{note.unit}]" if note.unit != "1" else note.description
     if isinstance(note, Direction):
         needed: dict[str, Any] = {} if note.needed else {"default": None}
         kind = StatedDirection if note.needed else StatedDirection | None
-        return kind, Field(**needed, description=f"a table: angle, vector or cell_data; the direction {told}".strip())
+        description = f"a table: angle, vector or cell_data; the direction {meaning}".strip()
+        return kind, Field(**needed, description=description)
     if isinstance(note, BandWidth):
-        return StatedNumber | None, Field(None, description=f"the width of the band of {told}; of the spacing if none")
-    return StatedNumber, Field(description=told or None)
+        return StatedNumber | None, Field(None, description=f"width of the band of {meaning}")
+    return StatedNumber, Field(description=meaning or None)
 
 
 class DeclaredModel(SceneModel):
-    """The table of a law or of a part of one; `declared` is the class that states its parameters."""
+    """The table of a law or of a part of a law; `declared` is the class that declares its parameters."""
 
     declared: ClassVar[Declared]
 
@@ -108,13 +109,12 @@ class DeclaredModel(SceneModel):
     @classmethod
     def _can_fail(cls, value: Any) -> Any:
         if isinstance(value, dict) and value.get("failure") is not None and "failure" not in cls.model_fields:
-            # not merely an unknown key: somebody has meant it
             expected = "no such key: failure is of plastic flow, in the kind 'elastic-plastic'"
             reject((("failure",), expected, value["failure"]))
         return value
 
     @model_validator(mode="after")
-    def _sound(self) -> "DeclaredModel":
+    def _consistent(self) -> "DeclaredModel":
         declared = type(self).declared
         reject(*getattr(declared, "faults", lambda stated: ())(self))
         if hasattr(declared, "source") and registry.can_be_tried(declared):
@@ -125,34 +125,34 @@ class DeclaredModel(SceneModel):
         return self
 
     def part_of(self, **of_material: Any) -> Any:
-        """The NamedTuple in SI units; of_material: what parts take from their material."""
+        """The NamedTuple in SI units; of_material: values that a part takes from its material."""
         return built(type(self).declared, self, **of_material)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # models made at run time cannot be found by their names: they are made again of what declares them
+        # a class made at run time cannot be pickled by name: it is made again from its declaration
         kind, state = type(self).declared, self.__getstate__()
         if hasattr(kind, "source"):
             return _restored, (registry.from_text, kind.source, state)
         if hasattr(kind, "role"):
             return _restored, (registry.declared, (kind.role, kind.kind), state)
-        # an entry of a list has no role, but is found by its own name
+        # an entry of a list has no role; its class is pickled by name
         return _restored, (None, (kind,), state)
 
 
 def _restored(find: Callable[..., Declared] | None, arguments: tuple[Any, ...], state: dict[Any, Any]) -> DeclaredModel:
-    """A table that another rank has validated, with the text of the law's file as that rank has read it."""
+    """A table validated by another rank; find: finds or makes the class that declares the law, from `arguments`."""
     model = model_of(arguments[0] if find is None else find(*arguments))
     result = model.__new__(model)
     result.__setstate__(state)
     return result
 
 
-# what the tables of a role have in common besides what its laws declare
+# role -> base class of the tables of its laws
 _BASES: dict[str, type[DeclaredModel]] = {}
 
 
 def table_of(role: str) -> Callable[[type[DeclaredModel]], type[DeclaredModel]]:
-    """Decorator: what tables of a role have in common."""
+    """Decorator of the base class of the tables of a role."""
 
     def enter(base: type[DeclaredModel]) -> type[DeclaredModel]:
         _BASES[role] = base
@@ -163,37 +163,36 @@ def table_of(role: str) -> Callable[[type[DeclaredModel]], type[DeclaredModel]]:
 
 @cache
 def model_of(declared: Declared) -> type[DeclaredModel]:
-    """The model of the table in which a scene states a declared law, or an entry of a list that one has."""
+    """The model of the table of a declared law, or of an entry of a list in it."""
     role = getattr(declared, "role", None)
     fields: dict[str, Any] = {}
     if hasattr(declared, "source"):
         fields["law"] = (str, Field(description="a file and the class in it, 'my_law.py:MyLaw'"))
-        # a file may be of any role
+        # defines the base classes of all roles
         import_module("parsolid.scene.materials")
     elif role is not None:
         fields["kind"] = (Literal[declared.kind], Field())
-    stated = {n: it for n, it in parameters_of(declared).items() if not isinstance(it[1], OfMaterial | StateVariable)}
-    fields |= {name: _field(plain, note) for name, (plain, note) in stated.items()}
+    for name, (plain, note) in parameters_of(declared).items():
+        if not isinstance(note, OfMaterial | StateVariable):
+            fields[name] = _field(plain, note)
     base = _BASES.get(role or "", DeclaredModel)
     make: Any = create_model
-    made = make(declared.__name__, __base__=base, __module__=__name__, __doc__=declared.__doc__, **fields)
-    made.declared = declared
+    model = make(declared.__name__, __base__=base, __module__=__name__, __doc__=declared.__doc__, **fields)
+    model.declared = declared
     if "law" in fields:
-        made.kind = declared.kind
+        model.kind = declared.kind
+    # the table has the methods, properties and groups of keys of the declaration
     for owner in reversed(declared.__mro__):
         if not issubclass(owner, tuple) and owner is not object:
             for name, value in vars(owner).items():
-                if isinstance(value, FunctionType | property) or name in _GROUPS:
-                    setattr(made, name, value)
-    result: type[DeclaredModel] = made
+                if isinstance(value, FunctionType | property) or name in ("exactly_one", "at_most_one"):
+                    setattr(model, name, value)
+    result: type[DeclaredModel] = model
     return result
 
 
-_GROUPS = ("exactly_one", "at_most_one")
-
-
 def _field(plain: Any, parameter: Parameter | OfParticle) -> tuple[Any, Any]:
-    """Type and field of a parameter, or of what particles have values of."""
+    """Type and field of a parameter, or of a member that differs between particles."""
     if isinstance(parameter, OfParticle):
         return field_of_particles(parameter)
     bounds: dict[str, Any] = {"gt": parameter.above, "ge": parameter.at_least, "lt": parameter.below}
@@ -211,7 +210,7 @@ def _field(plain: Any, parameter: Parameter | OfParticle) -> tuple[Any, Any]:
 
 
 def law_files(scene: Any) -> list[str]:
-    """Files of the laws of a scene's bodies, and of their parts."""
+    """Files of laws that the bodies of a scene and their parts name with `law`."""
     tables = [body.material for body in scene.bodies]
     tables += [part for table in tables for part in getattr(table, "parts", {}).values()]
     failures = [getattr(table, "failure", None) for table in tables]
@@ -220,24 +219,23 @@ def law_files(scene: Any) -> list[str]:
 
 
 class Laws:
-    """Annotation of a union of the tables of laws: a table may name another one, by its key `law`, a file and a class
-    in it, or by the kind of an installed package; and the scene's method has to take its role.
+    """Annotation of a union of tables of laws that also accepts laws from files (key `law`) and installed packages.
 
-    roles: those of the laws; of_method: whether the methods' settings list the roles that they take.
+    roles: of the laws; of_method: the method of the scene must accept the role
     """
 
     def __init__(self, roles: tuple[str, ...], of_method: bool) -> None:
         self.roles, self.of_method = roles, of_method
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        # a law that is none of the union states itself, too
+        # also serializes tables that are not in the union
         stated = core_schema.plain_serializer_function_ser_schema(_stated, info_arg=True)
         return core_schema.with_info_wrap_validator_function(self._validate, handler(source), serialization=stated)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         installed = [registry.declared(role, kind) for role in self.roles for kind in registry.installed_kinds(role)]
         others = [handler(model_of(law).__pydantic_core_schema__) for law in installed]
-        # of a law of one's own only its file says what it takes
+        # the keys of a law from a file are not known here
         own = {
             "type": "object",
             "required": ["law"],
@@ -246,7 +244,7 @@ class Laws:
         }
         return {"anyOf": [handler(schema), *others, own]}
 
-    def _taken(self, info: ValidationInfo) -> list[str]:
+    def _accepted_roles(self, info: ValidationInfo) -> list[str]:
         method: Any = method_of(info) if self.of_method else None
         return [role for role in self.roles if method is None or role in method.materials]
 
@@ -254,14 +252,12 @@ class Laws:
         if not isinstance(value, dict):
             return value if isinstance(value, DeclaredModel) else handler(value)
         if "law" in value:
-            return _law_of_file(value, self._taken(info), info)
-        every, taken = (
-            [kind for role in roles for kind in registry.kinds(role)] for roles in (self.roles, self._taken(info))
-        )
-        check_kind(value, info, every, taken)
+            return _law_of_file(value, self._accepted_roles(info), info)
+        all_kinds = [kind for role in self.roles for kind in registry.kinds(role)]
+        accepted = [kind for role in self._accepted_roles(info) for kind in registry.kinds(role)]
+        check_kind(value, info, all_kinds, accepted)
         for role in self.roles:
             if value["kind"] in registry.installed_kinds(role):
-                # the table of a law of an installed package
                 try:
                     law = registry.declared(role, value["kind"])
                 except LawError as error:
@@ -272,12 +268,12 @@ class Laws:
 
 def _stated(table: DeclaredModel, info: Any) -> dict[str, Any]:
     stated = table.model_dump(mode=info.mode, exclude_none=info.exclude_none)
-    # a bound that a law lacks by default; scenes take finite numbers alone
+    # an infinite default is left out, because scenes accept finite numbers only
     return {key: value for key, value in stated.items() if value != inf}
 
 
-def _law_of_file(value: dict[str, Any], taken: list[str], info: ValidationInfo) -> Any:
-    """The table of a law of one's own, whose file is run if that is allowed."""
+def _law_of_file(value: dict[str, Any], roles: list[str], info: ValidationInfo) -> Any:
+    """The table of a law from a file, which is executed if that is allowed."""
     stated, context = value["law"], info.context or {}
     if "kind" in value:
         reject((("kind",), "no such key with law", value["kind"]))
@@ -286,25 +282,24 @@ def _law_of_file(value: dict[str, Any], taken: list[str], info: ValidationInfo) 
         reject((("law",), "a file and the class in it, such as 'my_law.py:MyLaw'", stated))
     path = os.path.abspath(os.path.join(context.get("folder", ""), file))
     if not context.get("again") and not context.get("trust_code"):
-        # what is run is said by who runs it, not by the scene
         expected = "--trust-code, or trust_code=True from Python (the scene names code that would be run)"
         reject((("law",), expected, stated))
     try:
-        # again: as it was when the scene was read first, whatever this rank's disk holds now
+        # again: the law as it was when the scene was first read
         again = context.get("again")
         law = registry.loaded(path, name) if again else registry.from_text(path, name, registry.text_of(path))
     except LawError as error:
         reject((("law",), str(error), stated))
-    if law.role not in taken:
-        reject((("law",), f"a law with the role {' or '.join(map(repr, taken)) or NOTHING}", law.role))
+    if law.role not in roles:
+        reject((("law",), f"a law with the role {' or '.join(map(repr, roles)) or NOTHING}", law.role))
     return model_of(law).model_validate(value | {"law": f"{path}:{name}"}, context=context)
 
 
 def laws(*roles: str, of_method: bool = False) -> Any:
     """The type of a field that holds a law of one of the roles, see `Laws`."""
     models = [model_of(registry.declared(role, kind)) for role in roles for kind in registry.own_kinds(role)]
-    told_apart = [Field(discriminator="kind")] if len(models) > 1 else []
-    return Annotated[Union[tuple(models)], *told_apart, Laws(roles, of_method)]  # noqa: UP007
+    discriminator = [Field(discriminator="kind")] if len(models) > 1 else []
+    return Annotated[Union[tuple(models)], *discriminator, Laws(roles, of_method)]  # noqa: UP007
 
 
 Entry = TypeVar("Entry")
@@ -312,14 +307,14 @@ Entry = TypeVar("Entry")
 
 @cache
 def stated_sets(path: Path) -> dict[str, dict[str, Any]]:
-    """Name -> what each set of a library's TOML file states, without where it was published."""
+    """Name -> values of each set of a library's TOML file, without its source."""
     with open(path, "rb") as file:
         tables = tomllib.load(file)
     return {name: {key: value for key, value in table.items() if key != "source"} for name, table in tables.items()}
 
 
 def entry(name: object, known: Mapping[str, Entry]) -> Entry:
-    """The entry of a name; raises ValidationError at the key `library` for what is no name of one."""
+    """The entry of a name; raises ValidationError at the key `library` for an unknown name."""
     if not isinstance(name, str) or name not in known:
         expected = f"one of {', '.join(map(repr, known)) or 'none'}{suggestion(name, known)}"
         reject((("library",), expected, name))
@@ -327,16 +322,16 @@ def entry(name: object, known: Mapping[str, Entry]) -> Entry:
 
 
 class LibraryTable(DeclaredModel):
-    """What is not given is that of the library, if one is named."""
+    """A table with the key `library`: keys that are not given are those of the named entry of the library."""
 
     @classmethod
     def entries(cls) -> Mapping[str, dict[str, Any]]:
-        """The library."""
+        """The library: name -> values."""
         raise NotImplementedError
 
     @classmethod
     def taken(cls, known: dict[str, Any], stated: dict[str, Any]) -> dict[str, Any]:
-        """What is taken of an entry beside what the scene states: all of it."""
+        """The values of an entry that apply beside those that the scene states; here all of them."""
         return known
 
     @model_validator(mode="wrap")

@@ -1,7 +1,7 @@
-"""Validation that goes on after an error, so that one message has every fault of a scene.
+"""Validation with error recovery, so that one message has all faults of a scene.
 
-A table that is at fault is repaired just as far as the others need it to be checked: an unknown key is taken away, an
-entry of a list is left out, a number out of its bounds and a formula are replaced by one that is valid.
+A faulty table is repaired so that the other tables can be checked: an unknown key or a faulty entry of a list is
+removed, a number out of bounds or a faulty formula is replaced by a valid one.
 """
 
 from dataclasses import dataclass, field
@@ -18,26 +18,31 @@ from parsolid.scene.raw_tables import numbers_out_of_range
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import Fault, fault
 
-# passes over the tables, each of which repairs what is at fault, until the tables are given up
+# largest number of passes, each of which repairs the faults found
 MOST_PASSES = 8
-# lists of which an entry at fault is left out
+# lists from which a faulty entry is removed
 _ENTRIES = ("boundaries", "initial", "contact", "bond", "tie", "tools", "probes")
 Place = tuple[str | int, ...]
 _FORMULAS = ("velocity", "displacement", "deformation_gradient", "temperature", "micro_rate")
-# keys of a body that say where its particles are
+# keys of a body that determine the positions of its particles
 _PLACES = ("shape", "particles", "spacing")
 
 
 @dataclass
 class Repairs:
-    """How the repaired tables of a scene differ from those of its file.
+    """Differences between the repaired tables of a scene and those of its file.
 
-    numbers: of the entries of each list, those in the file; body_names: of all bodies, None where one is at fault;
-    regions: those that entries name which are left out; incomplete: entries are missing; misplaced: bodies that are not
-    where the file has them; shape_unknown: the shape of one is not known; models_known: all methods and materials are
-    known; systems_known: so are all keys of methods, and where bodies are; end_known: the end time is known; stand_ins:
-    places where another value stands for one at fault, so that faults there are not the file's; reduced_methods: tables
-    of methods from which a key at fault was taken, so that faults found as they are read are not the file's.
+    numbers         for each list, the indices in the file of its remaining entries
+    body_names      of all bodies, None if one is faulty
+    regions         names of regions in removed entries
+    incomplete      entries were removed
+    misplaced       indices of bodies whose positions differ from the file
+    shape_unknown   the shape of a body was replaced
+    models_known    all methods and materials are valid
+    systems_known   so are all keys of methods and the positions of bodies
+    end_known       the end time is valid
+    stand_ins       locations of replaced values; faults there are not faults of the file
+    reduced_methods locations of methods without a faulty key; faults of their validation are not faults of the file
     """
 
     numbers: dict[str, list[int]] = field(default_factory=dict)
@@ -54,53 +59,53 @@ class Repairs:
 
     @classmethod
     def none(cls, tables: dict[str, Any]) -> "Repairs":
-        """Before any table is repaired."""
+        """For tables without repairs."""
         numbers = {key: list(range(len(tables[key]))) for key in _ENTRIES if isinstance(tables.get(key), list)}
         bodies = tables["bodies"] if isinstance(tables.get("bodies"), list) else []
         sound = all(isinstance(body, dict) and isinstance(body.get("name", ""), str) for body in bodies)
         return cls(numbers, [body["name"] for body in bodies if "name" in body] if sound else None)
 
     def number(self, key: str, entry: int) -> int:
-        """The number in the file of an entry of a list."""
+        """The index in the file of an entry of a list."""
         return self.numbers[key][entry] if key in self.numbers else entry
 
-    def stated(self, place: Place) -> Place:
-        """The place in the file of one in the repaired tables."""
+    def in_file(self, place: Place) -> Place:
+        """The location in the file of a location in the repaired tables."""
         if len(place) > 1 and isinstance(place[1], int):
             return place[0], self.number(str(place[0]), place[1]), *place[2:]
         return place
 
     def faults(self, details: list[FaultDetail]) -> list[Fault]:
         """Details of checks between tables as faults of the file."""
-        found = []
+        faults = []
         for place, expected, value, *code in details:
-            stated = self.stated(place)
-            if not is_within(stated, self.stand_ins):
-                found.append(fault(stated, expected, value, *code))
-        return found
+            location = self.in_file(place)
+            if not is_within(location, self.stand_ins):
+                faults.append(fault(location, expected, value, *code))
+        return faults
 
 
-def unknown_method() -> Any:
-    """What stands for a method of which nothing is known, so that other tables can be judged."""
+def placeholder_method() -> Any:
+    """A method that replaces a faulty one, so that other tables can be checked."""
     kind, settings = next(iter(SETTINGS.items()))
     return settings.model_construct(kind=kind)
 
 
-def unknown_material() -> Any:
-    """The same of a material."""
+def placeholder_material() -> Any:
+    """A material that replaces a faulty one, so that other tables can be checked."""
     table: Any = model_of(declared("hyperelastic", "neo-hookean"))
     return table.model_construct(kind="neo-hookean", density=1.0)
 
 
 def is_within(place: Place, tables: set[Place]) -> bool:
-    """Whether a place is in one of some tables, or is one of them."""
+    """Whether a location is in one of the tables, or is one of them."""
     return any(place[: len(one)] == one for one in tables)
 
 
 def validate_with_recovery(data: dict[str, Any], context: dict[str, Any]) -> tuple[Any, Repairs, list[Fault]]:
     """The scene of the repaired tables, the repairs, and the faults of single tables.
 
-    The scene is None where no repair lets the other tables be checked: without a dimension, or a body.
+    The scene is None if the tables cannot be repaired, as without a dimension or a body.
     """
     tables, repairs = _copied(data), Repairs.none(data)
     faults: dict[Fault, None] = {}
@@ -113,7 +118,7 @@ def validate_with_recovery(data: dict[str, Any], context: dict[str, Any]) -> tup
             found = error.errors(include_url=False)
         skipped = repairs.stand_ins | repairs.reduced_methods
         for item in found:
-            place = repairs.stated(item["loc"])
+            place = repairs.in_file(item["loc"])
             if not is_within(place, skipped):
                 faults[fault_of_error(item, place)] = None
         if number == 0:
@@ -129,21 +134,21 @@ def validate_with_recovery(data: dict[str, Any], context: dict[str, Any]) -> tup
 
 
 def _copied(tables: Any) -> Any:
-    """Tables that have no other in common, whoever made them."""
+    """A deep copy of tables and lists; other values are shared."""
     if isinstance(tables, dict):
         return {key: _copied(value) for key, value in tables.items()}
     return [_copied(value) for value in tables] if isinstance(tables, list) else tables
 
 
 def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs, context: dict[str, Any]) -> bool:
-    """Repair tables where errors were found; whether that could be done."""
+    """Repair tables at the errors found; whether that is possible."""
     dropped: set[tuple[str, int]] = set()
     for item in found:
         place = item["loc"]
         top: Any = place[0] if place else None
         table = _table_at(tables, place[:-1])
         if place and not isinstance(table, dict | list):
-            # it has been repaired as a whole
+            # the table has been replaced
             continue
         if item["ctx"]["code"] == "unknown-key":
             table.pop(place[-1], None)
@@ -152,7 +157,7 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
         elif top == "bodies" and len(place) > 1:
             _repair_body(tables["bodies"], item, repairs, context)
         elif top == "regions" and len(place) > 1:
-            # a region of the same name stands for one at fault
+            # replaced by a region of the same name
             number, regions = int(place[1]), tables["regions"]
             stated = regions[number].get("name") if isinstance(regions[number], dict) else None
             name = stated if isinstance(stated, str) else f"region {number}"
@@ -170,7 +175,7 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
             tables.pop(top)
             repairs.incomplete = True
     for key, number in sorted(dropped, reverse=True):
-        # leave an entry of a list out; regions that it names are in use all the same
+        # regions that a removed entry names count as used
         entry = tables[key].pop(number)
         repairs.numbers[key].pop(number)
         repairs.incomplete = True
@@ -180,7 +185,7 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
 
 
 def _table_at(tables: Any, place: tuple[Any, ...]) -> Any:
-    """The table or list at a place; None where something else stands."""
+    """The value at a location in tables and lists; None if there is no such location."""
     for key in place:
         if not isinstance(tables, dict | list) or (isinstance(tables, dict) and key not in tables):
             return None
@@ -189,7 +194,7 @@ def _table_at(tables: Any, place: tuple[Any, ...]) -> Any:
 
 
 def _repair_method(tables: dict[str, Any], item: ErrorDetails, repairs: Repairs) -> None:
-    """A method without the keys that are at fault, if it can do without them; else nothing is known of it."""
+    """Remove a faulty key of a method if it has a default; otherwise replace the method."""
     place: tuple[Any, ...] = item["loc"]
     depth = 1 if place[:1] == ("method",) else 2
     table = _table_at(tables, place[:depth]) if len(place) > depth else None
@@ -201,17 +206,17 @@ def _repair_method(tables: dict[str, Any], item: ErrorDetails, repairs: Repairs)
         table.pop(place[depth], None)
         repairs.stand_ins.add(place[: depth + 1])
         repairs.reduced_methods.add(place[:depth])
-        # the usual number will do for what others ask of the method
+        # the default of a number is good enough for checks of other tables
         repairs.systems_known = repairs.systems_known and item["ctx"]["code"] == "bound" and len(place) == depth + 1
         return
     repairs.models_known = repairs.systems_known = False
     if place[:1] == ("methods",) and len(place) > 1:
         methods = tables["methods"]
         name = methods[place[1]].get("name") if isinstance(methods[place[1]], dict) else None
-        methods[place[1]] = unknown_method().model_copy(update={"name": str(name)})
+        methods[place[1]] = placeholder_method().model_copy(update={"name": str(name)})
     else:
         tables.pop("methods", None)
-        tables["method"] = unknown_method()
+        tables["method"] = placeholder_method()
 
 
 def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, context: dict[str, Any]) -> None:
@@ -219,7 +224,7 @@ def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, contex
     place: tuple[Any, ...] = item["loc"]
     number, key = place[1], place[2] if len(place) > 2 else None
     if not isinstance(bodies[number], dict):
-        bodies[number] = {"material": unknown_material()}
+        bodies[number] = {"material": placeholder_material()}
         repairs.models_known = repairs.systems_known = False
         repairs.stand_ins.add(place[:2])
     body = bodies[number]
@@ -240,7 +245,7 @@ def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, contex
         else:
             body[key] = [0.0] * dimension if key in ("velocity", "displacement") else 300.0
     elif key in (None, *_PLACES) or key not in body:
-        # somewhere else, if it has been tried where the file has it
+        # first the number of particles is replaced, then the shape
         if key == "shape" or number in repairs.misplaced or not isinstance(body.get("shape"), dict):
             body["shape"] = {"box": {"lower": [0.0] * dimension, "upper": [1.0] * dimension}}
             repairs.shape_unknown = True
@@ -259,7 +264,7 @@ def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, contex
 
 
 def _repair_material(body: dict[str, Any], item: ErrorDetails, repairs: Repairs) -> None:
-    """A number within its bounds stands for one that is not; of another fault nothing is known of the material."""
+    """Replace a number out of bounds by one within them; for other faults replace the material."""
     place: tuple[Any, ...] = item["loc"]
     table = place[:3]
     if item["ctx"]["code"] == "bound" and len(place) > 3 and table not in repairs.stand_ins:
@@ -270,6 +275,6 @@ def _repair_material(body: dict[str, Any], item: ErrorDetails, repairs: Repairs)
         _table_at(body, place[2:-1])[place[-1]] = float(within)
         repairs.stand_ins.add(place if place[3:] == ("density",) else table)
         return
-    body["material"] = unknown_material()
+    body["material"] = placeholder_material()
     repairs.models_known = repairs.systems_known = False
     repairs.stand_ins.update([table, (*table[:2], "thermal_reference"), (*table[:2], "micro_rate")])

@@ -1,7 +1,7 @@
-"""Terms of formulas: their values, their rates of change in time, and how they split into time and place.
+"""Terms of formulas: their values, their rates in time, and their splitting into functions of time and of place.
 
-A term is a tree of constants, names and functions. Its rate is a term, too, made by the rules of the table FUNCTIONS;
-at a jump or a corner it is the one after it.
+A term is a tree of constants, names and functions. Its rate is also a term, made by the rules of the table FUNCTIONS;
+at a jump or corner it is the right-sided rate.
 """
 
 import ast
@@ -24,10 +24,10 @@ def _number(text: str) -> float | None:
 
 
 def read_csv_table(path: str, column: str | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Places and values (rows,) of a file of two or more columns of numbers; a first line of numbers is a row.
+    """First column and a column of values, (rows,) each, of a CSV file with or without a line of names.
 
-    column: name of the values' column, the second one unless given. Blank lines are left out. Raises ValueError with
-    the line at fault.
+    column: name of the column of values (default: the second column). Blank lines are skipped. Raises ValueError with
+    the faulty line.
     """
     file_name = os.path.basename(path)
     try:
@@ -57,21 +57,20 @@ def read_csv_table(path: str, column: str | None = None) -> tuple[np.ndarray, np
 
 
 class Table:
-    """Two columns of a CSV file: linear between rows, constant outside; a repeated place jumps."""
+    """Two columns of a CSV file: linear between rows, constant outside; a repeated abscissa is a jump."""
 
     def __init__(self, path: str, column: str | None = None) -> None:
-        """column: the name of the values' column, the second one unless given. Raises ValueError for a file that is no
-        such table."""
+        """column: name of the column of values (default: the second). Raises ValueError for a faulty file."""
         self.places, self.values = read_csv_table(path, column)
         if (np.diff(self.places) < 0.0).any():
             raise ValueError(f"a first column that falls in {os.path.basename(path)!r}")
 
     def at(self, places: np.ndarray) -> np.ndarray:
-        """Values at places, after a jump."""
+        """Values at abscissae; at a jump the value after it."""
         return np.interp(places, self.places, self.values)
 
     def slope(self, places: np.ndarray) -> np.ndarray:
-        """Slopes at places, after a corner; 0 outside."""
+        """Slopes at abscissae, at a corner the slope after it; 0 outside the table."""
         after = np.searchsorted(self.places, places, side="right")
         inside = (after > 0) & (after < len(self.places))
         end = np.where(inside, after, 1)
@@ -82,11 +81,11 @@ class Table:
 
     @property
     def jumps(self) -> np.ndarray:
-        """Places at which the values jump."""
+        """Abscissae at which the values jump."""
         return self.places[1:][np.diff(self.places) == 0.0]
 
 
-# whole exponents of which powers are products
+# exponents for which powers are computed as products
 _WHOLE = frozenset(map(float, range(1, 17)))
 
 
@@ -114,11 +113,11 @@ def _ramp_of_numbers(x: float, begin: float, end: float) -> float:
 
 
 class Function(NamedTuple):
-    """A function that takes so many values.
+    """A function of formulas.
 
-    value: by numpy; rate: that of its value in time, a formula of its arguments a, b, c and of their rates da, db, dc,
-    None where it has none; number: of Python's numbers, found five times as fast, None where numpy alone has it; where
-    it raises ArithmeticError or ValueError, numpy has inf or nan.
+    value: the numpy function; takes: number of arguments; rate: its rate in time, a formula of the arguments a, b, c
+    and their rates da, db, dc, or None; number: the same function of Python floats, five times as fast, or None; it may
+    raise ArithmeticError or ValueError where numpy gives inf or nan
     """
 
     value: Callable[..., Any]
@@ -149,7 +148,7 @@ _RATES = {
     "arctanh": "da/(1 - a*a)",
 }
 _FLAT = ("sign", "floor", "ceil", "round", "trunc", "isnan", "isinf", "isfinite", "signbit")
-# what a formula may call
+# functions by name
 FUNCTIONS: dict[str, Function] = {
     **{
         name: Function(getattr(np, name), 1, rate, getattr(math, name.replace("arc", "a")))
@@ -158,10 +157,9 @@ FUNCTIONS: dict[str, Function] = {
     "abs": Function(np.abs, 1, "sign(a)*da", abs),
     **{name: Function(getattr(np, name), 1, "0") for name in _FLAT},
     **{name: Function(getattr(np, name), 2) for name in ("arctan2", "fmod", "hypot", "copysign", "nextafter")},
-    # as C and Fortran call it
     "atan2": Function(np.arctan2, 2),
     "where": Function(_where, 3, "where(a, db, dc)", lambda condition, a, b: a if condition else b),
-    # where both are equal, what the first does after a corner of time that rises; what is not a number stays
+    # rates at a = b are right-sided if a rises faster than b; nan is kept
     "minimum": Function(np.minimum, 2, "where(a < b, da, db)", lambda a, b: a if a < b or math.isnan(a) else b),
     "maximum": Function(np.maximum, 2, "where(a >= b, da, db)", lambda a, b: a if a > b or math.isnan(a) else b),
     "clip": Function(
@@ -178,7 +176,7 @@ FUNCTIONS: dict[str, Function] = {
     ),
     "step": Function(lambda x, begin: np.where(x < begin, 0.0, 1.0), 2, "0", lambda x, b: 0.0 if x < b else 1.0),
 }
-# operators, by their names in a parsed text; those whose values are true or false first
+# operators with logical values, by their names in the syntax tree
 LOGICAL: dict[str, Function] = {
     "Lt": Function(np.less, 2, "0", operator.lt),
     "LtE": Function(np.less_equal, 2, "0", operator.le),
@@ -198,7 +196,7 @@ _APPLIED: dict[str, Function] = (
         "Sub": Function(operator.sub, 2, "da - db", operator.sub),
         "Mult": Function(operator.mul, 2, "da*b + db*a", operator.mul),
         "Div": Function(operator.truediv, 2, "da/b - a*db/b/b", operator.truediv),
-        # of a negative number Python's own power is complex
+        # math.pow: the power of a negative float is complex in Python
         "Pow": Function(
             _power,
             2,
@@ -208,7 +206,7 @@ _APPLIED: dict[str, Function] = (
         "Mod": Function(np.fmod, 2),
         "USub": Function(operator.neg, 1, "-da", operator.neg),
         "UAdd": Function(operator.pos, 1, "da", operator.pos),
-        # a table is the first argument
+        # the first argument is a Table
         "table": Function(lambda table, place: table.at(place), 2, "slope(a, b)*db"),
         "slope": Function(lambda table, place: table.slope(place), 2, "0"),
     }
@@ -218,8 +216,8 @@ _APPLIED: dict[str, Function] = (
 class Term:
     """A constant, a name, or a function of other terms.
 
-    names: those that its value depends on; looked_up: whether a table is in it; logical: whether it may be true or
-    false, which no numbers add to.
+    names: those that its value depends on; looked_up: whether it contains a table; logical: whether its value may be
+    boolean
     """
 
     names: frozenset[str]
@@ -227,7 +225,7 @@ class Term:
     logical: bool
 
     def __init__(self, of: str = "", *arguments: "Term", constant: Any = None) -> None:
-        """of: a name if there are no arguments and no constant, else what is applied."""
+        """of: the function or operator, or a name if there are neither arguments nor a constant."""
         self.of, self.arguments, self.constant = of, arguments, constant
         own = () if arguments or constant is not None else (of,)
         self.names = frozenset(own).union(*(one.names for one in arguments))
@@ -236,17 +234,20 @@ class Term:
         self.logical = of in LOGICAL or isinstance(constant, np.bool_) or (parts != [] and all(parts))
 
     def __getstate__(self) -> dict[str, Any]:
-        # functions do not travel
+        # the cached function cannot be pickled
         return {name: value for name, value in vars(self).items() if name != "value"}
 
     @cached_property
     def value(self) -> Callable[[Any], Any]:
-        """See `evaluator`, of a mapping of the names, made once."""
+        """The value as a function of a mapping name -> value, see `evaluator`."""
         return self.evaluator()
 
     def evaluator(self, fast: bool = False) -> Callable[[Any], Any]:
-        """The value as a function of a mapping of the names; fast: of the time alone, with Python's numbers, which may
-        raise ArithmeticError or ValueError where numpy has inf or nan."""
+        """The value as a function of a mapping name -> value.
+
+        fast: as a function of the time alone, a Python float; it may raise ArithmeticError or ValueError where numpy
+        gives inf or nan
+        """
         if self.constant is not None:
             value = self.constant.item() if fast and isinstance(self.constant, np.generic) else self.constant
             return lambda known: value
@@ -255,7 +256,7 @@ class Term:
         function = _APPLIED[self.of]
         apply, given = function.value, [one.evaluator(fast) for one in self.arguments]
         if fast and self.of != "where" and self.of not in LOGICAL and any(one.logical for one in self.arguments):
-            # of which sums are true or false themselves in numpy
+            # sums of booleans are booleans in numpy
             return lambda known: function.value(*[np.asarray(one(known))[()] for one in given])
         if fast and function.number is not None:
             apply = function.number
@@ -281,13 +282,13 @@ class Term:
         return value
 
     def known_at(self, places: Mapping[str, Any]) -> "Term":
-        """The term in t alone that it is at coordinates (n,)."""
+        """The term in t alone at points; places: X, Y, Z -> coordinates (n,) [m]."""
         if "t" not in self.names:
             return Term(constant=np.asarray(self.value(places))[()])
         return Term(self.of, *(one.known_at(places) for one in self.arguments))
 
     def split(self) -> list[tuple["Term", "Term"]] | None:
-        """Its value as a sum of products of a term in t alone and one of place alone; None where it is no such sum."""
+        """Its value as a sum of products (term in t alone, term in place alone); None if it is not such a sum."""
         if "t" not in self.names:
             return [(ONE, self)]
         if len(self.names) == 1:
@@ -301,13 +302,13 @@ class Term:
             return left + [(f, Term("USub", mode) if self.of == "Sub" else mode) for f, mode in right]
         if self.of == "Mult" and len(left) == 1:
             left, right = right, left
-        # of two sums the product may cancel
+        # a product of two sums is not expanded, because its terms may cancel
         if len(right) > 1:
             return None
         return [(_over(self.of, f, right[0][0]), _over(self.of, mode, right[0][1])) for f, mode in left]
 
     def rate(self) -> "Term":
-        """Its rate in time, ZERO where it changes by jumps alone. Raises ValueError for a function that has none."""
+        """Its rate in time, ZERO if it changes only by jumps. Raises ValueError for a function without a rule."""
         if not self.arguments:
             return ONE if self.of == "t" else ZERO
         rule = _APPLIED[self.of].rate
@@ -326,8 +327,10 @@ ONE, ZERO = Term(constant=np.float64(1.0)), Term(constant=np.float64(0.0))
 
 
 def _over(of: str, a: Term, b: Term) -> Term:
-    """A product or a quotient."""
-    return a if b is ONE else b if a is ONE and of == "Mult" else Term(of, a, b)
+    """The product or quotient of two terms, without factors 1."""
+    if b is ONE:
+        return a
+    return b if a is ONE and of == "Mult" else Term(of, a, b)
 
 
 @cache
@@ -336,7 +339,7 @@ def _parsed(rule: str) -> ast.expr:
 
 
 def parts_of(node: ast.expr) -> tuple[str, Sequence[ast.expr]]:
-    """What a node of a parsed formula applies, and to which nodes."""
+    """The function or operator of a node of the syntax tree, and the nodes of its arguments."""
     if isinstance(node, ast.BinOp):
         return type(node.op).__name__, (node.left, node.right)
     if isinstance(node, ast.Compare):
@@ -348,7 +351,7 @@ def parts_of(node: ast.expr) -> tuple[str, Sequence[ast.expr]]:
 
 
 def _by_rule(node: ast.expr, named: Mapping[str, Term]) -> Term:
-    """The term of a rule, without the parts that are zero, whose other factors may have no value."""
+    """The term of a rule; parts with a factor zero are left out, because their other factors may not be finite."""
     if isinstance(node, ast.Name):
         return named[node.id]
     if isinstance(node, ast.Constant):

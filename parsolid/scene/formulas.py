@@ -1,7 +1,7 @@
-"""Formulas of a scene in X, Y, Z and t: numpy functions of a text that is checked name by name.
+"""Formulas of a scene in X, Y, Z and t, compiled to numpy functions.
 
-Whole numbers are read as reals ("X/2" halves, whatever X is). Nothing is ever given to `eval`: the text is parsed,
-every node is compared with a list of allowed ones, and terms are made of the parsed tree.
+Integers are read as floats ("X/2" is a half of X). `eval` is not used: the text is parsed, every node of the tree is
+checked against a list of allowed nodes, and terms are built from the tree.
 """
 
 import ast
@@ -19,7 +19,7 @@ from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, misma
 from parsolid.scene.formula_terms import FUNCTIONS, LOGICAL, ONE, Table, Term, parts_of
 from parsolid.scene.validation_errors import suggestion
 
-# functions whose arguments are counted or are texts: at least, at most, and how to write them
+# functions with a variable number of arguments, or of texts and times: fewest, most, usage
 _OWN = {
     "min": (2, 20, "min(a, b, ...)"),
     "max": (2, 20, "max(a, b, ...)"),
@@ -45,15 +45,15 @@ _OPERATORS = (
     ast.Invert,
 )
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
-# characters of a formula, and operations one within the other, that the compiler stands
+# limits of the number of characters and of nested operations
 LONGEST, DEEPEST = 10_000, 200
 _LARGEST = int(np.finfo(float).max)
-# how far from a straight line, of its values, what counts as linear may be
+# relative deviation from a straight line below which a function counts as linear
 _STRAIGHT = 1e-9
 
 
 def _depth(tree: ast.AST) -> int:
-    """How deep a tree is, found without recursion; more than DEEPEST is as good as any."""
+    """The depth of a tree, counted without recursion up to DEEPEST + 2."""
     layer, depth = [tree], 0
     while layer and depth <= DEEPEST + 1:
         layer, depth = [child for node in layer for child in ast.iter_child_nodes(node)], depth + 1
@@ -61,14 +61,16 @@ def _depth(tree: ast.AST) -> int:
 
 
 def _misuse(node: ast.Call, least: int, most: int, usage: str) -> str | None:
-    """Why a call with these numbers of arguments is refused; of `table` the first and the third are texts."""
-    texts = [isinstance(one, ast.Constant) and isinstance(one.value, str) for one in node.args]
-    wanted = [usage.startswith("table") and i != 1 for i in range(len(texts))]
-    return None if least <= len(node.args) <= most and texts == wanted else f"{ast.unparse(node)!r} (write {usage})"
+    """Why the arguments of a call are refused, None if they are correct; the first and third of `table` are texts."""
+    is_text = [isinstance(one, ast.Constant) and isinstance(one.value, str) for one in node.args]
+    expected = [usage.startswith("table") and i != 1 for i in range(len(is_text))]
+    if least <= len(node.args) <= most and is_text == expected:
+        return None
+    return f"{ast.unparse(node)!r} (write {usage})"
 
 
 def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
-    """Why one node of a parsed formula is refused; None when it is allowed."""
+    """Why a node of a parsed formula is refused; None if it is allowed."""
     if isinstance(node, ast.BoolOp):
         return "'and' or 'or' (write (a) & (b), (a) | (b))"
     if isinstance(node, ast.Compare) and len(node.ops) > 1:
@@ -94,7 +96,7 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
 
 
 def _brackets(text: str) -> str:
-    """What is wrong with the brackets of a text, in words; empty where they are in pairs."""
+    """A remark on unpaired brackets of a text; empty if there are none."""
     opened = 0
     for number, one in enumerate(text, 1):
         opened += (one == "(") - (one == ")")
@@ -103,8 +105,8 @@ def _brackets(text: str) -> str:
     return f" ({'one bracket' if opened == 1 else f'{opened} brackets'} '(' without ')')" if opened else ""
 
 
-def _sound_tree(text: str, names: tuple[str, ...]) -> ast.expr:
-    """The parsed text; raises ValueError with what is wrong with it."""
+def _checked_tree(text: str, names: tuple[str, ...]) -> ast.expr:
+    """The parsed text; raises ValueError if it is not a formula in these names."""
     if len(text) > LONGEST:
         raise ValueError(f"{len(text)} characters where {LONGEST} are the most,")
     try:
@@ -125,7 +127,7 @@ def _sound_tree(text: str, names: tuple[str, ...]) -> ast.expr:
 
 
 class NotFinite(NamedTuple):
-    """A formula that was no finite number at a place [m] and a time [s]."""
+    """A formula that is not finite at a point [m] and a time [s]."""
 
     source: str
     value: float
@@ -137,22 +139,24 @@ class NotFinite(NamedTuple):
         return f"the formula {self.source!r} is {self.value} at X = ({place}), t = {self.time:.6g} s"
 
 
-# the first of this rank; a failed run tells of it
+# the first one on this rank, for the message of a failed run
 NOT_FINITE: list[NotFinite] = []
 
 
 class _Compiler:
-    """Makes terms of a checked tree; jumps, corners: times [s] at which functions of time make it, or its rate, jump,
-    where their arguments are linear in time."""
+    """Builds terms from a checked tree.
+
+    folder: of tables; jumps, corners: times [s] at which functions of time make the formula, or its rate, jump, as far
+    as their arguments are linear in time
+    """
 
     def __init__(self, folder: str) -> None:
-        """folder: of tables."""
         self.folder = folder
         self.jumps: set[float] = set()
         self.corners: set[float] = set()
 
     def term(self, node: ast.expr) -> Term:
-        """The term of a node, a constant where no name is in it. Raises TypeError for one that is no real number."""
+        """The term of a node; without names in it, a constant. Raises TypeError if that is not a real number."""
         result = self._term(node)
         if result.names or result.looked_up or result.constant is not None:
             return result
@@ -189,29 +193,28 @@ class _Compiler:
     def _table(self, path: Any, place: ast.expr | None = None, column: Any = None) -> Term:
         table = Table(os.path.join(self.folder, path.value), None if column is None else column.value)
         argument = Term("t") if place is None else self.term(place)
-        for places, found in ((table.places, self.corners), (table.jumps, self.jumps)):
-            for one in places:
-                self._crossing(argument, Term(constant=np.float64(one)), found)
+        for abscissae, times in ((table.places, self.corners), (table.jumps, self.jumps)):
+            for abscissa in abscissae:
+                self._crossing(argument, Term(constant=np.float64(abscissa)), times)
         return Term("table", Term(constant=table), argument)
 
-    def _crossing(self, value: Term, bound: Term, found: set[float]) -> None:
-        """Note when a difference that is linear in time vanishes."""
+    def _crossing(self, value: Term, bound: Term, times: set[float]) -> None:
+        """Add the time at which a value reaches a bound, if their difference is linear in time."""
         difference = Term("Sub", value, bound)
         if difference.looked_up or difference.names != {"t"}:
             return
         if value.of == "t" and bound.constant is not None:
-            found.add(float(bound.constant))
+            times.add(float(bound.constant))
             return
         with np.errstate(all="ignore"):
             start, middle, end = (float(difference.in_time()(time)) for time in (0.0, 1.0, 2.0))
         slope = middle - start
         if np.isfinite([start, middle, end]).all() and abs(end - middle - slope) <= _STRAIGHT * abs(slope) != 0.0:
-            found.add(-start / slope)
+            times.add(-start / slope)
 
 
 class Product(NamedTuple):
-    """A function of time (None: 1) times what is the same at all times, a number or (n,); pointwise: whether the
-    function has (n,) values, too."""
+    """A function of time (None: 1) times a constant `mode`, a number or (n,); pointwise: the function returns (n,)."""
 
     factor: Callable[[float], Any] | None
     mode: Any
@@ -219,16 +222,15 @@ class Product(NamedTuple):
 
 
 class Formula:
-    """One scalar formula; `source` is what the scene says (text or a number), with whole paths of tables.
+    """A scalar formula; `source`: the text or number of the scene, with absolute paths of tables.
 
-    jumps, corners: times [s] at which functions of time make it, or its rate, jump. Raises ValueError with what is
-    wrong when the text is no formula in the given names.
+    folder: of tables; jumps, corners: times [s] at which functions of time make it, or its rate, jump. Raises
+    ValueError if the text is not a formula in the given names.
     """
 
     def __init__(self, source: str | float, names: tuple[str, ...] = (*AXES, "t"), folder: str = "") -> None:
-        """folder: of tables."""
         text = str(source).strip()
-        tree = _sound_tree(text, names)
+        tree = _checked_tree(text, names)
         self.source = _with_whole_paths(text, tree, folder) if "table" in text else source
         compiler = _Compiler(folder)
         try:
@@ -243,12 +245,12 @@ class Formula:
 
     @property
     def names(self) -> frozenset[str]:
-        """The coordinates, and the time, that its value depends on."""
+        """The coordinates and the time that its value depends on."""
         return self._term.names
 
     @property
     def is_constant(self) -> bool:
-        """Whether it has the same value everywhere and always."""
+        """Whether its value depends on neither place nor time."""
         return not self._term.names
 
     @property
@@ -258,7 +260,7 @@ class Formula:
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether t occurs in it."""
+        """Whether its value depends on t."""
         return "t" in self._term.names
 
     def evaluate(self, points: np.ndarray, time: float = 0.0) -> np.ndarray:
@@ -269,10 +271,10 @@ class Formula:
         return values
 
     def products(self, points: np.ndarray) -> list[Product]:
-        """The values at points (n, d) [m] as a sum of products, whose factors take the time [s]; as one, whose factor
-        has (n,) values, where it is no such sum.
+        """The values at points (n, d) [m] as a sum of products of a function of time [s] and a mode.
 
-        Warnings of numpy are the caller's to silence.
+        A formula that is not such a sum becomes one product whose function returns (n,) values. The caller silences
+        warnings of numpy.
         """
         places = self._places(points)
         parts = self._term.split()
@@ -288,19 +290,19 @@ class Formula:
         ]
 
     def _checked(self, factor: Callable[[float], Any], points: np.ndarray, pointwise: bool) -> Callable[[float], Any]:
-        """The factor of a product of the values at points (n, d) [m], which is looked at each time."""
+        """The factor of a product, which notes values that are not finite, at points (n, d) [m]."""
 
-        def found(time: float) -> Any:
+        def checked(time: float) -> Any:
             value: Any = factor(time) if pointwise else float(factor(time))
-            # the sum of squares is looked at in less time than all of them
+            # the sum of squares is faster than isfinite of all values
             if not math.isfinite(value.dot(value) if pointwise else value):
                 self._note_not_finite(self._values(points, time), points, time)
             return value
 
-        return found
+        return checked
 
     def _note_not_finite(self, values: np.ndarray, points: np.ndarray, time: float) -> None:
-        """Remember the first value that is no finite number."""
+        """Remember the first value on this rank that is not finite."""
         if not NOT_FINITE and not np.isfinite(values).all():
             index = int(np.argmin(np.isfinite(values)))
             NOT_FINITE.append(NotFinite(str(self.source), float(values[index]), points[index].tolist(), time))
@@ -315,7 +317,7 @@ class Formula:
         return result
 
     def rate(self) -> "Formula":
-        """Its derivative in time, after a jump or a corner; raises ValueError for a function that has none here."""
+        """Its derivative in time, at a jump or corner the right-sided one; raises ValueError if there is no rule."""
         result = copy(self)
         result.source, result.jumps, result._term = f"rate of {self.source}", self.corners, self._term.rate()
         return result
@@ -331,8 +333,8 @@ class Formula:
 
 
 def number_of(source: str, values: Mapping[str, float]) -> float:
-    """The value of a formula in named numbers, not finite where it has none. Raises ValueError for no such formula."""
-    tree = _sound_tree(source.strip(), tuple(values))
+    """The value of a formula in named numbers, which may not be finite. Raises ValueError for a faulty formula."""
+    tree = _checked_tree(source.strip(), tuple(values))
     try:
         value = _Compiler("").term(tree).evaluator()
         with np.errstate(all="ignore"):
@@ -342,7 +344,7 @@ def number_of(source: str, values: Mapping[str, float]) -> float:
 
 
 def _with_whole_paths(text: str, tree: ast.expr, folder: str) -> str:
-    """A formula with the absolute paths of its tables, which are relative to a folder."""
+    """The text of a formula with absolute paths of its tables, which are relative to a folder."""
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.func.id == "table"]  # type: ignore
     whole = text.encode()
     for path in sorted((node.args[0] for node in calls), key=lambda one: -one.col_offset):
@@ -361,22 +363,22 @@ class FormulaVector(tuple[Any, ...]):
 
     @property
     def is_constant(self) -> bool:
-        """Whether every component is the same everywhere and always."""
+        """Whether no component depends on place or time."""
         return all(component is None or component.is_constant for component in self)
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether t occurs in any component."""
+        """Whether a component depends on t."""
         return any(component is not None and component.depends_on_time for component in self)
 
     @property
     def jumps(self) -> set[float]:
-        """Times [s] at which functions of time make it jump."""
+        """Times [s] at which functions of time make a component jump."""
         return {time for component in self if component is not None for time in component.jumps}
 
     @property
     def corners(self) -> set[float]:
-        """Those times, and those at which they make its rate jump."""
+        """Times [s] at which functions of time make a component or its rate jump."""
         return {time for component in self if component is not None for time in component.corners}
 
     def evaluate(self, points: np.ndarray, time: float = 0.0) -> np.ndarray:
@@ -389,12 +391,12 @@ class FormulaVector(tuple[Any, ...]):
 
     @property
     def sources(self) -> list[Any]:
-        """What the scene says, component by component."""
+        """The sources of the components."""
         return ["free" if component is None else component.source for component in self]
 
 
 def formula_in(value: Any, names: tuple[str, ...], folder: str = "") -> Formula:
-    """A stated formula in names; folder: of tables. Raises PydanticCustomError."""
+    """The formula of a value in a scene; folder: of tables. Raises PydanticCustomError."""
     if isinstance(value, Formula):
         return value
     expected = f"a formula in {', '.join(names)}"
@@ -412,7 +414,7 @@ def _formula(value: Any, info: ValidationInfo, time: bool) -> Formula:
 
 
 def formula_of_place(value: Any, info: ValidationInfo) -> Formula:
-    """A stated formula of the reference place. Raises PydanticCustomError."""
+    """The formula of a value in a scene, in the reference coordinates only. Raises PydanticCustomError."""
     return _formula(value, info, time=False)
 
 
@@ -428,7 +430,7 @@ FORMULA = WithJsonSchema({"type": ["string", "number"], "title": "a formula"}, m
 
 
 def _vector_of(validate: Any, counted: Any = OnePerDimension) -> Any:
-    """A list of formulas, one per dimension, that becomes a FormulaVector and is written as a list again."""
+    """The type of a list of formulas, one per dimension, that is parsed to a FormulaVector."""
     component = Annotated[Any, PlainValidator(validate), FORMULA]
     return Annotated[
         list[component], counted, AfterValidator(FormulaVector), PlainSerializer(lambda vector: vector.sources)
@@ -436,7 +438,7 @@ def _vector_of(validate: Any, counted: Any = OnePerDimension) -> Any:
 
 
 def _in_space(values: list[Any], info: ValidationInfo) -> list[Any]:
-    """Refuse other than one component per dimension, or three."""
+    """Refuse a number of components other than the dimension or three."""
     dimension = dimension_of(info)
     if len(values) not in (3, dimension or len(values)):
         raise mismatch(f"{dimension} components, or 3", Phrase(f"{len(values)}"))
@@ -444,14 +446,14 @@ def _in_space(values: list[Any], info: ValidationInfo) -> list[Any]:
 
 
 def _scalar_of(validate: Any) -> Any:
-    """A Formula that is written as the text that it came from."""
+    """The type of a formula, serialized as its source."""
     return Annotated[Any, PlainValidator(validate), PlainSerializer(lambda formula: formula.source), FORMULA]
 
 
 InitialScalar: Any = _scalar_of(formula_of_place)
 Scalar: Any = _scalar_of(_of_place_and_time)
 InitialVector: Any = _vector_of(formula_of_place)
-# also out of the plane in 2-D
+# in 2-D also with three components
 InitialDirection: Any = _vector_of(formula_of_place, AfterValidator(_in_space))
 Vector: Any = _vector_of(_of_place_and_time)
 VectorOrFree: Any = _vector_of(_or_free)

@@ -1,4 +1,4 @@
-"""Initial states of a scene beside those of its bodies' tables: of a region, or from the results of another run."""
+"""Initial states of regions, from formulas or from the results of another run."""
 
 from itertools import combinations
 from pathlib import Path
@@ -18,28 +18,28 @@ FIELDS = ("velocity", "displacement", "deformation_gradient", "temperature", "st
 
 
 class InitialState(SceneModel):
-    """The state at time 0 of the particles of a region, of a body, or of all; it holds in place of what stands before.
+    """The state at time 0 of the particles of a region, of a body, or of all; it overrides earlier states.
 
-    Of `displacement` and `deformation_gradient` the same holds as in a body's table: the second is one plus the
-    gradient of the first. In place of formulas there may be the results of another run: its fields at a time, as they
-    are where particles have the same reference place, interpolated by moving least squares elsewhere.
+    As in the table of a body, `deformation_gradient` is by default that of `displacement`. In place of formulas,
+    fields of the results of another run may be taken: unchanged for particles with the same reference position,
+    interpolated by moving least squares for others.
     """
 
-    where: RegionName | None = Field(None, description="a region or a group of a mesh, all particles unless given")
-    body: Name | None = Field(None, description="the name of a body, all of them unless given")
+    where: RegionName | None = Field(None, description="a region or a group of a mesh (default: all particles)")
+    body: Name | None = Field(None, description="the name of a body (default: all)")
     velocity: InitialVector | None = Field(None, description="a formula in X, Y, Z for each component [m/s]")
     displacement: InitialVector | None = Field(None, description="a formula for each component [m]")
     deformation_gradient: InitialMatrix | None = Field(None, description="rows of formulas")
     temperature: InitialScalar | None = Field(None, description="a formula [K]")
     stress: InitialMatrix | None = Field(
-        None, description="rows of formulas [Pa], symmetric: what no deformation has made; it turns with the matter"
+        None, description="rows of formulas [Pa], symmetric: an initial stress without strain; it turns with the body"
     )
     results: ExistingFolder | None = Field(None, description="a folder of results of another run")
-    time: NotNegative | None = Field(None, description="the time of these results [s], the last unless given")
+    time: NotNegative | None = Field(None, description="the time of these results [s] (default: the last one)")
     fields: Annotated[list[Literal[TAKEN]], Field(min_length=1)] | None = Field(  # type: ignore[valid-type]
         None,
-        description="what is taken of them, displacement and velocity unless given; 'state' is all that the method "
-        "carries on, written where output.fields has 'state'",
+        description="fields taken from them (default: displacement and velocity); 'state' is the complete state of the "
+        "method, written if output.fields has 'state'",
     )
     _of_results: dict[str, PreviousField] = PrivateAttr(default_factory=dict)
 
@@ -48,8 +48,8 @@ class InitialState(SceneModel):
         if not self.stated and self.results is None:
             reject(((), f"at least one of {', '.join(FIELDS)}, results", Phrase("none")))
         if self.results is None:
-            alone = [(key, getattr(self, key)) for key in ("time", "fields") if getattr(self, key) is not None]
-            reject(*(((key,), "no such key without results", value) for key, value in alone))
+            given = [(key, getattr(self, key)) for key in ("time", "fields") if getattr(self, key) is not None]
+            reject(*(((key,), "no such key without results", value) for key, value in given))
             return self
         try:
             steps = steps_of(Path(self.results), self.time)
@@ -64,40 +64,37 @@ class InitialState(SceneModel):
                 reject((place, f"results with the field {lacking[0]!r} ({', '.join(steps[0].names)})", self.results))
             self._of_results[name] = PreviousField(steps, name, dimension_of(info) or 3)
         if "stress" in self._of_results and "displacement" in self._of_results:
-            expected = "a stress without the displacement that made it, or the displacement or state alone"
+            expected = "a stress without displacement, or the displacement or state without stress"
             reject((("fields", (self.fields or []).index("stress")), expected, "stress"))
         if self.takes_state:
-            others = [(k, name) for k, name in enumerate(fields) if name != "state"]
-            reject(
-                *(
-                    (("fields", k), "'state' alone, which has all that the method carries on", name)
-                    for k, name in others
-                )
-            )
+            expected = "'state' alone, which is the complete state of the method"
+            reject(*((("fields", k), expected, name) for k, name in enumerate(fields) if name != "state"))
         both = sorted(set(self.stated) & (set(self._carried) if self.takes_state else set(self._of_results)))
         reject(*(((name,), "a formula or results, not both", Phrase("both")) for name in both))
         return self
 
     @property
     def _names(self) -> list[str]:
-        """Fields that are read of results; what a state has besides is read when the method's fields are there."""
+        """Fields that are read here; the other fields of a state are read when the method's fields are known."""
         return ["displacement", "velocity"] if self.takes_state else list(self.fields or ("displacement", "velocity"))
 
     @property
     def _carried(self) -> list[str]:
-        """Stated keys and fields of results that a state has in it."""
+        """Stated keys and fields of results that a complete state contains."""
         return [name for name in (*self.stated, *self._of_results) if name != "stress"]
 
     def overridden_by(self, others: list["InitialState"]) -> int | None:
-        """Which of the states before this one takes that of results, which holds in its place; None if none does."""
+        """The index of an earlier state that takes the complete state of results and so overrides this one, or None."""
         if self.takes_state or not self._carried:
             return None
-        apart = [None not in (one.body, self.body) and one.body != self.body for one in others]
-        return next((i for i, one in enumerate(others) if one.takes_state and not apart[i]), None)
+        for i, other in enumerate(others):
+            if other.takes_state and (None in (other.body, self.body) or other.body == self.body):
+                return i
+        return None
 
     @property
     def takes_state(self) -> bool:
-        """Whether all that the method carries on is taken of the results."""
+        """Whether the complete state of results is taken."""
         return "state" in (self.fields or ())
 
     @property
@@ -107,16 +104,16 @@ class InitialState(SceneModel):
 
     @property
     def of_results(self) -> list[PreviousField]:
-        """The fields that are taken of results."""
+        """The fields taken from results."""
         return list(self._of_results.values())
 
     def of(self, name: str) -> Any:
-        """The formula or the field of results for a name, None where neither is given."""
+        """The formula or the field of results of a name; None if neither is given."""
         return self._of_results.get(name, getattr(self, name, None))
 
 
 def initial_details(scene: Any) -> list[FaultDetail]:
-    """Faults of initial states: bodies that are not there, what no method can take."""
+    """Faults of initial states: unknown bodies, overridden states, fields that no method has."""
     details: list[FaultDetail] = [*_stress_details(scene)]
     names = [body.name for body in scene.bodies if body.name is not None]
     methods = [plan.settings for plan in scene.systems]
@@ -128,12 +125,12 @@ def initial_details(scene: Any) -> list[FaultDetail]:
             )
         if (first := one.overridden_by(scene.initial[:i])) is not None:
             key = next((name for name in one.stated if name != "stress"), "fields" if one.fields else "results")
-            expected = f"to stand before initial.{first}, whose state of results holds in its place"
-            details.append((("initial", i, key), expected, Phrase("it behind")))
+            expected = f"a place before initial.{first}, whose complete state overrides this one"
+            details.append((("initial", i, key), expected, Phrase("it after that")))
         for name in ("temperature", "plastic_strain"):
             if one.of(name) is not None and name not in known:
                 key = "fields" if one.results and name not in one.stated else name
-                details.append((("initial", i, key), "what bodies of this scene have", name))
+                details.append((("initial", i, key), "a field that bodies of this scene have", name))
         if (
             one.of_results
             and one.of("displacement")
@@ -146,7 +143,7 @@ def initial_details(scene: Any) -> list[FaultDetail]:
 
 
 def _stress_details(scene: Any) -> list[Detail]:
-    """Faults of initial stresses: methods that carry none, formulas that are no symmetric tensor."""
+    """Faults of initial stresses: methods that refuse them, tensors that are not symmetric."""
     details: list[Detail] = []
     refused = {plan.settings.kind: plan.settings.initial_stress_refused for plan in scene.systems}
     for i, one in enumerate(scene.initial):
@@ -154,7 +151,7 @@ def _stress_details(scene: Any) -> list[Detail]:
             continue
         for kind, reason in refused.items():
             if reason is not None and one.stress is None:
-                expected = f"what {kind} takes of results ({reason}; 'state' has all that makes a stress)"
+                expected = f"a field that {kind} takes from results ({reason}; 'state' includes the stress)"
                 details.append((("initial", i, "fields"), expected, "stress"))
             elif reason is not None:
                 details.append((("initial", i, "stress"), f"no such key in {kind} ({reason})", Phrase("one")))

@@ -1,6 +1,6 @@
-"""How loads and prescribed motion go in time: formulas that may jump, tables of factors, rigid motion.
+"""Loads and prescribed motion over time: formulas that may jump, tables of factors, rigid motion.
 
-Most are sums of products of a function of time and one of place, of which only the former are found anew.
+Most are sums of products of a function of time and a function of place, and only the former is evaluated each step.
 """
 
 import itertools
@@ -22,16 +22,16 @@ from parsolid.scene.shapes import ExistingFile
 
 
 class SpaceTimeFunction:
-    """Values (components) at reference places and times."""
+    """A vector function of reference position and time."""
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether they change."""
+        """Whether the values depend on time."""
         return True
 
     @property
     def jump_times(self) -> Sequence[float]:
-        """Times [s] at which they jump."""
+        """Times [s] at which the values jump."""
         return ()
 
     @property
@@ -40,17 +40,19 @@ class SpaceTimeFunction:
         return frozenset(self.jump_times)
 
     def evaluate(self, points: np.ndarray, time: float = 0.0, before: bool = False) -> np.ndarray:
-        """Values (n, components) at points (n, d) [m] and a time [s]; where they jump just after, or just before it."""
+        """Values (n, components) at points (n, d) [m] and a time [s]; at a jump the values after it, or before it."""
         raise NotImplementedError
 
     def at(self, points: np.ndarray) -> Callable[[float, bool], Sequence[Any]]:
-        """The components at points (n, d) [m] as a function of `time` and `before`, see `evaluate`: (n,), or a number
-        where it is the same at all points. Warnings of numpy are the caller's to silence."""
+        """The components at points (n, d) [m] as a function of `time` and `before`, see `evaluate`.
+
+        Each is (n,), or a number if it is the same at all points. The caller silences warnings of numpy.
+        """
         return lambda time, before: list(self.evaluate(points, time, before).T)
 
 
 class Mode(NamedTuple):
-    """What a factor in time (by its number; None: 1) is multiplied by in one component: a number, or (n,)."""
+    """A term of one component: `values`, a number or (n,), times the factor with an index (None: 1)."""
 
     component: int
     factor: int | None
@@ -58,10 +60,10 @@ class Mode(NamedTuple):
 
 
 class Separated(NamedTuple):
-    """A function at some places: each component is the sum of its modes times their factors.
+    """A function at given points: each component is the sum of its modes times their factors.
 
-    factors(time, before): at a time [s], see `SpaceTimeFunction.evaluate`; pointwise: whether each is (n,), of what is
-    no such product, else it is a number.
+    factors(time, before): all factors at a time [s], see `SpaceTimeFunction.evaluate`; pointwise: for each factor
+    whether it is (n,), because the function is not a product, or a number
     """
 
     components: int
@@ -70,7 +72,7 @@ class Separated(NamedTuple):
     modes: list[Mode]
 
     def values(self, time: float, before: bool) -> list[Any]:
-        """Of each component a number, where it is the same at all places, or (n,)."""
+        """Each component: a number if it is the same at all points, or (n,)."""
         factors = self.factors(time, before)
         result: list[Any] = [0.0] * self.components
         for component, number, values in self.modes:
@@ -79,7 +81,7 @@ class Separated(NamedTuple):
 
 
 class SeparatedFunction(SpaceTimeFunction):
-    """A function that is known by its factors and modes."""
+    """A function given by factors in time and modes in space."""
 
     def separated(self, points: np.ndarray) -> Separated:
         """The values at points (n, d) [m]."""
@@ -98,7 +100,7 @@ class SeparatedFunction(SpaceTimeFunction):
             return self.separated(points).values
 
 
-# just before and just after a jump, relative to its time [1] and absolute [s]
+# distance in time from a jump to just before and just after it: relative to its time, at least this in s
 NEAR = 1e-13
 
 
@@ -131,7 +133,7 @@ class FactorHistory(SceneModel):
 
     @property
     def table(self) -> list[list[float]]:
-        """The rows, wherever they stand."""
+        """The rows, from the scene or the file."""
         if self.rows is not None:
             return self.rows
         assert self.file is not None
@@ -166,7 +168,7 @@ class FactorHistory(SceneModel):
 class Timed(SceneModel):
     """Keys of a load that changes in time."""
 
-    history: FactorHistory | None = Field(None, description="a factor of its formulas")
+    history: FactorHistory | None = Field(None, description="a factor on its formulas")
     jumps: Times | None = Field(
         None,
         description="times [s] at which the formulas themselves jump; quasi-static solutions insert a step of length "
@@ -180,9 +182,9 @@ class Timed(SceneModel):
 
 
 class LoadHistory(SeparatedFunction):
-    """Formulas with the history and jumps of a `Timed` table, if they have any.
+    """Formulas with the history and jumps of a `Timed` table.
 
-    jumps: times [s] at which the formulas are taken just before or just after.
+    jumps: times [s] at which formulas are evaluated just before or just after
     """
 
     def __init__(self, formulas: FormulaVector, timed: Timed | None = None):
@@ -205,7 +207,7 @@ class LoadHistory(SeparatedFunction):
         return self.history is not None or self.formulas.depends_on_time
 
     def component(self, index: int) -> "LoadHistory":
-        """One component alone, in the same time."""
+        """A function of one component only."""
         result = copy(self)
         result.formulas = FormulaVector((self.formulas[index],))
         return result
@@ -216,52 +218,52 @@ class LoadHistory(SeparatedFunction):
         return self.formulas.free
 
     def separated(self, points: np.ndarray) -> Separated:
-        factors: list[Any] = []
+        functions: list[Any] = []
         modes, pointwise, history = [], list[bool](), self.history
         with np.errstate(all="ignore"):
             products = [(i, one) for i, each in enumerate(self.formulas) if each for one in each.products(points)]
-        for component, (factor, mode, of_place) in products:
-            if factor is None and history is None:
+        for component, (function, mode, is_pointwise) in products:
+            if function is None and history is None:
                 modes.append(Mode(component, None, mode))
                 continue
-            modes.append(Mode(component, len(factors), mode))
-            factors.append(factor or (lambda time: 1.0))
-            pointwise.append(of_place)
+            modes.append(Mode(component, len(functions), mode))
+            functions.append(function or (lambda time: 1.0))
+            pointwise.append(is_pointwise)
 
-        def found(time: float, before: bool) -> list[Any]:
-            near = self._beside(time, before)
+        def factors(time: float, before: bool) -> list[Any]:
+            near = _beside_jump(time, before, self.jumps)
             if history is None:
-                return [one(near) for one in factors]
+                return [function(near) for function in functions]
             scale = history.factor(time, before)
-            return [scale * one(near) for one in factors]
+            return [scale * function(near) for function in functions]
 
-        return Separated(len(self.formulas), found, pointwise, modes)
+        return Separated(len(self.formulas), factors, pointwise, modes)
 
-    def _beside(self, time: float, before: bool) -> float:
-        """Where formulas are evaluated for a time [s]: of a jump just after, or just before it."""
-        if time in self.jumps:
-            return time + (-1.0 if before else 1.0) * NEAR * max(1.0, time)
-        return time
+
+def _beside_jump(time: float, before: bool, jumps: Sequence[float]) -> float:
+    """The time [s], or if it is a jump, a time just before or just after it."""
+    if time in jumps:
+        return time + (-1.0 if before else 1.0) * NEAR * max(1.0, time)
+    return time
 
 
 def corner_times(scene: Any) -> set[float]:
-    """Times [s] at which functions of time turn a corner in what a scene prescribes, or velocities of tools jump, and
-    steps must end."""
-    loads = (scene.loads.body_force, scene.loads.acceleration, scene.loads.heat_source)
-    stated = [formulas for boundary in scene.boundaries for formulas in boundary.formulas.values()]
-    turns = {time for formulas in (*stated, *loads) if formulas is not None for time in formulas.corners}
-    return turns | {time for tool in scene.tools if tool.motion is not None for time in tool.motion.jumps}
+    """Times [s] at which steps must end: corners and jumps of loads and boundaries, jumps of velocities of tools."""
+    loads = [scene.loads.body_force, scene.loads.acceleration, scene.loads.heat_source]
+    loads += [formulas for boundary in scene.boundaries for formulas in boundary.formulas.values()]
+    corners = {time for formulas in loads if formulas is not None for time in formulas.corners}
+    return corners | {time for tool in scene.tools if tool.motion is not None for time in tool.motion.jumps}
 
 
 class Loads(Timed):
     """Loads on all bodies: force [N/m^3] and heat [W/m^3] per reference volume, acceleration [m/s^2].
 
-    history and jumps are those of the force and the acceleration.
-    manufactured: also the body force under which the exact solution of the scene's reference holds.
+    history and jumps apply to the force and the acceleration; manufactured: add the body force of the exact solution of
+    the scene's reference
     """
 
     body_force: Vector | None = Field(None, description="a formula for each component [N/m^3]")
-    acceleration: Vector | None = Field(None, description="a formula for each component [m/s^2]: gravity, say")
+    acceleration: Vector | None = Field(None, description="a formula for each component [m/s^2], such as gravity")
     heat_source: Scalar | None = Field(None, description="a formula [W/m^3]")
     manufactured: Literal[True] | None = Field(None, description="add the body force of the reference's solution")
 
@@ -276,9 +278,9 @@ class Loads(Timed):
 
 
 class RigidMotion(SeparatedFunction):
-    """The displacement, or the velocity, of x = c + d(t) + R(angle(t)) (X - c).
+    """The displacement or velocity of the rigid motion x = c + d(t) + R(angle(t)) (X - c).
 
-    jumps: times [s] at which a rate jumps.
+    jumps: times [s] at which a rate jumps
     """
 
     def __init__(
@@ -290,7 +292,7 @@ class RigidMotion(SeparatedFunction):
         quantity: str = "displacement",
     ):
         self.dimension = len(centre)
-        self.stated = centre, axis, angle, displacement
+        self.arguments = centre, axis, angle, displacement
         self.quantity = quantity
         self.centre = np.array(centre)
         direction = np.array([0.0, 0.0, 1.0] if axis is None else axis)
@@ -316,33 +318,35 @@ class RigidMotion(SeparatedFunction):
 
     def velocity(self) -> "RigidMotion":
         """The velocity of the motion."""
-        return RigidMotion(*self.stated, "velocity")
+        return RigidMotion(*self.arguments, "velocity")
 
     def separated(self, points: np.ndarray) -> Separated:
         d, origin, is_velocity = self.dimension, np.zeros((1, 3)), self.quantity == "velocity"
         arm = (points - self.centre).T
-        # R - 1 = sin S + (1 - cos) S^2 with the spin S, and S^3 = -S; sums that are the same whatever the other points
+        # R - 1 = sin S + (1 - cos) S^2 with the spin S; explicit sums have the same rounding for any number of points
         turns = [sum(matrix[:d, j, None] * arm[j] for j in range(d)) for matrix in (self.spin, self.spin @ self.spin)]
         modes = [Mode(c, i, turned[c]) for i, turned in enumerate(turns) for c in range(d)]
-        angle, *moved = [_alone(one, origin) for one in self.formulas]
-        rate, *speeds = [_alone(one, origin) for one in self.rates]
-        added = []
+        angle, *displacements = [_function_of_time(one, origin) for one in self.formulas]
+        rate, *velocities = [_function_of_time(one, origin) for one in self.rates]
+        translations = []
         if not all(one.is_constant for one in self.formulas[1:]):
-            added, modes = speeds if is_velocity else moved, [*modes, *(Mode(c, 2 + c, 1.0) for c in range(d))]
+            translations = velocities if is_velocity else displacements
+            modes += [Mode(c, 2 + c, 1.0) for c in range(d)]
 
         def factors(time: float, before: bool) -> list[float]:
-            if time in self.jumps:
-                time += (-1.0 if before else 1.0) * NEAR * max(1.0, time)
+            time = _beside_jump(time, before, self.jumps)
             turn = angle(time)
             sin, cos = (math.sin(turn), math.cos(turn)) if math.isfinite(turn) else (math.nan, math.nan)
-            speed = rate(time) if is_velocity else 1.0
-            turning = [speed * cos, speed * sin] if is_velocity else [sin, 1.0 - cos]
-            return turning + [one(time) for one in added]
+            rotation = [sin, 1.0 - cos]
+            if is_velocity:
+                speed = rate(time)
+                rotation = [speed * cos, speed * sin]
+            return rotation + [translation(time) for translation in translations]
 
-        return Separated(d, factors, [False] * (2 + len(added)), modes)
+        return Separated(d, factors, [False] * (2 + len(translations)), modes)
 
 
-def _alone(formula: Formula, origin: np.ndarray) -> Callable[[float], float]:
+def _function_of_time(formula: Formula, origin: np.ndarray) -> Callable[[float], float]:
     """A formula in t alone as a function of time [s]."""
     products = formula.products(origin)
     return lambda time: sum(float(mode) * (1.0 if factor is None else factor(time)) for factor, mode, _ in products)

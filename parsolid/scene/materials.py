@@ -1,6 +1,4 @@
-"""Materials as a scene states them; a new law is one file in `materials`, told apart by its `kind`, or a file of the
-user's.
-"""
+"""Tables of materials, chosen by `kind`; a law is declared in a file of `materials` or of the user."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -13,7 +11,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import SOFTENING, BandWidth, Direction, Phrase, StateVariable, parameters_of
 from parsolid.materials.elastic_constants import ElasticConstants, elastic_constants
-from parsolid.scene import plasticity  # noqa: F401 (what tables of its roles have in common)
+from parsolid.scene import plasticity  # noqa: F401 (defines the base tables of its roles)
 from parsolid.scene.base_model import NotNegative, Positive, SceneModel, dimension_of, reject
 from parsolid.scene.declared import DeclaredModel, LibraryTable, laws, stated_sets, table_of
 from parsolid.scene.validation_errors import place_in_words
@@ -27,7 +25,7 @@ _ELASTIC = ("youngs_modulus", "poissons_ratio", "shear_modulus", "bulk_modulus")
 
 @table_of("micro-inertia")
 class MicroInertiaSolid(LibraryTable):
-    """What is not given is that of the library, if one is named; elastic constants are the library's all or none."""
+    """Solids with micro-inertia, with `library`; elastic constants are all of the library or all of the scene."""
 
     library: str | None = Field(None, description="a material of the library")
 
@@ -38,8 +36,10 @@ class MicroInertiaSolid(LibraryTable):
 
     @classmethod
     def taken(cls, known: dict[str, Any], stated: dict[str, Any]) -> dict[str, Any]:
-        """Without its elastic constants where the scene states one."""
-        return {key: known[key] for key in known if key not in _ELASTIC} if {*_ELASTIC} & {*stated} else known
+        """The values of the entry, without its elastic constants if the scene states one."""
+        if not set(_ELASTIC) & stated.keys():
+            return known
+        return {key: value for key, value in known.items() if key not in _ELASTIC}
 
     @model_validator(mode="after")
     def _derived(self) -> "MicroInertiaSolid":
@@ -90,7 +90,7 @@ class BondBasedTable(DeclaredModel):
 
 
 class ValueFault(ValueError):
-    """Values that a law cannot have at a particle: the key of the material, what was expected and found there."""
+    """A value that a law cannot have at a particle, with the key of the material, expected and found."""
 
     def __init__(self, key: str, expected: str, found: str) -> None:
         super().__init__(f"{key}: expected {expected}, found {found}")
@@ -107,17 +107,17 @@ class Branch(SceneModel):
 
 
 class Softening(SceneModel):
-    """Mullins softening of the energy of shape W below the largest one Wm, by Ogden and Roxburgh: the stress of shape
-    has the factor 1 - erf[(Wm - W)/(m + beta Wm)]/r."""
+    """Mullins softening by Ogden and Roxburgh: the isochoric stress has the factor 1 - erf[(Wm - W)/(m + beta Wm)]/r,
+    with the isochoric energy W below its largest value Wm so far."""
 
-    r: Annotated[float, Field(gt=1)] = Field(description="the largest softening is 1 - 1/r of the stress")
-    m: Positive = Field(description="difference of energies at which a rubber softens [J/m^3]")
-    beta: NotNegative = Field(0.0, description="the same over the largest energy")
+    r: Annotated[float, Field(gt=1)] = Field(description="the smallest factor on the stress is 1 - 1/r")
+    m: Positive = Field(description="difference of energies over which a rubber softens [J/m^3]")
+    beta: NotNegative = Field(0.0, description="part of this difference that grows with the largest energy")
 
 
 @table_of("hyperelastic")
 class HyperelasticSolid(DeclaredModel):
-    """What every hyperelastic law has: Maxwell branches, softening, and elastic constants of the undeformed state."""
+    """Keys and properties of all hyperelastic laws: Maxwell branches, softening, elastic constants at rest."""
 
     branches: list[Branch] = []
     softening: Softening | None = None
@@ -130,7 +130,7 @@ class HyperelasticSolid(DeclaredModel):
 
     @property
     def ledger_terms(self) -> dict[str, int]:
-        """What state variables dissipate, where there are any."""
+        """The dissipation of state variables, if there are any."""
         return {SOFTENING: 1} if self.softening is not None or self._has_state else {}
 
     @property
@@ -145,27 +145,31 @@ class HyperelasticSolid(DeclaredModel):
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
         moduli, times = (tuple(map(float, values)) or None for values in (self.branch_moduli, self.relaxation_times))
-        law, softens = self.equilibrium_law(), self.softening
-        if softens is not None:
+        law, softening = self.equilibrium_law(), self.softening
+        if softening is not None:
             softened = import_module("parsolid.materials.hyperelastic.softening").Softened
-            law = softened(law.density, law, float(softens.r), float(softens.m), float(softens.beta), 0.0, None, None)
+            r, m, beta = float(softening.r), float(softening.m), float(softening.beta)
+            law = softened(law.density, law, r, m, beta, 0.0, None, None)
         return law._replace(branch_moduli=moduli, relaxation_times=times)
 
     @property
     def cell_data(self) -> dict[str, tuple[str, int]]:
-        """Members of the law that are cell data of the mesh: their names in the file, and how many numbers they are."""
-        found = {}
+        """Members of the law that are cell data of the mesh -> name in the mesh file, number of components."""
+        result = {}
         for name, (_, note) in parameters_of(type(self).declared).items():
             data = getattr(getattr(self, name, None), "cell_data", None)
             if data is not None:
-                found[name] = data, note.components
-        return found
+                result[name] = data, note.components
+        return result
 
     def values_at(
         self, points: np.ndarray, of_cells: dict[str, np.ndarray], bands: np.ndarray | None = None
     ) -> np.ndarray:
-        """What the law has at points (n, d) [m] at time 0, (values, n); of_cells: values (n, components) of `cell_data`
-        there; bands (n,) [m]: of the particles there, see `BandWidth`. Raises `ValueFault`."""
+        """Values (m, n) of the law that differ between particles, at n points (n, d) [m] and time 0.
+
+        of_cells: member -> `cell_data` (n, components) there; bands (n,) [m]: widths of localisation bands there, see
+        `BandWidth`. Raises `ValueFault`.
+        """
         members = import_module("parsolid.materials.hyperelastic.at_particles").members(self.build("space"))
         columns = [self._values_of(one.name, one.note, points, of_cells.get(one.name), bands) for one in members]
         return np.concatenate(columns, axis=1).T if columns else np.zeros((0, len(points)))
@@ -178,68 +182,69 @@ class HyperelasticSolid(DeclaredModel):
         if stated is None and isinstance(note, BandWidth):
             return self._within_largest(name, points, bands)
         if stated is None:
-            # as is a direction that need not be stated
+            # state variables, and directions that may be left out
             return np.tile(note.at_rest, (len(points), 1))
         if name in self.cell_data and of_cells is None:
             raise ValueFault(f"{name}.cell_data", "a formula where there is no mesh", stated.cell_data)
-        found = stated.evaluate(points) if of_cells is None else of_cells
-        found = found.reshape(len(points), note.components)
-        direction, length = isinstance(note, Direction), np.linalg.norm(found, axis=1)
-        known = np.isfinite(length) & ((length > 0.0) | (not direction))
-        if not known.all():
-            where = place_in_words(points[int(np.argmin(known))])
-            expected = "a direction everywhere" if direction else "a number everywhere"
+        values = stated.evaluate(points) if of_cells is None else of_cells
+        values = values.reshape(len(points), note.components)
+        is_direction, length = isinstance(note, Direction), np.linalg.norm(values, axis=1)
+        valid = np.isfinite(length) & ((length > 0.0) | (not is_direction))
+        if not valid.all():
+            where = place_in_words(points[int(np.argmin(valid))])
+            expected = "a direction everywhere" if is_direction else "a number everywhere"
             raise ValueFault(name, expected, f"none at ({where})")
         if isinstance(note, BandWidth):
-            return self._within_largest(name, points, found[:, 0])
-        return found / length[:, None] if direction else found
+            return self._within_largest(name, points, values[:, 0])
+        return values / length[:, None] if is_direction else values
 
     def _within_largest(self, name: str, points: np.ndarray, bands: np.ndarray | None) -> np.ndarray:
-        """Bands (n, 1) of (n,) [m]. Raises `ValueFault` where there are none or the law cannot have them."""
+        """Widths of bands (n, 1) from (n,) [m]. Raises `ValueFault` if there are none or one is out of bounds."""
         if bands is None:
             raise ValueFault(name, "a width [m] where there are no particles", "none")
         largest: float = self.largest_band  # type: ignore[attr-defined]
-        sound = (bands > 0.0) & (bands < largest)
-        if not sound.all():
-            worst = int(np.argmin(sound))
+        valid = (bands > 0.0) & (bands < largest)
+        if not valid.all():
+            worst = int(np.argmin(valid))
             place = place_in_words(points[worst])
             raise ValueFault(name, f"more than 0 and less than {largest:g} m", f"{bands[worst]:g} m at ({place})")
         return bands[:, None]
 
     def law_at(self, point: Sequence[float]) -> Any:
-        """The law at a point (d,) [m] without a mesh at time 0. Raises `ValueFault`."""
+        """The law at a point (d,) [m] at time 0, without cell data. Raises `ValueFault`."""
         values = self.values_at(np.asarray([point], float), {})
         at_particles = import_module("parsolid.materials.hyperelastic.at_particles")
         return at_particles.at_particle(self.build("space"), values.ravel(), 1, 0)
 
     @property
     def elastic_moduli(self) -> tuple[float, float]:
-        """Shear modulus and first Lame constant [Pa] when everything has relaxed."""
+        """Shear modulus and first Lame constant [Pa] after relaxation."""
         shear, lame = import_module("parsolid.materials.hyperelastic.functions").elastic_moduli(self.equilibrium_law())
         return shear, lame
 
     @property
     def equilibrium(self) -> ElasticConstants:
-        """Linear elastic constants when everything has relaxed."""
+        """Linear elastic constants after relaxation."""
         return self._constants(0.0)
 
     @property
     def instantaneous(self) -> ElasticConstants:
-        """Linear elastic constants before anything has relaxed; a branch has the first Lame constant 0."""
+        """Linear elastic constants before relaxation."""
         return self._constants(sum(self.branch_moduli))
 
     def _constants(self, added: float) -> ElasticConstants:
+        # branches add to the shear modulus, not to the bulk modulus
         shear, lame = self.elastic_moduli
         return elastic_constants(None, shear + added, None, lame + 2.0 / 3.0 * shear + 2.0 / 3.0 * added)
 
     @property
     def branch_moduli(self) -> tuple[float, ...]:
-        """mu_alpha [Pa] of the branches that have any stiffness."""
+        """mu_alpha [Pa] of the branches with a modulus above 0."""
         return tuple(modulus for modulus, _ in self._branches())
 
     @property
     def relaxation_times(self) -> tuple[float, ...]:
-        """tau_alpha [s] of the branches that have any stiffness."""
+        """tau_alpha [s] of the branches with a modulus above 0."""
         return tuple(tau for _, tau in self._branches())
 
     def _branches(self) -> list[tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""What the settings of all methods have in common."""
+"""Base class of the settings of all methods."""
 
 from collections.abc import Iterable
 from math import inf
@@ -12,64 +12,61 @@ from parsolid.scene.codes import Note
 
 
 class ArtificialViscosity(SceneModel):
-    """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c) with the edge h of a cell or the
-    particle spacing; its work becomes internal energy.
+    """Bulk viscosity in compression, q = rho h |tr d| (quadratic h |tr d| + linear c), with the cell size or particle
+    spacing h; its work becomes internal energy.
     """
 
     linear: NotNegative = Field(0.2, description="factor of the sound speed")
     quadratic: NotNegative = Field(2.0, description="factor of the velocity jump over a cell or spacing")
 
 
-# A factor on inertia for slow (quasi-static) motions: stable steps grow by its root. Weights, heat capacities and rates
-# of flow do not change.
+# the stable step grows by its root; weights (gravity), heat capacities and flow rates do not change
 MassScaling = Annotated[
     float | None,
     Field(
         gt=1,
         le=1e8,
-        description="factor on the mass of inertia of slow (quasi-static) motions, whose steps become longer by its "
-        "root; weights stay as they are",
+        description="factor on the inertial mass in slow (quasi-static) motions, whose steps become longer by its "
+        "root; weights do not change",
     ),
 ]
 
-# by how much leapfrog's kinetic energy at the ends of steps exceeds the one that is conserved, see `methods.leapfrog`
+# excess of the kinetic energy at the ends of leapfrog steps over the conserved one, see `methods.leapfrog`
 KINETIC_OFFSET = "kinetic_offset"
-# what bodies in motion lose where a stage of equilibria begins
+# kinetic energy that is lost where a stage of equilibria begins
 STAGE_CHANGE = "stage_change"
 
-
-# fields that particles of every method have, by name
+# name -> kind of the fields that particles of every method have
 COMMON_FIELDS = {"mass": "scalar", "share": "scalar", "spacing": "vector", "reference_position": "vector"}
 
 
 class MethodSettings(SceneModel):
-    """What every method has, and what it says of itself to the other tables of a scene.
+    """Keys of all methods, and properties of a method that other tables of a scene are checked against.
 
     system                  module and class, "module:class"
-    dimensions, materials   those of space, and the roles of laws, that the method takes
-    boundaries              the kinds that it takes; refused: of others the reason, or what to use in place
-    prescribes              what a scene may prescribe: "velocity", "displacement"
-    reactions               kinds of boundaries of which it knows the force
-    pressed                 keys of the places on which a pressure may act
-    loads                   keys of the table `loads` that it takes
-    declared_fields         those that a scene may name besides `COMMON_FIELDS`, as particles declare them
-    extra_fields            others, name -> "scalar", "vector" or "tensor"
-    extra_quantities        what it computes of all particles, by name
-    pictured_fields         what colours the bodies: the first of these that was written
-    ledger_terms            see `ledger.Ledger`; viscous_terms: those of them that artificial viscosity fills
-    shared_field            whether bodies share a field of velocities and so stick together; those that do not need
-                            systems of their own
-    in_cells                whether lattices of particles are in the middle of cells, never on the surface
-    strained                whether a displacement that another run left is a strain of the start
-    initial_stress_refused  why a start has no stress of its own, None where it may
+    dimensions, materials   accepted dimensions and roles of laws
+    boundaries              accepted kinds of boundaries; refused: reason, or alternative, for other kinds
+    prescribes              motion that can be prescribed: "velocity", "displacement"
+    reactions               kinds of boundaries that can report their force
+    pressed                 keys of the places that a pressure may have
+    loads                   accepted keys of the table `loads`
+    declared_fields         fields of particles that a scene may name besides `COMMON_FIELDS`
+    extra_fields            other fields, name -> "scalar", "vector" or "tensor"
+    extra_quantities        quantities of all particles, name -> kind
+    pictured_fields         fields that colour pictures: the first one that was written
+    ledger_terms            see `ledger.Ledger`; viscous_terms: those of artificial viscosity
+    shared_field            bodies share a velocity field and stick together; bodies in contact become several systems
+    in_cells                particles of lattices are at centres of cells, never on the boundary
+    strained                an initial displacement from results is a strain
+    initial_stress_refused  why an initial stress is refused, or None
     stage_keys              keys that a stage of a run may change, see `scene.systems.Stage`
 
-    What another run may start from, by names of declared fields (* for any end):
+    State that another run may start from, as names of declared fields (* for any end):
 
-    state_variables         the state, with the places
-    state_of_particles      those of the state that only the very same particles may take
-    state_forces            what these take besides, if they are all of the run, and what others find anew
-    contact_variables       what contact and tools keep with particles; the same particles take it where results have it
+    state_variables         state variables, besides the positions
+    state_of_particles      those that are taken only by identical particles
+    state_forces            further fields taken if all particles are identical, otherwise computed again
+    contact_variables       fields of contact and tools, taken by identical particles if results have them
     """
 
     system: ClassVar[str]
@@ -110,25 +107,27 @@ class MethodSettings(SceneModel):
         **dict.fromkeys(("kind", "reference", "weights", "mass_scaling"), OnRestart.FIXED),
     }
     kind: str
-    name: Name | None = Field(None, description="of one of several methods: by which bodies call it")
+    name: Name | None = Field(None, description="the name, by which bodies refer to one of several methods")
     maximum_step: Positive | None = Field(None, description="the largest time step [s]")
     minimum_step: Positive | None = Field(None, description="the time step [s] below which the run stops")
     substeps: Annotated[int, Field(ge=1, le=64)] | Literal["auto"] | None = Field(
-        None, description="steps of this method in a common one of several methods: a number, or 'auto'"
+        None, description="steps of this method within a common step of several methods: a number, or 'auto'"
     )
-    balance_warning: Positive = Field(0.01, description='energy unaccounted for from which a run is "unbalanced"')
-    balance_limit: Positive = Field(0.05, description="energy unaccounted for, over the largest, at which a run fails")
+    balance_warning: Positive = Field(
+        0.01, description='energy error over the largest energy above which a run is "unbalanced"'
+    )
+    balance_limit: Positive = Field(0.05, description="energy error over the largest energy at which a run fails")
     dissipation_warning: Positive = Field(
-        0.1, description='numerical dissipation over the energy that went in from which a run is "dissipative"'
+        0.1, description='numerical dissipation over the energy input above which a run is "dissipative"'
     )
 
     @property
     def inertia_factor(self) -> float:
-        """The mass of inertia over that of the matter."""
+        """The inertial mass over the mass."""
         return getattr(self, "mass_scaling", None) or 1.0
 
     def faults_of_scaling(self, scene: Any, refused: str | None) -> list[Detail]:
-        """Of `mass_scaling` where it has no effect or no meaning: refused, in words, None where a method has none."""
+        """The fault of a `mass_scaling` without effect or meaning; refused: the reason of the method, or None."""
         if self.inertia_factor == 1.0:
             return []
         if refused is None and scene.loads.manufactured:
@@ -142,96 +141,100 @@ class MethodSettings(SceneModel):
         return COMMON_FIELDS | {name: kind for name, kind in kinds.items() if kind} | cls.extra_fields
 
     def energy_terms(self, scene: Any, bodies: Iterable[int]) -> dict[str, int]:
-        """The method's `ledger_terms`, and those of the materials of its bodies, numbers of those of the scene."""
+        """`ledger_terms` of the method and of the materials of its bodies (indices in the scene)."""
         terms = dict(self.ledger_terms)
         for i in bodies:
             terms |= getattr(scene.bodies[i].material, "ledger_terms", {})
         return terms
 
     def scene_faults(self, scene: Any) -> list[Detail]:
-        """What the method cannot make of a scene's other tables: (location, expected, found)."""
+        """Faults (location, expected, found) between the method and other tables of a scene."""
         return []
 
     def defaults_for(self, scene: Any, bodies: Iterable[int]) -> dict[str, Any]:
-        """Values of keys that a scene leaves out, where they are other than elsewhere for what it asks of bodies."""
+        """Defaults of keys that depend on the scene and the bodies and differ from those of the class."""
         return {}
 
     def with_defaults(self, values: dict[str, Any]) -> Self:
-        """A copy in which keys have values that the scene does not state."""
+        """A copy with values of keys that still count as not stated by the scene."""
         result = self.model_copy(update=values)
         result.__pydantic_fields_set__.intersection_update(self.model_fields_set)
         return result
 
     def in_stage(self, stated: dict[str, Any]) -> Self:
-        """These settings with those of a stage, of which each has its own or the usual ones. Raises ValidationError."""
+        """The settings of a stage: its keys, defaults for other `stage_keys`, and the rest of these settings.
+
+        Raises ValidationError.
+        """
         values = {key: getattr(self, key) for key in type(self).model_fields if key not in self.stage_keys}
         kept = {key: value for key, value in values.items() if key in self.model_fields_set}
         return type(self).model_validate(kept | stated).with_defaults(values)
 
     def notes(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
-        """What a scene asks for of the method's bodies that costs accuracy where it need not."""
+        """Notes on settings of a scene that cost accuracy and can be avoided."""
         return []
 
     def without_state(self, name: str) -> str:
-        """What a scene can state so that it does without a field of the method's state that results lack, in words."""
+        """A setting, in words, with which a field of the state that results lack is not needed."""
         return ""
 
     def ignored_keys(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:
-        """Keys of the method that say nothing to these bodies."""
+        """Keys of the method without effect on these bodies."""
         return frozenset()
 
     def choices(self, scene: Any, bodies: Iterable[int]) -> list[Note]:
-        """What the method chose for bodies where the scene states nothing, for `check`."""
+        """Notes for `check` on settings that the method chose because the scene does not state them."""
         return []
 
     def touching(self) -> str:
-        """What bodies of the method do that touch and that no contact names, in words."""
+        """The behaviour, in words, of touching bodies of the method without a contact."""
         return "bonded where they touch"
 
     def band(self, spacing: np.ndarray) -> np.ndarray:
-        """Width (n,) [m] of the band in which the strain of particles with a spacing (n, d) [m] localises, measured on
-        a neck that breaks (docs/laws.md): two spacings, as gradients are differences over two."""
+        """Width (n,) [m] of the band in which strain localises, for particles with a spacing (n, d) [m].
+
+        Two spacings, over which gradients are differences; measured on a breaking neck (docs/laws.md).
+        """
         return np.asarray(2.0 * np.prod(spacing, axis=1) ** (1.0 / spacing.shape[1]))
 
     def reach(self, spacing: np.ndarray) -> np.ndarray:
-        """Semi-axes (d,) [m] of the region around particles of a spacing (d,) [m] in which others feel them."""
+        """Semi-axes (d,) [m] of the region in which particles with a spacing (d,) [m] act on others."""
         return np.zeros_like(spacing)
 
     def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
-        """Semi-axes (d,) [m] within which particles of two bodies of the method, of a spacing (d,) [m], have met."""
+        """Semi-axes (d,) [m] within which particles of two bodies with a spacing (d,) [m] are in contact."""
         return spacing
 
     def largest_spacing(self) -> float | None:
-        """The largest particle spacing [m] that the method bears; None where there is no such limit."""
+        """The largest particle spacing [m] that the method accepts, or None."""
         return None
 
     def bending_fault(self, across: int, spacing: float) -> str | None:
-        """Why slender bodies with so many particles of a spacing [m] across bend otherwise than their law says, in the
-        method's keys; None where they do not."""
+        """Why slender bodies with `across` particles of a spacing [m] across bend wrongly, or None if they do not."""
         return None
 
     def bonding(self, scene: Any, bodies: Iterable[int]) -> list[bool]:
-        """For each of its bodies whether the method bonds it to others where they touch."""
+        """For each body whether the method bonds it to others where they touch."""
         return [True for _ in bodies]
 
     def bonded_spacings(self, scene: Any) -> float:
-        """By which factor spacings of bodies may differ that the method bonds."""
+        """Largest ratio of the spacings of two bonded bodies."""
         return inf
 
     def bonded_moduli(self, scene: Any) -> float:
-        """The same of their moduli of pressure waves."""
+        """Largest ratio of the P-wave moduli of two bonded bodies."""
         return inf
 
     def contact_refused(self, scene: Any) -> str | None:
-        """Why bodies of the method cannot be in contact, None where they can."""
+        """Why bodies of the method cannot be in contact, or None if they can."""
         return "with this method"
 
     def tie_refused(self, scene: Any) -> str | None:
-        """Why bodies of the method cannot be tied, None where they can."""
+        """Why bodies of the method cannot be tied, or None if they can."""
         return self.contact_refused(scene)
 
     def substeps_refused(self) -> str | None:
-        """Why the method cannot take several steps in one that all methods take; None where it can."""
+        """Why the method cannot take several steps within a common one, or None if it can."""
         return None
 
     def state(self, dimension: int) -> str:
@@ -248,7 +251,7 @@ class MethodSettings(SceneModel):
 
 
 def named_observables(scene: Any) -> list[tuple[tuple[Any, ...], Any]]:
-    """Location and name of the fields and quantities that a scene asks for."""
+    """Location and name of all fields and quantities in the output and probes of a scene."""
     named: list[tuple[tuple[Any, ...], Any]] = []
     named += [(("output", "fields", i), name) for i, name in enumerate(scene.output.fields or ())]
     for i, probe in enumerate(scene.probes):

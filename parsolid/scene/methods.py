@@ -1,6 +1,6 @@
-"""Methods as a scene states them: the settings of every folder of `parsolid.methods`, told apart by their `kind`.
+"""Tables of methods, chosen by `kind`: the settings of every folder of `parsolid.methods`.
 
-A scene has one method for all bodies, `[method]`, or several with names, `[[methods]]`, of which each body names one.
+A scene has one method for all bodies, `[method]`, or several named ones, `[[methods]]`, of which each body names one.
 """
 
 import os
@@ -16,17 +16,17 @@ from parsolid.scene.bodies import own_method
 from parsolid.scene.method_settings import MethodSettings
 
 
-def _found() -> Iterator[type[MethodSettings]]:
-    """The classes that the `settings` module of each folder of methods defines; a new method is a new folder."""
-    for room in iter_modules(import_module("parsolid.methods").__path__):
-        if room.ispkg:
-            module = import_module(f"parsolid.methods.{room.name}.settings")
+def _settings_classes() -> Iterator[type[MethodSettings]]:
+    """The subclasses of MethodSettings that the module `settings` of each folder of methods defines."""
+    for package in iter_modules(import_module("parsolid.methods").__path__):
+        if package.ispkg:
+            module = import_module(f"parsolid.methods.{package.name}.settings")
             for one in vars(module).values():
                 if isinstance(one, type) and issubclass(one, MethodSettings) and one.__module__ == module.__name__:
                     yield one
 
 
-SETTINGS = {kind: one for one in _found() for kind in kinds_of(one)}
+SETTINGS = {kind: settings for settings in _settings_classes() for kind in kinds_of(settings)}
 Method: Any = Annotated[Union[tuple(SETTINGS.values())], Field(discriminator="kind")]  # noqa: UP007
 
 
@@ -36,7 +36,7 @@ def method_kinds() -> tuple[str, ...]:
 
 
 def settings_class(table: object) -> type[MethodSettings] | None:
-    """The class of a raw table's settings; None when it names no method."""
+    """The settings class of a raw table; None if its kind is not that of a method."""
     kind = table.get("kind") if isinstance(table, dict) else None
     return SETTINGS.get(kind) if isinstance(kind, str) else None
 
@@ -55,15 +55,16 @@ class JoinedMethods:
         self.extra_quantities = {name: kind for one in classes for name, kind in one.extra_quantities.items()}
 
     def field_kinds(self, dimension: int | None) -> dict[str, str]:
-        """Name -> kind of the fields that any method is known to have."""
+        """Name -> kind of the fields that any of the methods has."""
         return {name: kind for each in self.classes for name, kind in each.field_kinds(dimension).items()}
 
 
 def context_of(data: dict[str, Any], folder: str | os.PathLike[str]) -> dict[str, Any]:
-    """What the tables of a scene are validated with, from the raw ones.
+    """The context in which the tables of a scene are validated, from the raw tables.
 
-    method: the class of the scene's method, or of several what they know together; None where it is not known. methods:
-    name -> class of several, None with one; method_of_body: name of a body -> class.
+    dimension: None if it is not valid; method: settings class of the scene's method, or a `JoinedMethods` of several,
+    None if it is not known; methods: name -> class of several methods, None with one; method_of_body: name of a body ->
+    class; folder: of files named in the scene
     """
     named: dict[str, type[MethodSettings] | None] | None = None
     method: Any = settings_class(data.get("method"))
@@ -74,10 +75,13 @@ def context_of(data: dict[str, Any], folder: str | os.PathLike[str]) -> dict[str
         method = JoinedMethods(known) if known and len(known) == len(named) else None
         method = known[0] if method and len(known) == 1 else method
     dimension = data.get("dimension")
-    # true is 1 to Python
-    whole = isinstance(dimension, int) and not isinstance(dimension, bool)
-    sound = whole and dimension in (method.dimensions if method else (1, 2, 3))
-    bodies = data.get("bodies") if isinstance(data.get("bodies"), list) else []
-    context = {"dimension": dimension if sound else None, "method": method, "methods": named}
-    of_body = {str(b.get("name")): own_method(b, context) for b in bodies or () if isinstance(b, dict) and "name" in b}
-    return context | {"method_of_body": of_body if named else {}, "folder": os.path.abspath(folder)}
+    is_integer = isinstance(dimension, int) and not isinstance(dimension, bool)
+    if not is_integer or dimension not in (method.dimensions if method else (1, 2, 3)):
+        dimension = None
+    context = {"dimension": dimension, "method": method, "methods": named}
+    method_of_body = {}
+    if named and isinstance(data.get("bodies"), list):
+        for body in data["bodies"]:
+            if isinstance(body, dict) and "name" in body:
+                method_of_body[str(body["name"])] = own_method(body, context)
+    return context | {"method_of_body": method_of_body, "folder": os.path.abspath(folder)}

@@ -95,6 +95,6 @@ def test_bodies_that_share_a_grid_and_are_bonded_have_one(comm):
 
 
 def test_pairs_of_bodies_by_tables():
-    pairs = BodyPairs([[0, 1, 2], [2, 3]], but=BodyPairs([[0, 2]]))
+    pairs = BodyPairs([[0, 1, 2], [2, 3]], excluded=BodyPairs([[0, 2]]))
     named = {(i, j) for i in range(5) for j in range(5) if pairs.has(i, j)}
     assert named == {(0, 1), (1, 0), (1, 2), (2, 1), (2, 3), (3, 2)}
